@@ -3,10 +3,10 @@
 import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.draws import Draws
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.declaration import ReactiveDeclarer
 from gslcosim.search.motion.legs import LegSpace, next_leg
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.taxis import lateral_pair, speed_and_turn, wheel_speeds_m_s
 from gslcosim.search.senses.hit_detection import GasLevel, RunningRange
 from gslcosim.search.senses.instruments import Nose, find_noses
@@ -33,7 +33,7 @@ class Braitenberg(Agent):
         self.half_base_m = (left.mount_body_m[1] - right.mount_body_m[1]) / 2.0
         self.room = LegSpace.of(briefing, self.settings.wall_margin_m)
         self.height_m = briefing.search_height_m
-        self.draws = Draws(briefing.seed)
+        self.draws = RandomStream(briefing.seed)
         self.heading_rad: float | None = None
         self.declarer = ReactiveDeclarer(left, height_m=self.height_m, is_on=self.settings.declares, apart_m=0.5)
 

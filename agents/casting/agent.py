@@ -6,8 +6,8 @@ After Lochmatter and Martinoli 2008. README.md beside this file has the rules.
 import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.draws import Draws
 from gslcosim.search.method_settings import load_settings
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.cast_and_surge import CastSequence, oblique_surge_end_m
 from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
 from gslcosim.search.reactive.spirals import random_side
@@ -21,7 +21,7 @@ class Casting(Agent):
 
     def __init__(self, briefing: Briefing) -> None:
         self.settings = load_settings(briefing, __file__)
-        self.draws = Draws(briefing.seed)
+        self.draws = RandomStream(briefing.seed)
         self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
         self.beta_rad = math.radians(self.settings.beta_deg)
         self.side = random_side(self.draws)

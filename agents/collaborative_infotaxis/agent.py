@@ -9,20 +9,20 @@ import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, RadioMessage, run
 from gslcosim.search.beliefs import BeliefPublisher
-from gslcosim.search.draws import Draws
 from gslcosim.search.grids import CellGrid
 from gslcosim.search.information.grid_search import arrival_radius_m, assumed_dispersal, direction_spread_rad
-from gslcosim.search.information.objectives import index_of_least_cost
+from gslcosim.search.information.objectives import find_min_cost_index
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.commands import declaration
 from gslcosim.search.motion.declaration import DeclarationGuard, by_entropy, by_mass
 from gslcosim.search.motion.leg_planner import LegPlanner
 from gslcosim.search.motion.legs import leg_end
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.senses.gas_evidence import Finding, GasEvidence
 from gslcosim.search.senses.instruments import find_noses, find_vane
 from gslcosim.search.senses.wind_field import WindRecord
 from gslcosim.search.swarms.radio_reports import Report, Team
-from gslcosim.search.swarms.rounds import round_as_sent
+from gslcosim.search.swarms.rounds import round_to_sent_digits
 from gslcosim.search.swarms.shared_belief import SharedBelief, SharedFinding, assigned_costs
 
 WIND_STEP_S = 1.0
@@ -38,7 +38,10 @@ class CollaborativeInfotaxis(Agent):
 
     def __init__(self, briefing: Briefing) -> None:
         s = self.settings = load_settings(briefing, __file__)
-        self.team, self.pilot = Team(briefing), LegPlanner(briefing, Draws(briefing.seed), margin_m=s.wall_margin_m)
+        self.team, self.pilot = (
+            Team(briefing),
+            LegPlanner(briefing, RandomStream(briefing.seed), margin_m=s.wall_margin_m),
+        )
         self.evidence = GasEvidence(find_noses(briefing)[0], every_s=s.stop_s, threshold_ppm=s.threshold_ppm)
         self.winds = WindRecord(find_vane(briefing), step_s=WIND_STEP_S, n_steps=max(1, round(s.wind_memory_s)))
         grid = CellGrid.covering(briefing.bounds, s.cell_m)
@@ -94,7 +97,7 @@ class CollaborativeInfotaxis(Agent):
         wind_m_s, spread_rad = self.wind()
         own = self.belief.prospect(places_m, wind_m_s, spread_rad)
         planned = [self.belief.prospect([place_m], wind_m_s, spread_rad) for place_m in plans_m[:N_PLANNED]]
-        return places_m[index_of_least_cost(assigned_costs(self.belief.p.reshape(-1), own, planned))]
+        return places_m[find_min_cost_index(assigned_costs(self.belief.p.reshape(-1), own, planned))]
 
     def places_m(self, here_m: Place) -> list[Place]:
         """Return the ends of steps that may be flown; here where there are none."""
@@ -126,7 +129,7 @@ class CollaborativeInfotaxis(Agent):
             wind_m_s=wind_m_s,
             numbers=(float(len(self.told) + 1), spread_rad, *(self.aimed_m or ())),
         )
-        return round_as_sent(report, self.team)
+        return round_to_sent_digits(report, self.team)
 
     def take(self, finder: str, report: Report) -> None:
         """Put a finding into the belief, one's own or another's."""

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import Pacer
+from gslcosim.search.motion.commands import LegCommander
 
 RIGHT_ANGLE_RAD = 1.5707963267948966
 HALF_TURN_RAD = 3.141592653589793
@@ -26,7 +26,7 @@ class DungBeetle(Agent):
         self.vane = next(sensor.name for sensor in briefing.sensors if sensor.model == "anemometer")
         self.min_m = tuple(low + self.settings.wall_margin_m for low in briefing.bounds.min_m)
         self.max_m = tuple(high - self.settings.wall_margin_m for high in briefing.bounds.max_m)
-        self.pacer = Pacer(briefing, leg_s=self.settings.leg_s)
+        self.pacer = LegCommander(briefing, leg_s=self.settings.leg_s)
         self.random_state = briefing.seed
         self.last_ohm: float | None = None
         self.side = 0  # 0 seeking, +1 zigzagging left of upwind, -1 right of it

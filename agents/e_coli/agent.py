@@ -1,11 +1,11 @@
 """E. coli: on with more gas, otherwise anywhere. README.md beside this file has the rules and the exact arithmetic."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.draws import Draws
 from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import Pacer
+from gslcosim.search.motion.commands import LegCommander
 from gslcosim.search.motion.declaration import ReactiveDeclarer
 from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.random_walks import RunAndTumble
 from gslcosim.search.senses.instruments import find_noses
 from gslcosim.search.senses.stop_and_measure import GasIncrease
@@ -17,11 +17,11 @@ class EColi(Agent):
     def __init__(self, briefing: Briefing) -> None:
         settings = load_settings(briefing, __file__)
         nose = find_noses(briefing)[0]
-        self.draws = Draws(briefing.seed)
+        self.draws = RandomStream(briefing.seed)
         self.gas = GasIncrease(nose, eps=settings.eps, is_mean=settings.measure == "mean")
         self.walk = RunAndTumble(LegSpace.of(briefing, settings.wall_margin_m), self.draws, leg_m=settings.step_m)
         self.most_turn_rad = settings.surge_turn_rad
-        self.pacer = Pacer(briefing, hold_s=settings.hold_s, leg_s=settings.leg_s)
+        self.pacer = LegCommander(briefing, hold_s=settings.hold_s, leg_s=settings.leg_s)
         self.declarer = ReactiveDeclarer(nose, height_m=briefing.search_height_m, is_on=settings.declares)
 
     def observe(self, observation: Observation) -> None:

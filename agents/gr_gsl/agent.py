@@ -5,13 +5,13 @@ After Ojeda, Monroy and Gonzalez-Jimenez. README.md beside this file has the rul
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.beliefs import BeliefPublisher
-from gslcosim.search.draws import Draws
 from gslcosim.search.maps.gr_gsl import GrGsl, GrGslSettings, warm_up
 from gslcosim.search.maps.wind_map import WindMap, WindWeights
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.commands import declaration
 from gslcosim.search.motion.declaration import DeclarationGuard, by_variance
 from gslcosim.search.motion.map_navigation import MapNavigator, Stop, StopRecorder
+from gslcosim.search.random_stream import RandomStream
 
 
 class GrGslAgent(Agent):
@@ -22,7 +22,7 @@ class GrGslAgent(Agent):
         warm_up()
         self.flights = MapNavigator(
             briefing,
-            Draws(briefing.seed),
+            RandomStream(briefing.seed),
             cell_m=settings.cell_m,
             max_cells=settings.max_cells,
             clearance_m=settings.clearance_m,

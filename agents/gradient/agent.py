@@ -1,11 +1,11 @@
 """Gradient: a plane fitted to the last readings tells where there is more gas. README.md beside this has the rules."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.draws import Draws
 from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import Pacer
+from gslcosim.search.motion.commands import LegCommander
 from gslcosim.search.motion.declaration import ReactiveDeclarer
 from gslcosim.search.motion.legs import LegSpace, next_leg
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.taxis import RecentReadings, mount_position_m
 from gslcosim.search.senses.hit_detection import GasLevel
 from gslcosim.search.senses.instruments import find_noses
@@ -21,9 +21,9 @@ class Gradient(Agent):
         self.levels = [GasLevel(nose) for nose in self.noses]
         self.stop = StopAndMeasure(self.noses)
         self.readings = RecentReadings(within_m=self.settings.within_m, within_s=self.settings.within_s)
-        self.draws = Draws(briefing.seed)
+        self.draws = RandomStream(briefing.seed)
         self.room = LegSpace.of(briefing, self.settings.wall_margin_m)
-        self.pacer = Pacer(briefing, hold_s=self.settings.hold_s)
+        self.pacer = LegCommander(briefing, hold_s=self.settings.hold_s)
         self.declarer = ReactiveDeclarer(self.noses[0], height_m=briefing.search_height_m, is_on=self.settings.declares)
         self.side = 1
         self.end_m: tuple[float, ...] | None = None

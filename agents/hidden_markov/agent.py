@@ -8,7 +8,13 @@ import numpy as np
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.bayes import hidden_markov, puff_tracing
 from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettings
-from gslcosim.search.bayes.hidden_markov import Plume, arrivals, likeliest_path, place_along_m, shares
+from gslcosim.search.bayes.hidden_markov import (
+    ParcelChain,
+    compute_arrival_probabilities,
+    compute_finding_likelihoods,
+    likeliest_path,
+    place_along_m,
+)
 from gslcosim.search.bayes.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
 from gslcosim.search.beliefs import distances_m
 from gslcosim.search.method_settings import load_settings
@@ -44,8 +50,8 @@ class HiddenMarkov(Agent):
     def learn(self, finding: Finding) -> None:
         """Pull the finding back along the chain, from the sensor's cell to every cell and time of release."""
         plume = self.plume()
-        chance = arrivals(plume, self.cell_at(finding.sensor_m))
-        mean_share, log_share = shares(
+        chance = compute_arrival_probabilities(plume, self.cell_at(finding.sensor_m))
+        mean_share, log_share = compute_finding_likelihoods(
             chance,
             detection_probability=self.settings.detection_probability,
             puffs_per_hop=self.settings.puffs_per_s * plume.hop_s,
@@ -77,18 +83,18 @@ class HiddenMarkov(Agent):
         path = likeliest_path(self.plume(), self.cell_at(here_m), elsewhere)
         return None if path is None else place_along_m(path, grid, step_m)
 
-    def plume(self) -> Plume:
+    def plume(self) -> ParcelChain:
         """Return the chain of the window past, in the wind as it was met."""
         search, settings = self.search, self.settings
         if search.field is not None:
-            return hidden_markov.plume_in_field(
+            return hidden_markov.build_chain_in_wind_field(
                 search.grid,
                 ~search.free,
                 search.field.winds_m_s(),
                 window_s=settings.window_s,
                 spread_m_sqrt_s=settings.spread_m_sqrt_s,
             )
-        return hidden_markov.plume_in_wind(
+        return hidden_markov.build_chain_in_uniform_wind(
             search.grid,
             ~search.free,
             search.winds.window_m_s(),

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.beliefs import BeliefPublisher, normalised
-from gslcosim.search.draws import Draws
 from gslcosim.search.maps.gas_mapping import ReadingCollector, choose_next_cell
 from gslcosim.search.maps.kernel_dm import GasMaps, KernelMap, KernelWidths, warm_up
 from gslcosim.search.method_settings import load_settings
@@ -17,6 +16,7 @@ from gslcosim.search.motion.declaration import DeclarationGuard, Estimate, Uncha
 from gslcosim.search.motion.grid_paths import path_field
 from gslcosim.search.motion.lawnmower import lawnmower_path_m
 from gslcosim.search.motion.map_navigation import MapNavigator
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.senses.instruments import find_noses
 
 
@@ -28,7 +28,7 @@ class KernelDmv(Agent):
         warm_up()
         self.flights = MapNavigator(
             briefing,
-            Draws(briefing.seed),
+            RandomStream(briefing.seed),
             cell_m=settings.cell_m,
             max_cells=settings.max_cells,
             clearance_m=settings.clearance_m,

@@ -1,10 +1,10 @@
 """The Lévy walk: many short legs and a few very long ones, blind. README.md beside this file has the rules."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.draws import Draws
 from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import Pacer
+from gslcosim.search.motion.commands import LegCommander
 from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.random_walks import LevyWalk
 
 
@@ -14,8 +14,10 @@ class LevyWalker(Agent):
     def __init__(self, briefing: Briefing) -> None:
         settings = load_settings(briefing, __file__)
         room = LegSpace.of(briefing, settings.wall_margin_m)
-        self.walk = LevyWalk(room, Draws(briefing.seed), exponent=settings.exponent, least_m=settings.least_step_m)
-        self.pacer = Pacer(briefing, hold_s=settings.hold_s)
+        self.walk = LevyWalk(
+            room, RandomStream(briefing.seed), exponent=settings.exponent, least_m=settings.least_step_m
+        )
+        self.pacer = LegCommander(briefing, hold_s=settings.hold_s)
 
     def decide(self, observation: Observation) -> Command:
         """Return the next leg."""

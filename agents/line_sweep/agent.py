@@ -12,7 +12,7 @@ from gslcosim.search.method_settings import load_settings
 from gslcosim.search.swarms.formation_flight import FormationFlight
 from gslcosim.search.swarms.formations import diagonal_line, in_world
 from gslcosim.search.swarms.particle_swarm import Sighting
-from gslcosim.search.swarms.plume_search import crosswind_course, nearest_axis_rad, place_on_course
+from gslcosim.search.swarms.plume_search import find_lane_point, nearest_axis_rad, plan_crosswind_lanes
 from gslcosim.search.swarms.rounds import Round
 
 NOWHERE_M = (math.inf, math.inf)
@@ -65,14 +65,16 @@ class LineSweep(Agent):
             self.course_m = self.sweep_m(now)
         told = [int(now.numbers_of(name)[0]) for name in now.names if now.numbers_of(name)]
         self.n_swept = max([self.n_swept, *told]) + 1
-        centre_m = place_on_course(self.course_m, (self.n_swept - 1) * self.settings.search_step_m)
+        centre_m = find_lane_point(self.course_m, (self.n_swept - 1) * self.settings.search_step_m)
         return centre_m + in_world(self.settings.spacing_m * self.line, self.axis_rad)[self.flight.index]
 
     def sweep_m(self, now: Round) -> np.ndarray:
         """Return the course of the line's middle, near end first: beyond walls, as all of the line must reach them."""
         n, spacing_m = self.flight.n_members, self.settings.spacing_m
         self.axis_rad = nearest_axis_rad(self.flight.upwind_rad)
-        course_m = crosswind_course(self.flight.room, self.axis_rad, n * spacing_m, inset_m=-0.5 * (n - 1) * spacing_m)
+        course_m = plan_crosswind_lanes(
+            self.flight.room, self.axis_rad, n * spacing_m, inset_m=-0.5 * (n - 1) * spacing_m
+        )
         here_m = now.positions_m.mean(axis=0)
         return min((course_m, course_m[::-1]), key=lambda course: float(np.hypot(*(course[0] - here_m))))
 

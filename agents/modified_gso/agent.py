@@ -7,7 +7,7 @@ import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method_settings import load_settings
-from gslcosim.search.swarms.glowworms import Glowworm, Vector, in_forbidden
+from gslcosim.search.swarms.glowworms import Glowworm, Vector, is_in_excluded_region
 from gslcosim.search.swarms.particle_swarm import Sighting, rotate, scale_to_length
 
 
@@ -18,7 +18,9 @@ class ModifiedGso(Agent):
         self.settings = load_settings(briefing, __file__)
         self.robot = Glowworm(briefing, self.settings)
         self.declared_m: list[tuple[float, float]] = []
-        self.robot.is_ignored = lambda place_m: in_forbidden(place_m, self.declared_m, self.settings.forbidden_m)
+        self.robot.is_ignored = lambda place_m: is_in_excluded_region(
+            place_m, self.declared_m, self.settings.forbidden_m
+        )
         self.is_leaving = False
         self.n_told = 0
         self.zigzag_side = self.robot.side
@@ -39,7 +41,7 @@ class ModifiedGso(Agent):
 
     def forbid(self, place_m: tuple[float, float]) -> None:
         """Remember a declared place, unless it is one that is known, and forget the gas that belongs to it."""
-        if in_forbidden(place_m, self.declared_m, self.settings.forbidden_m):
+        if is_in_excluded_region(place_m, self.declared_m, self.settings.forbidden_m):
             return
         self.declared_m.append(place_m)
         self.robot.glow.darken()

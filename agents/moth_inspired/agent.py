@@ -6,11 +6,11 @@ After Li, Farrell et al. 2006. README.md beside this file has the rules.
 import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.draws import Draws
 from gslcosim.search.method_settings import load_settings
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.cast_and_surge import oblique_surge_end_m
 from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
-from gslcosim.search.reactive.spirals import Clover, random_side
+from gslcosim.search.reactive.spirals import CloverleafPath, random_side
 from gslcosim.search.senses.plume_contact import Contact
 
 LEAST_LEG_M = 0.1
@@ -21,12 +21,12 @@ class MothInspired(Agent):
 
     def __init__(self, briefing: Briefing) -> None:
         self.settings = load_settings(briefing, __file__)
-        self.draws = Draws(briefing.seed)
+        self.draws = RandomStream(briefing.seed)
         self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
         self.side = random_side(self.draws)
         self.upwind_rad = 0.0
         self.is_tracking = False
-        self.clover: Clover | None = None
+        self.clover: CloverleafPath | None = None
 
     def observe(self, observation: Observation) -> None:
         """Watch for gas on the way too."""
@@ -69,10 +69,10 @@ class MothInspired(Agent):
             observation, oblique_surge_end_m(observation.position_world_m, None, self.upwind_rad, 0.0, step_m)
         )
 
-    def new_clover(self, contact: Contact) -> Clover:
+    def new_clover(self, contact: Contact) -> CloverleafPath:
         """Return a cloverleaf about the place where gas was met last."""
         assert contact.last_m is not None
-        return Clover(
+        return CloverleafPath(
             centre_m=contact.last_m[:2],
             radius_m=self.settings.leaf_m,
             upwind_rad=self.upwind_rad,

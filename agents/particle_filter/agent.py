@@ -13,10 +13,10 @@ from gslcosim.search.bayes import particle_filter
 from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettings
 from gslcosim.search.bayes.particle_filter import ParticleCloud, puff_variances_m2, wind_spread_m_sqrt_s
 from gslcosim.search.bayes.puff_tracing import partial_sums_m
-from gslcosim.search.draws import Draws
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.coverage_grid import CoverageGrid
 from gslcosim.search.motion.declaration import Estimate, by_spread
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.spirals import ArchimedeanSpiral, random_side
 from gslcosim.search.senses.gas_evidence import Finding
 
@@ -28,7 +28,7 @@ class ParticleFilter(Agent):
         settings = self.settings = load_settings(briefing, __file__)
         particle_filter.warm_up()
         self.search = BeliefSearch(briefing, BeliefSearchSettings.of(settings))
-        self.draws = Draws(briefing.seed)
+        self.draws = RandomStream(briefing.seed)
         self.cloud = ParticleCloud(settings.particles, briefing.bounds, self.draws.generator("particles"))
         self.means_m: deque[tuple[float, float]] = deque(maxlen=settings.estimates)
         self.unseen = CoverageGrid(self.search.flights.pilot.room, edge_m=settings.explore_step_m)

@@ -5,13 +5,13 @@ After Ojeda, Monroy and Gonzalez-Jimenez. README.md beside this file has the rul
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.beliefs import BeliefPublisher
-from gslcosim.search.draws import Draws
 from gslcosim.search.maps.pmfs import Pmfs, PmfsSettings, warm_up
 from gslcosim.search.maps.wind_map import WindMap, WindWeights
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.commands import declaration
 from gslcosim.search.motion.declaration import DeclarationGuard, by_variance
 from gslcosim.search.motion.map_navigation import MapNavigator, Stop, StopRecorder
+from gslcosim.search.random_stream import RandomStream
 
 
 class PmfsAgent(Agent):
@@ -20,7 +20,7 @@ class PmfsAgent(Agent):
     def __init__(self, briefing: Briefing) -> None:
         settings = self.settings = load_settings(briefing, __file__)
         warm_up()
-        self.draws = Draws(briefing.seed)
+        self.draws = RandomStream(briefing.seed)
         self.flights = MapNavigator(
             briefing,
             self.draws,

@@ -7,8 +7,8 @@ import math
 from pathlib import Path
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.draws import Draws
 from gslcosim.search.method_settings import load_settings
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
 from gslcosim.search.reactive.recovery import STEPS, Recovery, make_recovery
 from gslcosim.search.reactive.silkmoth import TrueWind
@@ -24,7 +24,7 @@ class QMemory(Agent):
 
     def __init__(self, briefing: Briefing) -> None:
         self.settings = s = load_settings(briefing, __file__)
-        self.draws = Draws(briefing.seed)
+        self.draws = RandomStream(briefing.seed)
         self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(s), self.draws)
         self.nose = find_noses(briefing)[0]
         self.hits = GasHits(self.nose, threshold_ppm=s.threshold_ppm)

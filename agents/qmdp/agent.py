@@ -10,7 +10,6 @@ import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.beliefs import BeliefPublisher
-from gslcosim.search.draws import Draws
 from gslcosim.search.grids import CellGrid
 from gslcosim.search.information.offset_grid import (
     MOVES,
@@ -24,6 +23,7 @@ from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.commands import declaration, waypoint
 from gslcosim.search.motion.declaration import DeclarationGuard, by_mass
 from gslcosim.search.motion.legs import LegSpace, leg_end, next_leg
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.senses.instruments import find_noses, find_vane
 from gslcosim.search.senses.stop_and_measure import StopAndMeasure
 
@@ -47,7 +47,7 @@ class Qmdp(Agent):
         self.wind = RunningWind(memory_s=self.settings.wind_memory_s, threshold_m_s=self.settings.threshold_m_s)
         self.room = LegSpace.within(briefing.bounds, self.settings.margin_m)
         self.height_m = briefing.search_height_m
-        self.draws = Draws(briefing.seed)
+        self.draws = RandomStream(briefing.seed)
         self.declared = DeclarationGuard()
         self.publisher = BeliefPublisher(every_s=self.settings.belief_every_s)
         self.grid = CellGrid.covering(briefing.bounds, self.settings.cell_m, max_cells=MAX_CELLS)

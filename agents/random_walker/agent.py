@@ -1,10 +1,10 @@
 """The random walker: legs in random directions, blind. README.md beside this file has the rules."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.draws import Draws
 from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import Pacer
+from gslcosim.search.motion.commands import LegCommander
 from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.random_walks import RunAndTumble
 
 
@@ -14,8 +14,8 @@ class RandomWalker(Agent):
     def __init__(self, briefing: Briefing) -> None:
         settings = load_settings(briefing, __file__)
         room = LegSpace.of(briefing, settings.wall_margin_m)
-        self.walk = RunAndTumble(room, Draws(briefing.seed), leg_m=settings.step_m)
-        self.pacer = Pacer(briefing, hold_s=settings.hold_s, leg_s=settings.leg_s)
+        self.walk = RunAndTumble(room, RandomStream(briefing.seed), leg_m=settings.step_m)
+        self.pacer = LegCommander(briefing, hold_s=settings.hold_s, leg_s=settings.leg_s)
 
     def decide(self, observation: Observation) -> Command:
         """Return the next leg."""

@@ -24,9 +24,9 @@ constexpr int n_tries = 100;
 inline double to_millimetre(double length_m) { return std::floor(length_m * 1000.0 + 0.5) / 1000.0; }
 
 // SplitMix64.
-class Draws {
+class RandomStream {
 public:
-    explicit Draws(std::uint64_t seed) : state_{seed} {}
+    explicit RandomStream(std::uint64_t seed) : state_{seed} {}
 
     // The next random number in [0, 1).
     double fraction() {

@@ -50,6 +50,6 @@ private:
     Nose nose_;
     Room room_;
     double height_m_;
-    Draws draws_;
+    RandomStream draws_;
     std::optional<double> before_, heading_rad_;
 };

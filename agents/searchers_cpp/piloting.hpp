@@ -16,7 +16,7 @@ inline double length_m(const Vec2& start_m, const Vec2& end_m) {
 class Pilot {
 public:
     Room room;
-    Draws draws;
+    RandomStream draws;
 
     Pilot(const json& briefing, double margin_m)
         : room{briefing, margin_m},

@@ -112,10 +112,10 @@ struct Contact {
     std::optional<double> upwind_rad;
 };
 
-// Takes note of hits and wind at every observation; see contacts.PlumeWatch of the Python package.
-class PlumeWatch {
+// Takes note of hits and wind at every observation; see plume_contact.PlumeContactDetector of the Python package.
+class PlumeContactDetector {
 public:
-    PlumeWatch(const json& briefing, double threshold_ppm, double threshold_m_s)
+    PlumeContactDetector(const json& briefing, double threshold_ppm, double threshold_m_s)
         : nose_{briefing}, vane_{briefing}, threshold_m_s_{threshold_m_s} {
         threshold_ = nose_.unit() == "ppm" ? threshold_ppm : 0.5;
         lag_s_ = nose_.unit() == "ohm" ? 1.0 : 0.0;

@@ -170,7 +170,7 @@ private:
     std::optional<double> hold_s_;
     double explore_hold_s_, least_memory_s_, most_memory_s_, memory_s_;
     Pilot pilot_;
-    PlumeWatch watch_;
+    PlumeContactDetector watch_;
     UnseenSquares unseen_;
     Leash leash_;
     std::optional<double> last_hit_s_;

@@ -6,10 +6,10 @@ After Kanzaki, Ishida et al. README.md beside this file has the rules.
 import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.draws import Draws
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.coverage_grid import CoverageGrid
 from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.sidestep import Sidestep
 from gslcosim.search.reactive.silkmoth import SURGE, TrueWind, heading_after, phase_at
 from gslcosim.search.reactive.spirals import random_side
@@ -26,7 +26,7 @@ class Silkmoth(Agent):
 
     def __init__(self, briefing: Briefing) -> None:
         self.settings = load_settings(briefing, __file__)
-        self.draws = Draws(briefing.seed)
+        self.draws = RandomStream(briefing.seed)
         noses = sorted(find_noses(briefing), key=lambda nose: -nose.mount_body_m[1])
         self.left, self.right = (
             GasHits(nose, threshold_ppm=self.settings.threshold_ppm) for nose in (noses[0], noses[-1])

@@ -9,12 +9,12 @@ import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.beliefs import BeliefPublisher
-from gslcosim.search.draws import Draws
 from gslcosim.search.maps.gr_gsl import GrGsl, GrGslSettings, warm_up
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.commands import declaration
 from gslcosim.search.motion.declaration import DeclarationGuard, by_variance
 from gslcosim.search.motion.map_navigation import MapNavigator, StopRecorder
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.senses.instruments import find_noses, find_vane
 from gslcosim.search.senses.stop_and_measure import Measurement
 from gslcosim.search.swarms.langevin import (
@@ -37,7 +37,7 @@ class SniffySquad(Agent):
     def __init__(self, briefing: Briefing) -> None:
         s = self.settings = load_settings(briefing, __file__)
         warm_up()
-        self.draws = Draws(briefing.seed)
+        self.draws = RandomStream(briefing.seed)
         self.flights = MapNavigator(
             briefing, self.draws, cell_m=s.cell_m, max_cells=s.max_cells, clearance_m=s.clearance_m,
             margin_m=s.wall_margin_m,

@@ -11,10 +11,10 @@ from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.bayes import source_terms
 from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettings
 from gslcosim.search.bayes.source_terms import PlumeSensor, SourcePrior, SourceTermFilter, TermPrior
-from gslcosim.search.draws import Draws
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.coverage_grid import CoverageGrid
 from gslcosim.search.motion.declaration import by_spread
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.senses.gas_evidence import Finding
 from gslcosim.search.senses.instruments import find_noses
 
@@ -40,7 +40,7 @@ class SourceTermEstimation(Agent):
             source_radius_m=settings.source_radius_m,
         )
         source_terms.warm_up(model)
-        rng = Draws(briefing.seed).generator("source terms")
+        rng = RandomStream(briefing.seed).generator("source terms")
         self.filter = SourceTermFilter(self.prior(briefing), model, settings.particles, rng, n_moves=settings.moves)
         self.unseen = CoverageGrid(self.search.flights.pilot.room, edge_m=settings.explore_step_m)
 

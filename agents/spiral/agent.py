@@ -4,8 +4,8 @@ After Ferri et al. 2009. README.md beside this file has the rules.
 """
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.draws import Draws
 from gslcosim.search.method_settings import load_settings
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
 from gslcosim.search.reactive.spirals import SpiralPath, SquareSpiral, random_side
 from gslcosim.search.senses.instruments import find_noses
@@ -17,7 +17,7 @@ class Spiral(Agent):
 
     def __init__(self, briefing: Briefing) -> None:
         self.settings = load_settings(briefing, __file__)
-        self.draws = Draws(briefing.seed)
+        self.draws = RandomStream(briefing.seed)
         self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
         self.nose = find_noses(briefing)[0]
         self.tick_s = briefing.tick_ns / 1e9

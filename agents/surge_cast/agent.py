@@ -4,8 +4,8 @@ After Lochmatter and Martinoli 2008. README.md beside this file has the rules an
 """
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.draws import Draws
 from gslcosim.search.method_settings import load_settings
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.cast_and_surge import BlankMemory, CastSequence, side_or_random, surge_end_m
 from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
 from gslcosim.search.senses.plume_contact import Contact
@@ -19,7 +19,7 @@ class SurgeCast(Agent):
 
     def __init__(self, briefing: Briefing) -> None:
         self.settings = load_settings(briefing, __file__)
-        self.draws = Draws(briefing.seed)
+        self.draws = RandomStream(briefing.seed)
         self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
         self.blanks = BlankMemory(
             first_s=self.settings.memory_s, least_s=self.settings.least_memory_s, most_s=self.settings.most_memory_s

@@ -6,8 +6,8 @@ After Chasing Ghosts (2026), with its known faults mended. README.md beside this
 import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.draws import Draws
 from gslcosim.search.method_settings import load_settings
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
 from gslcosim.search.reactive.spirals import random_side
 from gslcosim.search.reactive.two_noses import TwoNoses, bearing_rad, turn_rad
@@ -18,7 +18,7 @@ class TwoNosesAgent(Agent):
 
     def __init__(self, briefing: Briefing) -> None:
         self.settings = s = load_settings(briefing, __file__)
-        self.draws = Draws(briefing.seed)
+        self.draws = RandomStream(briefing.seed)
         self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(s), self.draws)
         self.noses = TwoNoses(briefing, sample_s=s.sample_s, window_s=s.window_s, threshold_ppm=s.threshold_ppm)
         self.straight_rad, self.half_rad = math.radians(s.straight_deg), math.radians(s.half_deg)

@@ -1,9 +1,9 @@
 """An agent made of building blocks: short legs where there is gas, long ones where there is none."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.draws import Draws
 from gslcosim.search.motion.commands import waypoint
 from gslcosim.search.motion.legs import LegSpace, next_leg, random_headings
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.senses.instruments import find_noses
 
 
@@ -13,7 +13,7 @@ class Wanderer(Agent):
     def __init__(self, briefing: Briefing) -> None:
         self.nose = find_noses(briefing)[0]
         self.room = LegSpace.of(briefing, 0.5)
-        self.draws = Draws(briefing.seed)
+        self.draws = RandomStream(briefing.seed)
         self.height_m = briefing.search_height_m
 
     def decide(self, observation: Observation) -> Command:

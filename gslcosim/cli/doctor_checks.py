@@ -170,13 +170,13 @@ def check_rendering() -> Iterator[CheckResult]:
 
 def check_sandbox() -> Iterator[CheckResult]:
     """Check which sandbox is the strongest for agents here."""
-    from gslcosim.runtime.processes.sandbox.selection import find_strongest_sandbox, open_gaps, unavailable_reason
+    from gslcosim.runtime.processes.sandbox.selection import find_strongest_sandbox, list_open_gaps, unavailable_reason
 
     kind = find_strongest_sandbox()
     reasons = [unavailable_reason("bubblewrap"), unavailable_reason("landlock")] if kind == "none" else []
     reasons += [unavailable_reason("bubblewrap")] if kind == "landlock" else []
     text = f"{kind}, as {' and '.join(reasons)}" if reasons else kind
-    gaps = [*open_gaps(kind), *(["sockets of other programs that have a path"] if kind == "landlock" else [])]
+    gaps = [*list_open_gaps(kind), *(["sockets of other programs that have a path"] if kind == "landlock" else [])]
     text += f"; open: {', '.join(gaps)}" if gaps else ""
     remedy = "Agents see less in bubblewrap. On Debian: apt-get install bubblewrap"
     yield _graded("sandbox of agents", "OK" if kind == "bubblewrap" and not gaps else "WARN", text, remedy)

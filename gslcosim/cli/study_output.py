@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gslcosim.bench.statistics.estimates import Estimate
     from gslcosim.bench.studies.setting_figures import SettingFigures
     from gslcosim.bench.studies.sweep import SweepResult
-    from gslcosim.bench.studies.tuning import TriedSetting, TuningProgress, TuningResult
+    from gslcosim.bench.studies.tuning import EvaluatedSetting, TuningProgress, TuningResult
 
 RESULTS_DIR = Path("results")
 _BEST_SHOWN = 5
@@ -185,7 +185,7 @@ def _tried_table(tuning: "TuningResult") -> str:
     return f"In training, the best {len(best)} of {len(ranked)}{' and the default' * is_apart}:\n{table(heads, rows)}"
 
 
-def _parameters(tried: "TriedSetting") -> str:
+def _parameters(tried: "EvaluatedSetting") -> str:
     return ", ".join(f"{name} {_value(value)}" for name, value in tried.setting.parameters.items()) or "as entered"
 
 

@@ -23,7 +23,7 @@ from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Ending, Message, Observation
 from gslcosim.gateway.connections import EventKind, Listener, PipeStream, Stream, ThreadedConnection
 from gslcosim.gateway.frame_codec import FrameFormat
-from gslcosim.methods.card import Needs, card_beside
+from gslcosim.methods.card import Needs, find_card_beside
 from gslcosim.runtime.agents.gateway_transport import GATEWAY_VARIABLE, TOKEN_VARIABLE
 from gslcosim.runtime.agents.transport import (
     AgentEvent,
@@ -191,7 +191,7 @@ class ConnectionSpec:
         """
         for word in self.command:
             program = self.directory / word
-            card = card_beside(program) if program.is_file() else None
+            card = find_card_beside(program) if program.is_file() else None
             if card is not None:
                 return card.needs
         return Needs()

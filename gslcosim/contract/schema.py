@@ -10,10 +10,10 @@ from functools import cache
 from typing import Any, cast
 
 from gslcosim.base.errors import ContractError
-from gslcosim.contract import messages, participation
+from gslcosim.contract import messages, participant_messages
 from gslcosim.contract.environment_messages import WindShare
 from gslcosim.contract.messages import CONTRACT_VERSION, Message
-from gslcosim.contract.participation import PARTICIPATION_VERSION
+from gslcosim.contract.participant_messages import PARTICIPATION_VERSION
 from gslcosim.contract.record import get_pydantic_model
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -30,8 +30,10 @@ def list_message_types() -> tuple[type[Message], ...]:
 
 def list_participation_types() -> tuple[type[Message], ...]:
     """Return the message types between a run and models of a user's own, by name; agents meet none of them."""
-    found = [item for item in vars(participation).values() if isinstance(item, type) and issubclass(item, Message)]
-    own = (item for item in found if item.__module__ == participation.__name__)
+    found = [
+        item for item in vars(participant_messages).values() if isinstance(item, type) and issubclass(item, Message)
+    ]
+    own = (item for item in found if item.__module__ == participant_messages.__name__)
     return tuple(sorted((*own, WindShare), key=lambda item: item.__name__))
 
 

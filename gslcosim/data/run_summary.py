@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gslcosim.base.files import read_regular_file
-from gslcosim.base.foreign_json import ForeignFileError, JsonObject, read_json
+from gslcosim.base.untrusted_json import JsonObject, MalformedFileError, read_json
 
 State = Literal["ended", "running", "broken", "foreign"]
 RESULT_SCHEMA = "gslcosim/result/1"
@@ -175,7 +175,7 @@ def _json(path: Path, sizes: Mapping[str, int]) -> dict[str, Any]:
         return {}
     try:
         return read_json(path, JsonObject)
-    except ForeignFileError:
+    except MalformedFileError:
         return {}
 
 

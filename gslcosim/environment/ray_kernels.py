@@ -22,7 +22,8 @@ def to_next_border(start, i, direction):
         Both ways in lengths of the direction [cells].
 
     Held by:
-        tests/unit/fields/reading/test_beams.py, tests/unit/sensing/test_ray_kernels.py (walks that use it)
+        tests/unit/services/fields/concentration/test_sample_points.py, tests/unit/services/sensing/test_ray_kernels.py
+        (walks that use it)
     """
     if direction > 0.0:
         return (i + 1.0 - start) / direction, 1.0 / direction
@@ -72,7 +73,7 @@ def is_line_of_sight_free(occupancy, origin_m, cell_m, ax, ay, az, bx, by, bz):
     Deviation:
         The number of steps is counted beforehand from the two end cells, so rounding cannot miss the last cell.
     Held by:
-        tests/unit/environment/test_sight_kernels.py (against brute force in a box with three side lengths)
+        tests/unit/environment/test_ray_kernels.py (against brute force in a box with three side lengths)
     """
     if ax > bx or (ax == bx and (ay > by or (ay == by and az > bz))):
         ax, ay, az, bx, by, bz = bx, by, bz, ax, ay, az

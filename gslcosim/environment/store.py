@@ -36,8 +36,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.files import read_regular_file
-from gslcosim.base.foreign_json import describe_validation_errors
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.untrusted_json import describe_validation_errors
 from gslcosim.environment.formats.data_files import load_npy
 from gslcosim.environment.geometry_model import content_hash
 from gslcosim.environment.grid import Grid

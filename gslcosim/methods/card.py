@@ -164,7 +164,7 @@ class MethodCard(_CardPart):
         return MappingProxyType({**self.defaults(), **parsed})
 
 
-def card_beside(program: Path) -> MethodCard | None:
+def find_card_beside(program: Path) -> MethodCard | None:
     """Return the card in the folder of an agent's program, or None where there is none.
 
     Raises:

@@ -11,7 +11,7 @@ from gslcosim.methods.instrument_kinds import INSTRUMENT_KINDS, count_instrument
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shortage:
+class UnmetNeed:
     """Something that a method lacks, or a parameter that is wrong; `part` is its place under the agent's block."""
 
     part: str
@@ -23,14 +23,14 @@ class Shortage:
         return f"{self.part}: expected {self.expected}, was {self.found}. {self.remedy}"
 
 
-def find_shortages(
+def find_unmet_needs(
     card: MethodCard,
     *,
     sensors: Iterable[SensorDescription],
     knows: Collection[str],
     n_channels: int,
     parameters: Mapping[str, Any],
-) -> list[Shortage]:
+) -> list[UnmetNeed]:
     """Return all that keeps a method from flying.
 
     Args:
@@ -49,11 +49,11 @@ def find_shortages(
     ]
 
 
-def _missing_sensors(card: MethodCard, sensors: tuple[SensorDescription, ...]) -> Iterable[Shortage]:
+def _missing_sensors(card: MethodCard, sensors: tuple[SensorDescription, ...]) -> Iterable[UnmetNeed]:
     for kind, n_needed in card.needs.sensors.items():
         n_found = count_instruments(kind, sensors)
         if n_found < n_needed:
-            yield Shortage(
+            yield UnmetNeed(
                 part="sensors",
                 expected=f"at least {n_needed} of kind {kind} for {card.title}",
                 found=f"{n_found} ({', '.join(sensor.model for sensor in sensors) or 'no sensors'})",
@@ -61,10 +61,10 @@ def _missing_sensors(card: MethodCard, sensors: tuple[SensorDescription, ...]) -
             )
 
 
-def _missing_grants(card: MethodCard, knows: Collection[str]) -> Iterable[Shortage]:
+def _missing_grants(card: MethodCard, knows: Collection[str]) -> Iterable[UnmetNeed]:
     for item in card.needs.knows:
         if item not in knows:
-            yield Shortage(
+            yield UnmetNeed(
                 part="knows",
                 expected=f"{item}: true for {card.title}",
                 found="not granted",
@@ -72,9 +72,9 @@ def _missing_grants(card: MethodCard, knows: Collection[str]) -> Iterable[Shorta
             )
 
 
-def _missing_radio(card: MethodCard, n_channels: int) -> Iterable[Shortage]:
+def _missing_radio(card: MethodCard, n_channels: int) -> Iterable[UnmetNeed]:
     if card.needs.radio and not n_channels:
-        yield Shortage(
+        yield UnmetNeed(
             part="name",
             expected=f"an agent on a radio channel for {card.title}",
             found="one without",
@@ -82,21 +82,21 @@ def _missing_radio(card: MethodCard, n_channels: int) -> Iterable[Shortage]:
         )
 
 
-def _wrong_parameters(card: MethodCard, parameters: Mapping[str, Any]) -> Iterable[Shortage]:
+def _wrong_parameters(card: MethodCard, parameters: Mapping[str, Any]) -> Iterable[UnmetNeed]:
     for name, value in parameters.items():
         parameter = card.parameters.get(name)
         if parameter is None:
             known = ", ".join(card.parameters) or "none"
             nearest = get_close_matches(name, card.parameters, n=1)
             hint = f"Did you mean {nearest[0]}?" if nearest else "Leave it out."
-            yield Shortage(
+            yield UnmetNeed(
                 part=f"parameters.{name}",
                 expected=f"a parameter of {card.title} ({known})",
                 found=f"'{name}'",
                 remedy=hint,
             )
         elif expected := parameter.problem_of(value):
-            yield Shortage(
+            yield UnmetNeed(
                 part=f"parameters.{name}",
                 expected=expected,
                 found=f"{value!r}" if isinstance(value, str) else f"{value}",

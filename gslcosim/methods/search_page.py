@@ -24,7 +24,7 @@ _HEAD = (
 )
 
 
-def blocks_markdown(root: Path) -> str:
+def build_search_page(root: Path) -> str:
     """Return the whole page.
 
     Args:
@@ -54,4 +54,4 @@ def _first_sentence(node: ast.Module | ast.FunctionDef | ast.ClassDef) -> str:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(blocks_markdown(Path.cwd()))
+    sys.stdout.write(build_search_page(Path.cwd()))

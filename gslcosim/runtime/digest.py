@@ -13,8 +13,8 @@ import msgspec
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import replace_file
-from gslcosim.base.foreign_json import FROM_A_COPY, JsonObject, checked_value, read_json
 from gslcosim.base.os_errors import build_machine_error
+from gslcosim.base.untrusted_json import FROM_A_COPY, JsonObject, read_json, validate_value
 from gslcosim.runtime.services import get_upstream_rank
 
 SCHEMA = "gslcosim/digest/1"
@@ -142,7 +142,7 @@ class RunDigest:
         if read.get("schema") != SCHEMA:
             found = str(read.get("schema"))[:80]
             raise UsageError(f"{path.name}: expected {SCHEMA}, was {found!r}. {FROM_A_COPY}\nFile: {path}")
-        content = checked_value(read, _DigestFile, place=f"{path.parent.name}/{path.name}")
+        content = validate_value(read, _DigestFile, place=f"{path.parent.name}/{path.name}")
         ports = content["ports"]
         try:
             trails = {port: HashChain.from_fields(fields) for port, fields in ports.items()}

@@ -11,7 +11,7 @@ from typing import Annotated, Any, TypedDict
 import msgspec
 
 from gslcosim.base.files import open_for_writing, read_regular_file, write_all
-from gslcosim.base.foreign_json import ForeignFileError, parse_json
+from gslcosim.base.untrusted_json import MalformedFileError, parse_json
 
 NAME = "machine.log"
 
@@ -90,7 +90,7 @@ def read_machine_notes(folder: Path) -> MachineNotes:
     sandboxes: dict[str, str] = {}
     for line in lines:
         # Of a file that was cut off, or that an agent has written into, only what is one of our lines counts.
-        with contextlib.suppress(ForeignFileError):
+        with contextlib.suppress(MalformedFileError):
             note = parse_json(line, _Note, place=NAME)
             tick = note.get("tick", 0)
             if "decided_ms" in note:

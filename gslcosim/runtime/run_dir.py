@@ -23,8 +23,8 @@ import gslcosim
 from gslcosim.base.code_identity import COMPUTING_PACKAGES
 from gslcosim.base.errors import RunFolderError
 from gslcosim.base.files import append_bytes, open_for_writing, read_regular_file, replace_file
-from gslcosim.base.foreign_json import FROM_A_COPY, ForeignFileError, describe_validation_errors, read_json
 from gslcosim.base.os_errors import build_machine_error, describe_os_error, find_remedy, format_machine_error
+from gslcosim.base.untrusted_json import FROM_A_COPY, MalformedFileError, describe_validation_errors, read_json
 from gslcosim.base.yaml_core import BoundedLoader
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
@@ -86,18 +86,18 @@ class RunResult(TypedDict, total=False):
     agents: list[AgentResult]
 
 
-class LaterRoom(VariantValues):
+class VariantEnvironment(VariantValues):
     """A room that events make, in `setup.json`."""
 
     folder: PathText
 
 
-class SetupPlaces(TypedDict, total=False):
+class RecordedSetup(TypedDict, total=False):
     """Setup of a run, as far as it is read."""
 
     environment: Required[PathText]
     directory: PathText
-    later_rooms: list[LaterRoom]
+    later_rooms: list[VariantEnvironment]
     paced_from_tick: int | None
     snapshot: PathText
 
@@ -174,14 +174,14 @@ class RunDir:
         """Read the scenario as resolved; its agents' relative paths start elsewhere.
 
         Raises:
-            ForeignFileError: it cannot be read, or is none.
+            MalformedFileError: it cannot be read, or is none.
         """
         place = f"{self.run_id}/{self.scenario.name}"
         try:
             text = read_regular_file(self.scenario, max_bytes=_MAX_SCENARIO_BYTES).decode()
             return Scenario.model_validate(yaml.load(text, Loader=BoundedLoader))
         except (OSError, ValueError, yaml.YAMLError) as error:
-            raise ForeignFileError(
+            raise MalformedFileError(
                 f"{place}: expected the scenario as resolved, was {_why_no_scenario(error)}. {FROM_A_COPY}\n"
                 f"File: {self.scenario}"
             ) from error
@@ -190,7 +190,7 @@ class RunDir:
         """Read `manifest.json`.
 
         Raises:
-            ForeignFileError: it cannot be read, or is none.
+            MalformedFileError: it cannot be read, or is none.
         """
         return read_json(self.path / "manifest.json", RunManifest)
 
@@ -198,17 +198,17 @@ class RunDir:
         """Read `result.json`.
 
         Raises:
-            ForeignFileError: it cannot be read, or is none.
+            MalformedFileError: it cannot be read, or is none.
         """
         return read_json(self.path / "result.json", RunResult)
 
-    def load_setup(self) -> SetupPlaces:
+    def load_setup(self) -> RecordedSetup:
         """Read `setup.json`.
 
         Raises:
-            ForeignFileError: it cannot be read, or is none.
+            MalformedFileError: it cannot be read, or is none.
         """
-        return read_json(self.setup, SetupPlaces)
+        return read_json(self.setup, RecordedSetup)
 
     def log(self, participant: str) -> Path:
         """Return the log file of a participant."""

@@ -63,7 +63,7 @@ class RunSetup:
         """Read what `save` wrote into a run directory.
 
         Raises:
-            ForeignFileError: a file of it cannot be read, or is something else.
+            MalformedFileError: a file of it cannot be read, or is something else.
         """
         run_dir = RunDir(path)
         scenario = run_dir.load_scenario()

@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any, Literal, Self, TypedDict
 
 from gslcosim.base.errors import RunTimeoutError, UsageError
-from gslcosim.base.foreign_json import ForeignFileError, JsonObject, checked_value, parse_json
 from gslcosim.base.sockets import check_peer, read_peer_pid, short_socket_address
 from gslcosim.base.ticks import seconds_from_ticks
+from gslcosim.base.untrusted_json import JsonObject, MalformedFileError, parse_json, validate_value
 from gslcosim.runtime.processes.current_process import get_user_id
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.scenario import Scenario
@@ -312,8 +312,8 @@ def query_status(window: Path) -> ActiveRun | None:
             facts = parse_json(_read_all(connection), JsonObject, place=window.name)
             if "refused" in facts:
                 raise UsageError(str(facts["refused"]))
-            checked_value(facts, _FlightFacts, place=window.name)
-        except ForeignFileError as error:
+            validate_value(facts, _FlightFacts, place=window.name)
+        except MalformedFileError as error:
             facts = _UNKNOWN_FACTS | {"state": "unreadable", "text": str(error)}
         except UsageError as error:
             facts = _UNKNOWN_FACTS | {"state": "refused", "text": str(error)}

@@ -8,18 +8,18 @@ from gslcosim.scenario.models.events import EventSpec
 from gslcosim.scenario.models.scenario import Scenario
 
 
-def event_reads(scenario: Scenario, *kinds: type[EventSpec]) -> tuple[Read, ...]:
+def list_event_reads(scenario: Scenario, *kinds: type[EventSpec]) -> tuple[Read, ...]:
     """Return what a participant has to read that obeys some kinds of events: nothing where the scenario has none."""
     has_any = any(isinstance(event, kinds) for event in scenario.events)
     return (Read(port=EVENTS, delay_ticks=1),) if has_any else ()
 
 
-def due_events(scenario: Scenario, inbox: Inbox) -> Iterator[tuple[int, EventSpec]]:
+def find_due_events(scenario: Scenario, inbox: Inbox) -> Iterator[tuple[int, EventSpec]]:
     """Yield the events that take effect in a tick, with their places in the list, in the scenario's order.
 
     Args:
         scenario: Its `events`.
-        inbox: That of the tick, of a participant with `event_reads`.
+        inbox: That of the tick, of a participant with `list_event_reads`.
     """
     note = inbox.get(EVENTS)
     if isinstance(note, EventsBeginning):

@@ -13,7 +13,7 @@ from pydantic.fields import FieldInfo
 from gslcosim.scenario.checks.plain_values import MAX_NUMBER
 from gslcosim.scenario.loader import MAX_BYTES
 from gslcosim.scenario.model_schema import (
-    Slot,
+    SchemaNode,
     field_annotation,
     find_default_kind,
     find_model,
@@ -94,7 +94,7 @@ class BlockSection:
     default_kind: str = ""
 
 
-def keys_markdown() -> str:
+def build_scenario_page() -> str:
     """Return the whole page."""
     return "\n".join([_HEAD, *map(_text_of_section, iterate_sections(BlockSection(path="", kinds={"": Scenario})))])
 
@@ -183,7 +183,7 @@ def _row(section: BlockSection, block: type[BaseModel], name: str, kind: str) ->
 def _allowed(path: str, field: FieldInfo, kind: str) -> str:
     found = _block_in(path, field, kind)
     if found is None:
-        slot = Slot(path=path, key="", annotation=field.annotation, constraints=tuple(field.metadata))
+        slot = SchemaNode(path=path, key="", annotation=field.annotation, constraints=tuple(field.metadata))
         return slot.describe()
     what = "a list of blocks" if found.path.endswith("[]") else "a block"
     return f"{what}: [{found.path}](#{_anchor(found.path)})"
@@ -203,4 +203,4 @@ def _anchor(heading: str) -> str:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(keys_markdown())
+    sys.stdout.write(build_scenario_page())

@@ -14,14 +14,14 @@ from gslcosim.base.files import read_regular_file
 from gslcosim.base.os_errors import describe_os_error
 from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.checks.cross_checks import find_cross_problems
-from gslcosim.scenario.checks.plain_values import numbers_too_large
-from gslcosim.scenario.checks.program_checks import unusable_paths
-from gslcosim.scenario.model_schema import slot_at
+from gslcosim.scenario.checks.plain_values import find_numbers_too_large
+from gslcosim.scenario.checks.program_checks import find_unusable_paths
+from gslcosim.scenario.model_schema import find_schema_node
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.overrides import SET_OPTION, apply_overrides
 from gslcosim.scenario.partial_positions import extract_position_values
-from gslcosim.scenario.problems import InvalidScenarioError, Marks, Place, Problem, ProblemLike, locate
-from gslcosim.scenario.random_positions import Placer, replace_random_positions, without_consequences
+from gslcosim.scenario.problems import InvalidScenarioError, Problem, ProblemLike, TextLocation, TextLocations, locate
+from gslcosim.scenario.random_positions import Placer, drop_consequent_problems, replace_random_positions
 from gslcosim.scenario.serialization import dump_resolved, with_absolute_gas
 from gslcosim.scenario.suggestions import did_you_mean
 from gslcosim.scenario.validation_errors import format_value, problems_from_validation
@@ -96,7 +96,7 @@ def load_scenario(
     _check_sizes(tree)
     unplaced = replace_random_positions(tree.block, directory, placer) if tree.block is not None else []
     scenario, problems = _check(tree, directory, known=unplaced)
-    problems = without_consequences([*problems, *_check_places(tree, scenario, problems, directory, checks)])
+    problems = drop_consequent_problems([*problems, *_check_places(tree, scenario, problems, directory, checks)])
     if scenario is None or problems or tree.problems:
         raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=tree.marks.root.source)
     return LoadedScenario(scenario=scenario, path=path, directory=directory, text=text)
@@ -114,10 +114,10 @@ def resolve_values(values: dict[str, Any], directory: Path, *, source: str, chec
     Raises:
         ScenarioError: it has problems: all of them in one error.
     """
-    tree = YamlTree(values, Marks(Place(source=source)))
+    tree = YamlTree(values, TextLocations(TextLocation(source=source)))
     _check_sizes(tree)
     scenario, problems = _check(tree, directory, known=())
-    problems = without_consequences([*problems, *_check_places(tree, scenario, problems, directory, checks)])
+    problems = drop_consequent_problems([*problems, *_check_places(tree, scenario, problems, directory, checks)])
     if scenario is None or problems:
         raise InvalidScenarioError(locate(problems, tree.marks), name=source)
     return scenario
@@ -191,14 +191,14 @@ def _shown_path(source: str | Path, path: Path) -> str:
 
 # They come first: no check that looks for files or computes needs to think of them.
 def _check_sizes(tree: YamlTree) -> None:
-    if problems := [*unusable_paths(tree.block), *numbers_too_large(tree.block)]:
+    if problems := [*find_unusable_paths(tree.block), *find_numbers_too_large(tree.block)]:
         raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=tree.marks.root.source)
 
 
 def _check(tree: YamlTree, directory: Path, known: Sequence[Problem]) -> tuple[Scenario | None, list[ProblemLike]]:
     values = tree.block
     if values is None:
-        expected = slot_at(()).describe()
+        expected = find_schema_node(()).describe()
         return None, [Problem(path="", expected=expected, found=format_value(tree.values))]
     scenario, found = _validate(values)
     scenario = scenario and with_absolute_gas(scenario, directory)

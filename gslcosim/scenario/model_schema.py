@@ -19,7 +19,7 @@ Segment = str | int
 
 
 @dataclass(frozen=True, kw_only=True)
-class Slot:
+class SchemaNode:
     """A place that the models know: its path, the key whose name says the unit, and the annotation."""
 
     path: str
@@ -37,14 +37,14 @@ class Slot:
         return _describe(self.annotation, self.constraints, unit_name(self.key))
 
 
-def slot_at(location: tuple[Segment, ...], *, root: type[BaseModel] = Scenario) -> Slot:
+def find_schema_node(location: tuple[Segment, ...], *, root: type[BaseModel] = Scenario) -> SchemaNode:
     """Return the deepest place on the way to a location that the models know; unknown keys end the way.
 
     Args:
         location: Keys and indices from the outermost block inwards.
         root: The model of the outermost block.
     """
-    slot = Slot(path="", key="", annotation=root)
+    slot = SchemaNode(path="", key="", annotation=root)
     for segment in location:
         inner = _inner_slot(slot, segment)
         if inner is None:
@@ -133,23 +133,23 @@ def _all_blocks(model: type[BaseModel], path: str) -> Iterator[tuple[str, type[B
                 yield from _all_blocks(each, place)
 
 
-def _inner_slot(slot: Slot, segment: Segment) -> Slot | None:
+def _inner_slot(slot: SchemaNode, segment: Segment) -> SchemaNode | None:
     path = child_path(slot.path, segment)
     if isinstance(segment, int):
         item, constraints = _split(_item_annotation(slot.annotation))
-        return None if item is None else Slot(path=path, key=slot.key, annotation=item, constraints=constraints)
+        return None if item is None else SchemaNode(path=path, key=slot.key, annotation=item, constraints=constraints)
     if (value := _value_annotation(slot.annotation)) is not None:
         item, constraints = _split(value)
-        return Slot(path=path, key=slot.key, annotation=item, constraints=constraints)
+        return SchemaNode(path=path, key=slot.key, annotation=item, constraints=constraints)
     # Pydantic puts the kind of a block between the block's key and its own.
     if (variant := _variant(slot.annotation, segment)) is not None:
-        return Slot(path=slot.path, key=slot.key, annotation=variant)
+        return SchemaNode(path=slot.path, key=slot.key, annotation=variant)
     models = [slot.model] if slot.model else list(_variants(slot.annotation).values())
     field = next((field for model in models if (field := _field_of(model, segment))), None)
     if field is None:
         return None
     annotation, constraints = _split(_annotation_of(field))
-    return Slot(path=path, key=segment, annotation=annotation, constraints=(*constraints, *field.metadata))
+    return SchemaNode(path=path, key=segment, annotation=annotation, constraints=(*constraints, *field.metadata))
 
 
 def _field_of(model: type[BaseModel], key: str) -> FieldInfo | None:

@@ -9,9 +9,9 @@ from gslcosim.scenario.checks.program_checks import SCRIPT_ENDINGS
 from gslcosim.scenario.problems import (
     InvalidScenarioError,
     LocatedProblem,
-    Marks,
-    Place,
     Problem,
+    TextLocation,
+    TextLocations,
     child_path,
     parent_path,
 )
@@ -26,7 +26,7 @@ _PYTHON = re.compile(r"agents\[\d+\]\.start\.python")
 _COMMAND = re.compile(r"agents\[\d+\]\.start\.command\[(\d+)\]")
 
 
-def from_directory(path: str, value: Any, directory: Path) -> Any:
+def make_paths_absolute(path: str, value: Any, directory: Path) -> Any:
     """Return a value with all relative paths in it made absolute.
 
     Args:
@@ -36,12 +36,12 @@ def from_directory(path: str, value: Any, directory: Path) -> Any:
     """
     if isinstance(value, dict):
         return {
-            key: from_directory(child_path(path, key), inner, directory)
+            key: make_paths_absolute(child_path(path, key), inner, directory)
             for key, inner in cast("dict[str, Any]", value).items()
         }
     if isinstance(value, list):
         items = enumerate(cast("list[Any]", value))
-        return [from_directory(child_path(path, i), inner, directory) for i, inner in items]
+        return [make_paths_absolute(child_path(path, i), inner, directory) for i, inner in items]
     if isinstance(value, str) and _is_path(path, value):
         return str(directory / Path(value).expanduser())
     return value
@@ -79,21 +79,21 @@ def apply_overrides(
         source: What problems with them are said to stand in. Relative paths of a `--set` start at the working
             directory.
     """
-    marks = Marks(tree.marks.root, dict(tree.marks.places))
+    marks = TextLocations(tree.marks.root, dict(tree.marks.places))
     values = _copy(tree.values)
     problems = list(tree.problems)
     for text in overrides:
         try:
             path, value = _parse(text, source)
             if source == SET_OPTION:
-                value = from_directory(path, value, Path.cwd())
+                value = make_paths_absolute(path, value, Path.cwd())
             _put(values, path, value, source)
-            _mark(marks, path, Place(source=source))
+            _mark(marks, path, TextLocation(source=source))
         except InvalidScenarioError as error:
             problems += error.problems
     if seed is not None and isinstance(values, dict):
         values["seed"] = seed
-        _mark(marks, "seed", Place(source=SEED_OPTION))
+        _mark(marks, "seed", TextLocation(source=SEED_OPTION))
     return YamlTree(values, marks, tuple(problems))
 
 
@@ -145,7 +145,7 @@ def _kind(value: Any) -> str:
     return "a list" if isinstance(value, list) else "a block" if isinstance(value, dict) else f"'{value}'"
 
 
-def _mark(marks: Marks, path: str, place: Place) -> None:
+def _mark(marks: TextLocations, path: str, place: TextLocation) -> None:
     parent = parent_path(path)
     while parent and parent not in marks.places:
         marks.places[parent] = place
@@ -157,7 +157,7 @@ def _mark(marks: Marks, path: str, place: Place) -> None:
 
 def _refusal(source: str, path: str, expected: str, found: str, remedy: str) -> InvalidScenarioError:
     problem = Problem(path=path, expected=expected, found=found, remedy=remedy)
-    return InvalidScenarioError([LocatedProblem(place=Place(source=source), problem=problem)], name=source)
+    return InvalidScenarioError([LocatedProblem(place=TextLocation(source=source), problem=problem)], name=source)
 
 
 def _copy(value: Any) -> Any:

@@ -44,7 +44,7 @@ class Problem:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Place:
+class TextLocation:
     """Place where a value was written: a file with line and column, both from 1, or the option that gave it."""
 
     source: str
@@ -59,7 +59,7 @@ class Place:
 class LocatedProblem:
     """A problem with the place where its cause was written."""
 
-    place: Place
+    place: TextLocation
     problem: ProblemLike
 
     def __str__(self) -> str:
@@ -82,13 +82,13 @@ class LocatedProblem:
 
 
 @dataclass(frozen=True)
-class Marks:
+class TextLocations:
     """Places where the values of a scenario were written, by path; a value without a mark has that of its parent."""
 
-    root: Place
-    places: dict[str, Place] = field(default_factory=dict[str, Place])
+    root: TextLocation
+    places: dict[str, TextLocation] = field(default_factory=dict[str, TextLocation])
 
-    def place_of(self, path: str) -> Place:
+    def place_of(self, path: str) -> TextLocation:
         """Return where the value at a path, or the nearest of its parents that has a mark, was written."""
         while path:
             if path in self.places:
@@ -108,7 +108,7 @@ class InvalidScenarioError(ScenarioError):
         super().__init__("\n".join(lines))
 
 
-def locate(problems: Iterable[ProblemLike], marks: Marks) -> tuple[LocatedProblem, ...]:
+def locate(problems: Iterable[ProblemLike], marks: TextLocations) -> tuple[LocatedProblem, ...]:
     """Return problems with the places where their causes were written."""
     return tuple(LocatedProblem(place=marks.place_of(problem.path), problem=problem) for problem in problems)
 

@@ -68,7 +68,7 @@ def replace_random_positions(values: dict[str, Any], directory: Path, placer: Pl
     ]
 
 
-def without_consequences(problems: Sequence[ProblemLike]) -> list[ProblemLike]:
+def drop_consequent_problems(problems: Sequence[ProblemLike]) -> list[ProblemLike]:
     """Return problems without those of places that only wait for the others to be solved, if there are others."""
     causes = [p for p in problems if not (isinstance(p, Problem) and p.expected == _AFTER_THE_OTHERS)]
     return causes or list(problems)

@@ -13,7 +13,7 @@ from gslcosim.base.files import read_regular_file
 from gslcosim.base.quantities import Vec3
 from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.loader import Check, load_scenario
-from gslcosim.scenario.model_schema import list_kinds, slot_at
+from gslcosim.scenario.model_schema import find_schema_node, list_kinds
 from gslcosim.scenario.models.scenario import SCHEMA, EnvironmentSpec, Scenario, SolverSpec
 from gslcosim.scenario.overrides import apply_overrides
 from gslcosim.scenario.problems import InvalidScenarioError, Problem, locate
@@ -54,7 +54,7 @@ def load_recipe(
     Raises:
         ScenarioError: there is nothing of that name, or it has problems.
     """
-    path, kinds = Path(source), list_kinds(slot_at(("environment", "layout")).annotation)
+    path, kinds = Path(source), list_kinds(find_schema_node(("environment", "layout")).annotation)
     is_layout_file = path.is_file() and _is_layout_file(path)
     if not is_layout_file and (path.exists() or source in bundled_scenarios() or source not in kinds):
         if not path.exists() and path.suffix == "" and len(path.parts) == 1 and source not in bundled_scenarios():

@@ -9,8 +9,9 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from gslcosim.scenario.model_schema import (
+    SchemaNode,
     Segment,
-    Slot,
+    find_schema_node,
     find_tag_key,
     holds_blocks,
     kinds_with_key,
@@ -18,7 +19,6 @@ from gslcosim.scenario.model_schema import (
     list_kinds,
     list_words,
     paths_of_key,
-    slot_at,
 )
 from gslcosim.scenario.models.base import RULE
 from gslcosim.scenario.models.scenario import Scenario
@@ -61,7 +61,7 @@ def _suggested_path(problem: Problem) -> str | None:
 def _problem_of(details: ErrorDetails, root: type[BaseModel]) -> Problem | None:
     location: tuple[Segment, ...] = details["loc"]
     value = details["input"]
-    slot = slot_at(location, root=root)
+    slot = find_schema_node(location, root=root)
     match details["type"]:
         case rule if rule == RULE:
             context = details.get("ctx", {})
@@ -72,7 +72,7 @@ def _problem_of(details: ErrorDetails, root: type[BaseModel]) -> Problem | None:
         case "extra_forbidden":
             return _unknown_key(location[:-1], str(location[-1]), value, root)
         case "missing" if isinstance(location[-1], int):
-            return _wrong_value(slot_at(location[:-1], root=root), value)
+            return _wrong_value(find_schema_node(location[:-1], root=root), value)
         case "missing":
             return Problem(path=slot.path, expected=slot.describe(), found=MISSING)
         case "union_tag_invalid" | "union_tag_not_found" if isinstance(value, dict):
@@ -83,13 +83,13 @@ def _problem_of(details: ErrorDetails, root: type[BaseModel]) -> Problem | None:
             return _wrong_value(slot, value)
 
 
-def _wrong_value(slot: Slot, value: Any) -> Problem:
+def _wrong_value(slot: SchemaNode, value: Any) -> Problem:
     return Problem(
         path=slot.path, expected=slot.describe(), found=format_value(value), remedy=_value_remedy(slot, value)
     )
 
 
-def _unknown_kind(slot: Slot, block: dict[str, Any]) -> Problem:
+def _unknown_kind(slot: SchemaNode, block: dict[str, Any]) -> Problem:
     kinds, tag_key = list_kinds(slot.annotation), find_tag_key(slot.annotation)
     kind = block.get(tag_key)
     return Problem(
@@ -101,7 +101,7 @@ def _unknown_kind(slot: Slot, block: dict[str, Any]) -> Problem:
 
 
 def _unknown_key(location: tuple[Segment, ...], key: str, value: Any, root: type[BaseModel]) -> Problem:
-    block = slot_at(location, root=root)
+    block = find_schema_node(location, root=root)
     keys = list_keys(block.model) if block.model else []
     path = child_path(block.path, key)
     expected = f"one of the keys {', '.join(keys)}"
@@ -110,7 +110,7 @@ def _unknown_key(location: tuple[Segment, ...], key: str, value: Any, root: type
     match = nearest_key(key, keys)
     homes = [home for home in paths_of_key(key, root=root) if home != block.path]
     if match:
-        remedy = f"Did you mean {match}?{_unit_hint(key, slot_at((*location, match), root=root), value)}"
+        remedy = f"Did you mean {match}?{_unit_hint(key, find_schema_node((*location, match), root=root), value)}"
     elif homes:
         remedy = f"{key} belongs to {' or '.join(home or 'the top level' for home in homes)}."
     else:
@@ -121,13 +121,13 @@ def _unknown_key(location: tuple[Segment, ...], key: str, value: Any, root: type
 # A key that other kinds of the same block have.
 def _kinds_that_have(location: tuple[Segment, ...], key: str, root: type[BaseModel]) -> str:
     for end in range(len(location), 0, -1):
-        annotation = slot_at(location[:end], root=root).annotation
+        annotation = find_schema_node(location[:end], root=root).annotation
         if kinds := kinds_with_key(annotation, key):
             return f"{key} belongs to {find_tag_key(annotation)}: {', '.join(kinds)}."
     return ""
 
 
-def _unit_hint(key: str, meant: Slot, value: Any) -> str:
+def _unit_hint(key: str, meant: SchemaNode, value: Any) -> str:
     unit = unit_name(meant.key)
     if not unit or unit_suffix(key) == unit_suffix(meant.key):
         return ""
@@ -146,7 +146,7 @@ def format_value(value: Any) -> str:
     return text if len(text) <= _MAX_SHOWN else f"{text[: _MAX_SHOWN - 3]}..."
 
 
-def _value_remedy(slot: Slot, value: Any) -> str:
+def _value_remedy(slot: SchemaNode, value: Any) -> str:
     if isinstance(value, str) and len(value) > _MAX_SHOWN:
         return ""
     kind = slot.annotation
@@ -165,7 +165,7 @@ def _value_remedy(slot: Slot, value: Any) -> str:
     return ""
 
 
-def _number_remedy(slot: Slot, value: Any) -> str:
+def _number_remedy(slot: SchemaNode, value: Any) -> str:
     if isinstance(value, float) and slot.annotation is int and value.is_integer():
         return f"Write {int(value)}."
     quantity = read_quantity(value) if isinstance(value, str) else None

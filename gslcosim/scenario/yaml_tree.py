@@ -20,9 +20,9 @@ from gslcosim.base.yaml_core import (
 from gslcosim.scenario.problems import (
     InvalidScenarioError,
     LocatedProblem,
-    Marks,
-    Place,
     Problem,
+    TextLocation,
+    TextLocations,
     child_path,
     locate,
 )
@@ -43,7 +43,7 @@ class YamlTree:
     """
 
     values: Any
-    marks: Marks
+    marks: TextLocations
     problems: tuple[LocatedProblem, ...] = ()
 
     @property
@@ -64,23 +64,23 @@ def read_yaml(text: str, *, source: str, root_path: str = "") -> YamlTree:
     Raises:
         InvalidScenarioError: the text is not YAML.
     """
-    root = Place(source=source, line=1, column=1)
+    root = TextLocation(source=source, line=1, column=1)
     try:
         node: yaml.Node | None = cast("Any", yaml).compose(text, Loader=CoreLoader)
         if node is None:
-            return YamlTree(None, Marks(root))
+            return YamlTree(None, TextLocations(root))
         reader = _NodeReader(source)
         values = reader.read(node, root_path)
     except YamlNestingError as error:
         expected = f"lists and blocks at most {MAX_LEVELS} deep"
         problem = Problem(path="", expected=expected, found=f"a nest of more than {yaml_core.MAX_NESTING} levels")
-        raise InvalidScenarioError(locate([problem], Marks(root)), name=source) from error
+        raise InvalidScenarioError(locate([problem], TextLocations(root)), name=source) from error
     except YamlSizeError as error:
         problem = Problem(path="", expected=f"at most {MAX_VALUES} values", found="more")
-        raise InvalidScenarioError(locate([problem], Marks(root)), name=source) from error
+        raise InvalidScenarioError(locate([problem], TextLocations(root)), name=source) from error
     except yaml.YAMLError as error:
         raise _syntax_error(error, text, source) from error
-    marks = Marks(root, reader.places)
+    marks = TextLocations(root, reader.places)
     return YamlTree(values, marks, locate(reader.problems, marks))
 
 
@@ -88,7 +88,7 @@ class _NodeReader:
     """Turns nodes into values, remembers where they stood, and collects what is wrong with the text itself."""
 
     def __init__(self, source: str) -> None:
-        self.places: dict[str, Place] = {}
+        self.places: dict[str, TextLocation] = {}
         self.problems: list[Problem] = []
         self._source = source
         self._open: list[yaml.Node] = []
@@ -155,13 +155,13 @@ class _NodeReader:
     def _refuse(self, path: str, expected: str, found: str, remedy: str = "") -> None:
         self.problems.append(Problem(path=path, expected=expected, found=found, remedy=remedy))
 
-    def _place(self, node: yaml.Node) -> Place:
-        return Place(source=self._source, line=node.start_mark.line + 1, column=node.start_mark.column + 1)
+    def _place(self, node: yaml.Node) -> TextLocation:
+        return TextLocation(source=self._source, line=node.start_mark.line + 1, column=node.start_mark.column + 1)
 
 
 def _syntax_error(error: yaml.YAMLError, text: str, source: str) -> InvalidScenarioError:
     line, column, expected, found, remedy = _describe_syntax_error(error, text)
-    place = Place(source=f"{source}:{line}:{column}")
+    place = TextLocation(source=f"{source}:{line}:{column}")
     problem = Problem(path="", expected=expected, found=found, remedy=remedy)
     return InvalidScenarioError([LocatedProblem(place=place, problem=problem)], name=source)
 

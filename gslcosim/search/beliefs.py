@@ -30,7 +30,7 @@ def entropy_bits(p: Array) -> float:
     Source:
         Shannon 1948, doi:10.1002/j.1538-7305.1948.tb01338.x.
     Held by:
-        tests/unit/search/test_beliefs.py
+        tests/unit/search/test_grids_and_beliefs.py
     """
     positive = p[p > 0.0]
     return max(0.0, float(-(positive * np.log2(positive)).sum()))

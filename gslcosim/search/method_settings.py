@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from gslcosim.base.errors import MethodError
 from gslcosim.contract.messages import Briefing
 from gslcosim.methods.card import CARD_FILE, load_card
-from gslcosim.methods.needs import find_shortages
+from gslcosim.methods.needs import find_unmet_needs
 
 
 def load_settings(briefing: Briefing, program: str) -> SimpleNamespace:
@@ -20,7 +20,7 @@ def load_settings(briefing: Briefing, program: str) -> SimpleNamespace:
         MethodError: a sensor, a grant or a channel is missing, or a parameter is wrong; all of it in one text.
     """
     card = load_card(Path(program).with_name(CARD_FILE))
-    shortages = find_shortages(
+    shortages = find_unmet_needs(
         card,
         sensors=briefing.sensors,
         knows=granted_knowledge(briefing),

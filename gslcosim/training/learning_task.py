@@ -38,7 +38,7 @@ class LearningTask:
         )
 
 
-def room_key(loaded: LoadedScenario) -> str:
+def get_environment_key(loaded: LoadedScenario) -> str:
     """Return what scenarios have in common whose room and wind are the same."""
     scenario = loaded.scenario
     return f"{loaded.directory}\n{scenario.environment.model_dump_json()}\n{scenario.wind.model_dump_json()}"

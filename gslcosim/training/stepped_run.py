@@ -25,7 +25,7 @@ from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.training.rewards import TaskScale
 
 
-class SteppedLink:
+class SteppedTransport:
     """The link to an agent that is flown by hand; it keeps what the agent has been told, and what it is asked."""
 
     is_lossy = False
@@ -99,7 +99,7 @@ class SteppedRun:
         self.is_over = False
         self._is_closed = False
         self._events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
-        self._links = {agent.name: SteppedLink() for agent in scenario.agents}
+        self._links = {agent.name: SteppedTransport() for agent in scenario.agents}
         flight = InProcessRun(setup, self._desks(setup), self._events, lambda _: None, self._note)
         self._pauses: Iterator[None] = flight.iter_pauses(self.outcome, lambda: self._is_closed)
         self._go_on()

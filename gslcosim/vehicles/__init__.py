@@ -3,5 +3,5 @@
 from gslcosim.vehicles.catalogue import VEHICLE_ENTRY_POINTS as VEHICLE_ENTRY_POINTS
 from gslcosim.vehicles.catalogue import get_vehicle as get_vehicle
 from gslcosim.vehicles.catalogue import is_vehicle as is_vehicle
-from gslcosim.vehicles.catalogue import vehicle_names as vehicle_names
+from gslcosim.vehicles.catalogue import list_vehicle_names as list_vehicle_names
 from gslcosim.vehicles.parameters import Vehicle as Vehicle

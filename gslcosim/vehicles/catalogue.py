@@ -184,7 +184,7 @@ VEHICLES_DIR = Path(__file__).parent
 
 
 @cache
-def vehicle_names() -> tuple[str, ...]:
+def list_vehicle_names() -> tuple[str, ...]:
     """Return the names of all vehicles: gslcosim's, which are the folders beside this file, then those of packages."""
     own = _list_own_names()
     return (*own, *sorted({*_ENTRY_POINTS.names()} - set(own)))
@@ -192,7 +192,7 @@ def vehicle_names() -> tuple[str, ...]:
 
 def is_vehicle(name: str) -> bool:
     """Return whether there is a vehicle of a name."""
-    return name in _list_own_names() or name in vehicle_names()
+    return name in _list_own_names() or name in list_vehicle_names()
 
 
 def get_vehicle(name: str) -> Vehicle:
@@ -217,7 +217,7 @@ def _list_own_names() -> tuple[str, ...]:
 @cache
 def _find_offered(name: str) -> Vehicle:
     if name not in _ENTRY_POINTS.names():
-        raise VehicleError(f"vehicle: expected one of {', '.join(vehicle_names())}, was {name!r}.")
+        raise VehicleError(f"vehicle: expected one of {', '.join(list_vehicle_names())}, was {name!r}.")
     try:
         folder = _ENTRY_POINTS.loaded(name, _resolve_folder, "a folder's path, or a module in the folder")
     except PluginError as error:

@@ -91,7 +91,7 @@ class RotorParameters:
         Source:
             Mellinger and Kumar 2011, doi:10.1109/ICRA.2011.5980409, equation 2, for rotors anywhere in the plane.
         Held by:
-            tests/unit/world/physics/test_rotor_kernels.py, tests/unit/vehicles/test_facts.py
+            tests/unit/services/world/physics/test_rotors.py, tests/unit/vehicles/test_parameters.py
         """
         columns = [
             [1.0, y_m, -x_m, -direction * self.torque_per_thrust_m]

@@ -64,7 +64,7 @@ class CamerasCore:
     Raises ModelError when built where neither EGL nor OSMesa works.
 
     Held by:
-        tests/unit/cameras/test_core.py
+        tests/unit/services/cameras/test_core.py
     """
 
     def __init__(self, scenario: Scenario, environment: Environment) -> None:

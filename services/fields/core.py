@@ -22,7 +22,7 @@ from gslcosim.contract.record import NumericArray, build_unchecked_constructor
 from gslcosim.environment.model import AT_START, Closed, Environment
 from gslcosim.environment.variants.scaled_wind import ScaledWind
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.due_events import due_events
+from gslcosim.scenario.due_events import find_due_events
 from gslcosim.scenario.models.events import (
     SourceEventSpec,
     SourceMovesSpec,
@@ -64,7 +64,7 @@ class GasEvents:
 
     def obey(self, inbox: Inbox) -> None:
         """Apply what takes effect in this tick."""
-        for _, event in due_events(self._scenario, inbox):
+        for _, event in find_due_events(self._scenario, inbox):
             if isinstance(event, SourceEventSpec):
                 self._change(event.source, self._change_of(event))
 

@@ -81,6 +81,6 @@ def air_density_mol_m3(
     [mol/m3] = [Pa] / ([J/(mol K)] [K])
 
     Held by:
-        tests/unit/fields/test_gases.py (40.894 mol/m3 at 298 K and 1 atm)
+        tests/unit/services/fields/test_gases.py (40.894 mol/m3 at 298 K and 1 atm)
     """
     return pressure_pa / (GAS_CONSTANT_J_MOL_K * temperature_k)

@@ -6,7 +6,7 @@ from gslcosim.contract.environment_messages import WIND
 from gslcosim.contract.messages import FieldSamples, FilamentCloud
 from gslcosim.contract.participant import ParticipantSpec, Read, Write
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.due_events import event_reads
+from gslcosim.scenario.due_events import list_event_reads
 from gslcosim.scenario.models.events import DoorEventSpec, SourceEventSpec, WindChangesSpec
 
 
@@ -16,7 +16,7 @@ def fields_spec(scenario: Scenario) -> ParticipantSpec:
         scenario.recording.gas_every_s, scenario.tick_ns, name="recording.gas_every_s"
     )
     wind = (Read(port=WIND, delay_ticks=1),) if scenario.has_driven_wind else ()
-    events = event_reads(scenario, SourceEventSpec, WindChangesSpec, DoorEventSpec)
+    events = list_event_reads(scenario, SourceEventSpec, WindChangesSpec, DoorEventSpec)
     return ParticipantSpec(
         name="fields",
         reads=(Read(port=keys.BODIES), *wind, *events),

@@ -21,7 +21,7 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.due_events import due_events
+from gslcosim.scenario.due_events import find_due_events
 from gslcosim.scenario.models.events import RadioLostSpec, RadioReturnsSpec
 from gslcosim.scenario.models.scenario import ChannelSpec
 from gslcosim_services.radio.ports import radio_spec
@@ -79,7 +79,7 @@ class RadioCore:
         return {keys.RADIO: RadioTraffic(tick=tick, transmissions=transmissions, arrivals=arrivals)}
 
     def _obey_events(self, inbox: Inbox) -> None:
-        for _, event in due_events(self._scenario, inbox):
+        for _, event in find_due_events(self._scenario, inbox):
             if isinstance(event, RadioLostSpec):
                 self._outages.add((event.agent, event.channel))
             elif isinstance(event, RadioReturnsSpec):

@@ -4,7 +4,7 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import RadioTraffic
 from gslcosim.contract.participant import ParticipantSpec, Read, Write
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.due_events import event_reads
+from gslcosim.scenario.due_events import list_event_reads
 from gslcosim.scenario.models.events import RadioEventSpec
 
 
@@ -19,6 +19,6 @@ def radio_spec(scenario: Scenario) -> ParticipantSpec:
     )
     return ParticipantSpec(
         name="radio",
-        reads=(Read(port=keys.BODIES, delay_ticks=1), *commands, *event_reads(scenario, RadioEventSpec)),
+        reads=(Read(port=keys.BODIES, delay_ticks=1), *commands, *list_event_reads(scenario, RadioEventSpec)),
         writes=(Write(port=keys.RADIO, message_type=RadioTraffic),),
     )

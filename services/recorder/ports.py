@@ -4,7 +4,7 @@ from gslcosim.contract import keys
 from gslcosim.contract.environment_messages import WIND
 from gslcosim.contract.participant import ParticipantSpec, Read
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.due_events import event_reads
+from gslcosim.scenario.due_events import list_event_reads
 from gslcosim.scenario.models.events import EventSpec
 
 # The recorder may lag far behind: nobody waits for it until its buffers would grow without bound.
@@ -23,7 +23,7 @@ def recorder_spec(scenario: Scenario) -> ParticipantSpec:
     reads += scenario.curve_ports
     return ParticipantSpec(
         name="recorder",
-        reads=(*(Read(port=port) for port in reads), *event_reads(scenario, EventSpec)),
+        reads=(*(Read(port=port) for port in reads), *list_event_reads(scenario, EventSpec)),
         writes=(),
         window_ticks=RECORDER_WINDOW_TICKS,
     )

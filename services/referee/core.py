@@ -25,7 +25,7 @@ from gslcosim.environment.model import Environment
 from gslcosim.environment.paths.shortest import shortest_level_path_m, shortest_path_m
 from gslcosim.environment.variants.dynamic_environment import DynamicEnvironment
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.due_events import due_events
+from gslcosim.scenario.due_events import find_due_events
 from gslcosim.scenario.models.events import SourceMovesSpec
 from gslcosim_services.referee.agent_evaluation import AgentEvaluation, EvaluationRules, Outcome
 from gslcosim_services.referee.ports import referee_spec
@@ -133,7 +133,7 @@ class RefereeCore:
         told: list[RefereeEvent] = []
         if self._room.obey(inbox):
             self._update_shortest_paths()
-        for i, event in due_events(self._scenario, inbox):
+        for i, event in find_due_events(self._scenario, inbox):
             if isinstance(event, SourceMovesSpec):
                 self._move_source(event.source, event.to_m)
             told.append(RefereeEvent(agent=event.about_agent, kind="event", text=event.text))

@@ -52,7 +52,7 @@ def movement_overhead(path_length_m: float, shortest_path_m: float | None) -> fl
         the success radius, where runs end: with the way to the source itself straight flights would have a negative
         overhead.
     Held by:
-        tests/unit/referee/test_metrics.py
+        tests/unit/services/referee/test_metrics.py
     """
     if not shortest_path_m:
         return None
@@ -82,7 +82,7 @@ def directness(start_world_m: Vec3, end_world_m: Vec3, source_world_m: Vec3, pat
     Deviation:
         In three dimensions, and only the component towards the source: it alone tells good from bad.
     Held by:
-        tests/unit/referee/test_metrics.py, tests/properties/test_referee_metrics.py
+        tests/unit/services/referee/test_metrics.py, tests/properties/test_referee_metrics.py
     """
     to_source_m = math.dist(start_world_m, source_world_m)
     if path_length_m <= 0.0 or to_source_m <= 0.0:
@@ -106,7 +106,7 @@ def compute_belief_score(belief: Belief, sources_m: Sequence[Vec3], *, within_m:
         within_m: The success radius [m].
 
     Held by:
-        tests/unit/referee/test_beliefs.py
+        tests/unit/services/referee/test_beliefs.py
     """
     p = _check_probabilities(belief)
     distances_m = _distances_to_nearest_m(belief, sources_m)

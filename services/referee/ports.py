@@ -4,7 +4,7 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import Score, Verdict
 from gslcosim.contract.participant import ParticipantSpec, Read, Write
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.due_events import event_reads
+from gslcosim.scenario.due_events import list_event_reads
 from gslcosim.scenario.models.events import EventSpec
 
 
@@ -13,7 +13,7 @@ def referee_spec(scenario: Scenario) -> ParticipantSpec:
     commands = tuple(Read(port=keys.command(agent.name)) for agent in scenario.agents)
     return ParticipantSpec(
         name="referee",
-        reads=(Read(port=keys.BODIES), Read(port=keys.SAMPLES), *commands, *event_reads(scenario, EventSpec)),
+        reads=(Read(port=keys.BODIES), Read(port=keys.SAMPLES), *commands, *list_event_reads(scenario, EventSpec)),
         writes=(
             Write(port=keys.SCORE, message_type=Score),
             Write(port=keys.VERDICT, message_type=Verdict, announced_in=keys.SCORE),

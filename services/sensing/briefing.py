@@ -44,7 +44,7 @@ def build_nominal_plume(scenario: Scenario) -> NominalPlume:
     its centre and the standard deviation sigma0 holds (2 pi)^(3/2) sigma0^3 ppm0.
 
     Held by:
-        tests/unit/sensing/test_granted.py
+        tests/unit/services/sensing/test_briefing.py
     """
     gas, source = scenario.gas, scenario.gas.sources[0]
     # A model without filaments has no spread of its own; its figures are those that filaments usually have.

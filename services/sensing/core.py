@@ -27,7 +27,7 @@ from gslcosim.contract.record import build_unchecked_constructor
 from gslcosim.environment.model import Environment
 from gslcosim.environment.variants.dynamic_environment import DynamicEnvironment
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.due_events import event_reads
+from gslcosim.scenario.due_events import list_event_reads
 from gslcosim.scenario.models.events import SensorEventSpec
 from gslcosim.scenario.models.onboard_sensors import PoseSensorSpec
 from gslcosim.scenario.models.sensor_base import SensorSpec
@@ -132,7 +132,7 @@ class SensingCore:
         self._spec = sensing_spec(scenario)
         self._room = DynamicEnvironment(environment, scenario)
         self._scenes = {closed: RayScene(scenario, room) for closed, room in self._room.by_doors().items()}
-        self._faults = SensorFaults(scenario) if event_reads(scenario, SensorEventSpec) else None
+        self._faults = SensorFaults(scenario) if list_event_reads(scenario, SensorEventSpec) else None
         # Built once already to refuse here, and not in the run, what does not fit together.
         self._panels = self._new_panels(scenario.seed)
 
@@ -217,7 +217,7 @@ def mount_velocity_world_m_s(body: BodyState, mount_body_m: Vec3) -> Vec3:
     [m/s] = [m/s] + [rad/s] [m]
 
     Held by:
-        tests/unit/sensing/test_sensing_core.py
+        tests/unit/services/sensing/test_sensing_core.py
     """
     if not any(mount_body_m):
         return body.velocity_world_m_s

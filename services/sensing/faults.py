@@ -6,7 +6,7 @@ from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.contract.messages import Reading
 from gslcosim.contract.participant import Inbox
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.due_events import due_events
+from gslcosim.scenario.due_events import find_due_events
 from gslcosim.scenario.models.events import (
     SensorBiasedSpec,
     SensorDriftsSpec,
@@ -34,7 +34,7 @@ class SensorFaults:
     speed, stay as they are.
 
     State: the last event of each sensor that has one, and the reading that it showed before.
-    Held by: tests/unit/sensing/test_faults.py
+    Held by: tests/unit/services/sensing/test_faults.py
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -50,7 +50,7 @@ class SensorFaults:
 
     def obey(self, tick: int, inbox: Inbox) -> None:
         """Apply what takes effect in this tick."""
-        for _, event in due_events(self._scenario, inbox):
+        for _, event in find_due_events(self._scenario, inbox):
             if isinstance(event, SensorRecoversSpec):
                 self._faults.pop((event.agent, event.sensor), None)
             elif isinstance(event, SensorEventSpec):

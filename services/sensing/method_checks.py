@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from gslcosim.base.errors import MethodError
-from gslcosim.methods.card import CARD_FILE, MethodCard, card_beside
-from gslcosim.methods.needs import find_shortages
+from gslcosim.methods.card import CARD_FILE, MethodCard, find_card_beside
+from gslcosim.methods.needs import find_unmet_needs
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.scenario.models.scenario import AgentSpec
@@ -40,7 +40,7 @@ def find_method_problems(scenario: Scenario, directory: Path) -> Iterator[Proble
 
 
 def _find_problems(i: int, agent: AgentSpec, card: MethodCard, scenario: Scenario) -> Iterator[Problem]:
-    shortages = find_shortages(
+    shortages = find_unmet_needs(
         card,
         sensors=describe_sensors(agent, scenario),
         knows=agent.knows.granted,
@@ -58,7 +58,7 @@ def _find_problems(i: int, agent: AgentSpec, card: MethodCard, scenario: Scenari
 
 def _find_card(agent: AgentSpec, directory: Path) -> MethodCard | None:
     for program in _list_programs(agent, directory):
-        if program.is_file() and (card := card_beside(program)) is not None:
+        if program.is_file() and (card := find_card_beside(program)) is not None:
             return card
     return None
 

@@ -4,7 +4,7 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import Briefing, Observation
 from gslcosim.contract.participant import WINDOW_TICKS, ParticipantSpec, Read, Write
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.due_events import event_reads
+from gslcosim.scenario.due_events import list_event_reads
 from gslcosim.scenario.models.events import DoorEventSpec, SensorEventSpec
 
 # Pictures are large: no more of them wait in memory.
@@ -24,7 +24,7 @@ def sensing_spec(scenario: Scenario) -> ParticipantSpec:
         Read(port=keys.SAMPLES),
         *radio,
         *images,
-        *event_reads(scenario, SensorEventSpec, DoorEventSpec),
+        *list_event_reads(scenario, SensorEventSpec, DoorEventSpec),
     )
     window_ticks = PICTURES_WINDOW_TICKS if scenario.cameras else WINDOW_TICKS
     return ParticipantSpec(name="sensing", reads=reads, writes=tuple(writes), window_ticks=window_ticks)

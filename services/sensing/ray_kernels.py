@@ -28,7 +28,7 @@ def distance_to_box(box_m, x, y, z, dx, dy, dz):
         dz: See dx.
 
     Held by:
-        tests/unit/sensing/test_ray_kernels.py (closed forms, and a march in small steps)
+        tests/unit/services/sensing/test_ray_kernels.py (closed forms, and a march in small steps)
     """
     enters, leaves = 0.0, np.inf
     for axis in range(3):
@@ -60,7 +60,7 @@ def distance_to_cylinder(cylinder_m, x, y, z, dx, dy, dz):
         dz: See dx.
 
     Held by:
-        tests/unit/sensing/test_ray_kernels.py
+        tests/unit/services/sensing/test_ray_kernels.py
     """
     enters, leaves = 0.0, np.inf
     px, py, pz = x - cylinder_m[0], y - cylinder_m[1], z - cylinder_m[2]
@@ -128,7 +128,7 @@ def distance_among_boxes(boxes_m, first, members, origin_m, bin_m, shape, x, y, 
     Source:
         Amanatides and Woo 1987, A fast voxel traversal algorithm for ray tracing, Eurographics, section 2.
     Held by:
-        tests/unit/sensing/test_ray_kernels.py (against every box one by one)
+        tests/unit/services/sensing/test_ray_kernels.py (against every box one by one)
     """
     nearest = limit_m
     sx, sy, sz = (x - origin_m[0]) / bin_m, (y - origin_m[1]) / bin_m, (z - origin_m[2]) / bin_m
@@ -176,7 +176,7 @@ def cast_rays(boxes_m, first, members, origin_m, bin_m, shape, cylinders_m, star
         limit_m: Farthest distance of interest [m].
 
     Held by:
-        tests/unit/sensing/test_ray_kernels.py, tests/unit/sensing/test_ranging.py
+        tests/unit/services/sensing/test_ray_kernels.py, tests/unit/services/sensing/test_range_finders.py
     """
     distances_m = np.empty(directions.shape[0])
     x, y, z = start_m[0], start_m[1], start_m[2]

@@ -21,7 +21,7 @@ class RayScene:
     A cylinder has the vehicle's radius and its greatest half height; how a vehicle tilts is left out.
 
     Held by:
-        tests/unit/sensing/test_ranging.py
+        tests/unit/services/sensing/test_range_finders.py
     """
 
     def __init__(self, scenario: Scenario, environment: Environment) -> None:

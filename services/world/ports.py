@@ -5,7 +5,7 @@ from gslcosim.contract.environment_messages import WIND
 from gslcosim.contract.messages import BodyPoses
 from gslcosim.contract.participant import ParticipantSpec, Read, Write
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.due_events import event_reads
+from gslcosim.scenario.due_events import list_event_reads
 from gslcosim.scenario.models.events import DoorEventSpec, RotorWeakensSpec, WindChangesSpec
 
 
@@ -15,6 +15,6 @@ def world_spec(scenario: Scenario) -> ParticipantSpec:
     wind = (Read(port=WIND, delay_ticks=1),) if scenario.has_driven_wind else ()
     return ParticipantSpec(
         name="world",
-        reads=(*commands, *wind, *event_reads(scenario, RotorWeakensSpec, WindChangesSpec, DoorEventSpec)),
+        reads=(*commands, *wind, *list_event_reads(scenario, RotorWeakensSpec, WindChangesSpec, DoorEventSpec)),
         writes=(Write(port=keys.BODIES, message_type=BodyPoses),),
     )

@@ -10,7 +10,7 @@ import yaml
 
 from gslcosim.cli.main import main
 from gslcosim.environment.store import load_environment
-from gslcosim.scenario.model_schema import list_kinds, list_words, slot_at
+from gslcosim.scenario.model_schema import find_schema_node, list_kinds, list_words
 from gslcosim.scenario.models.scenario import EnvironmentSpec, Scenario, WindSpec
 
 PAGE = Path(__file__).parents[2] / "docs" / "environments.md"
@@ -26,9 +26,9 @@ def test_every_kind_of_environment_wind_and_layout_is_named():
     assert set(re.findall(r"^\| `\{(\w+): ", TEXT, re.MULTILINE)) == {*origins, "file"}
     assert "`doors`" in TEXT
     assert set(re.findall(r"^\| `(\w+)` \|", TEXT, re.MULTILINE)) == set(
-        list_words(slot_at(("wind", "solver")).annotation)
+        list_words(find_schema_node(("wind", "solver")).annotation)
     )
-    assert all(f"`{kind}`" in TEXT for kind in list_kinds(slot_at(("environment", "layout")).annotation))
+    assert all(f"`{kind}`" in TEXT for kind in list_kinds(find_schema_node(("environment", "layout")).annotation))
 
 
 def test_keys_of_the_table_of_parameters_exist():
@@ -38,7 +38,7 @@ def test_keys_of_the_table_of_parameters_exist():
         location = tuple(int(key) if key.isdigit() else key for key in keys)
         if location[0] == "layout":
             location = ("environment", "layout", "warehouse_simple", *location[1:])
-        assert slot_at(location).path.endswith(str(keys[-1])), path
+        assert find_schema_node(location).path.endswith(str(keys[-1])), path
 
 
 def test_winds_are_winds():

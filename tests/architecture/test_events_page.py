@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gslcosim.cli.main import main
-from gslcosim.scenario.model_schema import item_annotation, list_blocks, slot_at
+from gslcosim.scenario.model_schema import find_schema_node, item_annotation, list_blocks
 from gslcosim.scenario.models.scenario import Scenario
 
 PAGE = (Path(__file__).parents[2] / "docs" / "events.md").read_text()
@@ -17,7 +17,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "events.md").read_text()
 def test_the_page_has_every_event():
     table = PAGE.split("## What\n")[1].split("\n## ")[0]
     rows = [name for row in re.findall(r"^\| (`.*?) \|", table, re.MULTILINE) for name in re.findall(r"`(\w+)`", row)]
-    names = list_blocks(item_annotation(slot_at(("events",), root=Scenario).annotation))
+    names = list_blocks(item_annotation(find_schema_node(("events",), root=Scenario).annotation))
     assert sorted(set(rows) - {"what"}) == sorted(names)
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.contract import environment_messages, keys, messages, participation
+from gslcosim.contract import environment_messages, keys, messages, participant_messages
 from gslcosim.contract.record import Record
 
 ROOT = Path(__file__).parents[2] / "gslcosim"
@@ -20,7 +20,7 @@ ALLOWED_FILES = (
     "contract/environment_messages.py",
     "contract/keys.py",
     "contract/messages.py",
-    "contract/participation.py",
+    "contract/participant_messages.py",
     "contract/publish/examples.py",
     "contract/publish/messages_page.py",
     "conformance/templates/",
@@ -30,7 +30,7 @@ ALLOWED_FILES = (
 def list_message_names():
     """Return the names that the contract's messages have for their types, fields and ports."""
     names = set(vars(keys))
-    for module in (messages, environment_messages, participation):
+    for module in (messages, environment_messages, participant_messages):
         names |= set(vars(module))
         records = (item for item in vars(module).values() if isinstance(item, type) and issubclass(item, Record))
         names |= {field for record in records for field in record.__struct_fields__}

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.scenario.keys_page import BlockSection, iterate_sections, keys_markdown, section_rows
+from gslcosim.scenario.keys_page import BlockSection, build_scenario_page, iterate_sections, section_rows
 from gslcosim.scenario.model_schema import _all_blocks, list_keys
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.problems import child_path
@@ -15,7 +15,7 @@ ROWS = [row for section in SECTIONS for row in section_rows(section)]
 
 
 def test_the_page_is_what_the_models_say():
-    assert keys_markdown() == PAGE, "`make docs` rewrites it"
+    assert build_scenario_page() == PAGE, "`make docs` rewrites it"
 
 
 def test_every_key_of_every_block_is_on_the_page():

@@ -5,14 +5,14 @@ from pathlib import Path
 import pytest
 
 from gslcosim.cli.main import main
-from gslcosim.methods.search_page import EXAMPLE, SEARCH, blocks_markdown
+from gslcosim.methods.search_page import EXAMPLE, SEARCH, build_search_page
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "search.md"
 
 
 def test_the_page_is_what_the_docstrings_say():
-    assert PAGE.read_text() == blocks_markdown(ROOT), "`make docs` rewrites it"
+    assert PAGE.read_text() == build_search_page(ROOT), "`make docs` rewrites it"
 
 
 def test_every_module_and_every_public_block_has_a_sentence():

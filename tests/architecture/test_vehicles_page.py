@@ -9,14 +9,14 @@ import yaml
 
 from gslcosim.contract.messages import AGENT_KINDS
 from gslcosim.scenario.models.scenario import VehicleSpec
-from gslcosim.vehicles import vehicle_names
+from gslcosim.vehicles import list_vehicle_names
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "vehicles.md").read_text()
 
 
 def test_every_model_and_every_setting_is_on_the_page():
-    assert [name for name in vehicle_names() if f"| `{name}` |" not in PAGE] == []
+    assert [name for name in list_vehicle_names() if f"| `{name}` |" not in PAGE] == []
     assert [name for name in VehicleSpec.model_fields if f"`{name}`" not in PAGE] == []
 
 

@@ -16,8 +16,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "end_to_end"))
 
-from flights import AGENTS  # noqa: E402 - as the tests of that folder
 from languages import SERIES, LanguageAgent, golden_briefing, golden_observations, language_agents  # noqa: E402
+from real_runs import AGENTS  # noqa: E402 - as the tests of that folder
 
 from gslcosim.conformance.scripted_world import AGENT  # noqa: E402
 from gslcosim.conformance.transports import CheckTransport, ConnectionSpec  # noqa: E402

@@ -9,7 +9,7 @@ from pathlib import Path
 import gslcosim
 from gslcosim.cli.main import main as gslcosim_main
 from gslcosim.data.film.encoder import write_film
-from gslcosim.data.film.keyframes import FilmCut
+from gslcosim.data.film.keyframes import FilmSegment
 from gslcosim.data.film.render import render_frames
 
 SIZE_PX = (1280, 720)
@@ -35,7 +35,7 @@ def main():
         words = ["up", "warehouse_empty", "--in-process", "--quiet", "--runs-dir", folder]
         gslcosim_main([*words, "--set", "referee.stop.time_limit_s=60"])
         run = gslcosim.open_run(next(Path(folder).iterdir()))
-        cut = FilmCut.of(run, from_s=5, to_s=5 + n_frames / 25 * 4, speed=4)
+        cut = FilmSegment.of(run, from_s=5, to_s=5 + n_frames / 25 * 4, speed=4)
         n = len(cut.times_s)
         drawn, filmed, loop = [], [], []
         for _ in range(3):

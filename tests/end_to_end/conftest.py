@@ -18,7 +18,7 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(autouse=True)
 def _no_flight_is_left_over():
-    from flights import STARTED
+    from real_runs import STARTED
 
     yield
     while STARTED:

@@ -16,7 +16,7 @@ from typing import IO
 
 import pytest
 import yaml
-from flights import ROOT  # which finds the next
+from real_runs import ROOT  # which finds the next
 
 from deadlines import BUILD_S, EVENT_S  # isort: skip
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import numpy as np
-from flights import AROUND_A_WALL, EVERY_VEHICLE, ROOT, TINY_ROOM
+from real_runs import AROUND_A_WALL, EVERY_VEHICLE, ROOT, TINY_ROOM
 
 SCENARIOS = ROOT / "scenarios"
 GAS_SENSORS = ("tgs2602", "pid", "threshold", "binary", "hit_counter", "averaging", "second_order", "tdlas")

@@ -5,14 +5,14 @@ from collections.abc import Collection
 
 import pytest
 
-from gslcosim.methods.card import card_beside
+from gslcosim.methods.card import find_card_beside
 from gslcosim.scenario.bundled import bundled_agents
 
 
 def _some():
     families = defaultdict(list)
     for name, program in sorted(bundled_agents().items()):
-        families[card_beside(program).family].append(name)
+        families[find_card_beside(program).family].append(name)
     return {name for names in families.values() for name in (names[0], names[-1])}
 
 

@@ -1,7 +1,7 @@
 """Snapshots of runs with cameras: the pictures that an agent has seen, and will see, are those of the run."""
 
 import pytest
-from flights import ROOT, fly_here
+from real_runs import ROOT, fly_here
 from test_fork import assert_same, forked
 from test_snapshots import replayed, snapshots_of
 

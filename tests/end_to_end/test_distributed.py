@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 from deadlines import EVENT_S
-from flights import ROOT, TINY_ROOM, fly_here, start
+from real_runs import ROOT, TINY_ROOM, fly_here, start
 
 SERVICES = ("world", "fields", "sensing", "referee", "recorder")
 

@@ -1,7 +1,7 @@
 """Each bundled scenario with events: what happens, one digest however it is flown, and the marks in its recording."""
 
 import pytest
-from flights import ROOT, fly, fly_here
+from real_runs import ROOT, fly, fly_here
 from rerun.chunk import RrdReader
 from test_fork import forked
 

@@ -9,7 +9,7 @@ import time
 
 import pytest
 from deadlines import EVENT_S
-from flights import AGENTS, COMMAND, STARTED, TINY_ROOM, Flight, fly, is_running, start, with_agent
+from real_runs import AGENTS, COMMAND, STARTED, TINY_ROOM, Flight, fly, is_running, start, with_agent
 
 from gslcosim.runtime.processes.children import can_detect_stops
 

@@ -13,7 +13,7 @@ import time
 
 import pytest
 from deadlines import EVENT_S, PROCESS_S
-from flights import COMMAND, TINY_ROOM, UNRECORDED, assert_gone, children_of
+from real_runs import COMMAND, TINY_ROOM, UNRECORDED, assert_gone, children_of
 from test_replay import replayed
 
 LEFT_RIGHT_M = re.compile(rb"at \((-?[\d.]+), (-?[\d.]+), (-?[\d.]+)\) m")

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from flights import TINY_ROOM, children_of, command_of, start, with_agent
+from real_runs import TINY_ROOM, children_of, command_of, start, with_agent
 
 pytestmark = [pytest.mark.end_to_end]
 LONG = ("--set", "referee.success.within_m=0.001", "--set", "referee.stop.time_limit_s=20000")

@@ -10,7 +10,7 @@ import signal
 import sys
 
 import pytest
-from flights import AGENTS, AROUND_A_WALL, ROOT, TINY_ROOM, UNRECORDED, Ended, fly, fly_here, start, with_agent
+from real_runs import AGENTS, AROUND_A_WALL, ROOT, TINY_ROOM, UNRECORDED, Ended, fly, fly_here, start, with_agent
 from test_readme import run
 
 from gslcosim.base.errors import RecordingError, UsageError

@@ -7,7 +7,7 @@ import random
 import sys
 
 import pytest
-from flights import AGENTS, ROOT, TINY_ROOM, fly, fly_here
+from real_runs import AGENTS, ROOT, TINY_ROOM, fly, fly_here
 from test_replay import assert_equal, replayed
 
 from gslcosim.cli.main import main

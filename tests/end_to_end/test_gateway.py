@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from deadlines import EVENT_S
-from flights import AGENTS, TINY_ROOM, fly, fly_here, start
+from real_runs import AGENTS, TINY_ROOM, fly, fly_here, start
 
 ASKED_LESS = ("--set", "referee.stop.time_limit_s=8")
 DOORS = [(door, form) for door in ("stdio", "tcp", "unix") for form in ("msgpack", "json")]

@@ -6,7 +6,7 @@ import threading
 from pathlib import Path
 
 import pytest
-from flights import AGENTS, TINY_ROOM, start, wait_a_moment
+from real_runs import AGENTS, TINY_ROOM, start, wait_a_moment
 
 
 def through_gateway(what, frame_format):

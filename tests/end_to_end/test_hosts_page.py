@@ -6,7 +6,7 @@ import subprocess
 
 import pytest
 from deadlines import EVENT_S, PROCESS_S
-from flights import COMMAND, ROOT, fly_here, wait_a_moment
+from real_runs import COMMAND, ROOT, fly_here, wait_a_moment
 from two_hosts import HERE, two_hosts, why_not
 
 pytestmark = pytest.mark.debian

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from deadlines import PROCESS_S
-from flights import COMMAND, STARTED, TINY_ROOM, UNRECORDED, Flight, children_of, start, wait_a_moment, with_agent
+from real_runs import COMMAND, STARTED, TINY_ROOM, UNRECORDED, Flight, children_of, start, wait_a_moment, with_agent
 
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.runtime.run import run_into_directory

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 from deadlines import BUILD_S, PROCESS_S
-from flights import ROOT
 from languages import language_agents
+from real_runs import ROOT
 
 # What takes longer, for building and fetching packages, is for `make soak`.
 QUICK_PAGES = ("c", "shell")

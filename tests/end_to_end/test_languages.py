@@ -5,8 +5,8 @@ Every `agents/*/agent.yaml` is tested here; a language whose tools are missing i
 
 import pytest
 from deadlines import BUILD_S, PROCESS_S
-from flights import TINY_ROOM, fly, fly_here
 from languages import SERIES, answers, golden_session, language_agents, of_every_language
+from real_runs import TINY_ROOM, fly, fly_here
 
 # The first test of a language builds it; on a new machine its packages are fetched, too.
 pytestmark = [pytest.mark.debian, pytest.mark.timeout(BUILD_S + PROCESS_S)]

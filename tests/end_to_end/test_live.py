@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from deadlines import EVENT_S, PROCESS_S
-from flights import (
+from real_runs import (
     COMMAND,
     ROOT,
     TINY_ROOM,

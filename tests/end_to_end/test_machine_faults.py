@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from deadlines import PROCESS_S
-from flights import AGENTS, COMMAND, TINY_ROOM, fly, start, with_agent
+from real_runs import AGENTS, COMMAND, TINY_ROOM, fly, start, with_agent
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits and mounts of Linux")
 

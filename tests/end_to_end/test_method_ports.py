@@ -4,8 +4,8 @@ import subprocess
 
 import pytest
 from deadlines import BUILD_S, PROCESS_S
-from flights import TINY_ROOM, fly_here
 from languages import ports
+from real_runs import TINY_ROOM, fly_here
 
 # The first test of a language builds it; on a new machine its packages are fetched, too.
 pytestmark = [pytest.mark.slow, pytest.mark.end_to_end, pytest.mark.debian, pytest.mark.timeout(BUILD_S + PROCESS_S)]

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 import yaml
-from flights import fly, fly_here
+from real_runs import fly, fly_here
 from some_methods import every_method
 
-from gslcosim.methods.card import card_beside
+from gslcosim.methods.card import find_card_beside
 from gslcosim.scenario.bundled import bundled_agents
 
 ROOM = Path(__file__).parents[2] / "scenarios" / "tiny_room.yaml"
@@ -31,7 +31,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
 
 @cache
 def card_of(name):
-    return card_beside(bundled_agents()[name])
+    return find_card_beside(bundled_agents()[name])
 
 
 def sensors_for(card):

@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import pytest
-from flights import AGENTS, AROUND_A_WALL, EVERY_VEHICLE, ON_BOARD, TINY_ROOM, fly, fly_here, start
+from real_runs import AGENTS, AROUND_A_WALL, EVERY_VEHICLE, ON_BOARD, TINY_ROOM, fly, fly_here, start
 
 
 def digest_of(ended):

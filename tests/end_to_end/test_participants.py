@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from flights import TINY_ROOM, fly, fly_here
+from real_runs import TINY_ROOM, fly, fly_here
 
 from gslcosim.cli.main import main
 from gslcosim.conformance.scaffold import PARTICIPANT_TEMPLATES

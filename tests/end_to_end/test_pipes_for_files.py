@@ -6,7 +6,7 @@ import sys
 
 import pytest
 from deadlines import PROCESS_S
-from flights import COMMAND, TINY_ROOM
+from real_runs import COMMAND, TINY_ROOM
 
 KINDS = {
     "scenario": ("up", "{pipe}.yaml"),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import yaml
-from flights import TINY_ROOM, fly, fly_here
+from real_runs import TINY_ROOM, fly, fly_here
 
 from gslcosim.search.learned.policies.policy import ActionSettings
 from gslcosim.search.learned.policies.policy_files import save_policy

@@ -8,7 +8,7 @@ import random
 import signal
 
 import pytest
-from flights import AROUND_A_WALL, EVERY_VEHICLE, ROOT, TINY_ROOM, Ended, fly, fly_here, start, with_agent
+from real_runs import AROUND_A_WALL, EVERY_VEHICLE, ROOT, TINY_ROOM, Ended, fly, fly_here, start, with_agent
 
 from gslcosim.cli.main import main
 

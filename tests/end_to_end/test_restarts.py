@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from flights import ROOT, TINY_ROOM, fly_here, start
+from real_runs import ROOT, TINY_ROOM, fly_here, start
 
 SWARM, EVENTS = (ROOT / "scenarios" / f"{name}.yaml" for name in ("swarm_tiny", "event_source"))
 # Nobody comes that near: the run lasts long enough to be disturbed.

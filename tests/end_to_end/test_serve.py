@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from deadlines import EVENT_S, PROCESS_S
-from flights import COMMAND, TINY_ROOM, fly_here, start, wait_a_moment, with_agent
+from real_runs import COMMAND, TINY_ROOM, fly_here, start, wait_a_moment, with_agent
 
 from gslcosim.base.errors import UsageError
 from gslcosim.cli.main import main

@@ -8,7 +8,7 @@ import re
 import shutil
 
 import pytest
-from flights import AGENTS, ROOT, TINY_ROOM, fly, fly_here
+from real_runs import AGENTS, ROOT, TINY_ROOM, fly, fly_here
 from snapshot_cases import CASES, write_movie
 from test_fork import SWARM, assert_same, compared, forked
 from test_readme import run

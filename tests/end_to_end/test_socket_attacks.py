@@ -14,7 +14,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from flights import AGENTS, COMMAND, ROOT, TINY_ROOM, fly, start, with_agent
+from real_runs import AGENTS, COMMAND, ROOT, TINY_ROOM, fly, start, with_agent
 
 from gslcosim.base.user_state import user_state_folder
 from gslcosim.runtime.processes.daemon_client import get_daemon_secret_file, get_daemon_socket, read_code_identity

@@ -6,7 +6,7 @@ import signal
 import sys
 
 import pytest
-from flights import AGENTS, ROOT, fly, fly_here, start, wait_a_moment
+from real_runs import AGENTS, ROOT, fly, fly_here, start, wait_a_moment
 
 SWARM = ROOT / "scenarios" / "swarm_tiny.yaml"
 

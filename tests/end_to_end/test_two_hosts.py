@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from deadlines import EVENT_S
-from flights import ROOT, TINY_ROOM, fly_here, start
+from real_runs import ROOT, TINY_ROOM, fly_here, start
 from two_hosts import HERE, Quality, make_certificates, two_hosts, why_not
 
 from gslcosim.base.kernel_cache import get_cache_root

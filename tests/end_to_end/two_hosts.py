@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from flights import COMMAND
-from wire import TUN, Ends, Quality, Wire
+from lossy_link import TUN, Ends, Quality, Wire
+from real_runs import COMMAND
 
 HERE, THERE = "10.213.7.1", "10.213.7.2"
 # Every Linux has it, and none makes less of a bad link; what the machine of a test uses may be better.

@@ -10,7 +10,7 @@ from PIL import Image
 import gslcosim
 from gslcosim.base.errors import ModelError, UsageError
 from gslcosim.cli.main import main
-from gslcosim.data.film.keyframes import FRAMES_PER_S, FilmCut, interpolate_pose
+from gslcosim.data.film.keyframes import FRAMES_PER_S, FilmSegment, interpolate_pose
 from gslcosim.data.film.panels import PlanPanel
 from gslcosim.data.film.render import render_frames
 from gslcosim_services.recorder.colors import MAP_OBSTACLES, agent_color
@@ -71,7 +71,7 @@ def test_two_seconds_of_film_show_the_vehicle_where_it_was(runs, tmp_path, capsy
 def test_the_plan_has_the_vehicle_at_its_place(runs):
     """The room of 6 x 5 m fills a panel of 320 x 288 pixels but for its margins: about 49 pixels a metre."""
     run = gslcosim.open_run(runs[0])
-    cut = FilmCut.of(run, from_s=2, to_s=8, speed=6)
+    cut = FilmSegment.of(run, from_s=2, to_s=8, speed=6)
     frames = [*render_frames([run], cut, (320, 360), has_room=False)]
     seen = [place_of(frame[:288], WHITE, 0) for frame in frames]
     flown = [interpolate_pose(run.tracks["beetle"], time_s)[0] for time_s in cut.times_s.tolist()]
@@ -130,7 +130,7 @@ def test_what_is_wrong_is_told(runs, tmp_path, capsys, monkeypatch):
     assert "Install it with: pip install 'gslcosim[film]'" in text
     assert not list(tmp_path.iterdir())
     opened = gslcosim.open_run(run)
-    cut = FilmCut.of(opened, from_s=0, to_s=1, speed=1)
+    cut = FilmSegment.of(opened, from_s=0, to_s=1, speed=1)
     with pytest.raises(UsageError, match="expected one run, was several"):
         render_frames([opened, opened], cut, (320, 200), follow="beetle")
 

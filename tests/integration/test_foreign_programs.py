@@ -9,7 +9,7 @@ import pytest
 from gslcosim.base.errors import SimulationFault
 from gslcosim.contract.messages import FieldSamples, GasAmount, MountSample
 from gslcosim.contract.participant import Episode
-from gslcosim.contract.participation import ParticipantValues
+from gslcosim.contract.participant_messages import ParticipantValues
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.external.core import ExternalCore

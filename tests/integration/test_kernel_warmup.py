@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.methods.card import card_beside
+from gslcosim.methods.card import find_card_beside
 from gslcosim.runtime.agents import kernel_warmup
 from gslcosim.runtime.agents.kernel_warmup import compile_agent_kernels
 from gslcosim.scenario.bundled import bundled_agents, bundled_scenarios
@@ -18,7 +18,7 @@ STARTED_APART = "agents[0].start={python: infotaxis, door: stdio}"
 
 @pytest.mark.parametrize("name", sorted(bundled_agents()))
 def test_each_bundled_agent_has_what_its_card_says_in_the_small_room(name):
-    card = card_beside(bundled_agents()[name])
+    card = find_card_beside(bundled_agents()[name])
     assert card is not None
     scenario = build_method_scenario(name, card, DIRECTORY)
     assert scenario.agents[0].start.python == name

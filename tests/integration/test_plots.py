@@ -8,7 +8,7 @@ import pytest
 
 import gslcosim
 from gslcosim.cli.main import main
-from gslcosim.data.figures import points_in_svg
+from gslcosim.data.figures import read_svg_points
 
 pytestmark = pytest.mark.slow
 
@@ -38,14 +38,14 @@ def test_points_read_back_from_svg_are_those_of_the_run(runs, tmp_path, capsys):
     out = plotted(tmp_path, folder, "--figure", "track,distance,gas", "--format", "svg")
     assert capsys.readouterr().out.split() == [str(out / f"{name}.svg") for name in ("track", "distance", "gas")]
     run = gslcosim.open_run(folder)
-    drawn = points_in_svg(out / "track.svg")
+    drawn = read_svg_points(out / "track.svg")
     np.testing.assert_allclose(drawn["track/beetle"], run.tracks["beetle"].position_world_m[:, :2], atol=0.003)
     np.testing.assert_allclose(drawn["waypoints/beetle"], run.waypoints["beetle"].position_world_m[:, :2], atol=0.003)
     np.testing.assert_allclose(drawn["source/0"], [run.scenario.gas.sources[0].position_m[:2]], atol=0.003)
     distance = run.figure("beetle", "distance")
-    found = points_in_svg(out / "distance.svg")["distance/beetle"]
+    found = read_svg_points(out / "distance.svg")["distance/beetle"]
     np.testing.assert_allclose(found, np.column_stack([distance.time_s, distance.value]), atol=0.005)
-    found = points_in_svg(out / "gas.svg")
+    found = read_svg_points(out / "gas.svg")
     response = next(one for one in run.readings if one.quantity == "response")
     np.testing.assert_allclose(found["response/beetle/nose"][:, 1], response.value, rtol=1e-4)
     assert len(found["true_ppm/beetle/nose/ethanol"]) == len(run.tracks["beetle"].tick)
@@ -72,13 +72,13 @@ def test_the_same_run_gives_the_same_bytes(runs, tmp_path):
 
 def test_several_runs_are_a_bundle_with_median_and_band(runs, tmp_path):
     out = plotted(tmp_path, *runs.values(), "--format", "svg")
-    drawn = points_in_svg(out / "distance.svg")
+    drawn = read_svg_points(out / "distance.svg")
     flights = [name for name in drawn if name.startswith("flight/surge_cast/")]
     assert len(flights) == 3
     at_s, median_m = drawn["median/surge_cast"].T
     held = [np.interp(at_s, *drawn[name].T) for name in flights]
     np.testing.assert_allclose(median_m, np.median(held, axis=0), atol=0.02)
-    tracks = points_in_svg(out / "track.svg")
+    tracks = read_svg_points(out / "track.svg")
     assert len([name for name in tracks if name.startswith("track/")]) == 4
 
 
@@ -118,7 +118,7 @@ def test_results_are_drawn_by_room(tmp_path, capsys):
     assert main(["bench", "run", "smoke", "--jobs", "1", "--results", str(tmp_path / "results"), "--json"]) == 0
     out = plotted(tmp_path / "figures", tmp_path / "results", "--format", "svg")
     assert {path.stem for path in out.iterdir()} == {"starts_tiny_room", "distance_tiny_room"}
-    starts = points_in_svg(out / "starts_tiny_room.svg")
+    starts = read_svg_points(out / "starts_tiny_room.svg")
     assert len(starts["starts/oracle"]) == 2
     capsys.readouterr()
     assert main(["runs", str(tmp_path / "results"), "--where", "method=oracle", "--json"]) == 0

@@ -43,7 +43,7 @@ from fault_expectations import (  # noqa: E402 - test folders are no packages
     TAKEN_ALONG,
     expected,
 )
-from flights import TINY_ROOM, children_of, command_of, is_running, wait_a_moment  # noqa: E402
+from real_runs import TINY_ROOM, children_of, command_of, is_running, wait_a_moment  # noqa: E402
 
 from gslcosim.base.rng import stream  # noqa: E402
 from gslcosim.base.scratch import ScratchFolder  # noqa: E402

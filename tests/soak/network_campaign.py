@@ -4,7 +4,8 @@
     python tests/soak/network_campaign.py --ticks 2000 --windows 256 --only 100
 
 World, referee, recorder and agent are on one host, fields and sensing on another: network namespaces of this machine,
-with a wire between them that delays, loses, reorders and cuts packets (`tests/end_to_end/wire.py`). Linux, as root.
+with a wire between them that delays, loses, reorders and cuts packets (`tests/end_to_end/lossy_link.py`). Linux, as
+root.
 In an open run the agent decides once; in a closed one it is the dung beetle, and all wait for it at its waypoints.
 """
 
@@ -22,9 +23,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tests" / "end_to_end")]
 
-from flights import TINY_ROOM, Ended, fly_here, start, wait_a_moment  # noqa: E402 - test folders are no packages
+from lossy_link import Quality, Tally  # noqa: E402
+from real_runs import TINY_ROOM, Ended, fly_here, start, wait_a_moment  # noqa: E402 - test folders are no packages
 from two_hosts import CONGESTION_CONTROL, HERE, two_hosts, why_not  # noqa: E402
-from wire import Quality, Tally  # noqa: E402
 
 WINDOWS_TICKS = (256, 1024, 4096)
 N_TICKS = 6000

@@ -14,7 +14,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "end_to_end"))
 
-from flights import ROOT, fly_here, start
+from real_runs import ROOT, fly_here, start
 
 SERVICES = ("world", "fields", "sensing", "referee")
 SCENARIOS = {"tiny_room": SERVICES, "swarm_tiny": (*SERVICES, "radio"), "event_source": (*SERVICES, "events")}

@@ -23,7 +23,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "end_to_end"))
 
-from flights import ROOT, UNRECORDED, fly_here
+from real_runs import ROOT, UNRECORDED, fly_here
 from snapshot_cases import CASES
 
 from gslcosim.cli.main import main as command

@@ -18,9 +18,9 @@ pub trait Method {
 }
 
 /// SplitMix64, which every language can repeat exactly.
-pub struct Draws(pub u64);
+pub struct RandomStream(pub u64);
 
-impl Draws {
+impl RandomStream {
     /// Returns the next random number in [0, 1).
     pub fn fraction(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use crate::common::{Draws, Method, N_TRIES, Nose, Parameters, Room, place_of, waypoint};
+use crate::common::{Method, N_TRIES, Nose, Parameters, RandomStream, Room, place_of, waypoint};
 use crate::messages::{Briefing, Command, Observation};
 
 /// Remembers the gas of its last stop and its last heading.
@@ -13,7 +13,7 @@ pub struct EColi {
     nose: Nose,
     room: Room,
     height_m: f64,
-    draws: Draws,
+    draws: RandomStream,
     before: Option<f64>,
     heading_rad: Option<f64>,
 }
@@ -31,7 +31,7 @@ impl EColi {
             nose: Nose::of(briefing)?,
             room: Room::of(briefing, settings.number("wall_margin_m", 0.5)?),
             height_m: briefing.search_height_m,
-            draws: Draws(briefing.seed),
+            draws: RandomStream(briefing.seed),
             before: None,
             heading_rad: None,
         })

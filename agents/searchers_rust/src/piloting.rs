@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
-use crate::common::{Draws, N_TRIES, Room, place_of, to_millimetre, waypoint};
+use crate::common::{N_TRIES, RandomStream, Room, place_of, to_millimetre, waypoint};
 use crate::messages::{Briefing, Command, Observation};
 use crate::sensing::exact_sum;
 
@@ -15,14 +15,14 @@ const N_SHORTEN: usize = 10;
 /// Flies legs to places, and never a refused leg again as it was; see `piloting.Pilot` of the Python package.
 pub struct Pilot {
     pub room: Room,
-    pub draws: Draws,
+    pub draws: RandomStream,
     height_m: f64,
     end_m: Option<[f64; 2]>,
 }
 
 impl Pilot {
     pub fn new(briefing: &Briefing, margin_m: f64) -> Self {
-        let (room, draws) = (Room::of(briefing, margin_m), Draws(briefing.seed));
+        let (room, draws) = (Room::of(briefing, margin_m), RandomStream(briefing.seed));
         Self { room, draws, height_m: briefing.search_height_m, end_m: None }
     }
 

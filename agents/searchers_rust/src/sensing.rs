@@ -116,9 +116,9 @@ pub struct Contact {
     pub upwind_rad: Option<f64>,
 }
 
-/// Takes note of hits and wind at every observation; see `contacts.PlumeWatch` of the Python package.
+/// Takes note of hits and wind at every observation; see `plume_contact.PlumeContactDetector` of the Python package.
 #[derive(Default)]
-pub struct PlumeWatch {
+pub struct PlumeContactDetector {
     nose: Nose,
     onset: Onset,
     threshold: f64, // of a hit, for sensors without onset
@@ -133,7 +133,7 @@ pub struct PlumeWatch {
     upwind_rad: Option<f64>,
 }
 
-impl PlumeWatch {
+impl PlumeContactDetector {
     pub fn new(briefing: &Briefing, threshold_ppm: f64, threshold_m_s: f64) -> Result<Self, String> {
         let nose = Nose::of(briefing)?;
         Ok(Self {

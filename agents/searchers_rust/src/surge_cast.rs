@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use crate::common::{Method, Parameters, place_of};
 use crate::messages::{Briefing, Command, Observation};
 use crate::piloting::{Leash, Pilot};
-use crate::sensing::{Contact, PlumeWatch, distance_m, exact_sum};
+use crate::sensing::{Contact, PlumeContactDetector, distance_m, exact_sum};
 use crate::unseen::UnseenSquares;
 
 const WANDER_M: f64 = 0.5;
@@ -38,7 +38,7 @@ pub struct SurgeCast {
     explore_hold_s: f64,
     n_leash_away: usize,
     pilot: Pilot,
-    watch: PlumeWatch,
+    watch: PlumeContactDetector,
     unseen: UnseenSquares,
     leash: Leash,
     least_memory_s: f64,
@@ -75,7 +75,7 @@ impl SurgeCast {
             hold_s: settings.number_if_given("hold_s")?,
             explore_hold_s: number("explore_hold_s", 0.0)?,
             n_leash_away: settings.whole("leash_away_legs", 6)?,
-            watch: PlumeWatch::new(briefing, number("threshold_ppm", 0.1)?, number("threshold_m_s", 0.1)?)?,
+            watch: PlumeContactDetector::new(briefing, number("threshold_ppm", 0.1)?, number("threshold_m_s", 0.1)?)?,
             unseen: UnseenSquares::new(&pilot.room, number("explore_step_m", 1.8)?),
             leash: Leash::new(settings.whole("leash_legs", 20)?, number("leash_m", 2.0)?),
             memory_s: number("memory_s", 5.0)?.max(least_memory_s).min(most_memory_s),

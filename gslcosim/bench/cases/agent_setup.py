@@ -12,7 +12,7 @@ from gslcosim.environment.build.position_checks import can_start_at
 from gslcosim.environment.geometry_model import EnvironmentGeometry
 from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
-from gslcosim.methods.card import MethodCard, card_beside
+from gslcosim.methods.card import MethodCard, find_card_beside
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.scenario.serialization import plain_values
@@ -32,7 +32,7 @@ NO_GAS = {"kind": "scheduled", "schedule": [[0, 0]]}
 def find_card(entry: EntrySpec, directory: Path) -> MethodCard | None:
     """Return the card of an entry's method, if there is one beside its program."""
     program = find_program(entry, directory)
-    return card_beside(program) if program is not None else None
+    return find_card_beside(program) if program is not None else None
 
 
 def find_program(entry: EntrySpec, directory: Path) -> Path | None:

@@ -24,7 +24,7 @@ from gslcosim.environment.store import load_environment
 from gslcosim.methods.card import MethodCard
 from gslcosim.scenario import Scenario, load_scenario
 from gslcosim.scenario.loader import find_scenario, resolve_values
-from gslcosim.scenario.problems import InvalidScenarioError, Marks, Place, ProblemLike, locate
+from gslcosim.scenario.problems import InvalidScenarioError, ProblemLike, TextLocation, TextLocations, locate
 from gslcosim.scenario.serialization import plain_values
 from gslcosim.scenario.yaml_tree import read_yaml
 from gslcosim_services.sensing.method_checks import find_method_problems
@@ -235,7 +235,9 @@ class _Planner:
                 if problems := find_position_problems(scenario, scenario_dir=directory):
                     if owner.suite.when == "places_are_free":
                         return DroppedCase(case=case.name, reason=_text_of(problems[0]))
-                    raise InvalidScenarioError(locate(problems, Marks(Place(source=case.set_in))), name=case.set_in)
+                    raise InvalidScenarioError(
+                        locate(problems, TextLocations(TextLocation(source=case.set_in))), name=case.set_in
+                    )
                 resolved = _Resolved(case, scenario, directory, self._room_key(scenario, directory))
             gas_seed = derive_seed(case.suite_seed, "gas", case.scenario, repetition % case.gas_seeds)
             for is_control in (False, True) if repetition < case.n_controls else (False,):

@@ -6,8 +6,8 @@ import time
 from pathlib import Path
 from typing import TypedDict
 
-from gslcosim.base.foreign_json import ForeignFileError, read_json
 from gslcosim.base.kernel_cache import get_cache_root
+from gslcosim.base.untrusted_json import MalformedFileError, read_json
 
 # Simulated seconds a worker flies in one by the clock, where nothing has been measured yet.
 DEFAULT_PACE = 120.0
@@ -25,7 +25,7 @@ def measured_pace() -> float:
     """Return how many simulated seconds a worker flies in a second here, as last measured."""
     try:
         measured = read_json(_file(), _Pace)["sim_s_per_s"]
-    except ForeignFileError:
+    except MalformedFileError:
         return DEFAULT_PACE
     return measured if 0.0 < measured < math.inf else DEFAULT_PACE
 

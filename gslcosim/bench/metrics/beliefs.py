@@ -53,7 +53,7 @@ def score_belief(belief: Belief, sources_m: Sequence[Vec3], *, within_m: float) 
         within_m: The success radius [m].
 
     Held by:
-        tests/unit/benchmark/metrics/test_beliefs.py
+        tests/unit/bench/metrics/test_beliefs.py
     """
     score = compute_belief_score(belief, sources_m, within_m=within_m)
     p, origin_m = belief.probability.to_array(), belief.origin_m

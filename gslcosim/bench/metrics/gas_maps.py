@@ -37,7 +37,7 @@ def solve_transport(supply, demand, cost):
         Edmonds and Karp 1972, Theoretical improvements in algorithmic efficiency for network flow problems,
         doi:10.1145/321694.321699; the dense search as in Jonker and Volgenant 1987, doi:10.1007/BF02278710.
     Held by:
-        tests/unit/benchmark/metrics/test_gas_maps.py (linear programs in scipy, closed forms)
+        tests/unit/bench/metrics/test_gas_maps.py (linear programs in scipy, closed forms)
     """
     n, m = cost.shape
     left, wanted = supply.copy(), demand.copy()
@@ -138,7 +138,7 @@ def earth_movers_distance_m(a: ArrayLike, b: ArrayLike, cell_m: float) -> float 
         Rubner, Tomasi and Guibas 2000, The earth mover's distance as a metric for image retrieval,
         doi:10.1023/A:1026543900054.
     Held by:
-        tests/unit/benchmark/metrics/test_gas_maps.py
+        tests/unit/bench/metrics/test_gas_maps.py
     """
     first, second = _checked(a, b)
     if not (first.sum() > 0.0 and second.sum() > 0.0):

@@ -43,7 +43,7 @@ def min_distance_to_solid(points_m, is_solid, origin_m, cell_m, up_to_m):
         The distance, at most `up_to_m`; 0 inside a solid cell.
 
     Held by:
-        tests/unit/benchmark/metrics/test_ways.py (against brute force)
+        tests/unit/bench/metrics/test_path_metrics.py (against brute force)
     """
     least_m2 = up_to_m * up_to_m
     away_m2 = np.empty(3)
@@ -166,7 +166,7 @@ def spl(length_m: float, shortest_m: float | None, *, success: bool) -> float | 
         Anderson et al. 2018, On evaluation of embodied navigation agents, arXiv:1807.06757; there the mean of
         this over flights.
     Held by:
-        tests/unit/benchmark/metrics/test_ways.py
+        tests/unit/bench/metrics/test_path_metrics.py
     """
     if not success:
         return 0.0
@@ -213,7 +213,7 @@ def directness(
     Deviation:
         In three dimensions, so the angle has no sign: there is no left and right of a line in space.
     Held by:
-        tests/unit/benchmark/metrics/test_ways.py
+        tests/unit/bench/metrics/test_path_metrics.py
     """
     track = as_points("positions_m", positions_m)
     flown_m = path_length_m(track) if length_m is None else length_m

@@ -35,7 +35,7 @@ def score(
     Source:
         Chosen; a success counts more than any time, and a false alarm costs half.
     Held by:
-        tests/unit/benchmark/metrics/test_scores.py
+        tests/unit/bench/metrics/test_scores.py
     """
     if not 0.0 <= time_s <= limit_s or limit_s <= 0.0:
         raise ValueError(

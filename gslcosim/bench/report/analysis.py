@@ -8,9 +8,9 @@ import numpy as np
 
 from gslcosim.bench.report.curves import (
     BeliefTracks,
+    CurveWithBand,
     DeclarationCounts,
     FinalBelief,
-    Line,
     TimeSummary,
     belief_curves,
     belief_tracks,
@@ -79,13 +79,13 @@ class ReportView:
     n_trials: int
     n_controls: int
     standings: tuple[LeaderboardRow, ...]
-    curves: tuple[Line, ...]
+    curves: tuple[CurveWithBand, ...]
     times: tuple[TimeSummary, ...]
-    profiles: tuple[Line, ...]
-    runtimes: Mapping[str, tuple[Line, ...]]
+    profiles: tuple[CurveWithBand, ...]
+    runtimes: Mapping[str, tuple[CurveWithBand, ...]]
     pairs: tuple[EntryComparison, ...]
     declarations: tuple[DeclarationCounts, ...]
-    beliefs: Mapping[str, tuple[Line, ...]]
+    beliefs: Mapping[str, tuple[CurveWithBand, ...]]
     last_beliefs: tuple[FinalBelief, ...]
 
 

@@ -29,7 +29,7 @@ _FEWER_DRAWS = 500
 
 
 @dataclass(frozen=True, kw_only=True)
-class Line:
+class CurveWithBand:
     """A line of an entry with its band: (m,) each; `n` trials."""
 
     entry: int
@@ -102,13 +102,13 @@ def limit_s(rows: TrialRows) -> float:
     return float(np.max(rows["time_limit_s"], initial=1.0))
 
 
-def success_curves(material: ReportData, within: Flags) -> tuple[Line, ...]:
+def success_curves(material: ReportData, within: Flags) -> tuple[CurveWithBand, ...]:
     """Return for each entry which share had found the source over time."""
     rows, at_s = material.rows, np.linspace(0.0, limit_s(material.rows), _TIMES)
-    lines: list[Line] = []
+    lines: list[CurveWithBand] = []
     for entry, some in rows_by_entry(material, within):
         c = cumulative_success(rows.time_s[some], rows["success"][some], at_s)
-        lines.append(Line(entry=entry, x=at_s, value=c.value, low=c.low, high=c.high, n=c.n))
+        lines.append(CurveWithBand(entry=entry, x=at_s, value=c.value, low=c.low, high=c.high, n=c.n))
     return tuple(lines)
 
 
@@ -134,13 +134,13 @@ def _times(rows: TrialRows, entry: int, some: Ints, edges_s: Floats) -> TimeSumm
     )
 
 
-def profile_curves(material: ReportData, within: Flags) -> tuple[Line, ...]:
+def profile_curves(material: ReportData, within: Flags) -> tuple[CurveWithBand, ...]:
     """Return for each entry in which share of pairs it was within a factor of the oracle's time; none without one."""
     rows, oracle = material.rows, material.index_of_anchor("lower")
     if oracle is None:
         return ()
     factors = np.geomspace(1.0, _LARGEST_FACTOR, _FACTORS)
-    lines: list[Line] = []
+    lines: list[CurveWithBand] = []
     for entry, _ in rows_by_entry(material, within):
         own, best = paired_rows(rows, within, entry, oracle)
         found = rows["success"][best] & (rows.time_s[best] > 0.0)
@@ -148,15 +148,15 @@ def profile_curves(material: ReportData, within: Flags) -> tuple[Line, ...]:
         if not own.size:
             continue
         p = performance_profile(np.where(rows["success"][own], rows.time_s[own], math.inf), rows.time_s[best], factors)
-        lines.append(Line(entry=entry, x=factors, value=p.value, low=p.low, high=p.high, n=p.n))
+        lines.append(CurveWithBand(entry=entry, x=factors, value=p.value, low=p.low, high=p.high, n=p.n))
     return tuple(lines)
 
 
-def runtime_curves(material: ReportData, within: Flags) -> Mapping[str, tuple[Line, ...]]:
+def runtime_curves(material: ReportData, within: Flags) -> Mapping[str, tuple[CurveWithBand, ...]]:
     """Return which share had come within radii over time: of all radii together (`all`), and of each."""
     rows, at_s = material.rows, np.linspace(0.0, limit_s(material.rows), _TIMES)
     names = [f"time_within_{radius}_m_s" for radius in RADII_M]
-    lines: dict[str, list[Line]] = {key: [] for key in ("all", *RADII_M)}
+    lines: dict[str, list[CurveWithBand]] = {key: [] for key in ("all", *RADII_M)}
     for entry, some in rows_by_entry(material, within):
         met_s = np.stack([rows[name][some] for name in names], axis=1)
         pooled = runtime_distribution(met_s, at_s, clusters=plume_clusters(rows, some), n_draws=_FEWER_DRAWS)
@@ -168,9 +168,9 @@ def runtime_curves(material: ReportData, within: Flags) -> Mapping[str, tuple[Li
     return {key: tuple(found) for key, found in lines.items()}
 
 
-def _line(entry: int, curve: Curve) -> Line:
+def _line(entry: int, curve: Curve) -> CurveWithBand:
     c = curve
-    return Line(entry=entry, x=c.at_s, value=c.value, low=c.low, high=c.high, n=c.n)
+    return CurveWithBand(entry=entry, x=c.at_s, value=c.value, low=c.low, high=c.high, n=c.n)
 
 
 def summarise_declarations(material: ReportData, within: Flags) -> tuple[DeclarationCounts, ...]:
@@ -280,7 +280,7 @@ def _mean_of(rows: TrialRows, column: str, some: Ints) -> Estimate:
     return stratified_bootstrap(rows[column][some], rows.cells[some], mean, clusters=plume_clusters(rows, some))
 
 
-def belief_curves(material: ReportData, within: Flags, tracks: BeliefTracks) -> Mapping[str, tuple[Line, ...]]:
+def belief_curves(material: ReportData, within: Flags, tracks: BeliefTracks) -> Mapping[str, tuple[CurveWithBand, ...]]:
     """Return the means of `mass` (within the radius) and `distance` [m] over time; nan where half have none yet."""
     return {
         "mass": _belief_lines(material, within, tracks.at_s, tracks.mass_near),
@@ -288,8 +288,10 @@ def belief_curves(material: ReportData, within: Flags, tracks: BeliefTracks) -> 
     }
 
 
-def _belief_lines(material: ReportData, within: Flags, at_s: Floats, series: Mapping[int, Floats]) -> tuple[Line, ...]:
-    lines: list[Line] = []
+def _belief_lines(
+    material: ReportData, within: Flags, at_s: Floats, series: Mapping[int, Floats]
+) -> tuple[CurveWithBand, ...]:
+    lines: list[CurveWithBand] = []
     for entry, some in rows_by_entry(material, within):
         having = np.array([i for i in some.tolist() if i in series], dtype=np.int64)
         if having.size:
@@ -306,6 +308,6 @@ def _mean_at(values: Floats, cells: Ints) -> Estimate:
     return stratified_bootstrap(values[known], cells[known], mean, n_draws=_FEWER_DRAWS)
 
 
-def _line_of(entry: int, x: Floats, points: Sequence[Estimate], n: int) -> Line:
+def _line_of(entry: int, x: Floats, points: Sequence[Estimate], n: int) -> CurveWithBand:
     value, low, high = (np.array([getattr(p, part) for p in points]) for part in ("value", "low", "high"))
-    return Line(entry=entry, x=x, value=value, low=low, high=high, n=n)
+    return CurveWithBand(entry=entry, x=x, value=value, low=low, high=high, n=n)

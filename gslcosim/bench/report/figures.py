@@ -9,7 +9,7 @@ import numpy as np
 
 from gslcosim.base.errors import UsageError
 from gslcosim.bench.report.analysis import Analysis
-from gslcosim.bench.report.curves import Line, rows_by_entry
+from gslcosim.bench.report.curves import CurveWithBand, rows_by_entry
 from gslcosim.bench.report.page import LineStyle, assign_line_styles
 from gslcosim.bench.report.plan_drawings import PlanDrawing, build_plan_drawings, compute_start_success
 from gslcosim.bench.report.report_data import Ints, ReportData, load_report_data
@@ -20,7 +20,7 @@ from gslcosim.data.figures.style import (
     INK,
     OKABE_ITO,
     STYLE,
-    look,
+    get_line_style,
     matplotlib_for,
     new_figure,
     safe_text,
@@ -96,7 +96,14 @@ def _drawn(analysis: Analysis) -> list[int]:
 
 
 def _lines(
-    analysis: Analysis, axes: Any, lines: Sequence[Line], x: str, y: str, *, log: bool = False, step: bool = True
+    analysis: Analysis,
+    axes: Any,
+    lines: Sequence[CurveWithBand],
+    x: str,
+    y: str,
+    *,
+    log: bool = False,
+    step: bool = True,
 ) -> None:
     looks, by_entry = assign_line_styles(analysis), {line.entry: line for line in lines}
     for entry in _drawn(analysis):
@@ -253,7 +260,7 @@ def _distances(figure: Any, material: ReportData, room: PlanDrawing) -> None:
     anchors = {"lower": {"color": INK, "ls": DASHES[1]}, "upper": {"color": FAINT, "ls": DASHES[1]}}
     looks = {entry.name: anchors[entry.anchor] for entry in material.entries if entry.anchor}
     others = [name for name in bundles if name not in looks]
-    looks |= {name: look(i) for i, name in enumerate(others)}
+    looks |= {name: get_line_style(i) for i, name in enumerate(others)}
     distance_bundle(axes, bundles, radius_m=radii.pop() if len(radii) == 1 else None, looks=looks)
     axes.set_title(safe_text(room.label), loc="left")
     figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=1, handlelength=2.2)

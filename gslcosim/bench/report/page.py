@@ -13,7 +13,7 @@ from markupsafe import Markup, escape
 
 from gslcosim.bench.report import number_formats
 from gslcosim.bench.report.analysis import Analysis, ReportView
-from gslcosim.bench.report.curves import RADII_M, Line, limit_s
+from gslcosim.bench.report.curves import RADII_M, CurveWithBand, limit_s
 from gslcosim.bench.report.plan_drawings import QUANTUM_M, PlanDrawing, encode_plan
 from gslcosim.bench.report.provenance import describe_provenance
 from gslcosim.bench.report.report_data import Floats
@@ -222,7 +222,7 @@ def _roc(entry: int, curve: Roc) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _lines(lines: Sequence[Line]) -> list[dict[str, Any]]:
+def _lines(lines: Sequence[CurveWithBand]) -> list[dict[str, Any]]:
     return [
         {"e": line.entry, "v": _list(line.value), "l": _list(line.low), "h": _list(line.high), "n": line.n}
         for line in lines

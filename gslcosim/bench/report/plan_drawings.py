@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.base.foreign_json import JsonObject, parse_json
+from gslcosim.base.untrusted_json import JsonObject, parse_json
 from gslcosim.bench.report.curves import rows_by_entry
 from gslcosim.bench.report.report_data import EnvironmentMap, Floats, Ints, ReportData
 from gslcosim.bench.statistics.estimates import Estimate

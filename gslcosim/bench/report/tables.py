@@ -12,7 +12,7 @@ from typing import Any
 
 from gslcosim.bench.report import number_formats
 from gslcosim.bench.report.analysis import Analysis
-from gslcosim.bench.report.curves import BELIEF_FIGURES, Line
+from gslcosim.bench.report.curves import BELIEF_FIGURES, CurveWithBand
 from gslcosim.bench.report.difficulty import DifficultyCauses
 from gslcosim.bench.report.leaderboard import LeaderboardRow
 from gslcosim.bench.report.provenance import describe_provenance
@@ -119,7 +119,7 @@ def _lines(analysis: Analysis, x: str, of_view: Any, kind: str = "") -> Iterator
                 yield from _points(line, [view.key, *([label] if kind else []), names[line.entry]])
 
 
-def _points(line: Line, before: list[Any]) -> Iterator[Sequence[Any]]:
+def _points(line: CurveWithBand, before: list[Any]) -> Iterator[Sequence[Any]]:
     for point in zip(line.x.tolist(), line.value.tolist(), line.low.tolist(), line.high.tolist(), strict=True):
         yield [*before, *point, line.n]
 

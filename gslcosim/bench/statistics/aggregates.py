@@ -96,7 +96,7 @@ def stratified_bootstrap(
     Source:
         Agarwal et al. 2021, arXiv:2108.13264, with the ends of `estimates.percentile_interval`.
     Held by:
-        tests/unit/benchmark/statistics/test_aggregates.py, test_simulated_entries.py (coverage)
+        tests/unit/bench/statistics/test_aggregates.py, test_simulated_entries.py (coverage)
     """
     values = as_finite_row(values, "values")
     return bootstrap(

@@ -26,7 +26,7 @@ def lift(success: np.ndarray, luck: np.ndarray, *, paired: bool, level: float = 
     Source:
         Chosen; blind walks come near 14 to 22 % of the sources of GSL-Bench, so a rate alone says little.
     Held by:
-        tests/unit/benchmark/statistics/test_lift.py (statsmodels; published examples), test_simulated_entries.py
+        tests/unit/bench/statistics/test_lift.py (statsmodels; published examples), test_simulated_entries.py
     """
     success, luck = np.asarray(success, dtype=bool), np.asarray(luck, dtype=bool)
     if paired:

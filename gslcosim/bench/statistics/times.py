@@ -65,7 +65,7 @@ def kaplan_meier(time_s: np.ndarray, reached: np.ndarray, at_s: np.ndarray, leve
     Deviation:
         Where none or all have reached, the log(-log) form is undefined: Wilson's interval of so many trials.
     Held by:
-        tests/unit/benchmark/statistics/test_times.py (lifelines; leukaemia trial of Freireich et al. 1963)
+        tests/unit/bench/statistics/test_times.py (lifelines; leukaemia trial of Freireich et al. 1963)
     """
     time_s, reached = _trials(time_s, reached)
     at_s = np.asarray(at_s, dtype=np.float64)
@@ -152,7 +152,7 @@ def restricted_mean(
     Source:
         Royston and Parmar 2013, doi:10.1186/1471-2288-13-152.
     Held by:
-        tests/unit/benchmark/statistics/test_times.py (lifelines), test_simulated_entries.py (coverage)
+        tests/unit/bench/statistics/test_times.py (lifelines), test_simulated_entries.py (coverage)
     """
     counted_s = counted_times(time_s, reached, limit_s)
     return _mean(counted_s, np.asarray(reached, dtype=bool), limit_s, clusters, level, seed, n_draws)

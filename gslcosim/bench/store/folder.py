@@ -17,8 +17,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from gslcosim.base.errors import MachineError, UsageError
-from gslcosim.base.foreign_json import ForeignFileError, JsonObject, read_json, read_json_lines
 from gslcosim.base.os_errors import build_machine_error, find_remedy
+from gslcosim.base.untrusted_json import JsonObject, MalformedFileError, read_json, read_json_lines
 from gslcosim.bench.store.columns import (
     REQUIRED_COLUMNS,
     SERIES,
@@ -104,7 +104,7 @@ def read_journal(path: Path) -> Iterator[JournalEntry]:
     """Yield the rows of a journal, in the order in which they came; nothing where there is none.
 
     Raises:
-        ForeignFileError: it cannot be read, or a line is no row of this version.
+        MalformedFileError: it cannot be read, or a line is no row of this version.
     """
     if not path.is_file():
         return
@@ -114,7 +114,7 @@ def read_journal(path: Path) -> Iterator[JournalEntry]:
             if tracks is not None:
                 unpack_tracks(tracks)
         except (ValueError, zlib.error) as error:
-            raise ForeignFileError(
+            raise MalformedFileError(
                 f"{path.parent.name}/{path.name}:{number}: tracks: expected packed tracks, was {error}. "
                 f"{_FLY_AGAIN}\nFile: {path}"
             ) from error
@@ -350,7 +350,7 @@ class ResultsFolder:
         """Return a JSON file of the folder; empty where there is none.
 
         Raises:
-            ForeignFileError: it cannot be read, or is something else.
+            MalformedFileError: it cannot be read, or is something else.
         """
         if not path.is_file():
             return {}

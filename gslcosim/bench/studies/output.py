@@ -11,7 +11,7 @@ from typing import Any
 from gslcosim.bench.statistics.estimates import Estimate
 from gslcosim.bench.studies.setting_figures import SettingFigures
 from gslcosim.bench.studies.sweep import SweepResult
-from gslcosim.bench.studies.tuning import BATCH, TriedSetting, TuningResult
+from gslcosim.bench.studies.tuning import BATCH, EvaluatedSetting, TuningResult
 
 SWEEP_SCHEMA, TUNING_SCHEMA = "gslcosim/sweep/1", "gslcosim/tuning/1"
 
@@ -129,7 +129,7 @@ def write_fields(path: Path, fields: Mapping[str, Any]) -> None:
     write_text(path, json.dumps(fields, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
-def _tried_fields(tried: TriedSetting) -> dict[str, Any]:
+def _tried_fields(tried: EvaluatedSetting) -> dict[str, Any]:
     return {
         "setting": tried.setting.name,
         "parameters": _values(tried.setting.parameters),

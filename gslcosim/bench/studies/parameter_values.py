@@ -11,7 +11,7 @@ from gslcosim.base.yaml_core import CoreLoader
 from gslcosim.bench.studies.target import StudyTarget
 from gslcosim.contract.messages import ParameterValue
 from gslcosim.methods.card import MethodCard, Parameter
-from gslcosim.methods.needs import find_shortages
+from gslcosim.methods.needs import find_unmet_needs
 
 _PART = "parameters."
 _DIGITS = 4
@@ -112,7 +112,7 @@ def check_value(option: str, name: str, value: Any, card: MethodCard | None) -> 
     """
     if card is None:
         return tuple(value) if isinstance(value, list) else value
-    shortages = find_shortages(card, sensors=(), knows=(), n_channels=0, parameters={name: value})
+    shortages = find_unmet_needs(card, sensors=(), knows=(), n_channels=0, parameters={name: value})
     wrong = next((each for each in shortages if each.part.startswith(_PART)), None)
     if wrong is not None:
         raise UsageError(f"{option} {name}: expected {wrong.expected}, was {wrong.found}. {wrong.remedy}")

@@ -90,7 +90,7 @@ TRAINING, VALIDATION, STUDY = "training", "validation", "study.log"
 
 
 @dataclass(frozen=True, kw_only=True)
-class TriedSetting:
+class EvaluatedSetting:
     """A setting and what its flights came to."""
 
     setting: Setting
@@ -143,15 +143,15 @@ class TuningResult:
     seed: int
     budget: Budget
     training_seed: int
-    tried: tuple[TriedSetting, ...]
+    tried: tuple[EvaluatedSetting, ...]
     n_asked: int
-    best: TriedSetting
+    best: EvaluatedSetting
     difference: Estimate | None
     validation: Validation | None
     n_flown_before: int
 
     @property
-    def default(self) -> TriedSetting:
+    def default(self) -> EvaluatedSetting:
         """The method as it was entered."""
         return self.tried[0]
 
@@ -174,7 +174,7 @@ class TuningProgress:
     most_settings: int
     n_flights: int
     budget: int
-    best: TriedSetting
+    best: EvaluatedSetting
 
 
 class Tuner:
@@ -217,7 +217,7 @@ class Tuner:
         self._report = report
         self._tell = tell
         self._flights: dict[str, SettingRuns] = {}
-        self._tried: list[TriedSetting] = []
+        self._tried: list[EvaluatedSetting] = []
 
     def tune(self) -> TuningResult:
         """Search, validate, and return what came of it.
@@ -299,7 +299,7 @@ class Tuner:
     def _take(self, settings: Sequence[Setting], rows: Mapping[str, Sequence[Row]]) -> None:
         for setting in settings:
             self._flights[setting.name] = group_runs(rows[setting.name])
-            self._tried.append(TriedSetting(setting=setting, figures=compute_figures(self._flights[setting.name])))
+            self._tried.append(EvaluatedSetting(setting=setting, figures=compute_figures(self._flights[setting.name])))
 
     def _default_values(self) -> tuple[tuple[str, object], ...]:
         return tuple((each.name, self._subject.default_of(each.name)) for each in self._ranges)

@@ -59,13 +59,13 @@ def _size(text: str) -> tuple[int, int]:
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.base.errors import ModelError
     from gslcosim.data.film.encoder import write_film
-    from gslcosim.data.film.keyframes import FilmCut
+    from gslcosim.data.film.keyframes import FilmSegment
     from gslcosim.data.film.render import render_frames
     from gslcosim.data.run import open_run
 
     names = arguments.runs or [None]
     runs = [open_run(find_in_run(name, runs_dir=arguments.runs_dir, file_name=RECORDING)) for name in names]
-    cuts = [FilmCut.of(run, from_s=arguments.from_s, to_s=arguments.to_s, speed=arguments.speed) for run in runs]
+    cuts = [FilmSegment.of(run, from_s=arguments.from_s, to_s=arguments.to_s, speed=arguments.speed) for run in runs]
     cut = max(cuts, key=lambda one: one.to_s)
     frames = render_frames(runs, cut, arguments.size, follow=arguments.follow, has_room=not arguments.plan_only)
     n_frames = len(cut.times_s)

@@ -96,7 +96,7 @@ def _numbers(text: str) -> tuple[float, ...]:
 
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.environment.build.random_positions import draw_positions
-    from gslcosim.environment.generation import build_orders, generate_many
+    from gslcosim.environment.generation import build_jobs, generate_many
     from gslcosim.scenario.recipes import load_recipe
 
     recipe = load_recipe(arguments.source, overrides=arguments.set, checks=(check_places,), placer=draw_positions)
@@ -105,7 +105,7 @@ def _run(arguments: argparse.Namespace) -> int:
         return _study_meshes(recipe, arguments)
     if arguments.compare_solvers:
         return _compare_solvers(recipe, arguments)
-    orders = build_orders(recipe, arguments.out, n=arguments.count, first_seed=arguments.seed)
+    orders = build_jobs(recipe, arguments.out, n=arguments.count, first_seed=arguments.seed)
     with _progress_bar(is_quiet=arguments.json) as report:
         outcomes = generate_many(orders, jobs=arguments.jobs, report=report)
     if arguments.json:
@@ -141,10 +141,10 @@ def _study_meshes(recipe: "Recipe", arguments: argparse.Namespace) -> int:
 
 
 def _compare_solvers(recipe: "Recipe", arguments: argparse.Namespace) -> int:
-    from gslcosim.environment.generation.solver_comparison import compare_on, comparison_to_json
+    from gslcosim.environment.generation.solver_comparison import compare_solvers_in, comparison_to_json
 
     with _progress_bar(is_quiet=arguments.json) as report:
-        compared = compare_on(recipe, arguments.out, progress=report)
+        compared = compare_solvers_in(recipe, arguments.out, progress=report)
     if arguments.json:
         write_json(comparison_to_json(compared))
     else:

@@ -93,7 +93,7 @@ def _settings(block: type["BaseModel"], kind: str, tag_key: str) -> list[Row]:
 
 
 def _vehicles() -> list[Row]:
-    from gslcosim.vehicles import get_vehicle, vehicle_names
+    from gslcosim.vehicles import get_vehicle, list_vehicle_names
 
     return [
         {
@@ -103,7 +103,7 @@ def _vehicles() -> list[Row]:
             "width_m": f"{2 * vehicle.body.radius_m:g}",
             "description": vehicle.description,
         }
-        for vehicle in map(get_vehicle, vehicle_names())
+        for vehicle in map(get_vehicle, list_vehicle_names())
     ]
 
 
@@ -114,9 +114,9 @@ def _gases() -> list[Row]:
 
 
 def _layouts() -> list[Row]:
-    from gslcosim.scenario.model_schema import list_blocks, slot_at
+    from gslcosim.scenario.model_schema import find_schema_node, list_blocks
 
-    blocks = list_blocks(slot_at(("environment", "layout")).annotation)
+    blocks = list_blocks(find_schema_node(("environment", "layout")).annotation)
     return [{"name": name, "description": (block.__doc__ or "").partition("\n")[0]} for name, block in blocks.items()]
 
 

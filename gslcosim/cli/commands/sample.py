@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from gslcosim.environment.model import Environment
     from gslcosim.scenario import Scenario
     from gslcosim_services.fields.gas_field import PointGrid
-    from gslcosim_services.fields.offline.samplers import Fields, Instant, ViewOptions
+    from gslcosim_services.fields.offline.samplers import FieldSampler, Instant, ViewOptions
 
 EXAMPLES = """  gslcosim sample environments/001 --frame 400 --points points.csv --out ppm.csv
   gslcosim sample runs/my_run --time 60 --grid 0.25 --out ppm.npz
@@ -86,7 +86,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _sample_points(
-    arguments: argparse.Namespace, fields: "Fields", instant: "Instant", view: "ViewOptions"
+    arguments: argparse.Namespace, fields: "FieldSampler", instant: "Instant", view: "ViewOptions"
 ) -> "NDArray[np.float64]":
     from gslcosim.cli.point_files import read_points, write_values
 
@@ -99,7 +99,7 @@ def _sample_points(
 
 
 def _sample_grid(
-    arguments: argparse.Namespace, fields: "Fields", instant: "Instant", view: "ViewOptions", grid: "PointGrid"
+    arguments: argparse.Namespace, fields: "FieldSampler", instant: "Instant", view: "ViewOptions", grid: "PointGrid"
 ) -> "NDArray[np.float64]":
     import numpy as np
 
@@ -121,7 +121,7 @@ def _sample_grid(
 
 
 def _values_at(
-    quantity: str, points_m: "NDArray[np.float64]", fields: "Fields", instant: "Instant", view: "ViewOptions"
+    quantity: str, points_m: "NDArray[np.float64]", fields: "FieldSampler", instant: "Instant", view: "ViewOptions"
 ) -> "tuple[Sequence[str], NDArray[np.float64]]":
     import numpy as np
 
@@ -147,21 +147,21 @@ def _check_inside(points_m: "NDArray[np.float64]", grid: Any) -> None:
         )
 
 
-def _fields_of(arguments: argparse.Namespace) -> "Fields":
+def _fields_of(arguments: argparse.Namespace) -> "FieldSampler":
     from gslcosim.environment.store import HEADER_FILE, load_environment
-    from gslcosim_services.fields.offline.samplers import ScenarioFields, find_stored_fields
+    from gslcosim_services.fields.offline.samplers import ScenarioFieldSampler, find_stored_field_sampler
 
     folder = Path(arguments.source)
     if (folder / HEADER_FILE).is_file():
         environment = load_environment(folder)
         scenario = _scenario(arguments.scenario)[0] if arguments.scenario else None
-        return ScenarioFields(environment, scenario, gas=arguments.gas)
+        return ScenarioFieldSampler(environment, scenario, gas=arguments.gas)
     if arguments.scenario:
         raise UsageError(f"--scenario: expected an environment folder of ours with it, was {arguments.source}.")
     if (folder / "scenario.yaml").is_file():
         return _run_fields(folder, arguments.gas)
     if folder.is_dir():
-        stored = find_stored_fields(folder, period_s=arguments.period)
+        stored = find_stored_field_sampler(folder, period_s=arguments.period)
         if stored is None:
             raise UsageError(
                 f"{folder}: expected an environment folder ({HEADER_FILE}), a run (scenario.yaml), an environment of "
@@ -174,10 +174,10 @@ def _fields_of(arguments: argparse.Namespace) -> "Fields":
 
 
 # The id of a run, or a scenario, whose environment is then made.
-def _named_fields(arguments: argparse.Namespace) -> "Fields":
+def _named_fields(arguments: argparse.Namespace) -> "FieldSampler":
     from gslcosim.environment.generation import prepare_environment
     from gslcosim.environment.store import load_environment
-    from gslcosim_services.fields.offline.samplers import ScenarioFields
+    from gslcosim_services.fields.offline.samplers import ScenarioFieldSampler
 
     runs_dir: Path = arguments.runs_dir
     runs = sorted(runs_dir.glob(f"{arguments.source}*/scenario.yaml")) if runs_dir.is_dir() else []
@@ -192,7 +192,7 @@ def _named_fields(arguments: argparse.Namespace) -> "Fields":
         )
     scenario, directory = _scenario(arguments.source)
     environment = load_environment(prepare_environment(scenario, scenario_dir=directory))
-    return ScenarioFields(environment, scenario, gas=arguments.gas)
+    return ScenarioFieldSampler(environment, scenario, gas=arguments.gas)
 
 
 def _is_bundled(name: str) -> bool:
@@ -209,24 +209,24 @@ def _scenario(source: str) -> "tuple[Scenario, Path]":
     return loaded.scenario, loaded.directory
 
 
-def _run_fields(folder: Path, gas: str | None) -> "Fields":
+def _run_fields(folder: Path, gas: str | None) -> "FieldSampler":
     from gslcosim.runtime.run_dir import RunDir
-    from gslcosim_services.fields.offline.samplers import ScenarioFields
+    from gslcosim_services.fields.offline.samplers import ScenarioFieldSampler
 
     scenario = RunDir(folder).load_scenario()
-    return ScenarioFields(_environment_of_run(folder, scenario), scenario, gas=gas)
+    return ScenarioFieldSampler(_environment_of_run(folder, scenario), scenario, gas=gas)
 
 
 # The one that the run had; when the cache was cleared since, the same one made anew.
 def _environment_of_run(folder: Path, scenario: "Scenario") -> "Environment":
-    from gslcosim.base.foreign_json import ForeignFileError
+    from gslcosim.base.untrusted_json import MalformedFileError
     from gslcosim.environment.generation import prepare_environment
     from gslcosim.environment.store import load_environment
     from gslcosim.runtime.run_dir import RunDir
 
     try:
         return load_environment(Path(RunDir(folder).load_setup()["environment"]))
-    except (ForeignFileError, EnvironmentDataError):
+    except (MalformedFileError, EnvironmentDataError):
         return load_environment(prepare_environment(scenario, scenario_dir=folder))
 
 

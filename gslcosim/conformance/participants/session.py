@@ -21,7 +21,7 @@ from gslcosim.contract.environment_messages import WIND, WindShare
 from gslcosim.contract.keys import AGENT_PLACEHOLDER as ANY_AGENT
 from gslcosim.contract.keys import KEY_TABLE
 from gslcosim.contract.messages import Bounds, Ending, FieldSamples, Message, ParameterValue
-from gslcosim.contract.participation import (
+from gslcosim.contract.participant_messages import (
     PARTICIPATION_VERSION,
     VENTILATION,
     ParticipantBriefing,

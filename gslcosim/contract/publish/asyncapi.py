@@ -7,7 +7,7 @@ import yaml
 from gslcosim.contract import codec
 from gslcosim.contract.keys import AGENT_PLACEHOLDER, KEY_TABLE, KeyEntry
 from gslcosim.contract.messages import CONTRACT_VERSION, Ending, Message
-from gslcosim.contract.participation import (
+from gslcosim.contract.participant_messages import (
     PARTICIPATION_VERSION,
     ParticipantBriefing,
     ParticipantHello,

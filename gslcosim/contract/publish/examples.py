@@ -46,7 +46,7 @@ from gslcosim.contract.messages import (
     Verdict,
     Waypoint,
 )
-from gslcosim.contract.participation import (
+from gslcosim.contract.participant_messages import (
     ParticipantBriefing,
     ParticipantHello,
     ParticipantInputs,

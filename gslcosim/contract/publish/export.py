@@ -6,7 +6,7 @@ from typing import Any
 
 from gslcosim.contract.codec import MAX_NESTING
 from gslcosim.contract.messages import CONTRACT_VERSION
-from gslcosim.contract.participation import PARTICIPATION_VERSION
+from gslcosim.contract.participant_messages import PARTICIPATION_VERSION
 from gslcosim.contract.publish.asyncapi import build_agent_yaml, build_participant_yaml
 from gslcosim.contract.publish.vectors import build_vectors
 from gslcosim.contract.schema import (

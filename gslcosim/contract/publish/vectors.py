@@ -15,7 +15,7 @@ import msgpack  # pyright: ignore[reportMissingTypeStubs]
 
 from gslcosim.contract import codec
 from gslcosim.contract.messages import CONTRACT_VERSION, Command, Message
-from gslcosim.contract.participation import PARTICIPATION_VERSION, ParticipantHello, ParticipantOutputs
+from gslcosim.contract.participant_messages import PARTICIPATION_VERSION, ParticipantHello, ParticipantOutputs
 from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.contract.schema import list_message_types
 
@@ -25,7 +25,7 @@ _Fields = dict[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Accepted:
+class AcceptedVector:
     """A message as somebody may write it; see this module's docstring."""
 
     name: str
@@ -36,7 +36,7 @@ class Accepted:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rejected:
+class RejectedVector:
     """Bytes or text that are no message of this type; `json` with bytes that are no UTF-8 is given as `json_hex`."""
 
     name: str
@@ -58,7 +58,7 @@ def build_vectors(message_type: type[Message]) -> dict[str, Any]:
     }
 
 
-def build_accepted(message_type: type[Message]) -> Iterator[Accepted]:
+def build_accepted(message_type: type[Message]) -> Iterator[AcceptedVector]:
     """Yield the examples of a message as gslcosim writes them, then the first of them as others may write it."""
     examples = {name: message for name, message in EXAMPLES.items() if type(message) is message_type}
     for name, message in examples.items():
@@ -68,24 +68,24 @@ def build_accepted(message_type: type[Message]) -> Iterator[Accepted]:
         yield _build_accepted_case(name, change(message), message, canonical=False)
     wide = _pack_wide(message.model_dump())
     fields = _as_json(message.model_dump())
-    yield Accepted(name="wide_headers", canonical=False, fields=fields, msgpack=wide.hex())
-    yield Accepted(name="indented", canonical=False, fields=fields, json=json.dumps(fields, indent=1))
+    yield AcceptedVector(name="wide_headers", canonical=False, fields=fields, msgpack=wide.hex())
+    yield AcceptedVector(name="indented", canonical=False, fields=fields, json=json.dumps(fields, indent=1))
 
 
-def build_rejected(message_type: type[Message]) -> Iterator[Rejected]:
+def build_rejected(message_type: type[Message]) -> Iterator[RejectedVector]:
     """Yield what a reader of this message must reject."""
     example = next(message for message in EXAMPLES.values() if type(message) is message_type)
     for fault in (*_COMMON_FAULTS, *_FAULTS_BY_MESSAGE.get(message_type.__name__, ())):
         yield _apply_fault(fault, {**example.model_dump(), **fault.change})
     whole = codec.encode(example)
-    yield Rejected(
+    yield RejectedVector(
         name="cut_off",
         reason="ends before the message does",
         schema_refuses=True,
         msgpack=whole[:-1].hex(),
         json=codec.encode_json(example).decode()[:-1],
     )
-    yield Rejected(
+    yield RejectedVector(
         name="more_behind",
         reason="something follows the message",
         schema_refuses=True,
@@ -93,20 +93,24 @@ def build_rejected(message_type: type[Message]) -> Iterator[Rejected]:
         json=codec.encode_json(example).decode() + "{}",
     )
     yield from _build_untrusted_rejections(example)
-    yield Rejected(name="no_map", reason="an array, not a map", schema_refuses=True, msgpack="9107", json="[7]")
-    yield Rejected(name="nothing", reason="no bytes at all", schema_refuses=True, msgpack="", json="")
-    yield Rejected(name="number_as_key", reason="keys are text", schema_refuses=True, msgpack="810707")
-    yield Rejected(name="never_used_byte", reason="c1 begins nothing in msgpack", schema_refuses=True, msgpack="c1")
-    yield Rejected(name="not_utf_8", reason="text is UTF-8", schema_refuses=True, msgpack="81a1ff07", json_hex="22ff22")
+    yield RejectedVector(name="no_map", reason="an array, not a map", schema_refuses=True, msgpack="9107", json="[7]")
+    yield RejectedVector(name="nothing", reason="no bytes at all", schema_refuses=True, msgpack="", json="")
+    yield RejectedVector(name="number_as_key", reason="keys are text", schema_refuses=True, msgpack="810707")
+    yield RejectedVector(
+        name="never_used_byte", reason="c1 begins nothing in msgpack", schema_refuses=True, msgpack="c1"
+    )
+    yield RejectedVector(
+        name="not_utf_8", reason="text is UTF-8", schema_refuses=True, msgpack="81a1ff07", json_hex="22ff22"
+    )
 
 
 # Only what agents write is looked at so closely: see `codec.unpack_foreign`.
-def _build_untrusted_rejections(example: Message) -> Iterator[Rejected]:
+def _build_untrusted_rejections(example: Message) -> Iterator[RejectedVector]:
     if not isinstance(example, Command | ParticipantHello | ParticipantOutputs):
         return
     fields = example.model_dump()
     twice: bytes = _msgpack.Packer(use_bin_type=True).pack_map_pairs([("tick", 8), *fields.items()])
-    yield Rejected(
+    yield RejectedVector(
         name="key_twice",
         reason="a key is there once",
         schema_refuses=False,
@@ -124,8 +128,8 @@ def _build_untrusted_rejections(example: Message) -> Iterator[Rejected]:
 # ---------------------------------------------------------------- other ways to write the same
 
 
-def _build_accepted_case(name: str, written: _Fields, message: Message, *, canonical: bool) -> Accepted:
-    return Accepted(
+def _build_accepted_case(name: str, written: _Fields, message: Message, *, canonical: bool) -> AcceptedVector:
+    return AcceptedVector(
         name=name,
         canonical=canonical,
         fields=_as_json(message.model_dump()),
@@ -409,11 +413,11 @@ _FAULTS_BY_MESSAGE = {
 }
 
 
-def _apply_fault(fault: _Fault, fields: _Fields) -> Rejected:
+def _apply_fault(fault: _Fault, fields: _Fields) -> RejectedVector:
     written = {name: value for name, value in fields.items() if value is not _DROP}
     # NaN is no JSON; but some languages write it, and a reader must not let it in.
     text = json.dumps(_as_json(written), ensure_ascii=False, separators=(",", ":"))
-    return Rejected(
+    return RejectedVector(
         name=fault.name,
         reason=fault.reason,
         schema_refuses=fault.schema_refuses,
@@ -428,5 +432,5 @@ def _as_json(fields: _Fields) -> _Fields:
     return json.loads(text)
 
 
-def _drop_absent(case: Accepted | Rejected) -> dict[str, Any]:
+def _drop_absent(case: AcceptedVector | RejectedVector) -> dict[str, Any]:
     return {name: value for name, value in asdict(case).items() if value is not None}

@@ -13,7 +13,7 @@ from gslcosim.data.figures.style import (
     SOLID,
     SOURCE,
     gas_map,
-    look,
+    get_line_style,
     part_of_matplotlib,
     safe_text,
 )
@@ -120,7 +120,7 @@ def swarm_tracks(axes: Any, run: RunData) -> Any:
         _track(axes, run, agent, i, label=agent)
         every = np.searchsorted(track.time_s, np.arange(_TIME_MARK_S, track.time_s[-1], _TIME_MARK_S))
         x_m, y_m, _ = track.position_world_m.T
-        color = look(i)["color"]
+        color = get_line_style(i)["color"]
         axes.plot(x_m[every], y_m[every], ls="", marker="o", ms=2.2, color=color, zorder=5, gid=f"every_10_s/{agent}")
         axes.plot(x_m[-1:], y_m[-1:], ls="", marker="o", ms=5, color=color, mec=INK, mew=0.6, zorder=6)
         axes.plot(x_m[:1], y_m[:1], ls="", marker="s", ms=3.5, color="white", mec=color, zorder=6)
@@ -215,12 +215,12 @@ def _track(axes: Any, run: RunData, agent: str, i: int, *, label: str, gid: str 
     x_m, y_m, _ = run.tracks[agent].position_world_m.T
     effects = part_of_matplotlib("patheffects")
     halo = effects.withStroke(linewidth=2.2, foreground="white", alpha=0.8)
-    axes.plot(x_m, y_m, **look(i), lw=1.1, zorder=4.5, label=safe_text(label), gid=gid or f"track/{agent}",
+    axes.plot(x_m, y_m, **get_line_style(i), lw=1.1, zorder=4.5, label=safe_text(label), gid=gid or f"track/{agent}",
               path_effects=[halo])  # fmt: skip
 
 
 def _places(axes: Any, run: RunData, agent: str, i: int, *, is_named: bool) -> None:
-    color, marks, waypoints = look(i)["color"], run.marks[agent], run.waypoints[agent].position_world_m
+    color, marks, waypoints = get_line_style(i)["color"], run.marks[agent], run.waypoints[agent].position_world_m
     if len(waypoints):
         axes.plot(*waypoints.T[:2], ls="", marker="o", ms=2.4, color="white", mec=color, mew=0.7, zorder=5,
                   label="waypoint" if is_named else "_", gid=f"waypoints/{agent}")  # fmt: skip

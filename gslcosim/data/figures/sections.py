@@ -15,7 +15,7 @@ from gslcosim.data.figures.style import (
     SOURCE,
     SPEED_MAP,
     gas_map,
-    look,
+    get_line_style,
     part_of_matplotlib,
     safe_text,
 )
@@ -124,7 +124,7 @@ def track_3d(axes: Any, run: RunData) -> None:
             lw=0.6,
             label="shadow on the floor" if i == 0 else "_",
         )
-        axes.plot(x, y, z, **look(i), label=label, gid=f"track_3d/{agent}")
+        axes.plot(x, y, z, **get_line_style(i), label=label, gid=f"track_3d/{agent}")
         axes.plot(x[:1], y[:1], z[:1], ls="", marker="s", ms=4, color="white", mec=INK, mew=0.7,
                   label="start" if i == 0 else "_")  # fmt: skip
     for i, source in enumerate(run.scenario.gas.sources):

@@ -21,7 +21,7 @@ _LIMITS = re.compile(r"limits (\S+) (\S+) (\S+) (\S+)")
 _PAIR = re.compile(r"[ML] (\S+) (\S+)")
 
 
-def name_axes(figure: Any) -> None:
+def write_axis_limits(figure: Any) -> None:
     """Write the limits of all axes with linear scales into a figure, from which points are read back."""
     figure.canvas.draw()
     for axes in figure.axes:
@@ -30,7 +30,7 @@ def name_axes(figure: Any) -> None:
             axes.patch.set_gid(f"limits {limits}")
 
 
-def points_in_svg(path: Path | str) -> dict[str, NDArray[np.float64]]:
+def read_svg_points(path: Path | str) -> dict[str, NDArray[np.float64]]:
     """Return the (n, 2) points of each named line or group of markers of a figure, in its axes' units.
 
     Raises:
@@ -98,7 +98,7 @@ STYLE = {
 _EXACT = {"path.simplify": False, "agg.path.chunksize": 0, "axes.titlesize": 8, "legend.fontsize": 7}
 
 
-def look(i: int) -> dict[str, Any]:
+def get_line_style(i: int) -> dict[str, Any]:
     """Return colour and line style of the i-th of several lines, told apart in colour and in grey."""
     return {"color": OKABE_ITO[i % len(OKABE_ITO)], "ls": DASHES[i % len(DASHES)]}
 
@@ -159,7 +159,7 @@ def save(figure: Any, stem: Path, formats: Sequence[str], *, dots_per_inch: int 
     Raises:
         MachineError: a file cannot be written.
     """
-    name_axes(figure)
+    write_axis_limits(figure)
     written: list[Path] = []
     for kind in formats:
         path = stem.with_name(f"{stem.name}.{kind}")

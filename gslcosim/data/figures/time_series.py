@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.data.figures.style import FAINT, INK, OKABE_ITO, SOURCE, look, safe_text
+from gslcosim.data.figures.style import FAINT, INK, OKABE_ITO, SOURCE, get_line_style, safe_text
 from gslcosim.data.run import RunData
 from gslcosim.data.streams import RecordedSeries
 
@@ -23,7 +23,7 @@ def distance(axes: Any, run: RunData) -> None:
         curve = run.figure(agent, "distance")
         if curve is None:
             continue
-        axes.plot(curve.time_s, curve.value, **look(i), label="distance" if is_one else safe_text(agent),
+        axes.plot(curve.time_s, curve.value, **get_line_style(i), label="distance" if is_one else safe_text(agent),
                   gid=f"distance/{agent}")  # fmt: skip
         marks = run.marks[agent]
         at_s = [t for t, text in zip(marks.time_s, marks.label, strict=True) if text == "first gas"]
@@ -55,7 +55,7 @@ def distance_bundle(
     end_s = max((float(time_s[-1]) for curves in bundles.values() for time_s, _ in curves), default=1.0)
     at_s = np.linspace(0.0, end_s, _N_TIMES)
     for i, (label, curves) in enumerate(bundles.items()):
-        style = (looks or {}).get(label) or look(i)
+        style = (looks or {}).get(label) or get_line_style(i)
         for k, (time_s, distance_m) in enumerate(curves[:_MOST_THIN_LINES]):
             axes.plot(time_s, distance_m, color=style["color"], lw=0.5, alpha=0.35, gid=f"flight/{label}/{k}")
         held = np.stack([np.interp(at_s, time_s, distance_m) for time_s, distance_m in curves])
@@ -75,7 +75,7 @@ def true_gas(axes: Any, run: RunData, *, agent: str | None = None) -> None:
     several = len({one.gas for one in found}) > 1
     for i, one in enumerate(found):
         label = f"{one.sensor}, {one.gas}" if several else one.sensor
-        axes.plot(one.time_s, one.value, **look(i), lw=0.8, label=safe_text(label),
+        axes.plot(one.time_s, one.value, **get_line_style(i), lw=0.8, label=safe_text(label),
                   gid=f"true_ppm/{name}/{one.sensor}/{one.gas}")  # fmt: skip
     _time_axis(axes, run, "true mixing\nratio [ppm]")
 
@@ -86,7 +86,7 @@ def sensor_response(axes: Any, run: RunData, *, agent: str | None = None) -> Non
     found = [one for one in run.readings if one.agent == name and one.quantity == "response"]
     found = [one for one in found if one.unit == found[0].unit]
     for i, one in enumerate(found):
-        axes.plot(one.time_s, one.value, **look(i), lw=0.8, label=safe_text(one.sensor),
+        axes.plot(one.time_s, one.value, **get_line_style(i), lw=0.8, label=safe_text(one.sensor),
                   gid=f"response/{name}/{one.sensor}")  # fmt: skip
     unit = found[0].unit if found else ""
     _time_axis(axes, run, f"reported\n[{ {'ohm': 'Ω', '1': '-'}.get(unit, unit) }]")
@@ -107,7 +107,7 @@ def belief_quality(axes: Any, run: RunData) -> None:
 def _held(axes: Any, curve: RecordedSeries, run: RunData, i: int, gid: str, label: str) -> None:
     end_s = run.tracks[curve.agent].time_s[-1]
     time_s, value = np.append(curve.time_s, end_s), np.append(curve.value, curve.value[-1])
-    axes.plot(time_s, value, **look(i), drawstyle="steps-post", label=safe_text(label), gid=gid)
+    axes.plot(time_s, value, **get_line_style(i), drawstyle="steps-post", label=safe_text(label), gid=gid)
 
 
 def _radius(axes: Any, radius_m: float | None) -> None:

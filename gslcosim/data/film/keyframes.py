@@ -16,7 +16,7 @@ FRAMES_PER_S = 25
 
 
 @dataclass(frozen=True, kw_only=True)
-class FilmCut:
+class FilmSegment:
     """A part of a run [s of simulated time], shown `speed` times as fast as it was."""
 
     from_s: float
@@ -24,7 +24,7 @@ class FilmCut:
     speed: float
 
     @classmethod
-    def of(cls, run: RunData, *, from_s: float | None, to_s: float | None, speed: float) -> "FilmCut":
+    def of(cls, run: RunData, *, from_s: float | None, to_s: float | None, speed: float) -> "FilmSegment":
         """Return the cut of a run; what is absent is its beginning or its end.
 
         Raises:

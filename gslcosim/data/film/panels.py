@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw, ImageFont
 from gslcosim.base.frames import yaw_from_quaternion
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import Quaternion
-from gslcosim.data.film.keyframes import FilmCut
+from gslcosim.data.film.keyframes import FilmSegment
 from gslcosim.data.run import RunData
 from gslcosim.data.streams import RecordedSeries
 from gslcosim.environment.model import Cell
@@ -191,7 +191,7 @@ class StripPanel:
         size_px: Width and height.
     """
 
-    def __init__(self, run: RunData, agent: str, cut: FilmCut, size_px: tuple[int, int]) -> None:
+    def __init__(self, run: RunData, agent: str, cut: FilmSegment, size_px: tuple[int, int]) -> None:
         self._cut, self._size_px = cut, size_px
         color = agent_color(run.agents.index(agent))
         gas = next((one for one in run.samples if (one.agent, one.quantity) == (agent, "mixing_ratio")), None)

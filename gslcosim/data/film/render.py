@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw
 
 from gslcosim.base.errors import UsageError
 from gslcosim.data.film.chase_panel import ChasePanel
-from gslcosim.data.film.keyframes import FRAMES_PER_S, FilmCut, interpolate_pose
+from gslcosim.data.film.keyframes import FRAMES_PER_S, FilmSegment, interpolate_pose
 from gslcosim.data.film.panels import PlanPanel, StripPanel, draw_text
 from gslcosim.data.run import RunData
 from gslcosim_services.recorder import colors
@@ -19,7 +19,12 @@ _TITLE_PX = 22
 
 
 def render_frames(
-    runs: Sequence[RunData], cut: FilmCut, size_px: tuple[int, int], *, follow: str | None = None, has_room: bool = True
+    runs: Sequence[RunData],
+    cut: FilmSegment,
+    size_px: tuple[int, int],
+    *,
+    follow: str | None = None,
+    has_room: bool = True,
 ) -> Iterator[NDArray[np.uint8]]:
     """Yield the frames of a film, (height, width, 3), 25 for each second.
 
@@ -45,7 +50,7 @@ def render_frames(
 
 
 def _one(
-    run: RunData, cut: FilmCut, size_px: tuple[int, int], follow: str, *, has_room: bool
+    run: RunData, cut: FilmSegment, size_px: tuple[int, int], follow: str, *, has_room: bool
 ) -> Iterator[NDArray[np.uint8]]:
     width, height = size_px
     strip_height = round(height * _STRIP_SHARE)
@@ -68,7 +73,7 @@ def _one(
             chase.close()
 
 
-def _tiles(runs: Sequence[RunData], cut: FilmCut, size_px: tuple[int, int]) -> Iterator[NDArray[np.uint8]]:
+def _tiles(runs: Sequence[RunData], cut: FilmSegment, size_px: tuple[int, int]) -> Iterator[NDArray[np.uint8]]:
     columns = math.ceil(math.sqrt(len(runs)))
     rows = math.ceil(len(runs) / columns)
     tile = (size_px[0] // columns, size_px[1] // rows)

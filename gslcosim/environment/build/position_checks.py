@@ -63,10 +63,10 @@ def _hits(scenario: Scenario, room: EnvironmentGeometry | Environment, door: Box
     hits = [path for path, cell in cells if room.grid.contains_cell(cell) and is_door[tuple(cell)]]
     alone = replace(room, boxes=(door,))
     starts = [(f"agents[{i}].vehicle.start_m", agent.vehicle) for i, agent in enumerate(scenario.agents)]
-    return hits + [path for path, each in starts if boxes_in_the_way(np.asarray([each.start_m]), each, alone)[0]]
+    return hits + [path for path, each in starts if find_blocking_boxes(np.asarray([each.start_m]), each, alone)[0]]
 
 
-def boxes_in_the_way(
+def find_blocking_boxes(
     starts_m: NDArray[np.float64], vehicle: VehicleSpec, room: EnvironmentGeometry | Environment
 ) -> list[list[str]]:
     """Return the names of the boxes, except the floor, that reach into the column from each start up to search height.
@@ -188,7 +188,7 @@ def _is_between(values: NDArray[np.float64], limits: tuple[float, float]) -> NDA
 def can_start_at(start_m: Vec3, vehicle: VehicleSpec, room: EnvironmentGeometry | Environment) -> bool:
     """Return whether a vehicle can stand at a point of the world frame [m] and rise there to its search height."""
     is_free = _what_is_at(start_m, room) is None
-    return is_free and not boxes_in_the_way(np.asarray([start_m]), vehicle, room)[0]
+    return is_free and not find_blocking_boxes(np.asarray([start_m]), vehicle, room)[0]
 
 
 # Air whose six neighbours are air too; the walls around the grid are solid.
@@ -269,7 +269,7 @@ def _problem_of_height(vehicle: VehicleSpec, room: EnvironmentGeometry | Environ
 def _problem_of_start(vehicle: VehicleSpec, room: EnvironmentGeometry | Environment, path: str) -> Problem | None:
     expected, found = "a point in the room's air", _what_is_at(vehicle.start_m, room)
     if found is None:
-        hits = boxes_in_the_way(np.asarray([vehicle.start_m]), vehicle, room)[0]
+        hits = find_blocking_boxes(np.asarray([vehicle.start_m]), vehicle, room)[0]
         if not hits:
             return None
         expected = (
@@ -294,7 +294,7 @@ def nearest_start_m(vehicle: VehicleSpec, room: EnvironmentGeometry | Environmen
         if room.grid.origin_m[2] <= start_m[2] < room.grid.max_m[2]:
             candidates_m[:, 2] = start_m[2]
         distances_m = np.linalg.norm(candidates_m - start_m, axis=1)
-        hits = boxes_in_the_way(candidates_m, vehicle, room)
+        hits = find_blocking_boxes(candidates_m, vehicle, room)
         free = [i for i in np.argsort(distances_m, kind="stable") if not hits[i] and distances_m[i] <= reach_m]
         if free:
             return _as_vec3(candidates_m[free[0]])

@@ -4,16 +4,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gslcosim.environment.generation.batch import GenerationOrder, GenerationResult, build_orders, generate_many
+    from gslcosim.environment.generation.batch import GenerationJob, GenerationResult, build_jobs, generate_many
     from gslcosim.environment.generation.builder import generate_environment, save_with_scene_and_picture
     from gslcosim.environment.generation.cache import find_environment, prepare_environment
     from gslcosim.environment.generation.wind import Progress
 
 __all__ = [
-    "GenerationOrder",
+    "GenerationJob",
     "GenerationResult",
     "Progress",
-    "build_orders",
+    "build_jobs",
     "find_environment",
     "generate_environment",
     "generate_many",
@@ -22,10 +22,10 @@ __all__ = [
 ]
 
 _HOMES = {
-    "GenerationOrder": "batch",
+    "GenerationJob": "batch",
     "GenerationResult": "batch",
     "Progress": "wind",
-    "build_orders": "batch",
+    "build_jobs": "batch",
     "find_environment": "cache",
     "generate_environment": "builder",
     "generate_many": "batch",

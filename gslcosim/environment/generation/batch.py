@@ -21,7 +21,7 @@ from gslcosim.scenario.recipes import Recipe
 
 
 @dataclass(frozen=True, kw_only=True)
-class GenerationOrder:
+class GenerationJob:
     """An environment to make: from what, and where to put it."""
 
     spec: EnvironmentSpec
@@ -49,7 +49,7 @@ class GenerationResult:
     `random_source_m` is a place in its free air, drawn with the layout's seed, for those who want a source anywhere.
     """
 
-    order: GenerationOrder
+    order: GenerationJob
     duration_s: float
     n_air_cells: int | None = None
     n_solid_cells: int | None = None
@@ -60,9 +60,7 @@ class GenerationResult:
     is_refused_by_machine: bool = False
 
 
-def build_orders(
-    recipe: Recipe, folder: Path, *, n: int = 1, first_seed: int | None = None
-) -> tuple[GenerationOrder, ...]:
+def build_jobs(recipe: Recipe, folder: Path, *, n: int = 1, first_seed: int | None = None) -> tuple[GenerationJob, ...]:
     """Return orders of n environments, each with the next seed, the folder itself or `kind_seed` in it for several."""
     layout = recipe.environment.layout
     if layout is None:
@@ -78,14 +76,14 @@ def build_orders(
     )
 
 
-def _order(recipe: Recipe, spec: EnvironmentSpec, folder: Path) -> GenerationOrder:
-    return GenerationOrder(
+def _order(recipe: Recipe, spec: EnvironmentSpec, folder: Path) -> GenerationJob:
+    return GenerationJob(
         spec=spec, wind=recipe.wind, folder=folder, scenario_dir=recipe.directory, sources_m=recipe.sources_m
     )
 
 
 def generate_many(
-    orders: Sequence[GenerationOrder], *, jobs: int = 1, report: Progress | None = None
+    orders: Sequence[GenerationJob], *, jobs: int = 1, report: Progress | None = None
 ) -> tuple[GenerationResult, ...]:
     """Make environments, several at a time if wanted; one that fails does not keep the others from being made.
 
@@ -102,7 +100,7 @@ def generate_many(
     return tuple(outcomes[i] for i in range(len(orders)))
 
 
-def _made_one_by_one(orders: Sequence[GenerationOrder], report: Progress) -> Iterator[tuple[int, GenerationResult]]:
+def _made_one_by_one(orders: Sequence[GenerationJob], report: Progress) -> Iterator[tuple[int, GenerationResult]]:
     for i, order in enumerate(orders):
 
         def tell(text: str, fraction: float, i: int = i) -> None:
@@ -112,7 +110,7 @@ def _made_one_by_one(orders: Sequence[GenerationOrder], report: Progress) -> Ite
 
 
 def _made_by_processes(
-    orders: Sequence[GenerationOrder], jobs: int, report: Progress
+    orders: Sequence[GenerationJob], jobs: int, report: Progress
 ) -> Iterator[tuple[int, GenerationResult]]:
     # Spawned, because threads of this process must not be copied into the others.
     context = multiprocessing.get_context("spawn")
@@ -132,7 +130,7 @@ def _made_by_processes(
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _outcome_of(future: "Future[GenerationResult]", order: GenerationOrder) -> GenerationResult:
+def _outcome_of(future: "Future[GenerationResult]", order: GenerationJob) -> GenerationResult:
     try:
         return future.result()
     except BrokenProcessPool:
@@ -141,7 +139,7 @@ def _outcome_of(future: "Future[GenerationResult]", order: GenerationOrder) -> G
         )
 
 
-def _made(order: GenerationOrder, progress: Progress | None = None) -> GenerationResult:
+def _made(order: GenerationJob, progress: Progress | None = None) -> GenerationResult:
     started_s = time.perf_counter()
     try:
         made = generate_environment(

@@ -62,7 +62,7 @@ def compute_convergence(cells_m: Sequence[float], values: Sequence[float]) -> Co
     Deviation:
         The equation for p is solved by bisection: the fixed-point iteration of the latter does not always end.
     Held by:
-        tests/unit/generation/test_convergence.py
+        tests/unit/environment/generation/test_convergence.py
     """
     meshes = sorted(zip(cells_m, values, strict=True))[:3]
     if len(meshes) < 3:
@@ -157,7 +157,7 @@ def study_meshes(
         )
     if len(set(cells_m)) < 3:
         raise UsageError(f"--mesh-study: expected at least three different cells, was {len(set(cells_m))}.")
-    pairs = dividing_cells(layout.size_m, sorted(cells_m, reverse=True))
+    pairs = find_dividing_cell_sizes(layout.size_m, sorted(cells_m, reverse=True))
     probes = tuple(probes_m) or _default_probes(layout, recipe, [cell for _, cell in pairs])
     work = [cell_m**-4 for _, cell_m in pairs]
     runs: list[MeshRun] = []
@@ -178,7 +178,7 @@ def study_meshes(
     )
 
 
-def dividing_cells(size_m: Vec3, wanted_m: Sequence[float]) -> list[tuple[float, float]]:
+def find_dividing_cell_sizes(size_m: Vec3, wanted_m: Sequence[float]) -> list[tuple[float, float]]:
     """Return for each wanted edge of cells [m], coarsest first, the nearest that divides the room, each once.
 
     Raises:

@@ -23,7 +23,7 @@ JSON_FILE = "solver_comparison.json"
 DEFAULT_END_S = 5.0
 
 
-def compare_on(recipe: Recipe, folder: Path, *, progress: Progress | None = None) -> SolverComparison:
+def compare_solvers_in(recipe: Recipe, folder: Path, *, progress: Progress | None = None) -> SolverComparison:
     """Solve a room's wind by both solvers and save both environments, and the figures, to a folder.
 
     The folder then holds `built_in` and `openfoam`, environments with pictures from above, and

@@ -70,7 +70,7 @@ def flood_untouched(marks, seeds):
 
 
 @numba.njit(cache=True, nogil=True)
-def share_touched(marks, is_air):
+def assign_touched_cells(marks, is_air):
     """Return which cells are air, those included that a surface touches but whose centre lies in the air.
 
     Touched cells go to the nearer, in steps between centres that no surface crosses: the air, or any other untouched
@@ -171,7 +171,7 @@ def split_at_narrows(marks, clearance, seed):
         (nx, ny, nz) uint8: 1 the seed's, 2 the outside's, 0 neither.
 
     Held by:
-        tests/unit/environment/geometry/test_leaks.py
+        tests/unit/environment/geometry/test_solid_geometry.py
     """
     shape, strides = _shape_and_strides(marks)
     flat, width = marks.reshape(-1), clearance.reshape(-1)

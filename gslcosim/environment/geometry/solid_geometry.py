@@ -19,9 +19,9 @@ from gslcosim.environment.geometry.leaks import describe_leaks, find_leaks, has_
 from gslcosim.environment.geometry.mesh_formats import Part, load_parts
 from gslcosim.environment.geometry.surface_openings import (
     OPENINGS_PATH,
+    GeometryOpening,
     PlacedOpening,
-    Plug,
-    find_plugs,
+    find_geometry_openings,
     place_opening,
     seed_cells,
 )
@@ -65,7 +65,7 @@ class _Case:
     spec: GeometrySpec
     wind: SolverSpec
     surfaces: Surfaces
-    plugs: tuple[Plug, ...]
+    plugs: tuple[GeometryOpening, ...]
 
 
 def geometry_from_files(spec: GeometrySpec, wind: SolverSpec, *, base_dir: Path) -> EnvironmentGeometry:
@@ -85,7 +85,7 @@ def geometry_from_files(spec: GeometrySpec, wind: SolverSpec, *, base_dir: Path)
         ScenarioError: the geometry is no room; the text lists all reasons, holes with their places.
     """
     parts = _load(spec, base_dir)
-    plugs, walls, problems = find_plugs(spec, parts)
+    plugs, walls, problems = find_geometry_openings(spec, parts)
     problems += _problems_of_kinds(plugs, wind)
     raise_if_any(problems)
     corners_m = np.concatenate((np.empty((0, 3, 3)), *(plug.corners_m for plug in plugs)))
@@ -121,7 +121,7 @@ def _load(spec: GeometrySpec, base_dir: Path) -> list[Part]:
     return parts
 
 
-def _problems_of_kinds(plugs: Sequence[Plug], wind: SolverSpec) -> list[Problem]:
+def _problems_of_kinds(plugs: Sequence[GeometryOpening], wind: SolverSpec) -> list[Problem]:
     if wind.solver == "uniform":
         return []
     return [

@@ -27,7 +27,7 @@ _AUTOMATIC = re.compile(r"^(inlet|outlet)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plug:
+class GeometryOpening:
     """An opening as the geometry has it: flat, or thinnest, along `axis`, from `min_m` to `max_m`, world frame.
 
     `corners_m` is (n, 3, 3): the triangles that close it. `path` is its place in the scenario.
@@ -52,9 +52,11 @@ class PlacedOpening:
     duct_m: float
 
 
-def find_plugs(spec: GeometrySpec, parts: Sequence[Part]) -> tuple[list[Plug], list[Part], list[Problem]]:
+def find_geometry_openings(
+    spec: GeometrySpec, parts: Sequence[Part]
+) -> tuple[list[GeometryOpening], list[Part], list[Problem]]:
     """Return the openings, the parts that are not openings, and openings whose surface is not in the files."""
-    plugs: list[Plug] = []
+    plugs: list[GeometryOpening] = []
     problems: list[Problem] = []
     used: set[int] = set()
     for i, opening in enumerate(spec.openings):
@@ -77,7 +79,7 @@ def find_plugs(spec: GeometrySpec, parts: Sequence[Part]) -> tuple[list[Plug], l
     return plugs, [part for j, part in enumerate(parts) if j not in used], problems
 
 
-def seed_cells(plug: Plug, grid: Grid) -> NDArray[np.int64]:
+def seed_cells(plug: GeometryOpening, grid: Grid) -> NDArray[np.int64]:
     """Return the (n, 3) cells one to three cells before and behind places spread over an opening."""
     middle_m = (plug.min_m + plug.max_m) / 2
     half_m = (plug.max_m[plug.axis] - plug.min_m[plug.axis]) / 2
@@ -93,7 +95,7 @@ def seed_cells(plug: Plug, grid: Grid) -> NDArray[np.int64]:
 
 
 def place_opening(
-    plug: Plug, grid: Grid, is_air: NDArray[np.bool_], inlet_velocity_m_s: Vec3
+    plug: GeometryOpening, grid: Grid, is_air: NDArray[np.bool_], inlet_velocity_m_s: Vec3
 ) -> PlacedOpening | Problem:
     """Return an opening on the side of the grid that its air looks at.
 
@@ -138,7 +140,7 @@ def place_opening(
     return PlacedOpening(opening=opening, is_duct=is_duct, duct_m=int(duct.sum(axis=0).max()) * grid.cell_m)
 
 
-def _plug_of_box(opening: GeometryOpeningSpec, path: str) -> Plug:
+def _plug_of_box(opening: GeometryOpeningSpec, path: str) -> GeometryOpening:
     assert opening.box is not None, "checked by the caller"
     low_m, high_m = np.array(opening.box.min_m), np.array(opening.box.max_m)
     axis = int(np.argmin(high_m - low_m))
@@ -147,7 +149,7 @@ def _plug_of_box(opening: GeometryOpeningSpec, path: str) -> Plug:
     corners_m[1:3, b] = high_m[b]
     corners_m[2:4, c] = high_m[c]
     corners_m[:, axis] = (low_m[axis] + high_m[axis]) / 2
-    return Plug(
+    return GeometryOpening(
         name=opening.name,
         kind=opening.kind,
         axis=axis,
@@ -159,7 +161,7 @@ def _plug_of_box(opening: GeometryOpeningSpec, path: str) -> Plug:
     )
 
 
-def _plug_of_surface(opening: GeometryOpeningSpec, parts: Sequence[Part], path: str) -> Plug:
+def _plug_of_surface(opening: GeometryOpeningSpec, parts: Sequence[Part], path: str) -> GeometryOpening:
     return _plug_of_parts(opening.name, opening.kind, parts, path, opening.velocity_m_s)
 
 
@@ -169,10 +171,10 @@ def _plug_of_parts(
     parts: Sequence[Part],
     path: str,
     velocity_m_s: Vec3 | None = None,
-) -> Plug:
+) -> GeometryOpening:
     corners_m = np.concatenate([part.vertices_m[part.faces] for part in parts])
     low_m, high_m = corners_m.min(axis=(0, 1)), corners_m.max(axis=(0, 1))
-    return Plug(
+    return GeometryOpening(
         name=name,
         kind=kind,
         axis=int(np.argmin(high_m - low_m)),
@@ -225,7 +227,7 @@ def _duct(beside: NDArray[np.bool_], *, is_upper: bool) -> NDArray[np.bool_]:
     return duct if is_upper else duct[::-1]
 
 
-def _velocity_m_s(plug: Plug, face: Face, inlet_velocity_m_s: Vec3) -> Vec3:
+def _velocity_m_s(plug: GeometryOpening, face: Face, inlet_velocity_m_s: Vec3) -> Vec3:
     if plug.kind != "inlet":
         return (0.0, 0.0, 0.0)
     if plug.velocity_m_s is not None:
@@ -235,7 +237,12 @@ def _velocity_m_s(plug: Plug, face: Face, inlet_velocity_m_s: Vec3) -> Vec3:
 
 
 def _opening(
-    plug: Plug, face: Face, grid: Grid, is_used: NDArray[np.bool_], spans: Sequence[slice], velocity_m_s: Vec3
+    plug: GeometryOpening,
+    face: Face,
+    grid: Grid,
+    is_used: NDArray[np.bool_],
+    spans: Sequence[slice],
+    velocity_m_s: Vec3,
 ) -> Opening:
     min_m, max_m = [face.coordinate_m(grid)] * 3, [face.coordinate_m(grid)] * 3
     others = [axis for axis in range(3) if axis != face.axis]
@@ -252,7 +259,7 @@ def _opening(
     )
 
 
-def _problem(plug: Plug, expected: str, found: str) -> Problem:
+def _problem(plug: GeometryOpening, expected: str, found: str) -> Problem:
     span = f"{point_text(plug.min_m.tolist())} to {point_text(plug.max_m.tolist())} m"
     return Problem(
         path=plug.path,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.geometry.air_kernels import flood_untouched, share_touched
+from gslcosim.environment.geometry.air_kernels import assign_touched_cells, flood_untouched
 from gslcosim.environment.geometry.mesh_formats import Part
 from gslcosim.environment.geometry.triangle_kernels import (
     CROSSED,
@@ -185,7 +185,7 @@ def find_certain_air(voxels: SurfaceVoxels, cells: NDArray[np.int64]) -> Cells:
 
 def find_air(voxels: SurfaceVoxels, is_surely_air: Cells) -> Cells:
     """Return the cells whose centre is in the air, those that a surface passes included."""
-    return share_touched(voxels.marks, is_surely_air)
+    return assign_touched_cells(voxels.marks, is_surely_air)
 
 
 def thin_bodies(voxels: SurfaceVoxels, box_m: NDArray[np.float64]) -> Cells:

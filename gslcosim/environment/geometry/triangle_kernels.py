@@ -29,7 +29,7 @@ def is_overlapping(corners, centre, half):
         Akenine-Möller 2001, "Fast 3D triangle-box overlap testing", doi:10.1080/10867651.2001.10487535.
 
     Held by:
-        tests/unit/environment/geometry/test_surface_kernels.py
+        tests/unit/environment/geometry/test_triangle_kernels.py
     """
     ax, ay, az = corners[0, 0] - centre[0], corners[0, 1] - centre[1], corners[0, 2] - centre[2]
     bx, by, bz = corners[1, 0] - centre[0], corners[1, 1] - centre[1], corners[1, 2] - centre[2]
@@ -96,7 +96,7 @@ def mark_touched_inplace(marks, triangles):
         triangles: (n, 3, 3) corners, xyz, in cells from the grid's lower corner; triangles without area left out.
 
     Held by:
-        tests/unit/environment/geometry/test_surface_kernels.py
+        tests/unit/environment/geometry/test_triangle_kernels.py
     """
     for t in range(triangles.shape[0]):
         corners = triangles[t]
@@ -170,7 +170,7 @@ def find_crossings(triangles, shape, links, owners, places):
         places: (m,) float64, is filled with the coordinate along the axis, in cells.
 
     Held by:
-        tests/unit/environment/geometry/test_surface_kernels.py
+        tests/unit/environment/geometry/test_triangle_kernels.py
     """
     n_cells = shape[0] * shape[1] * shape[2]
     n_found = 0

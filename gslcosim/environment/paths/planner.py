@@ -43,7 +43,7 @@ def block_near_boxes_inplace(blocked, lows_m, highs_m, origin_m, cell_m, clearan
     Source:
         Our derivation.
     Held by:
-        tests/unit/environment/paths/test_planning.py (against brute force)
+        tests/unit/environment/paths/test_planner.py (against brute force)
     """
     low, high, gap_m = np.zeros(3, np.int64), np.zeros(3, np.int64), np.zeros(3)
     # A cell that only just keeps its distance, up to rounding, is free.
@@ -80,7 +80,7 @@ def label_parts(blocked):
         (nx, ny, nz) int32, 0 where blocked, else the number of its part, from 1.
 
     Held by:
-        tests/unit/environment/paths/test_planning.py
+        tests/unit/environment/paths/test_planner.py
     """
     nx, ny, nz = blocked.shape
     parts = np.zeros((nx, ny, nz), np.int32)
@@ -127,7 +127,7 @@ def nearest_cell(parts, part, solid, is_seen_only, origin_m, cell_m, point_m):
         Index of the cell in the flat grid; of equally near ones the first; -1 when there is none.
 
     Held by:
-        tests/unit/environment/paths/test_planning.py
+        tests/unit/environment/paths/test_planner.py
     """
     nx, ny, nz = parts.shape
     best, best_m2 = -1, np.inf
@@ -192,7 +192,7 @@ def lattice_path(blocked, start, goal):
         Hart, Nilsson and Raphael 1968, A formal basis for the heuristic determination of minimum cost paths,
         doi:10.1109/TSSC.1968.300136.
     Held by:
-        tests/unit/environment/paths/test_planning.py (lengths of Dijkstra's algorithm in scipy on random grids)
+        tests/unit/environment/paths/test_planner.py (lengths of Dijkstra's algorithm in scipy on random grids)
     """
     _, ny, nz = blocked.shape
     length = np.full(blocked.size, np.iinfo(np.int64).max, np.int64)
@@ -259,7 +259,7 @@ def shorten_path(points_m, blocked, origin_m, cell_m):
         (m, 3) first point, bends, last point [m].
 
     Held by:
-        tests/unit/environment/paths/test_planning.py
+        tests/unit/environment/paths/test_planner.py
     """
     n = points_m.shape[0]
     kept = np.empty_like(points_m)
@@ -296,7 +296,7 @@ def is_curve_free(coefficients, duration_s, blocked, origin_m, cell_m, n_samples
         True when all points looked at, both ends among them, are in free cells.
 
     Held by:
-        tests/unit/environment/paths/test_planning.py
+        tests/unit/environment/paths/test_planner.py
     """
     for sample in range(n_samples + 1):
         t_s = duration_s * sample / n_samples

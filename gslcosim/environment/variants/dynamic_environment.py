@@ -4,7 +4,7 @@ from gslcosim.base.errors import ModelError
 from gslcosim.contract.participant import Inbox
 from gslcosim.environment.model import OWN_WIND, Closed, Environment, EnvironmentVariant
 from gslcosim.environment.variants.variant import find_variants, variant_after
-from gslcosim.scenario.due_events import due_events
+from gslcosim.scenario.due_events import find_due_events
 from gslcosim.scenario.models.scenario import Scenario
 
 
@@ -58,7 +58,7 @@ class DynamicEnvironment:
     def obey(self, inbox: Inbox) -> bool:
         """Take the events of this tick, and return whether a door has moved."""
         closed = self._closed
-        for i, event in due_events(self._scenario, inbox):
+        for i, event in find_due_events(self._scenario, inbox):
             self._closed, self._i_wind = variant_after(self.situation, i, event)
         return self._closed != closed
 

@@ -8,7 +8,7 @@ from gslcosim.contract.participant import Inbox
 from gslcosim.contract.record import Message
 from gslcosim.environment.model import Environment
 from gslcosim.environment.variants.dynamic_environment import DynamicEnvironment
-from gslcosim.scenario.due_events import due_events
+from gslcosim.scenario.due_events import find_due_events
 from gslcosim.scenario.models.events import WindChangesSpec
 from gslcosim.scenario.models.scenario import Scenario
 
@@ -58,7 +58,7 @@ class ScaledWind:
     def obey(self, inbox: Inbox) -> bool:
         """Take what a service and events say of this tick, and return whether a door has moved."""
         self.take(inbox.get(WIND))
-        for _, event in due_events(self._scenario, inbox):
+        for _, event in find_due_events(self._scenario, inbox):
             if isinstance(event, WindChangesSpec):
                 self._event_share, self._scaled_frame = event.share, -1
         before = self.room.situation

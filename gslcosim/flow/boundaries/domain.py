@@ -29,7 +29,7 @@ def flood(air, reached, seeds, stride_x, stride_y):
         stride_y: Same for y-neighbours; z-neighbours are adjacent.
 
     Held by:
-        tests/unit/flow/walls/test_domain.py (a sealed chamber stays out)
+        tests/unit/flow/boundaries/test_domain.py (a sealed chamber stays out)
     """
     queue = np.empty(np.count_nonzero(air) + 1, np.int64)
     head, tail = 0, 0

@@ -36,7 +36,7 @@ def carry_past_edges(velocity, carrier, near, behind, through, target, away, inw
 
     Source: our derivation, from the momentum balance of the closed face's control volume.
     Held by:
-        tests/unit/flow/walls/test_lips.py, tests/analytic/flow/test_pimplefoam_rooms.py
+        tests/unit/flow/boundaries/test_opening_edges.py, tests/analytic/flow/test_pimplefoam_rooms.py
     """
     factor = np.float32(stage_weight * dt_s / cell_m)
     half = np.float32(0.5)

@@ -196,7 +196,7 @@ def mirror_into_ghosts(velocity, faces, starts, sources):
         sources: Flat indices of open faces.
 
     Held by:
-        tests/unit/flow/walls/test_ghosts.py
+        tests/unit/flow/boundaries/test_ghosts.py
     """
     for n in range(faces.shape[0]):
         total = 0.0

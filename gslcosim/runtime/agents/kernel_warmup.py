@@ -16,7 +16,7 @@ from pathlib import Path
 from gslcosim.base.command_lines import build_parent_death_prefix, build_python_command
 from gslcosim.base.errors import GslCosimError
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE, PACKAGE_DIR
-from gslcosim.methods.card import card_beside
+from gslcosim.methods.card import find_card_beside
 from gslcosim.runtime.processes.sandbox.selection import choose_sandbox
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.bundled import bundled_agents, bundled_scenarios
@@ -121,7 +121,7 @@ def run_agent_for_warmup(name: str) -> None:
     from gslcosim.runtime.setup import RunSetup
 
     directory = bundled_scenarios()[METHOD_SCENARIO].parent
-    scenario = build_method_scenario(name, card_beside(program), directory)
+    scenario = build_method_scenario(name, find_card_beside(program), directory)
     environment_dir = prepare_environment(scenario, scenario_dir=directory)
     with ScratchFolder("kernels") as scratch:
         (scratch.path / "logs").mkdir()

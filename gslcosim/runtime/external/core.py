@@ -18,7 +18,7 @@ from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Bounds, Ending, Message
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
-from gslcosim.contract.participation import (
+from gslcosim.contract.participant_messages import (
     PARTICIPATION_VERSION,
     ROOM_OUTPUTS,
     ParticipantBriefing,

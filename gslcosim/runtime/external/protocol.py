@@ -10,7 +10,7 @@ from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import ParticipantSpec, Read, Write
-from gslcosim.contract.participation import (
+from gslcosim.contract.participant_messages import (
     MAX_VALUES,
     PARTICIPATION_VERSION,
     ROOM_OUTPUTS,

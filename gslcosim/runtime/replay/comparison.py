@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from gslcosim.base.foreign_json import ForeignFileError
+from gslcosim.base.untrusted_json import MalformedFileError
 from gslcosim.contract import keys
 from gslcosim.contract.environment_messages import EVENTS
 from gslcosim.runtime.digest import Divergence, RunDigest, find_first_divergence
@@ -69,7 +69,7 @@ def _find_fork_relation(a: Path, b: Path) -> ForkRelation | None:
 def _read_origin(folder: Path) -> ForkOrigin | None:
     try:
         return RunDir(folder).load_manifest().get("fork_of")
-    except ForeignFileError:
+    except MalformedFileError:
         return None
 
 

@@ -7,8 +7,8 @@ from typing import TypedDict, cast
 
 from gslcosim.base.errors import ContractError, EnvironmentDataError, UsageError
 from gslcosim.base.files import read_regular_file
-from gslcosim.base.foreign_json import ForeignFileError, parse_json
 from gslcosim.base.os_errors import describe_os_error
+from gslcosim.base.untrusted_json import MalformedFileError, parse_json
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Command
 from gslcosim.contract.schema import get_contract_hash
@@ -137,7 +137,7 @@ def read_recorded_commands(path: Path) -> dict[str, dict[int, Command]]:
         try:
             agent = parse_json(line, _CommandLine, place="the line")["agent"]
             command = codec.decode_json(Command, line)
-        except (ContractError, ForeignFileError) as error:
+        except (ContractError, MalformedFileError) as error:
             raise UsageError(
                 f"{path.parent.name}/{path.name}:{number}: expected an agent's command, was {line[:60]!r} ({error}).\n"
                 f"File: {path}"

@@ -12,10 +12,10 @@ from gslcosim.scenario.checks.plain_values import (
     NS_PER_MS,
     block_in,
     blocks_in,
+    build_unknown_name_problem,
+    find_partial_ticks,
     is_whole,
-    not_whole_ticks,
     number_in,
-    unknown_name,
     words_in,
 )
 from gslcosim.scenario.checks.program_checks import find_command_problem, find_python_problem
@@ -211,12 +211,12 @@ def _unknown_gases(values: dict[str, Any]) -> Iterator[Problem]:
     named += [(f"gas.sources[{i}].gas", source.get("gas")) for i, source in blocks_in(gas, "sources")]
     for path, name in named:
         if isinstance(name, str) and name not in (*GASES, *defined):
-            yield unknown_name(path, name, (*GASES, *defined))
+            yield build_unknown_name_problem(path, name, (*GASES, *defined))
     for i, block in blocks_in(gas, "define"):
         for j, law in blocks_in(block, "mox"):
             sensor = law.get("sensor")
             if isinstance(sensor, str) and sensor not in mox_sensor_names():
-                problem = unknown_name(f"gas.define[{i}].mox[{j}].sensor", sensor, mox_sensor_names())
+                problem = build_unknown_name_problem(f"gas.define[{i}].mox[{j}].sensor", sensor, mox_sensor_names())
                 is_other = sensor in sensor_names()
                 yield replace(problem, remedy=f"A {sensor} is no MOX sensor.") if is_other else problem
 
@@ -250,17 +250,17 @@ def _broken_times(values: dict[str, Any]) -> Iterator[Problem]:
         )
     tick_ns = int(tick_ms) * NS_PER_MS
     gas, recording, stop = block_in(values, "gas"), block_in(values, "recording"), block_in(values, "referee", "stop")
-    yield from not_whole_ticks("recording.gas_every_s", number_in(recording, "gas_every_s", RecordingSpec), tick_ns)
-    yield from not_whole_ticks("referee.stop.time_limit_s", number_in(stop, "time_limit_s", StopSpec), tick_ns)
+    yield from find_partial_ticks("recording.gas_every_s", number_in(recording, "gas_every_s", RecordingSpec), tick_ns)
+    yield from find_partial_ticks("referee.stop.time_limit_s", number_in(stop, "time_limit_s", StopSpec), tick_ns)
     for i, participant in blocks_in(values, "participants"):
         period_s = number_in(participant, "period_s", ParticipantProgramSpec)
-        yield from not_whole_ticks(f"participants[{i}].period_s", period_s, tick_ns)
+        yield from find_partial_ticks(f"participants[{i}].period_s", period_s, tick_ns)
     for i, agent in blocks_in(values, "agents"):
         for j, sensor in blocks_in(agent, "sensors"):
             block = SENSOR_BLOCKS.get(str(sensor.get("model")), SensorSpec)
             for key in _SENSOR_TIMES & block.model_fields.keys():
                 duration_s = number_in(sensor, key, block)
-                yield from not_whole_ticks(f"agents[{i}].sensors[{j}].{key}", duration_s, tick_ns)
+                yield from find_partial_ticks(f"agents[{i}].sensors[{j}].{key}", duration_s, tick_ns)
     yield from _broken_gas_times(number_in(gas, "step_s", GasSpec), number_in(gas, "warm_up_s", GasSpec), tick_ns)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from gslcosim.base.errors import VehicleError
-from gslcosim.scenario.checks.plain_values import NS_PER_MS, block_in, blocks_in, not_whole_ticks, number_in
+from gslcosim.scenario.checks.plain_values import NS_PER_MS, block_in, blocks_in, find_partial_ticks, number_in
 from gslcosim.scenario.models.scenario import Scenario, StopSpec
 from gslcosim.scenario.models.sensor_base import MeasuringSensorSpec
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
@@ -48,8 +48,8 @@ def _wrong_times(event: dict[str, Any], values: dict[str, Any], path: str) -> It
     limit_s = number_in(block_in(values, "referee", "stop"), "time_limit_s", StopSpec)
     at_s, delay_s = _real(event.get("at_s")), _real(block_in(event, "when").get("delay_s"))
     if tick_ms is not None and tick_ms >= 1 and tick_ms == int(tick_ms):
-        yield from not_whole_ticks(f"{path}.at_s", at_s, int(tick_ms) * NS_PER_MS)
-        yield from not_whole_ticks(f"{path}.when.delay_s", delay_s, int(tick_ms) * NS_PER_MS)
+        yield from find_partial_ticks(f"{path}.at_s", at_s, int(tick_ms) * NS_PER_MS)
+        yield from find_partial_ticks(f"{path}.when.delay_s", delay_s, int(tick_ms) * NS_PER_MS)
     if at_s is not None and limit_s is not None and at_s > limit_s:
         yield Problem(
             path=f"{path}.at_s",

@@ -17,7 +17,7 @@ MAX_DURATION_S = 1e9
 """Longer than any run; ticks of it still fit into 64 bits of nanoseconds."""
 
 
-def numbers_too_large(values: object, path: str = "") -> Iterator[Problem]:
+def find_numbers_too_large(values: object, path: str = "") -> Iterator[Problem]:
     """Yield the problem of each number beyond `MAX_NUMBER`: checks and services may multiply what they are given.
 
     Args:
@@ -28,10 +28,10 @@ def numbers_too_large(values: object, path: str = "") -> Iterator[Problem]:
         for key, value in cast("dict[str, object]", values).items():
             # What an agent's parameters mean is the agent's.
             if key != "parameters":
-                yield from numbers_too_large(value, child_path(path, key))
+                yield from find_numbers_too_large(value, child_path(path, key))
     elif isinstance(values, list):
         for i, value in enumerate(cast("list[object]", values)):
-            yield from numbers_too_large(value, child_path(path, i))
+            yield from find_numbers_too_large(value, child_path(path, i))
     elif isinstance(values, int | float) and MAX_NUMBER < abs(values) < math.inf:
         yield Problem(path=path, expected=f"a number of at most {MAX_NUMBER:g}", found=_shown_number(values))
 
@@ -41,7 +41,7 @@ def _shown_number(number: float) -> str:
     return f"{number:g}" if isinstance(number, float) else f"a whole number of {len(str(abs(number)))} digits"
 
 
-def not_whole_ticks(path: str, duration_s: float | None, tick_ns: int) -> Iterator[Problem]:
+def find_partial_ticks(path: str, duration_s: float | None, tick_ns: int) -> Iterator[Problem]:
     """Yield a problem where a duration [s], if it is one, is no whole number of ticks."""
     if duration_s is None or not duration_s > 0:
         return
@@ -96,7 +96,7 @@ def number_in(block: dict[str, Any], key: str, model: type[Spec]) -> float | Non
     return value if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
-def unknown_name(path: str, name: str, known: Sequence[str]) -> Problem:
+def build_unknown_name_problem(path: str, name: str, known: Sequence[str]) -> Problem:
     """Return the problem of a name that is none of the known ones."""
     return Problem(
         path=path,

@@ -28,7 +28,7 @@ _EXECUTABLE_BITS = 0o111
 _MAX_FIRST_LINE_BYTES = 256
 
 
-def unusable_paths(values: object, path: str = "") -> Iterator[Problem]:
+def find_unusable_paths(values: object, path: str = "") -> Iterator[Problem]:
     """Yield the problem of each text of a scenario's plain values that stands for a path and can be none.
 
     Whoever looks for such a file gets an error from the system in place of a no.
@@ -39,7 +39,7 @@ def unusable_paths(values: object, path: str = "") -> Iterator[Problem]:
     """
     if isinstance(values, list):
         for i, value in enumerate(cast("list[object]", values)):
-            yield from unusable_paths(value, child_path(path, i))
+            yield from find_unusable_paths(value, child_path(path, i))
     if not isinstance(values, dict):
         return
     for key, value in cast("dict[str, object]", values).items():
@@ -47,7 +47,7 @@ def unusable_paths(values: object, path: str = "") -> Iterator[Problem]:
         if key not in _PATH_KEYS:
             # What an agent's parameters mean is the agent's.
             if key != "parameters":
-                yield from unusable_paths(value, place)
+                yield from find_unusable_paths(value, place)
             continue
         listed = cast("list[object]", value) if isinstance(value, list) else []
         texts: list[tuple[str, object]] = [

@@ -6,7 +6,7 @@ from pydantic import Field, StringConstraints, model_validator
 
 from gslcosim.contract.environment_messages import WIND
 from gslcosim.contract.messages import ParameterValue
-from gslcosim.contract.participation import VENTILATION, build_own_port
+from gslcosim.contract.participant_messages import VENTILATION, build_own_port
 from gslcosim.scenario.models.base import Name, Positive, Spec, broken_rule_error
 from gslcosim.scenario.models.sandbox import AgentLimitsSpec, EnvironmentVariables, SandboxChoice
 

@@ -30,7 +30,7 @@ from gslcosim.scenario.models.wind import SolverSpec as SolverSpec
 from gslcosim.scenario.models.wind import Wind
 from gslcosim.scenario.models.wind import WindSpec as WindSpec
 from gslcosim.scenario.suggestions import did_you_mean
-from gslcosim.vehicles import Vehicle, get_vehicle, is_vehicle, vehicle_names
+from gslcosim.vehicles import Vehicle, get_vehicle, is_vehicle, list_vehicle_names
 
 SCHEMA = "gslcosim/scenario/1"
 # Keys of `environment` that name a folder.
@@ -224,7 +224,7 @@ class VehicleSpec(Spec):
     @classmethod
     def _check_model(cls, model: str) -> str:
         if not is_vehicle(model):
-            names = vehicle_names()
+            names = list_vehicle_names()
             raise broken_rule_error(
                 expected=f"one of {', '.join(names[:-1])} or {names[-1]}",
                 found=f"'{model}'",

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Briefing, Command, Observation
 from gslcosim.search.beliefs import BeliefPublisher, distances_m
-from gslcosim.search.draws import Draws
 from gslcosim.search.grids import CellGrid
 from gslcosim.search.motion.commands import declaration
 from gslcosim.search.motion.declaration import DeclarationGuard, Estimate, by_variance
@@ -17,6 +16,7 @@ from gslcosim.search.motion.grid_paths import Free, shortest_path
 from gslcosim.search.motion.leg_planner import step_towards_m
 from gslcosim.search.motion.map_navigation import MapNavigator
 from gslcosim.search.motion.stuck_detector import StuckDetector
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.cast_and_surge import surge_end_m
 from gslcosim.search.senses.gas_evidence import Finding, GasEvidence
 from gslcosim.search.senses.instruments import Nose, find_noses, find_vane
@@ -237,7 +237,7 @@ class BeliefSearch:
         self.settings = settings
         self.flights = MapNavigator(
             briefing,
-            Draws(briefing.seed),
+            RandomStream(briefing.seed),
             cell_m=settings.cell_m,
             max_cells=settings.max_cells,
             clearance_m=settings.clearance_m,

@@ -43,7 +43,7 @@ def log_k0(x):
     Accuracy:
         Rounding alone up to 2, above it 2e-7 (that of the polynomial).
     Held by:
-        tests/unit/search/bayes/test_encounters.py (scipy's scaled function, from 1e-12 to 1e5)
+        tests/unit/search/bayes/test_encounter_model.py (scipy's scaled function, from 1e-12 to 1e5)
     """
     half = 0.5 * x
     if x <= 2.0:
@@ -88,7 +88,7 @@ def log_mean_hits_2d_into(cells_m, places_m, drift_x, drift_y, length_m, nearest
     Source:
         Vergassola, Villermaux, Shraiman 2007, supplement, doi:10.1038/nature05464.
     Held by:
-        tests/unit/search/bayes/test_encounters.py
+        tests/unit/search/bayes/test_encounter_model.py
     """
     per_length = 1.0 / length_m
     for i in range(places_m.shape[0]):
@@ -119,7 +119,7 @@ def log_mean_hits_3d_into(cells_m, places_m, drift_x, drift_y, length_m, nearest
     Source:
         Vergassola, Villermaux, Shraiman 2007, supplement, doi:10.1038/nature05464.
     Held by:
-        tests/unit/search/bayes/test_encounters.py
+        tests/unit/search/bayes/test_encounter_model.py
     """
     per_length = 1.0 / length_m
     for i in range(places_m.shape[0]):
@@ -149,7 +149,7 @@ def hit_probability(log_mean, hits, n_outcomes):
         Vergassola, Villermaux, Shraiman 2007 (hits are Poisson); the last outcome as in Loisy and Eloy 2022,
         doi:10.1098/rspa.2022.0118.
     Held by:
-        tests/unit/search/bayes/test_encounters.py (sums to 1; scipy's survival function for the tail)
+        tests/unit/search/bayes/test_encounter_model.py (sums to 1; scipy's survival function for the tail)
     """
     mean = math.exp(min(log_mean, 50.0))
     if n_outcomes == 2:
@@ -223,7 +223,7 @@ def likelihoods_into(log_mean, floor, power, likelihood, weight, log_weight):
     Source:
         Tempering of likelihoods of a wrong model: remembered, unverified (power 0.3 to 0.5, floor 1e-3).
     Held by:
-        tests/unit/search/bayes/test_encounters.py
+        tests/unit/search/bayes/test_encounter_model.py
     """
     n_outcomes = likelihood.shape[1]
     if n_outcomes == 2:
@@ -274,7 +274,7 @@ def dispersion_length_m(diffusivity_m2_s: float, lifetime_s: float, speed_m_s: f
     Source:
         Vergassola, Villermaux, Shraiman 2007, doi:10.1038/nature05464.
     Held by:
-        tests/unit/search/bayes/test_encounters.py
+        tests/unit/search/bayes/test_encounter_model.py
     """
     spread_m2 = diffusivity_m2_s * lifetime_s
     return math.sqrt(spread_m2 / (1.0 + speed_m_s**2 * lifetime_s / (4.0 * diffusivity_m2_s)))
@@ -289,7 +289,7 @@ def meander_diffusivity_m2_s(speed_m_s: float, spread_rad: float, correlation_s:
     Source:
         Taylor 1922, doi:10.1112/plms/s2-20.1.196, for times longer than T and small deviations.
     Held by:
-        tests/unit/search/bayes/test_encounters.py
+        tests/unit/search/bayes/test_encounter_model.py
     """
     return (speed_m_s * spread_rad) ** 2 * correlation_s
 
@@ -322,7 +322,7 @@ def windless_mean_hits(
     Source:
         Loisy and Eloy 2022, doi:10.1098/rspa.2022.0118.
     Held by:
-        tests/unit/search/bayes/test_encounters.py (their values)
+        tests/unit/search/bayes/test_encounter_model.py (their values)
     """
     d = np.asarray(distance_cells, np.float64)
     if dimensions == 1:
@@ -356,7 +356,7 @@ class EncounterModel:
         lambda / a counts as at least 2 in the logarithm: a strong wind makes lambda small, and the mean infinite.
         In a room the wind is neither even nor steady and walls reflect: temper what a stop weighs.
     Held by:
-        tests/unit/search/bayes/test_encounters.py
+        tests/unit/search/bayes/test_encounter_model.py
     """
 
     dimensions: Literal[2, 3]
@@ -470,7 +470,7 @@ def nominal_dispersal(
     Source:
         Our derivation from the filament model of Farrell et al. 2002, doi:10.1023/A:1016283702837.
     Held by:
-        tests/unit/search/bayes/test_encounters.py
+        tests/unit/search/bayes/test_encounter_model.py
     """
     amount_ppm_m3 = plume.release_ppm_m3_s / plume.puffs_per_s
     width_m2 = (amount_ppm_m3 / (threshold_ppm * (2.0 * math.pi) ** 1.5)) ** (2.0 / 3.0)

@@ -300,7 +300,7 @@ Cell = tuple[int, int]
 _LONGEST_HOP = 0.7
 
 
-def hops_per(step_s: float, fastest_m_s: float, cell_m: float, spread_m_sqrt_s: float) -> int:
+def count_hops_per_step(step_s: float, fastest_m_s: float, cell_m: float, spread_m_sqrt_s: float) -> int:
     """Return into how many hops a step must be divided so that none is longer than a part of a cell.
 
     Smallest n with W dt / (n c) <= 0.7 and (W dt / (n c))^2 + s^2 dt / (n c^2) <= 1
@@ -321,7 +321,7 @@ def hops_per(step_s: float, fastest_m_s: float, cell_m: float, spread_m_sqrt_s: 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plume:
+class ParcelChain:
     """The chain of a parcel over the last hops: `chances` as `hop_chances` gives them, the oldest first.
 
     `is_solid` are the cells that no parcel enters; `hop_s` is the time of a hop.
@@ -334,9 +334,9 @@ class Plume:
     hop_s: float
 
 
-def plume_in_wind(
+def build_chain_in_uniform_wind(
     grid: CellGrid, is_solid: NDArray[np.bool_], winds_m_s: Array, *, step_s: float, spread_m_sqrt_s: float
-) -> Plume:
+) -> ParcelChain:
     """Return the chain in a wind that changes in time and is the same everywhere.
 
     Args:
@@ -347,15 +347,15 @@ def plume_in_wind(
         spread_m_sqrt_s: Spread of parcels on each axis [m / sqrt(s)].
     """
     fastest_m_s = float(np.abs(winds_m_s).max(initial=0.0))
-    n = hops_per(step_s, fastest_m_s, grid.cell_m, spread_m_sqrt_s)
+    n = count_hops_per_step(step_s, fastest_m_s, grid.cell_m, spread_m_sqrt_s)
     by_step = [hop_chances(wind[None, None, :], step_s / n, grid.cell_m, spread_m_sqrt_s) for wind in winds_m_s]
     chances = np.repeat(np.array(by_step).reshape(-1, 1, 1, 2, 3), n, axis=0)
-    return Plume(grid=grid, is_solid=is_solid, chances=chances, n_hops=len(chances), hop_s=step_s / n)
+    return ParcelChain(grid=grid, is_solid=is_solid, chances=chances, n_hops=len(chances), hop_s=step_s / n)
 
 
-def plume_in_field(
+def build_chain_in_wind_field(
     grid: CellGrid, is_solid: NDArray[np.bool_], field_m_s: Array, *, window_s: float, spread_m_sqrt_s: float
-) -> Plume:
+) -> ParcelChain:
     """Return the chain in a steady wind that differs from cell to cell.
 
     Args:
@@ -366,12 +366,12 @@ def plume_in_field(
         spread_m_sqrt_s: Spread of parcels on each axis [m / sqrt(s)].
     """
     fastest_m_s = float(np.abs(field_m_s).max(initial=0.0))
-    n = hops_per(1.0, fastest_m_s, grid.cell_m, spread_m_sqrt_s)
+    n = count_hops_per_step(1.0, fastest_m_s, grid.cell_m, spread_m_sqrt_s)
     chances = hop_chances(field_m_s, 1.0 / n, grid.cell_m, spread_m_sqrt_s)[None]
-    return Plume(grid=grid, is_solid=is_solid, chances=chances, n_hops=max(1, round(window_s * n)), hop_s=1.0 / n)
+    return ParcelChain(grid=grid, is_solid=is_solid, chances=chances, n_hops=max(1, round(window_s * n)), hop_s=1.0 / n)
 
 
-def arrivals(plume: Plume, sensor: Cell) -> Array:
+def compute_arrival_probabilities(plume: ParcelChain, sensor: Cell) -> Array:
     """Return the chance that a parcel which left each cell at each hop is in the sensor's cell now.
 
     Returns:
@@ -380,11 +380,14 @@ def arrivals(plume: Plume, sensor: Cell) -> Array:
     return pull_back(plume.chances, plume.is_solid, _only(plume.grid, sensor), plume.n_hops)
 
 
-def shares(chance: Array, *, detection_probability: float, puffs_per_hop: float) -> tuple[Array, Array]:
+def compute_finding_likelihoods(
+    chance: Array, *, detection_probability: float, puffs_per_hop: float
+) -> tuple[Array, Array]:
     """Return what a detection and what its absence say of a source in each cell, as in puff tracing.
 
     detection: beta_i = mean over m of b_m(i);  none: ln gamma_i = r sum over m of ln(1 - mu b_m(i))
-    [1]; b as `arrivals` gives it, r puffs released in the time of a hop, mu their chance to be detected where met
+    [1]; b as `compute_arrival_probabilities` gives it, r puffs released in the time of a hop, mu their chance to be
+    detected where met
 
     Source:
         Pang and Farrell 2006, IEEE Trans. SMC-B 36, 1068, with the chain's chances in place of a uniform wind's.
@@ -396,7 +399,7 @@ def shares(chance: Array, *, detection_probability: float, puffs_per_hop: float)
     return chance.mean(axis=0), puffs_per_hop * missed.sum(axis=0)
 
 
-def marginals(plume: Plume, first: Array, evidence: Array) -> tuple[Array, float]:
+def marginals(plume: ParcelChain, first: Array, evidence: Array) -> tuple[Array, float]:
     """Return where one parcel was at each time, by all that was observed of it, and how likely those observations are.
 
     P(cell at m given all) = f_m b_m / sum over cells of f_m b_m
@@ -429,7 +432,7 @@ class PlumePath:
     log_likelihood: float
 
 
-def likeliest_path(plume: Plume, sensor: Cell, source: Array) -> PlumePath | None:
+def likeliest_path(plume: ParcelChain, sensor: Cell, source: Array) -> PlumePath | None:
     """Return the single most likely way of a parcel from a source to the sensor; absent where none leads there.
 
     argmax over m, i of p(i) d_m(i)        p the belief in the source, d as `best_back` gives it
@@ -485,8 +488,8 @@ def place_along_m(path: PlumePath, grid: CellGrid, back_m: float) -> tuple[float
 def warm_up() -> None:
     """Compile the kernels, or load them from the cache on disk, so that no decision has to wait for it."""
     grid, open_air = CellGrid((0.0, 0.0), 1.0, (2, 2)), np.zeros((2, 2), np.bool_)
-    in_wind = plume_in_wind(grid, open_air, np.zeros((2, 2)), step_s=1.0, spread_m_sqrt_s=0.2)
-    in_field = plume_in_field(grid, open_air, np.zeros((2, 2, 2)), window_s=1.0, spread_m_sqrt_s=0.2)
+    in_wind = build_chain_in_uniform_wind(grid, open_air, np.zeros((2, 2)), step_s=1.0, spread_m_sqrt_s=0.2)
+    in_field = build_chain_in_wind_field(grid, open_air, np.zeros((2, 2, 2)), window_s=1.0, spread_m_sqrt_s=0.2)
     for plume in (in_wind, in_field):
-        arrivals(plume, (0, 0))
+        compute_arrival_probabilities(plume, (0, 0))
         likeliest_path(plume, (0, 0), np.full((2, 2), 0.25))

@@ -33,7 +33,7 @@ class SourceOccupancy:
         Cells that could have sent the same gas are raised together, for each is judged alone: in wind mask a radius
         that reaches along the plume, or cells upwind of a source follow it.
     Held by:
-        tests/unit/search/bayes/test_occupancy_of_sources.py
+        tests/unit/search/bayes/test_source_occupancy.py
     """
 
     def __init__(

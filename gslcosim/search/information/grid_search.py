@@ -19,8 +19,8 @@ from gslcosim.search.information.objectives import (
     MoveTree,
     Predictions,
     SurpriseMonitor,
+    find_min_cost_index,
     flatten_belief,
-    index_of_least_cost,
     predict_stops,
     update_belief,
 )
@@ -287,7 +287,7 @@ class GridSearch:
 
     def _next_place(self, here_m: Place) -> Place:
         outlook = self.outlook(here_m)
-        return tuple(float(x) for x in outlook.places_m[index_of_least_cost(self._costs(outlook))])
+        return tuple(float(x) for x in outlook.places_m[find_min_cost_index(self._costs(outlook))])
 
     def _estimate(self) -> Estimate | None:
         settings, found = self.settings, None

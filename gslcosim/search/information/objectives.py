@@ -55,7 +55,7 @@ def predict_stops_into(p, log_p, likelihood, weight, log_weight, cells_m, places
     Source:
         Vergassola, Villermaux, Shraiman 2007, doi:10.1038/nature05464 (Z, H); Renyi 1961 (A).
     Held by:
-        tests/unit/search/information/test_gains.py (numpy, outcome by outcome)
+        tests/unit/search/information/test_objectives.py (numpy, outcome by outcome)
     """
     n_dimensions = cells_m.shape[1]
     offset = np.empty(n_dimensions)
@@ -116,7 +116,7 @@ def remaining_entropy_bits(p, log_p, likelihood, weight, log_weight):
         log_weight: (n, c) natural logarithm of the weight.
 
     Held by:
-        tests/unit/search/information/test_gains.py
+        tests/unit/search/information/test_objectives.py
     """
     total = 0.0
     for h in range(likelihood.shape[0]):
@@ -147,7 +147,7 @@ def posterior_into(p, log_p, weight, log_weight, posterior, log_posterior):
         log_posterior: (c,) its logarithm, 0 where p' is 0; overwritten.
 
     Held by:
-        tests/unit/search/information/test_gains.py
+        tests/unit/search/information/test_objectives.py
     """
     z = 0.0
     for j in range(p.shape[0]):
@@ -273,7 +273,7 @@ def update_belief(p: Array, log_weight: Array) -> Array:
     return raised / raised.sum()
 
 
-def index_of_least_cost(costs: Array) -> int:
+def find_min_cost_index(costs: Array) -> int:
     """Return the index of the least cost, the first of equal ones."""
     return int(np.flatnonzero(costs <= costs.min() + SAME_COST)[0])
 
@@ -383,7 +383,7 @@ def dual_control_cost(foresight: Predictions, places_m: Array, mean_m: Sequence[
         With the mean *after* the reading in place of that of now, as it is usually written, the two terms add up to
         E|s - x|^2 whatever the reading may tell (law of total expectation), and nothing is explored.
     Held by:
-        tests/unit/search/information/test_gains.py (that law, too)
+        tests/unit/search/information/test_objectives.py (that law, too)
     """
     exploitation = ((places_m - np.asarray(mean_m)) ** 2).sum(axis=1)
     return exploitation + exploration * (foresight.predictive * foresight.variance_m2).sum(axis=1)
@@ -472,7 +472,7 @@ def n_step_costs(p: Array, tree: MoveTree, *, depth: int, discount: float = 0.99
     Deviation:
         Their discount grows with the level twice over; ours is geometric.
     Held by:
-        tests/unit/search/information/test_gains.py (numpy over all paths)
+        tests/unit/search/information/test_objectives.py (numpy over all paths)
     """
     log_p = log_or_zero(p)
     return -np.array([_gain_of(p, log_p, place, tree, depth, discount) for place in tree.start])
@@ -513,7 +513,7 @@ class SurpriseMonitor:
     Source:
         Ours; a confident belief by a wrong model never recovers by itself.
     Held by:
-        tests/unit/search/information/test_gains.py
+        tests/unit/search/information/test_objectives.py
     """
 
     def __init__(self, *, n_stops: int = 20, k: float = 3.0) -> None:

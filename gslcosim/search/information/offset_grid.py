@@ -82,7 +82,7 @@ def offsets_m(places_m: Floats, position_m: tuple[float, float], downwind_rad: f
     d = R(-w) (x - s)        [m] = [m]; x the vehicle, s a place, w the direction the air goes
 
     Held by:
-        tests/unit/search/information/test_offsets.py
+        tests/unit/search/information/test_offset_grid.py
     """
     c, s = math.cos(downwind_rad), math.sin(downwind_rad)
     x_m, y_m = (np.subtract(position_m, places_m)).T
@@ -100,7 +100,7 @@ def update_belief(belief: Floats, likelihood: Floats, power: float = 1.0) -> Flo
     A power below 1 takes an observation for less than it says: neighbouring ones see the same filaments.
 
     Held by:
-        tests/unit/search/information/test_offsets.py
+        tests/unit/search/information/test_offset_grid.py
     """
     joint = belief * likelihood**power
     total = float(joint.sum())
@@ -117,7 +117,7 @@ class RunningWind:
     State: the mean vector, the time of the last measurement, and the last direction that could be trusted.
 
     Held by:
-        tests/unit/search/information/test_offsets.py
+        tests/unit/search/information/test_offset_grid.py
     """
 
     def __init__(self, *, memory_s: float = 30.0, threshold_m_s: float = 0.1) -> None:

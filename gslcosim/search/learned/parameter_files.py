@@ -8,7 +8,7 @@ from typing import Any
 
 from gslcosim.base.errors import MethodError
 from gslcosim.base.files import replace_file
-from gslcosim.base.foreign_json import ForeignFileError, JsonObject, read_json
+from gslcosim.base.untrusted_json import JsonObject, MalformedFileError, read_json
 from gslcosim.contract.messages import ParameterValue
 
 PARAMETERS_FILE = "parameters.json"
@@ -38,7 +38,7 @@ def load_parameters(path: Path) -> dict[str, ParameterValue]:
     """
     try:
         whole = read_json(path, JsonObject)
-    except ForeignFileError as error:
+    except MalformedFileError as error:
         raise MethodError(f"expected a file of parameters that can be read, got: {error}") from error
     schema = whole.get("schema")
     if schema != SCHEMA or not isinstance(whole.get("parameters"), dict):

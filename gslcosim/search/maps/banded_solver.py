@@ -23,7 +23,7 @@ def factorise_cholesky_inplace(band):
     Source:
         Golub and Van Loan 2013, Matrix Computations, section 4.3 (banded Cholesky).
     Held by:
-        tests/unit/search/test_banded.py (against numpy's dense solver)
+        tests/unit/search/maps/test_banded_solver.py (against numpy's dense solver)
     """
     n, width = band.shape[0], band.shape[1] - 1
     column = np.empty(width + 1)
@@ -56,7 +56,7 @@ def solve_cholesky_inplace(band, values):
         values: (m, n) right sides b, one a row, replaced by the solutions x.
 
     Held by:
-        tests/unit/search/test_banded.py (against numpy's dense solver)
+        tests/unit/search/maps/test_banded_solver.py (against numpy's dense solver)
     """
     n, width = band.shape[0], band.shape[1] - 1
     for c in range(values.shape[0]):
@@ -90,7 +90,7 @@ def factorise_lu_inplace(band):
     Source:
         Golub and Van Loan 2013, Matrix Computations, section 4.3 (banded LU).
     Held by:
-        tests/unit/search/test_banded.py (against numpy's dense solver)
+        tests/unit/search/maps/test_banded_solver.py (against numpy's dense solver)
     """
     n, width = band.shape[0], band.shape[1] // 2
     for k in range(n):
@@ -115,7 +115,7 @@ def solve_transposed_lu_inplace(band, values):
         values: (n, m) right sides B, replaced by X.
 
     Held by:
-        tests/unit/search/test_banded.py (against numpy's dense solver)
+        tests/unit/search/maps/test_banded_solver.py (against numpy's dense solver)
     """
     n, width = band.shape[0], band.shape[1] // 2
     m = values.shape[1]
@@ -143,7 +143,7 @@ def add_rows_inplace(total, factors, rows):
         rows: (n_rows, n) what is added.
 
     Held by:
-        tests/unit/search/test_banded.py
+        tests/unit/search/maps/test_banded_solver.py
     """
     for r in range(rows.shape[0]):
         factor = factors[r]

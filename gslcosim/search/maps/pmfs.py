@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.search.beliefs import normalised_from_log
-from gslcosim.search.draws import Draws
 from gslcosim.search.grids import CellGrid
 from gslcosim.search.maps.backward_plume import BackwardPlume, PlumeModel
 from gslcosim.search.motion.grid_paths import (
@@ -25,6 +24,7 @@ from gslcosim.search.motion.grid_paths import (
     path_tree,
     visible_cells,
 )
+from gslcosim.search.random_stream import RandomStream
 
 _TIE_UNITS = UNITS_PER_CELL // 10
 # Cells of the window that are looked at directly, to each side.
@@ -328,7 +328,7 @@ class Pmfs:
         )
         self.p[self.free] = normalised_from_log(self.settings.temper * log_score)
 
-    def next_goal(self, point_m: Sequence[float], draws: Draws) -> Cell | None:
+    def next_goal(self, point_m: Sequence[float], draws: RandomStream) -> Cell | None:
         """Return where to measure next; None when no cell is left. Draws one number."""
         cells = self._candidates(self._cell(point_m))
         explores = draws.fraction() < self.settings.explore_frac or self._n_goals < self.settings.explore_first
@@ -376,7 +376,7 @@ def warm_up() -> None:
     method = Pmfs(free, CellGrid((0.0, 0.0), 1.0, free.shape))
     method.update((2.0, 2.0), (True, False), (0.5, 0.0))
     method.score(np.ones((6, 6, 2)))
-    method.next_goal((2.0, 2.0), Draws(1))
+    method.next_goal((2.0, 2.0), RandomStream(1))
 
 
 # At most n cells with the largest values above 0, the largest first; of equal ones the first in C order.

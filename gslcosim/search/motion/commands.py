@@ -45,7 +45,7 @@ def declaration(
     )
 
 
-class Pacer:
+class LegCommander:
     """Gives the commands for legs, with the hold and the duration that a method's settings ask for.
 
     With a duration a leg is a mission with one place, which is reached no earlier than after that time.

@@ -24,7 +24,7 @@ class CoverageGrid:
     Source:
         Ours: a sweep in lanes that may be left and taken up again anywhere.
     Held by:
-        tests/unit/search/moving/test_unseen.py
+        tests/unit/search/motion/test_coverage_grid.py
     """
 
     def __init__(self, room: LegSpace, *, edge_m: float, along_weight: float = 2.0) -> None:

@@ -36,7 +36,7 @@ class DeclarationGuard:
     State: the last estimate that passed.
 
     Held by:
-        tests/unit/search/moving/test_declaring.py
+        tests/unit/search/motion/test_declaration.py
     """
 
     def __init__(self, *, moved_m: float = 0.5, surer_by: float = 0.1) -> None:
@@ -82,7 +82,7 @@ class ReactiveRule:
         Our rule; no reactive method of the literature but that of Li, Farrell et al. 2006 defines one. The edge is
         virtual: it is read off the stops, no leg is flown for it.
     Held by:
-        tests/unit/search/moving/test_declaring.py
+        tests/unit/search/motion/test_declaration.py
     """
 
     def __init__(
@@ -149,7 +149,7 @@ class ReactiveDeclarer:
     State: the rule's stops, the cleanest air that was met, and what was declared.
 
     Held by:
-        tests/unit/search/moving/test_declaring.py
+        tests/unit/search/motion/test_declaration.py
     """
 
     def __init__(self, nose: Nose, *, height_m: float, is_on: bool = True, apart_m: float = 0.1) -> None:
@@ -201,7 +201,7 @@ class UnchangedRule:
     Source:
         10 legs within 0.5 m for peaks of gas maps, ours; 60 s for a swarm's best, remembered, unverified [M].
     Held by:
-        tests/unit/search/moving/test_declaring.py
+        tests/unit/search/motion/test_declaration.py
     """
 
     def __init__(self, *, radius_m: float = 0.5, n_legs: int = 10, for_s: float = 0.0) -> None:
@@ -226,7 +226,7 @@ class SwarmRule:
     Source:
         20 s within 1.5 m and 60 s unchanged: remembered, unverified [M].
     Held by:
-        tests/unit/search/moving/test_declaring.py
+        tests/unit/search/motion/test_declaration.py
     """
 
     def __init__(self, *, radius_m: float = 1.5, near_s: float = 20.0, unchanged_s: float = 60.0) -> None:

@@ -62,7 +62,7 @@ def path_tree(free, first):
     Source:
         Dial 1969, Algorithm 360: shortest-path forest with topological ordering, doi:10.1145/363269.363610.
     Held by:
-        tests/unit/search/moving/test_grid_paths.py (lengths of Dijkstra's algorithm in scipy on random grids)
+        tests/unit/search/motion/test_grid_paths.py (lengths of Dijkstra's algorithm in scipy on random grids)
     """
     _, ny, nz = free.shape
     n_cells = free.size
@@ -152,7 +152,7 @@ def is_line_free(free, ax, ay, az, bx, by, bz):
     Source:
         Amanatides and Woo 1987, A fast voxel traversal algorithm for ray tracing.
     Held by:
-        tests/unit/search/moving/test_grid_paths.py (against points densely along lines)
+        tests/unit/search/motion/test_grid_paths.py (against points densely along lines)
     """
     i, j, k = math.floor(ax), math.floor(ay), math.floor(az)
     dx, dy, dz = bx - ax, by - ay, bz - az
@@ -191,7 +191,7 @@ def mark_visible_cells(free, first, reach_cells):
         (nx, ny, nz) bool, the looking cell among them when it is free.
 
     Held by:
-        tests/unit/search/moving/test_grid_paths.py
+        tests/unit/search/motion/test_grid_paths.py
     """
     nx, ny, nz = free.shape
     seen = np.zeros((nx, ny, nz), np.bool_)
@@ -220,7 +220,7 @@ def mark_clear_cells(free, clearance_cells):
         (nx, ny, nz) bool.
 
     Held by:
-        tests/unit/search/moving/test_grid_paths.py
+        tests/unit/search/motion/test_grid_paths.py
     """
     nx, ny, nz = free.shape
     kept = free.copy()
@@ -252,7 +252,7 @@ def shorten_path(points, free):
         (m, 3) first point, bends, last point [cells].
 
     Held by:
-        tests/unit/search/moving/test_grid_paths.py
+        tests/unit/search/motion/test_grid_paths.py
     """
     n = points.shape[0]
     kept = np.empty_like(points)

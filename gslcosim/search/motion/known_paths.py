@@ -15,7 +15,7 @@ class KnownPaths:
     State: the map, with a clearance about what is solid. Nothing changes.
 
     Held by:
-        tests/unit/search/moving/test_known_ways.py
+        tests/unit/search/motion/test_known_paths.py
     """
 
     def __init__(self, briefing: Briefing, *, clearance_m: float) -> None:

@@ -22,7 +22,7 @@ def lawnmower_path_m(room: LegSpace, spacing_m: float, start_m: Sequence[float])
     Source:
         Textbook (boustrophedon path of a rectangle).
     Held by:
-        tests/unit/search/moving/test_lanes.py
+        tests/unit/search/motion/test_lawnmower.py
     """
     low, high = room.min_m[:2], room.max_m[:2]
     near = tuple(a if abs(x - a) <= abs(x - b) else b for x, a, b in zip(start_m, low, high))

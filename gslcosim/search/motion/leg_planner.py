@@ -4,9 +4,9 @@ import math
 from collections.abc import Iterator, Sequence
 
 from gslcosim.contract.messages import Briefing, Command, Observation
-from gslcosim.search.draws import Draws
 from gslcosim.search.motion.commands import waypoint
 from gslcosim.search.motion.legs import LegSpace, build_obstacles, next_leg, shorten_leg, to_millimetre
+from gslcosim.search.random_stream import RandomStream
 
 # To the left and the right of the way that is blocked, ever farther [rad]: 45 and 90 degrees.
 _EIGHTH_TURN_RAD = 0.7853981633974483
@@ -27,11 +27,11 @@ class LegPlanner:
     State: where the last leg was to end, and until when the vehicle is busy with it.
 
     Held by:
-        tests/unit/search/moving/test_piloting.py
+        tests/unit/search/motion/test_leg_planner.py
     """
 
     def __init__(
-        self, briefing: Briefing, draws: Draws, *, margin_m: float, shorten_m: float = 0.05, n_shorten: int = 10
+        self, briefing: Briefing, draws: RandomStream, *, margin_m: float, shorten_m: float = 0.05, n_shorten: int = 10
     ) -> None:
         """Begin without a leg; a map is used where the briefing grants one."""
         obstacles = (
@@ -134,7 +134,7 @@ def cut_end_m(start_m: Sequence[float], target_m: Sequence[float], room: LegSpac
     From a start outside the margin it is the nearest place to the target inside.
 
     Held by:
-        tests/unit/search/moving/test_piloting.py
+        tests/unit/search/motion/test_leg_planner.py
     """
     t = 1.0
     for start, target, low, high in zip(start_m[:2], target_m[:2], room.min_m, room.max_m):

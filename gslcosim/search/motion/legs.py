@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Bounds, Briefing, KnownMap
-from gslcosim.search.draws import Draws
+from gslcosim.search.random_stream import RandomStream
 
 Point = tuple[float, ...]
 N_TRIES = 100
@@ -44,7 +44,7 @@ class Obstacles:
         (a map may be coarser than the vehicle's own sight), may leave it.
 
         Held by:
-            tests/unit/search/moving/test_legs.py
+            tests/unit/search/motion/test_legs.py
         """
         cuts = sorted({0.0, 1.0, *self._crossings(start_m, end_m)})
         middles = ((a + b) / 2.0 for a, b in pairwise(cuts))
@@ -170,7 +170,7 @@ def leg_end(
         climb_m: How much higher it ends [m]; absent: the end has x and y only.
 
     Held by:
-        tests/unit/search/moving/test_legs.py
+        tests/unit/search/motion/test_legs.py
     """
     dimensions = 2 if climb_m is None else 3
     steps_m = (length_m * math.cos(heading_rad), length_m * math.sin(heading_rad), climb_m or 0.0)
@@ -202,7 +202,7 @@ def shorten_leg(
     return None
 
 
-def random_headings(draws: Draws, n_tries: int = N_TRIES) -> Iterator[float]:
+def random_headings(draws: RandomStream, n_tries: int = N_TRIES) -> Iterator[float]:
     """Yield headings drawn one by one, as they are asked for, uniform in [0, 2 pi) [rad]."""
     for _ in range(n_tries):
         yield draws.angle_rad()
@@ -237,7 +237,7 @@ def next_leg(
     headings_rad: Iterable[float],
     length_m: float,
     room: LegSpace,
-    draws: Draws,
+    draws: RandomStream,
     *,
     refused_m: Sequence[float] | None = None,
 ) -> Leg:

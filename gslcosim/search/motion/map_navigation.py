@@ -9,7 +9,6 @@ import numpy as np
 
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import Briefing, Command, KnownMap, Observation
-from gslcosim.search.draws import Draws
 from gslcosim.search.grids import CellGrid
 from gslcosim.search.motion.commands import waypoint
 from gslcosim.search.motion.grid_paths import (
@@ -22,6 +21,7 @@ from gslcosim.search.motion.grid_paths import (
     shortest_path,
 )
 from gslcosim.search.motion.leg_planner import LegPlanner
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.senses.gas_evidence import Finding, GasEvidence
 from gslcosim.search.senses.instruments import find_noses, find_vane
 from gslcosim.search.senses.stop_and_measure import MeasuredWind, StopAndMeasure
@@ -65,7 +65,7 @@ class StopRecorder:
     State: findings since the last stop and the places of the last span; see `GasEvidence` and `StopAndMeasure`.
 
     Held by:
-        tests/unit/search/moving/test_map_flights.py
+        tests/unit/search/motion/test_map_navigation.py
     """
 
     def __init__(self, briefing: Briefing, *, threshold_ppm: float, every_s: float) -> None:
@@ -113,13 +113,13 @@ class MapNavigator:
     State: the goal, and the pilot's last leg.
 
     Held by:
-        tests/unit/search/moving/test_map_flights.py
+        tests/unit/search/motion/test_map_navigation.py
     """
 
     def __init__(
         self,
         briefing: Briefing,
-        draws: Draws,
+        draws: RandomStream,
         *,
         cell_m: float,
         max_cells: int,

@@ -16,7 +16,7 @@ class StuckDetector:
     Source:
         Ours, against a known fault of searches that follow the wind.
     Held by:
-        tests/unit/search/moving/test_leash.py
+        tests/unit/search/motion/test_stuck_detector.py
     """
 
     def __init__(self, *, n_legs: int, radius_m: float) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from gslcosim.search.draws import Draws
+from gslcosim.search.random_stream import RandomStream
 
 RIGHT_ANGLE_RAD = 1.5707963267948966
 ON_LINE_M = 0.001
@@ -33,7 +33,7 @@ def cast_length_m(width_m: float, n: int, growth: str) -> float:
         Lochmatter and Martinoli 2008: d, then 2 d the other way (remembered, unverified); doubling as in the recovery
         of Rando et al. 2025, read in code. That growing casts beat fixed ones is mothpy's result.
     Held by:
-        tests/unit/search/reactive/test_casting.py
+        tests/unit/search/reactive/test_cast.py
     """
     if growth == "doubling":
         return width_m * 2.0**n
@@ -46,7 +46,7 @@ def cast_offset_m(width_m: float, n: int, growth: str) -> float:
     y(n) = sum over k <= n of (-1)^k L(k)
 
     Held by:
-        tests/unit/search/reactive/test_casting.py
+        tests/unit/search/reactive/test_cast.py
     """
     return math.fsum((-1.0) ** k * cast_length_m(width_m, k, growth) for k in range(n + 1))
 
@@ -108,7 +108,7 @@ class PlaneCastSequence:
     Deviation:
         The order and the growth are ours: each round covers a cross, and the next one a larger cross.
     Held by:
-        tests/unit/search/reactive/test_casting.py
+        tests/unit/search/reactive/test_cast.py
     """
 
     anchor_m: tuple[float, float, float]
@@ -152,7 +152,7 @@ def find_side(place_m: Sequence[float], anchor_m: Sequence[float], upwind_rad: f
     return int(cross_m > ON_LINE_M) - int(cross_m < -ON_LINE_M)
 
 
-def side_or_random(place_m: Sequence[float], anchor_m: Sequence[float], upwind_rad: float, draws: Draws) -> int:
+def side_or_random(place_m: Sequence[float], anchor_m: Sequence[float], upwind_rad: float, draws: RandomStream) -> int:
     """Return on which side a place lies, as `find_side`; on neither: +1 or -1 with equal chance, which costs a draw."""
     side = find_side(place_m, anchor_m, upwind_rad)
     if side == 0:
@@ -173,7 +173,7 @@ class BlankMemory:
     Deviation:
         In seconds, with bounds: there in steps, without.
     Held by:
-        tests/unit/search/reactive/test_casting.py
+        tests/unit/search/reactive/test_cast.py
     """
 
     def __init__(self, *, first_s: float, least_s: float, most_s: float, shortest_blank_s: float = 0.0) -> None:
@@ -217,7 +217,7 @@ def surge_end_m(
         step_m: L, how far upwind [m].
 
     Held by:
-        tests/unit/search/reactive/test_surging.py
+        tests/unit/search/reactive/test_surge.py
     """
     along_x, along_y = math.cos(upwind_rad), math.sin(upwind_rad)
     across_m = 0.0
@@ -237,7 +237,7 @@ def oblique_surge_end_m(
     p = x + L (cos b u + sin b n) + ((g - x) . n) n        b slant, positive to the left looking upwind [rad]
 
     Held by:
-        tests/unit/search/reactive/test_surging.py
+        tests/unit/search/reactive/test_surge.py
     """
     x_m, y_m = surge_end_m(here_m, gas_m, upwind_rad, step_m * math.cos(slant_rad))
     across_m = step_m * math.sin(slant_rad)

@@ -3,8 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from gslcosim.search.draws import Draws
 from gslcosim.search.motion.legs import N_TRIES, LegSpace, Point, leg_end
+from gslcosim.search.random_stream import RandomStream
 
 
 class RunAndTumble:
@@ -21,10 +21,10 @@ class RunAndTumble:
     Source:
         The walker and the E. coli of GSL-Bench [C].
     Held by:
-        tests/unit/search/reactive/test_walks.py; tests/analytic/search/test_blind_walks.py (success without gas)
+        tests/unit/search/reactive/test_random_walks.py; tests/analytic/search/test_blind_walks.py (success without gas)
     """
 
-    def __init__(self, room: LegSpace, draws: Draws, *, leg_m: float, most_climb_m: float | None = None) -> None:
+    def __init__(self, room: LegSpace, draws: RandomStream, *, leg_m: float, most_climb_m: float | None = None) -> None:
         """Begin without a direction.
 
         Args:
@@ -84,7 +84,7 @@ def power_law_length_m(fraction: float, *, exponent: float, least_m: float, most
     Source:
         Inverse of the distribution function; Levy walks after Viswanathan et al. 1999, doi:10.1038/44831.
     Held by:
-        tests/unit/search/reactive/test_walks.py
+        tests/unit/search/reactive/test_random_walks.py
     """
     q = 1.0 - exponent
     if abs(q) < 1e-9:
@@ -103,10 +103,10 @@ class LevyWalk:
     Source:
         Levy walk with exponent 2, truncated at the room's size, remembered, unverified [M].
     Held by:
-        tests/unit/search/reactive/test_walks.py
+        tests/unit/search/reactive/test_random_walks.py
     """
 
-    def __init__(self, room: LegSpace, draws: Draws, *, exponent: float, least_m: float) -> None:
+    def __init__(self, room: LegSpace, draws: RandomStream, *, exponent: float, least_m: float) -> None:
         """Begin a walk with lengths from `least_m`, with the power law's exponent."""
         self._room, self._draws, self._exponent, self._least_m = room, draws, exponent, least_m
         self._most_m = max(least_m, math.dist(room.min_m[:2], room.max_m[:2]))

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import Briefing, Command, Observation
-from gslcosim.search.draws import Draws
 from gslcosim.search.motion.commands import declaration
 from gslcosim.search.motion.coverage_grid import CoverageGrid
 from gslcosim.search.motion.declaration import DeclarationGuard, Estimate, ReactiveRule
 from gslcosim.search.motion.leg_planner import LegPlanner
 from gslcosim.search.motion.stuck_detector import StuckDetector
-from gslcosim.search.senses.plume_contact import Contact, PlumeWatch
+from gslcosim.search.random_stream import RandomStream
+from gslcosim.search.senses.plume_contact import Contact, PlumeContactDetector
 
 
 class LossPoints:
@@ -105,14 +105,16 @@ class ReactiveSearcher:
     State: that of its parts, and for how many more legs the leash sends it away.
 
     Held by:
-        tests/unit/search/reactive/test_scout.py
+        tests/unit/search/reactive/test_reactive_searcher.py
     """
 
-    def __init__(self, briefing: Briefing, settings: ReactiveSettings, draws: Draws) -> None:
+    def __init__(self, briefing: Briefing, settings: ReactiveSettings, draws: RandomStream) -> None:
         """Begin without gas, wind, or anything seen."""
         self.settings = settings
         self.pilot = LegPlanner(briefing, draws, margin_m=settings.margin_m)
-        self.watch = PlumeWatch(briefing, threshold_ppm=settings.threshold_ppm, threshold_m_s=settings.threshold_m_s)
+        self.watch = PlumeContactDetector(
+            briefing, threshold_ppm=settings.threshold_ppm, threshold_m_s=settings.threshold_m_s
+        )
         self.unseen = CoverageGrid(self.pilot.room, edge_m=settings.explore_step_m)
         self._contact: Contact | None = None
         self._leash = StuckDetector(n_legs=settings.leash_legs, radius_m=settings.leash_m)

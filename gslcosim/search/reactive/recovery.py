@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from gslcosim.search.draws import Draws
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.spirals import random_side
 
 # Moves relative to the wind, looking upwind.
@@ -40,7 +40,7 @@ class Backtrack:
         tests/unit/search/reactive/test_recovery.py
     """
 
-    def __init__(self, draws: Draws, moves_since_gas: list[int]) -> None:
+    def __init__(self, draws: RandomStream, moves_since_gas: list[int]) -> None:
         """Begin at the end of `moves_since_gas`, which are copied."""
         self._draws = draws
         self._moves = list(moves_since_gas)
@@ -63,7 +63,7 @@ class Circling:
         tests/unit/search/reactive/test_recovery.py
     """
 
-    def __init__(self, draws: Draws) -> None:
+    def __init__(self, draws: RandomStream) -> None:
         """Begin with a direction and a side; costs two draws."""
         self._at = draws.index(N_MOVES)
         self._side = random_side(draws)
@@ -91,7 +91,7 @@ class CastSurge:
         tests/unit/search/reactive/test_recovery.py
     """
 
-    def __init__(self, draws: Draws) -> None:
+    def __init__(self, draws: RandomStream) -> None:
         """Begin with a side; costs one draw."""
         self._side = LEFT if random_side(draws) > 0 else RIGHT
         self._n_runs = 0
@@ -108,7 +108,7 @@ class CastSurge:
         return self._side
 
 
-def make_recovery(name: str, draws: Draws, moves_since_gas: list[int]) -> Recovery:
+def make_recovery(name: str, draws: RandomStream, moves_since_gas: list[int]) -> Recovery:
     """Return a recovery that begins now: `backtrack`, `circling` or `cast_surge`."""
     if name == "backtrack":
         return Backtrack(draws, moves_since_gas)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from gslcosim.search.draws import Draws
+from gslcosim.search.random_stream import RandomStream
 
 FULL_TURN_RAD = 6.283185307179586
 RIGHT_ANGLE_RAD = 1.5707963267948966
@@ -233,7 +233,7 @@ class SpiralPath:
         return None
 
 
-def random_side(draws: Draws) -> int:
+def random_side(draws: RandomStream) -> int:
     """Return +1 (left) or -1 (right) with equal chance; costs one draw."""
     return 1 if draws.fraction() < 0.5 else -1
 
@@ -251,13 +251,13 @@ def leaf_radius_m(radius_m: float, angle_rad: float) -> float:
     [m] = [m]
 
     Held by:
-        tests/unit/search/reactive/test_clover.py
+        tests/unit/search/reactive/test_cloverleaf.py
     """
     return radius_m * math.cos(2.0 * angle_rad)
 
 
 @dataclass(kw_only=True)
-class Clover:
+class CloverleafPath:
     """Places on four loops through a centre, the one upwind first, each of them ending at the centre.
 
     Args:
@@ -273,7 +273,7 @@ class Clover:
     Deviation:
         The shape is a rose with four leaves and the order is ours: theirs is not known to us.
     Held by:
-        tests/unit/search/reactive/test_clover.py
+        tests/unit/search/reactive/test_cloverleaf.py
     """
 
     centre_m: tuple[float, float]

@@ -9,7 +9,7 @@ from typing import TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.base.foreign_json import read_json
+from gslcosim.base.untrusted_json import read_json
 from gslcosim.search.reactive.cast_and_surge import BlankMemory
 
 Floats = NDArray[np.float64]

@@ -28,7 +28,7 @@ def is_more_gas(amount: float, before: float, *, eps: float = 0.005, floor: floa
         GSL-Bench compares strictly (eps 0, floor 0). The dead band is ours: with noise a strict comparison in clean
         air is a coin flip.
     Held by:
-        tests/unit/search/senses/test_hits.py
+        tests/unit/search/senses/test_hit_detection.py
     """
     return (1.0 - eps) * amount > max(before, floor)
 
@@ -41,7 +41,7 @@ def is_gas_present(
     Source:
         The rule and the defaults of the MAPIR group's methods (GrGSL, surge-cast), read in their public code [C].
     Held by:
-        tests/unit/search/senses/test_hits.py
+        tests/unit/search/senses/test_hit_detection.py
     """
     return gas_ppm > threshold_ppm and wind_speed_m_s > threshold_m_s
 
@@ -78,7 +78,7 @@ class GasLevel:
     State: R_clean.
 
     Held by:
-        tests/unit/search/senses/test_hits.py
+        tests/unit/search/senses/test_hit_detection.py
     """
 
     def __init__(self, nose: Nose) -> None:
@@ -121,7 +121,7 @@ class OnsetDetector:
         Onsets in place of thresholds are common for MOX sensors. sd of the slope: our derivation, the variance of a
         white sequence minus its exponential average.
     Held by:
-        tests/unit/search/senses/test_hits.py
+        tests/unit/search/senses/test_hit_detection.py
     """
 
     def __init__(
@@ -217,7 +217,7 @@ class BoutDetector:
         D must also exceed `least_rise`: while a sensor recovers D returns to 0 from below and S lags behind it, which
         D > S alone takes for gas. `least_rise` -inf is the published rule.
     Held by:
-        tests/unit/search/senses/test_hits.py
+        tests/unit/search/senses/test_hit_detection.py
     """
 
     SPANS = (3.0, 8.0, 5.0)
@@ -263,7 +263,7 @@ class GasHits:
     State: the detector, the last tick, the time of the last hit, and whether there was a hit since `take` was called.
 
     Held by:
-        tests/unit/search/senses/test_hits.py
+        tests/unit/search/senses/test_hit_detection.py
     """
 
     def __init__(self, nose: Nose, *, threshold_ppm: float = 0.1, onset: OnsetDetector | None = None) -> None:

@@ -85,7 +85,7 @@ class Vane:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ranges:
+class RangeFinder:
     """A range finder: distances along fixed directions of the body frame."""
 
     name: str
@@ -129,10 +129,10 @@ def find_vane(briefing: Briefing) -> Vane:
     return find_vanes(briefing)[0]
 
 
-def find_ranges(briefing: Briefing) -> tuple[Ranges, ...]:
+def find_range_finders(briefing: Briefing) -> tuple[RangeFinder, ...]:
     """Return the range finders, in the briefing's order."""
     return tuple(
-        Ranges(name=sensor.name, directions_body=_directions(sensor))
+        RangeFinder(name=sensor.name, directions_body=_directions(sensor))
         for sensor in briefing.sensors
         if sensor.quantity == RANGE_QUANTITY
         and sensor.directions_body is not None

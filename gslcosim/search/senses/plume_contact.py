@@ -44,7 +44,7 @@ class Contact:
         return -math.inf if self.last_m is None else lost_m - math.dist(self.last_m, here_m)
 
 
-class PlumeWatch:
+class PlumeContactDetector:
     """Takes note of hits and wind at every observation, so that a leg through a plume is not flown in vain.
 
     The rule for a hit is that of `hits.GasHits`: a MOX sensor has one while its resistance falls, one in ppm while it
@@ -56,7 +56,7 @@ class PlumeWatch:
     second.
 
     Held by:
-        tests/unit/search/senses/test_contacts.py
+        tests/unit/search/senses/test_plume_contact.py
     """
 
     def __init__(self, briefing: Briefing, *, threshold_ppm: float, threshold_m_s: float) -> None:

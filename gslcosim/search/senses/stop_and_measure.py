@@ -61,7 +61,7 @@ class StopAndMeasure:
         Stop and measure as in the MAPIR group's methods: 2 s, direction = atan2(sum sin, sum cos), the speed
         apart [C].
     Held by:
-        tests/unit/search/senses/test_measuring.py
+        tests/unit/search/senses/test_stop_and_measure.py
     """
 
     def __init__(self, noses: Sequence[Nose], vane: Vane | None = None, *, window_s: float = math.inf) -> None:
@@ -132,7 +132,7 @@ class GasIncrease:
     State: the readings of this hold, and the reading of the last decision.
 
     Held by:
-        tests/unit/search/senses/test_measuring.py
+        tests/unit/search/senses/test_stop_and_measure.py
     """
 
     def __init__(self, nose: Nose, *, eps: float, is_mean: bool) -> None:
@@ -180,7 +180,7 @@ class TrustedWind:
     State: that direction, and whether the air is calm now.
 
     Held by:
-        tests/unit/search/senses/test_measuring.py
+        tests/unit/search/senses/test_stop_and_measure.py
     """
 
     def __init__(self, *, threshold_m_s: float = 0.1, least_steadiness_frac: float = 0.0) -> None:
@@ -212,7 +212,7 @@ def circular_mean_rad(angles_rad: Sequence[float]) -> tuple[float, float]:
     Source:
         Mardia and Jupp 2000, Directional Statistics, section 2.2 (textbook definition).
     Held by:
-        tests/unit/search/senses/test_measuring.py
+        tests/unit/search/senses/test_stop_and_measure.py
     """
     n = max(1, len(angles_rad))
     sine = math.fsum(math.sin(angle) for angle in angles_rad) / n

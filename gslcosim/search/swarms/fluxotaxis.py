@@ -39,7 +39,7 @@ def lattice_forces(positions_m: Floats, spacing_m: float, *, soft_m: float) -> F
         The force passes zero in a band and does not jump there, so that robots which move in steps come to rest.
         Places nearer than a tenth of R count as a tenth of R.
     Held by:
-        tests/unit/search/swarms/test_fluxes.py (a hexagon is at rest; all forces together are zero)
+        tests/unit/search/swarms/test_fluxotaxis.py (a hexagon is at rest; all forces together are zero)
     """
     apart_m = positions_m[None, :, :] - positions_m[:, None, :]
     distance_m = np.hypot(apart_m[..., 0], apart_m[..., 1])
@@ -59,7 +59,7 @@ def relaxed_lattice(positions_m: Floats, spacing_m: float, *, n_steps: int = 8, 
     Source:
         Our first-order form of the physicomimetic lattice: legs have no inertia to damp.
     Held by:
-        tests/unit/search/swarms/test_fluxes.py (disturbed hexagons close again)
+        tests/unit/search/swarms/test_fluxotaxis.py (disturbed hexagons close again)
     """
     places_m = np.array(positions_m, dtype=np.float64)
     for _ in range(n_steps):
@@ -108,7 +108,7 @@ def ring_flow(positions_m: Floats, flux: Floats) -> RingFlow:
     Deviation:
         Robots inside the ring, such as one in the middle, are left out.
     Held by:
-        tests/unit/search/swarms/test_fluxes.py (a source inside gives its strength, one outside gives zero)
+        tests/unit/search/swarms/test_fluxotaxis.py (a source inside gives its strength, one outside gives zero)
     """
     around = _ring_order(positions_m) if len(positions_m) >= 3 else ()
     n = len(around)
@@ -135,7 +135,7 @@ def inflow_direction(positions_m: Floats, flux: Floats) -> Floats | None:
     Source:
         Following the flux upstream, as Zarzhitsky and Spears (remembered, unverified); the weights are ours.
     Held by:
-        tests/unit/search/swarms/test_fluxes.py
+        tests/unit/search/swarms/test_fluxotaxis.py
     """
     if len(positions_m) < 2:
         return None
@@ -168,7 +168,7 @@ def flux_divergence(positions_m: Floats, flux: Floats, reach_m: float) -> Floats
         They sum c_j W_j . n_j over the neighbours; at the lattice's edge these lie on one side, and the sum then tells
         the flux and not its divergence. The planes have no such bias.
     Held by:
-        tests/unit/search/swarms/test_fluxes.py (exact for linear fluxes)
+        tests/unit/search/swarms/test_fluxotaxis.py (exact for linear fluxes)
     """
     apart_m = positions_m[:, None] - positions_m[None]
     is_near = np.hypot(apart_m[..., 0], apart_m[..., 1]) <= reach_m
@@ -196,7 +196,7 @@ def divergence_slope(positions_m: Floats, flux: Floats, reach_m: float) -> Plane
     Source:
         The gradient of the mass flux of Zarzhitsky and Spears (remembered, unverified).
     Held by:
-        tests/unit/search/swarms/test_fluxes.py (it points to the source)
+        tests/unit/search/swarms/test_fluxotaxis.py (it points to the source)
     """
     divergence = flux_divergence(positions_m, flux, reach_m)
     is_known = np.isfinite(divergence)
@@ -214,7 +214,7 @@ class OutflowRule:
     Source:
         Zarzhitsky and Spears (the theorem as a rule; share and number of rounds are ours).
     Held by:
-        tests/unit/search/swarms/test_fluxes.py
+        tests/unit/search/swarms/test_fluxotaxis.py
     """
 
     def __init__(self, *, least_frac: float, least_flow: float, n_rounds: int) -> None:

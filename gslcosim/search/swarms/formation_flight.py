@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Briefing, Command, Observation
-from gslcosim.search.draws import Draws
 from gslcosim.search.motion.commands import declaration
 from gslcosim.search.motion.declaration import DeclarationGuard, Estimate, SwarmRule
 from gslcosim.search.motion.leg_planner import LegPlanner
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.senses.instruments import find_noses, find_vanes
 from gslcosim.search.senses.stop_and_measure import MeasuredWind, TrustedWind
 from gslcosim.search.swarms.formations import centre_m
 from gslcosim.search.swarms.particle_swarm import Sighting
-from gslcosim.search.swarms.plume_search import PlumeMemory, crosswind_course
-from gslcosim.search.swarms.radio_reports import Best, Report
+from gslcosim.search.swarms.plume_search import PlumeMemory, plan_crosswind_lanes
+from gslcosim.search.swarms.radio_reports import Report, ReportedBest
 from gslcosim.search.swarms.rounds import Round, Rounds
 from gslcosim.search.swarms.swarm_robot import GasScale
 
@@ -55,7 +55,7 @@ class FormationFlight:
         nose, vane = find_noses(briefing)[0], next(iter(find_vanes(briefing)), None)
         smell = GasScale(nose, floor=s.gas_floor, band_frac=s.mox_band_frac)
         self.rounds = Rounds(briefing, nose, vane, amount=smell.amount, timeout_s=s.timeout_s, window_s=s.hold_s)
-        self.pilot = LegPlanner(briefing, Draws(briefing.seed), margin_m=s.wall_margin_m)
+        self.pilot = LegPlanner(briefing, RandomStream(briefing.seed), margin_m=s.wall_margin_m)
         self.room, self.height_m = self.pilot.room, self.pilot.height_m
         self.wind = TrustedWind(threshold_m_s=s.calm_m_s)
         self.best: Sighting | None = None
@@ -91,7 +91,7 @@ class FormationFlight:
         if self.pilot.is_busy(observation):
             return None
         best = None if self.best is None else self.best.faded(observation.time_s, self.settings.fades_s)
-        told = None if best is None else Best(position_m=(*best.place_m, self.height_m), amount=best.amount)
+        told = None if best is None else ReportedBest(position_m=(*best.place_m, self.height_m), amount=best.amount)
         now = self.rounds.complete(observation, numbers, best=told)
         if now is not None:
             self._learn(now, observation.time_s)
@@ -153,7 +153,7 @@ class FormationFlight:
     def _plume_memory(self, lane_m: float, inset_m: float) -> PlumeMemory:
         if self._memory is None:
             s = self.settings
-            course_m = crosswind_course(self.room, self.upwind_rad, lane_m, inset_m=inset_m)
+            course_m = plan_crosswind_lanes(self.room, self.upwind_rad, lane_m, inset_m=inset_m)
             self._memory = PlumeMemory(course_m, step_m=s.search_step_m, cast_m=s.cast_m, n_casts=s.n_casts)
         return self._memory
 

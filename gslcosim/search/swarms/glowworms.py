@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Briefing
-from gslcosim.search.draws import Draws
 from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.spirals import ArchimedeanSpiral, random_side
 from gslcosim.search.swarms.particle_swarm import limit_length, scale_to_length
 from gslcosim.search.swarms.swarm_robot import LOST_AFTER_S, SwarmRobot
@@ -167,7 +167,7 @@ def circling_m(place_m: Vector, other_m: Vector, *, radius_m: float, step_m: flo
     return other_m + radius_m * np.array([math.cos(angle_rad), math.sin(angle_rad)])
 
 
-def in_forbidden(place_m: Sequence[float], declared_m: Sequence[Sequence[float]], radius_m: float) -> bool:
+def is_in_excluded_region(place_m: Sequence[float], declared_m: Sequence[Sequence[float]], radius_m: float) -> bool:
     """Return whether a place is in the region about a declared source, where no other is looked for.
 
     |x - s| < R for any declared s        [m]
@@ -197,7 +197,7 @@ class SpiralSearch:
     def __init__(
         self,
         room: LegSpace,
-        draws: Draws,
+        draws: RandomStream,
         *,
         gap_m: float,
         leg_m: float,

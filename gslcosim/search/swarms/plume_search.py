@@ -17,7 +17,7 @@ def nearest_axis_rad(heading_rad: float) -> float:
     return math.remainder(round(heading_rad / (math.pi / 2.0)) * (math.pi / 2.0), 2.0 * math.pi)
 
 
-def crosswind_course(room: LegSpace, upwind_rad: float, lane_m: float, *, inset_m: float = 0.0) -> Floats:
+def plan_crosswind_lanes(room: LegSpace, upwind_rad: float, lane_m: float, *, inset_m: float = 0.0) -> Floats:
     """Return the (m, 2) turns of a course back and forth across the wind, lane by lane up the wind.
 
     Lanes lie along the axis of the room that is nearest to across the wind, as few as cover the room when each covers
@@ -32,7 +32,7 @@ def crosswind_course(room: LegSpace, upwind_rad: float, lane_m: float, *, inset_
     Source:
         Marjovi and Marques 2013 (abstract: sweeps across the wind). Lanes along walls are ours: they leave no corner.
     Held by:
-        tests/unit/search/swarms/test_plume_finding.py (no place is farther than half a lane from the course)
+        tests/unit/search/swarms/test_plume_search.py (no place is farther than half a lane from the course)
     """
     along_rad = nearest_axis_rad(upwind_rad)
     along = 0 if abs(math.cos(along_rad)) > 0.5 else 1
@@ -50,7 +50,7 @@ def crosswind_course(room: LegSpace, upwind_rad: float, lane_m: float, *, inset_
     return turns_m
 
 
-def place_on_course(course_m: Floats, distance_m: float) -> Floats:
+def find_lane_point(course_m: Floats, distance_m: float) -> Floats:
     """Return the place (2,) after a distance along a course [m]; after its end it begins again at its beginning."""
     lengths_m = np.hypot(*np.diff(course_m, axis=0).T)
     total_m = float(lengths_m.sum())
@@ -64,7 +64,7 @@ def place_on_course(course_m: Floats, distance_m: float) -> Floats:
     return course_m[-1]
 
 
-def next_on_course(course_m: Floats, place_m: Sequence[float] | Floats, step_m: float) -> Floats:
+def find_next_lane_point(course_m: Floats, place_m: Sequence[float] | Floats, step_m: float) -> Floats:
     """Return where to go from a place to follow a course: a step on from its nearest point, from its end to its start.
 
     It needs no memory, so all of a team that know where they are go the same way.
@@ -75,7 +75,7 @@ def next_on_course(course_m: Floats, place_m: Sequence[float] | Floats, step_m: 
         step_m: How far along the course [m].
 
     Held by:
-        tests/unit/search/swarms/test_plume_finding.py
+        tests/unit/search/swarms/test_plume_search.py
     """
     place = np.asarray(place_m[:2], dtype=np.float64)
     starts_m, spans_m = course_m[:-1], np.diff(course_m, axis=0)
@@ -89,7 +89,7 @@ def next_on_course(course_m: Floats, place_m: Sequence[float] | Floats, step_m: 
     total_m = float(lengths_m.sum())
     if total_m - along_m < 0.05:
         return course_m[0]
-    return course_m[-1] if along_m + step_m >= total_m else place_on_course(course_m, along_m + step_m)
+    return course_m[-1] if along_m + step_m >= total_m else find_lane_point(course_m, along_m + step_m)
 
 
 class PlumeMemory:
@@ -100,7 +100,7 @@ class PlumeMemory:
     Source:
         Casting as in Lochmatter and Martinoli 2008; of a whole formation, ours.
     Held by:
-        tests/unit/search/swarms/test_plume_finding.py
+        tests/unit/search/swarms/test_plume_search.py
     """
 
     def __init__(self, course_m: Floats, *, step_m: float, cast_m: float, n_casts: int) -> None:
@@ -128,4 +128,4 @@ class PlumeMemory:
         if turn_m is not None:
             return np.array(turn_m)
         self._cast = None
-        return next_on_course(self._course_m, place_m, self._step_m)
+        return find_next_lane_point(self._course_m, place_m, self._step_m)

@@ -28,7 +28,7 @@ _REPORT = re.compile(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Best:
+class ReportedBest:
     """A place in the world frame [m] and how much gas there was, in whatever unit the team agrees on."""
 
     position_m: Vec3
@@ -48,7 +48,7 @@ class Report:
     position_m: Vec3
     amount: float
     wind_m_s: tuple[float, float] | None = None
-    best: Best | None = None
+    best: ReportedBest | None = None
     numbers: tuple[float, ...] = ()
 
 
@@ -82,7 +82,7 @@ def parse(text: str) -> Report | None:
         position_m=_place_m(place),
         amount=float(amount),
         wind_m_s=None if wind is None else _wind_m_s(wind),
-        best=None if best_place is None else Best(position_m=_place_m(best_place), amount=float(best_amount)),
+        best=None if best_place is None else ReportedBest(position_m=_place_m(best_place), amount=float(best_amount)),
         numbers=() if numbers is None else tuple(float(number) for number in numbers.split()),
     )
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gslcosim.contract.messages import Briefing, Command, Observation, RadioMessage
 from gslcosim.search.senses.instruments import Nose, Vane
 from gslcosim.search.senses.stop_and_measure import Measurement, StopAndMeasure
-from gslcosim.search.swarms.radio_reports import Best, Report, Team, encode, parse
+from gslcosim.search.swarms.radio_reports import Report, ReportedBest, Team, encode, parse
 
 # The round's number is the first of a report's own numbers.
 _NUMBER = 0
@@ -146,7 +146,7 @@ class Rounds:
                 self._heard[name][int(report.numbers[_NUMBER])] = report
 
     def complete(
-        self, observation: Observation, numbers: Sequence[float] = (), *, best: Best | None = None
+        self, observation: Observation, numbers: Sequence[float] = (), *, best: ReportedBest | None = None
     ) -> Round | None:
         """Return the round's reports once all that are not lost have told; None as long as there is to wait.
 
@@ -186,7 +186,7 @@ class Rounds:
         return any(number >= self.number for number in self._heard[name])
 
     def _report(
-        self, observation: Observation, measured: Measurement, numbers: Sequence[float], best: Best | None
+        self, observation: Observation, measured: Measurement, numbers: Sequence[float], best: ReportedBest | None
     ) -> Report:
         wind = measured.wind
         report = Report(
@@ -197,7 +197,7 @@ class Rounds:
             best=best,
             numbers=(float(self.number), *numbers),
         )
-        self._last = round_as_sent(report, self.team)
+        self._last = round_to_sent_digits(report, self.team)
         return self._last
 
     def _close(self) -> Round:
@@ -217,7 +217,7 @@ class Rounds:
         return closed
 
 
-def round_as_sent(report: Report, team: Team) -> Report:
+def round_to_sent_digits(report: Report, team: Team) -> Report:
     """Return a report with the digits in which the others hear it; as it is where it cannot be told.
 
     Where not everything fits, the best place goes before the wind: the others know of best places themselves.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import MethodError
 from gslcosim.contract.messages import Briefing
-from gslcosim.search.senses.instruments import Ranges, find_ranges
+from gslcosim.search.senses.instruments import RangeFinder, find_range_finders
 
 Vector = NDArray[np.float64]
 RIGHT_ANGLE_RAD = 1.5707963267948966
@@ -313,13 +313,13 @@ def _along_wall(blocked: int, bearing_rad: float, is_free: list[bool]) -> tuple[
     return (blocked + 2) % N_BEAMS, -ways[0]
 
 
-def find_four_ranges(briefing: Briefing) -> Ranges:
+def find_four_ranges(briefing: Briefing) -> RangeFinder:
     """Return the first range finder that looks front, left, back and right.
 
     Raises:
         MethodError: there is none.
     """
-    for ranges in find_ranges(briefing):
+    for ranges in find_range_finders(briefing):
         if len(ranges.directions_body) == N_BEAMS and all(
             math.dist(direction[:2], beam_direction(beam, 0.0)) < 1e-3
             for beam, direction in enumerate(ranges.directions_body)

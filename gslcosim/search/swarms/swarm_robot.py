@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from gslcosim.agent_kit import Agent
 from gslcosim.contract.messages import Briefing, Command, Observation, RadioMessage
-from gslcosim.search.draws import Draws
 from gslcosim.search.motion.commands import declaration
 from gslcosim.search.motion.declaration import DeclarationGuard, SwarmRule
 from gslcosim.search.motion.leg_planner import LegPlanner
 from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.senses.instruments import Nose, find_noses, find_vanes
 from gslcosim.search.senses.stop_and_measure import Measurement, StopAndMeasure
 from gslcosim.search.swarms.particle_swarm import (
@@ -26,7 +26,7 @@ from gslcosim.search.swarms.particle_swarm import (
     repelled_velocity,
     rotate,
 )
-from gslcosim.search.swarms.radio_reports import Best, Report, Team
+from gslcosim.search.swarms.radio_reports import Report, ReportedBest, Team
 from gslcosim.search.swarms.sniffy_bug import searching_waypoint
 
 Vector = NDArray[np.float64]
@@ -46,7 +46,7 @@ class GasScale:
     State: R0, the most that was ever measured [ohm].
 
     Held by:
-        tests/unit/search/swarms/test_swarming.py
+        tests/unit/search/swarms/test_swarm_robot.py
     """
 
     def __init__(self, nose: Nose, *, floor: float, band_frac: float) -> None:
@@ -75,10 +75,10 @@ class Explorer:
     State: the waypoint, and since when it is flown to.
 
     Held by:
-        tests/unit/search/swarms/test_swarming.py
+        tests/unit/search/swarms/test_swarm_robot.py
     """
 
-    def __init__(self, room: LegSpace, draws: Draws, *, inertia: float, draw: float, waypoint_s: float) -> None:
+    def __init__(self, room: LegSpace, draws: RandomStream, *, inertia: float, draw: float, waypoint_s: float) -> None:
         """Begin without a waypoint; w' and r_r as in `searching_waypoint`, `waypoint_s` the longest way to one [s]."""
         self._room, self._draws = room, draws
         self._inertia, self._draw, self._waypoint_s = inertia, draw, waypoint_s
@@ -114,13 +114,13 @@ class SwarmMember:
     set `numbers`, what it tells the others besides, and `is_ignored`, the places whose gas does not count.
 
     Held by:
-        tests/unit/search/swarms/test_swarming.py
+        tests/unit/search/swarms/test_swarm_robot.py
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace) -> None:
         """Begin without a best."""
         self.settings = settings
-        self.draws = Draws(briefing.seed)
+        self.draws = RandomStream(briefing.seed)
         self.team = Team(briefing)
         self.height_m = briefing.search_height_m
         self.place_m, self.now_s = np.zeros(2), 0.0
@@ -166,7 +166,7 @@ class SwarmMember:
         """Return the best place that the robot knows of, as it counts now."""
         known = [] if self.own_best is None else [self.own_best]
         for report in self.team.recent(self.now_s).values():
-            told = (report.best, Best(position_m=report.position_m, amount=report.amount))
+            told = (report.best, ReportedBest(position_m=report.position_m, amount=report.amount))
             known += [Sighting(best.position_m[:2], best.amount, report.time_s) for best in told if best is not None]
         counting = (place for place in known if place.amount > 0.0 and not self.is_ignored(place.place_m))
         now = [sighting.faded(self.now_s, self.settings.fades_s) for sighting in counting]
@@ -200,7 +200,7 @@ class SwarmMember:
             position_m=observation.position_world_m,
             amount=self.amount,
             wind_m_s=(float(x_m_s), float(y_m_s)),
-            best=None if best is None else Best(position_m=(*best.place_m, self.height_m), amount=best.amount),
+            best=None if best is None else ReportedBest(position_m=(*best.place_m, self.height_m), amount=best.amount),
             numbers=self.numbers,
         )
         return self.team.call(report)
@@ -223,7 +223,7 @@ class SwarmRobot(SwarmMember):
     State: that of a member, and its last step.
 
     Held by:
-        tests/unit/search/swarms/test_swarming.py
+        tests/unit/search/swarms/test_swarm_robot.py
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace) -> None:
@@ -282,7 +282,7 @@ class Particle(SwarmRobot):
     State: that of a robot, and its waypoint before any gas.
 
     Held by:
-        tests/unit/search/swarms/test_swarming.py
+        tests/unit/search/swarms/test_swarm_robot.py
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace) -> None:

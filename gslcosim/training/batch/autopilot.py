@@ -17,18 +17,18 @@ from gslcosim.training.batch.batch_records import (
     NO_TASK,
     TAKING_OFF,
 )
-from gslcosim.training.batch.reference_free_kernels import reference_free_njit
-from gslcosim.training.batch.space import (
+from gslcosim.training.batch.free_space import (
     SAME_S,
     array_at,
     copy_inplace,
-    fly_at_inplace,
     is_place_refused,
     motion_inplace,
     must_brake,
     norm3,
+    plan_to_velocity_inplace,
     seconds_of,
 )
+from gslcosim.training.batch.reference_free_kernels import reference_free_njit
 from gslcosim_services.world.paths.trajectory import (
     allowed_lateral_deviation_m,
     max_lateral_deviation_m,
@@ -78,7 +78,7 @@ def _stop(search, path, case, work, tick):
     if not is_stopping:
         state, end = work.states[0], work.states[1]
         motion_inplace(state, path, case, tick)
-        fly_at_inplace(path, case, state, end, 0.0, 0.0, 0.0, tick)
+        plan_to_velocity_inplace(path, case, state, end, 0.0, 0.0, 0.0, tick)
 
 
 @reference_free_njit()
@@ -120,7 +120,7 @@ def _follow_leg(search, path, case, work, tick):
     search.is_preparing = 0
     if _swings_out(path, case, state):
         # It had better stop first.
-        fly_at_inplace(path, case, state, end, 0.0, 0.0, 0.0, tick)
+        plan_to_velocity_inplace(path, case, state, end, 0.0, 0.0, 0.0, tick)
         search.is_preparing = 1
     search.has_target = 1
     search.keeps_velocity = 0
@@ -153,7 +153,7 @@ def _is_refused(search, path, case, room, work, tick, task, vector):
         return False
     planned, state, end = array_at(work.paths, 2, STATE)[1], work.states[2], work.states[1]
     motion_inplace(state, path, case, tick)
-    fly_at_inplace(planned, case, state, end, vector[0], vector[1], vector[2], tick)
+    plan_to_velocity_inplace(planned, case, state, end, vector[0], vector[1], vector[2], tick)
     return must_brake(planned, case, room, work, tick)
 
 
@@ -169,7 +169,7 @@ def _copy_path(to, path):
 
 
 @reference_free_njit()
-def hear(search, path, case, room, work, tick, task, vector):
+def receive_task(search, path, case, room, work, tick, task, vector):
     """Do a task of the agent, keep it for after take-off, or refuse it; see `Guide._hear`.
 
     Args:
@@ -284,7 +284,7 @@ def end_tick(search, path, case, room, work, tick):
         task = search.kept_task
         search.kept_task = NO_TASK
         if search.phase == HOLDING:
-            hear(search, path, case, room, work, tick, task, search.kept_vector)
+            receive_task(search, path, case, room, work, tick, task, search.kept_vector)
     if case.asks_every_tick:
         search.is_asked = 1
     else:

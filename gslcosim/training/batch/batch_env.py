@@ -18,8 +18,8 @@ from gslcosim.scenario.models.gas import FormulaGasSpec
 from gslcosim.search.learned.actions import action_kind
 from gslcosim.training.batch import batch_records
 from gslcosim.training.batch.actions import BATCHED_ACTIONS, BatchActions
-from gslcosim.training.batch.batch_records import Searches, Work, build_cases_record, new_touch, new_work
-from gslcosim.training.batch.case_builder import EXACT, FLYING, prepare
+from gslcosim.training.batch.batch_records import Searches, ThreadScratch, build_cases_record, build_scratch, new_touch
+from gslcosim.training.batch.case_builder import EXACT, FLYING, prepare_cases
 from gslcosim.training.batch.pcg64 import scrambled
 from gslcosim.training.batch.step import fly
 from gslcosim.training.registration import REMEDY
@@ -31,7 +31,7 @@ from gslcosim_services.world.physics import vehicle_records
 _N_DRAWN = 2**32
 
 
-def shares_of_cases(weights: Any, n_cases: int) -> NDArray[np.float64] | None:
+def cumulate_case_fractions(weights: Any, n_cases: int) -> NDArray[np.float64] | None:
     """Return the shares of cases, summed up, (n_cases,); nothing where all come equally often.
 
     Args:
@@ -56,8 +56,8 @@ def shares_of_cases(weights: Any, n_cases: int) -> NDArray[np.float64] | None:
     return shares
 
 
-def case_of(drawn: int, n_cases: int, shares: NDArray[np.float64] | None) -> int:
-    """Return the case that a random whole number below 2^32 stands for; see `shares_of_cases`."""
+def find_drawn_case(drawn: int, n_cases: int, shares: NDArray[np.float64] | None) -> int:
+    """Return the case that a random whole number below 2^32 stands for; see `cumulate_case_fractions`."""
     if shares is None:
         return drawn % n_cases
     return int(np.searchsorted(shares, drawn / _N_DRAWN, side="right"))
@@ -136,7 +136,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         if flying not in FLYING:
             raise UsageError(f"flying: expected {' or '.join(FLYING)}, was {flying!r}.")
         self._loaded = tuple(cases)
-        self._prepared = prepare(self._loaded, hold_s, flying, report)
+        self._prepared = prepare_cases(self._loaded, hold_s, flying, report)
         self._reward, self._discount = reward, discount
         self._resets_at_once = autoreset_mode == "same_step"
         self.metadata = {
@@ -170,7 +170,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         n_places = self._prepared.cases.places_m.shape[1]
         self._touch, self._cases = new_touch(n_places), build_cases_record(self._prepared.cases)
         self._work = [
-            new_work(n_places, self._prepared.most_filaments, vehicle_records.STATE) for _ in range(n_threads)
+            build_scratch(n_places, self._prepared.most_filaments, vehicle_records.STATE) for _ in range(n_threads)
         ]
         self._threads = ThreadPoolExecutor(n_threads) if n_threads > 1 else None
 
@@ -192,7 +192,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
             self._stream_seed = int(self.np_random.integers(2**62)) if seed is None else int(seed)
             self._searches.searches["n_begun"] = 0
         rows, options = np.arange(self.num_envs), dict(options or {})
-        self._shares = shares_of_cases(options.pop("weights", None), len(self._loaded))
+        self._shares = cumulate_case_fractions(options.pop("weights", None), len(self._loaded))
         cases, seeds = self._drawn(rows)
         for name, values in options.items():
             chosen = np.asarray(values, np.int64)
@@ -276,7 +276,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         searches, n_cases = self._searches.searches, len(self._loaded)
         assert self._stream_seed is not None, "reset has drawn it"
         bits = [scrambled(self._stream_seed, i, int(searches["n_begun"][i])) for i in rows.tolist()]
-        cases = np.array([case_of(int(b) >> 32, n_cases, self._shares) for b in bits], np.int64)
+        cases = np.array([find_drawn_case(int(b) >> 32, n_cases, self._shares) for b in bits], np.int64)
         seeds = np.array([int(b) % _MOST_SEED for b in bits], np.int64)
         return cases, seeds
 
@@ -301,7 +301,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
             for i in rows[self._searches.searches["touched_at"][rows] >= 0].tolist():
                 self._finish(i)
 
-    def _fly_part(self, rows: NDArray[np.int64], how: int, work: Work) -> int:
+    def _fly_part(self, rows: NDArray[np.int64], how: int, work: ThreadScratch) -> int:
         n_touched = fly(
             rows, how, self._next_cases, self._next_seeds, self._actions.tasks, self._actions.vectors, self._touch,
             self._cases, self._searches, work.record, self._observations,

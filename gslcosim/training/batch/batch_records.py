@@ -321,7 +321,7 @@ class Searches(NamedTuple):
     wanders: Any
 
 
-class Work(NamedTuple):
+class ThreadScratch(NamedTuple):
     """Scratch of one thread: (1,) record of `WORK`, and the arrays that it points into."""
 
     record: Any
@@ -349,7 +349,7 @@ def new_touch(n_places: int) -> TouchState:
     )
 
 
-def new_work(n_places: int, most_filaments: int, state_dtype: np.dtype[Any]) -> Work:
+def build_scratch(n_places: int, most_filaments: int, state_dtype: np.dtype[Any]) -> ThreadScratch:
     """Return the scratch of a thread.
 
     Args:
@@ -372,7 +372,7 @@ def new_work(n_places: int, most_filaments: int, state_dtype: np.dtype[Any]) -> 
     record["n_places"], record["most_filaments"] = n_places, most_filaments
     for name, array in arrays.items():
         record[name] = array.ctypes.data
-    return Work(record=record, kept=tuple(arrays.values()))
+    return ThreadScratch(record=record, kept=tuple(arrays.values()))
 
 
 def build_cases_record(cases: Cases) -> NDArray[np.void]:

@@ -26,9 +26,9 @@ from gslcosim.search.learned.observations import ObservationVector
 from gslcosim.training.batch import batch_records
 from gslcosim.training.batch.batch_records import Cases
 from gslcosim.training.batch.environments import BatchRooms
-from gslcosim.training.batch.gas import BatchGas, fits, wander_names
+from gslcosim.training.batch.gas import BatchGas, is_gas_supported, list_wander_streams
 from gslcosim.training.batch.instruments import ELSE, BatchInstruments
-from gslcosim.training.learning_task import room_key
+from gslcosim.training.learning_task import get_environment_key
 from gslcosim.vehicles import Vehicle, get_vehicle
 from gslcosim_services.fields.gas_setup import list_gas_names
 from gslcosim_services.sensing.briefing import build_briefing
@@ -48,7 +48,7 @@ _CLEAR_M = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
-class Prepared:
+class PreparedCases:
     """Cases as kernels take them; `kept` holds what their addresses point into.
 
     `briefing` is that of the first case, `names` those of the numbers of an observation; `scenes` are what vehicles may
@@ -67,7 +67,7 @@ class Prepared:
     kept: Sequence[object] = field(repr=False)
 
 
-def refusal_of(scenario: Scenario, flying: str = EXACT) -> str | None:
+def find_batch_refusal(scenario: Scenario, flying: str = EXACT) -> str | None:
     """Return why a scenario cannot be batched, in one sentence with the remedy, or nothing.
 
     Args:
@@ -94,7 +94,7 @@ def _misfits(scenario: Scenario, flying: str) -> Iterable[tuple[str, str, object
         yield "agents[0].mode", "on_request or lockstep in a batch", agent.mode_name
     if vehicle.avoidance != "none":
         yield "agents[0].vehicle.avoidance", "none in a batch", vehicle.avoidance
-    if not fits(scenario):
+    if not is_gas_supported(scenario):
         expected = "gaussian_plume, meandering_plume, or filament without rotor_downwash, in a batch"
         yield "gas.model", expected, f"{scenario.gas.model}{' with it' if scenario.gas.rotor_downwash else ''}"
     if isinstance(scenario.gas, MeanderingPlumeGasSpec) and len(scenario.gas.sources) > _MOST_MEANDERING:
@@ -112,7 +112,7 @@ def _misfits(scenario: Scenario, flying: str) -> Iterable[tuple[str, str, object
 
 
 class _Preparing:
-    """Gathers cases; see `prepare`."""
+    """Gathers cases; see `prepare_cases`."""
 
     def __init__(self, hold_s: float | None, flying: str) -> None:
         self._hold_s = hold_s
@@ -135,7 +135,7 @@ class _Preparing:
 
     def add(self, loaded: LoadedScenario) -> None:
         scenario = loaded.scenario
-        if (refusal := refusal_of(scenario, self._flying)) is not None:
+        if (refusal := find_batch_refusal(scenario, self._flying)) is not None:
             raise UsageError(f"{scenario.name}: {refusal}")
         agent, environment = scenario.agents[0], self._environment(loaded)
         names = self._names(agent, scenario, environment)
@@ -153,7 +153,7 @@ class _Preparing:
 
     # Names of streams are one after the other, those of sensors first.
     def _add_wandering(self, case: Any, scenario: Scenario, instruments: BatchInstruments) -> None:
-        names, n_wanders = wander_names(scenario), 2 * len(scenario.gas.sources)
+        names, n_wanders = list_wander_streams(scenario), 2 * len(scenario.gas.sources)
         self.n_memory = max(self.n_memory, instruments.n_memory)
         self.names_of_streams += instruments.names + names
         if names:
@@ -164,7 +164,7 @@ class _Preparing:
             self.n_memory = max(self.n_memory, instruments.n_memory + n_wanders * int(case["n_knots"]))
 
     def _environment(self, loaded: LoadedScenario) -> Environment:
-        key = room_key(loaded)
+        key = get_environment_key(loaded)
         if key not in self._environments:
             folder = prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
             self._environments[key] = load_environment(folder)
@@ -247,12 +247,12 @@ class _Preparing:
         return rows
 
 
-def prepare(
+def prepare_cases(
     loaded: Sequence[LoadedScenario],
     hold_s: float | None,
     flying: str = EXACT,
     report: Callable[[int, int], None] | None = None,
-) -> Prepared:
+) -> PreparedCases:
     """Prepare cases: their rooms, starts, gas and sensors.
 
     Args:
@@ -292,7 +292,7 @@ def prepare(
         sources_m=np.array(preparing.sources_m, np.float64),
         places_m=places_m,
     )
-    return Prepared(
+    return PreparedCases(
         cases=cases,
         briefing=preparing.briefing,
         names=preparing.names,

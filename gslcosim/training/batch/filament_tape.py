@@ -9,8 +9,8 @@ import numpy as np
 from llvmlite import ir
 from numba.extending import intrinsic
 
+from gslcosim.training.batch.free_space import array_at
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
-from gslcosim.training.batch.space import array_at
 from gslcosim_services.fields.concentration.mixing_ratio import (
     WallCells,
     filament_contribution_ppm,
@@ -43,7 +43,7 @@ def sort_frames_inplace(first, rows, origin_m, column_m, nx, ny, starts, members
         largest_sigma_m: (n_frames,) written: the largest standard deviation of each frame [m].
 
     Held by:
-        tests/unit/training/batch/test_tape_kernels.py
+        tests/unit/training/batch/test_filament_tape.py
     """
     for frame in range(len(first) - 1):
         at, n = first[frame], first[frame + 1] - first[frame]
@@ -111,7 +111,7 @@ def near_filaments_inplace(tape, frame, x_m, y_m, z_m, cutoff_sigma, work):
             they have in the tape. `marks` are zeros, and are left so.
 
     Held by:
-        tests/unit/training/batch/test_tape_kernels.py
+        tests/unit/training/batch/test_filament_tape.py
     """
     nx, ny = tape.shape[0], tape.shape[1]
     n_columns = nx * ny

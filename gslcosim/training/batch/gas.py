@@ -123,13 +123,13 @@ class BatchGas:
         return row
 
 
-def fits(scenario: Scenario) -> bool:
+def is_gas_supported(scenario: Scenario) -> bool:
     """Return whether a scenario's gas can be batched."""
     models = GaussianPlumeGasSpec | MeanderingPlumeGasSpec | FilamentGasSpec
     return isinstance(scenario.gas, models) and not scenario.gas.rotor_downwash
 
 
-def wander_names(scenario: Scenario) -> bytes:
+def list_wander_streams(scenario: Scenario) -> bytes:
     """Return the names of the streams of meandering plumes, one after the other; nothing for other gas."""
     if not isinstance(scenario.gas, MeanderingPlumeGasSpec):
         return b""

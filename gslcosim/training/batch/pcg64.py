@@ -63,7 +63,7 @@ def next_bits_inplace(stream):
         O'Neill 2014, PCG: A Family of Simple Fast Space-Efficient Statistically Good Algorithms for Random Number
         Generation; numpy's PCG64.
     Held by:
-        tests/unit/training/batch/test_drawing_kernels.py
+        tests/unit/training/batch/test_pcg64.py
     """
     _advance_inplace(stream)
     high, low = stream[0], stream[1]
@@ -84,7 +84,7 @@ def next_normal_inplace(stream):
     Source:
         Marsaglia and Tsang 2000, The Ziggurat Method for Generating Random Variables, with numpy's tables.
     Held by:
-        tests/unit/training/batch/test_drawing_kernels.py
+        tests/unit/training/batch/test_pcg64.py
     """
     while True:
         bits = next_bits_inplace(stream)
@@ -115,7 +115,7 @@ def next_poisson_inplace(stream, mean):
         Hormann 1993, The transformed rejection method for generating Poisson random variables (PTRS), from a mean of 10
         on; below, products of uniform numbers. Both as numpy has them.
     Held by:
-        tests/unit/training/batch/test_drawing_kernels.py
+        tests/unit/training/batch/test_pcg64.py
     """
     if mean == 0.0:
         return 0
@@ -191,7 +191,7 @@ def seed_inplace(stream, seed, name):
     Source:
         numpy's SeedSequence, after O'Neill 2015, C++ seeding surprises; and its PCG64.
     Held by:
-        tests/unit/training/batch/test_drawing_kernels.py
+        tests/unit/training/batch/test_pcg64.py
     """
     n = len(name) + 1
     pool = (
@@ -264,7 +264,7 @@ def scrambled(seed, i_search, n_begun):
     Source:
         Steele, Lea and Flood 2014, Fast splittable pseudorandom number generators (SplitMix64), three rounds.
     Held by:
-        tests/unit/training/batch/test_drawing_kernels.py
+        tests/unit/training/batch/test_pcg64.py
     """
     bits = _finished(_U(seed) + _U(0x9E3779B97F4A7C15))
     bits = _finished(bits + (_U(i_search) + _ONE) * _U(0x9E3779B97F4A7C15))

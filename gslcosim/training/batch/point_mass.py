@@ -5,8 +5,8 @@
 
 import numpy as np
 
+from gslcosim.training.batch.free_space import array_at, is_hit, wind_at_inplace
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
-from gslcosim.training.batch.space import array_at, is_hit, wind_at_inplace
 from gslcosim_services.world.physics.rotors import drag_force
 from gslcosim_services.world.physics.simulation_loop import path_force_inplace
 

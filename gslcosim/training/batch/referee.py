@@ -11,8 +11,8 @@ from gslcosim.training.batch.batch_records import (
     SUCCESS,
     TIME_LIMIT,
 )
+from gslcosim.training.batch.free_space import is_in_room, norm3, seconds_of
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
-from gslcosim.training.batch.space import is_in_room, norm3, seconds_of
 
 
 @reference_free_njit()

@@ -29,9 +29,9 @@ from gslcosim.training.batch.batch_records import (
     SPEEDS,
     THRESHOLD,
 )
+from gslcosim.training.batch.free_space import array_at, copy_inplace, exact_sum, norm2
 from gslcosim.training.batch.pcg64 import next_normal_inplace, next_poisson_inplace
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
-from gslcosim.training.batch.space import array_at, copy_inplace, exact_sum, norm2
 from gslcosim_services.sensing.ray_kernels import distance_among_boxes
 
 # See `gslcosim_services.sensing.models.mox` and `gslcosim.search.learned.observations`.
@@ -262,7 +262,7 @@ def _show(numbers, i, value):
 
 
 @reference_free_njit()
-def tell_reading_inplace(numbers, instrument, gauge):
+def write_reading_inplace(numbers, instrument, gauge):
     """Write the numbers of a reading into an observation; see `gslcosim.search.learned.observations`.
 
     Args:
@@ -299,7 +299,7 @@ def tell_reading_inplace(numbers, instrument, gauge):
 
 
 @reference_free_njit()
-def tell_pose_inplace(numbers, search, case, time_s):
+def write_pose_inplace(numbers, search, case, time_s):
     """Write place, attitude, velocity, time and notice into an observation, its first ten numbers."""
     for axis in range(3):
         _show(numbers, axis, (search.position_m[axis] - case.centre_m[axis]) / case.half_m[axis])

@@ -5,7 +5,7 @@
 
 import numpy as np
 
-from gslcosim.training.batch.autopilot import end_tick, hear, take_off
+from gslcosim.training.batch.autopilot import end_tick, receive_task, take_off
 from gslcosim.training.batch.batch_records import (
     BEGIN,
     CASE,
@@ -22,13 +22,13 @@ from gslcosim.training.batch.batch_records import (
     TAPE,
 )
 from gslcosim.training.batch.filament_tape import add_tape_inplace
+from gslcosim.training.batch.free_space import array_at, copy_inplace, norm3, seconds_of, touches, wind_at_inplace
 from gslcosim.training.batch.meander import begin_paths_inplace, meandering_ppm
 from gslcosim.training.batch.pcg64 import seed_inplace
 from gslcosim.training.batch.point_mass import fly_lagged_tick
 from gslcosim.training.batch.referee import judge_inplace
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
-from gslcosim.training.batch.sensors import read_inplace, tell_pose_inplace, tell_reading_inplace
-from gslcosim.training.batch.space import array_at, copy_inplace, norm3, seconds_of, touches, wind_at_inplace
+from gslcosim.training.batch.sensors import read_inplace, write_pose_inplace, write_reading_inplace
 from gslcosim_services.fields.models.gaussian_plume import PLUME_RECORD, steady_ppm
 from gslcosim_services.world.physics.simulation_loop import path_force_inplace
 from gslcosim_services.world.physics.vehicle_records import CONSTANTS
@@ -147,7 +147,7 @@ def _go_on(search, path, gauges, memory, wanders, cases, work, tick, task, vecto
             if tick == 1:
                 take_off(search, path, case, work)
             if task != NO_TASK:
-                hear(search, path, case, room, work, tick - 1, task, vector)
+                receive_task(search, path, case, room, work, tick - 1, task, vector)
                 task = NO_TASK
             if tick < case.n_start_rows:
                 _leave_start(search, case, start_rows, tick)
@@ -169,9 +169,9 @@ def _tell(numbers, search, gauges, cases):
     i_case = search.case
     case = array_at(cases.cases, cases.n_cases, CASE)[i_case]
     instruments = array_at(cases.instruments, (cases.n_cases, cases.n_sensors), INSTRUMENT)
-    tell_pose_inplace(numbers, search, case, seconds_of(search.tick, case.tick_ns))
+    write_pose_inplace(numbers, search, case, seconds_of(search.tick, case.tick_ns))
     for k in range(gauges.shape[0]):
-        tell_reading_inplace(numbers, instruments[i_case, k], gauges[k])
+        write_reading_inplace(numbers, instruments[i_case, k], gauges[k])
 
 
 @reference_free_njit()

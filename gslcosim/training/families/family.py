@@ -26,7 +26,7 @@ from gslcosim.scenario.models.base import Fraction, Name, Positive, Spec, broken
 from gslcosim.scenario.problems import Problem
 from gslcosim.scenario.spec_files import read_spec_file
 from gslcosim.scenario.suggestions import did_you_mean
-from gslcosim.training.learning_task import LearningTask, room_key
+from gslcosim.training.learning_task import LearningTask, get_environment_key
 from gslcosim_services.fields.gas_setup import gas_seed
 from gslcosim_services.fields.models.filament_gas import build_cached_plume
 
@@ -126,7 +126,7 @@ class SplitsSpec(Spec):
         return self
 
 
-class DopingSpec(Spec):
+class PrioritisedSamplingSpec(Spec):
     """Hard cases come more often in training.
 
     A case's weight is `floor` and the rest by its mean cost to the power `power`; one that has not been flown yet
@@ -162,7 +162,7 @@ class FamilySpec(Spec):
     set: Values = {}  # noqa: RUF012 - pydantic copies it
     vary: tuple[Axis, ...] = ()
     seeds: SplitsSpec
-    doping: DopingSpec | None = None
+    doping: PrioritisedSamplingSpec | None = None
 
     @model_validator(mode="after")
     def _check_vary(self) -> Self:
@@ -274,7 +274,7 @@ class Family:
 
     def prepare(self, cases: Sequence[LoadedScenario], *, report: Told = lambda done, total: None) -> None:
         """Make the rooms and winds of cases that were not made before, each once; `report` is told of rooms."""
-        rooms = {room_key(case): case for case in cases}
+        rooms = {get_environment_key(case): case for case in cases}
         for i, case in enumerate(rooms.values()):
             prepare_environment(case.scenario, scenario_dir=case.directory)
             report(i + 1, len(rooms))
@@ -284,7 +284,7 @@ class Family:
         taped = [case for case in cases if case.scenario.gas.tape]
         environments: dict[str, Environment] = {}
         for i, case in enumerate(taped):
-            key = room_key(case)
+            key = get_environment_key(case)
             if key not in environments:
                 folder = prepare_environment(case.scenario, scenario_dir=case.directory)
                 environments[key] = load_environment(folder)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import replace_file
-from gslcosim.base.foreign_json import ForeignFileError, parse_json
+from gslcosim.base.untrusted_json import MalformedFileError, parse_json
 
 CHECKPOINT = "checkpoint.npz"
 SCHEMA = "gslcosim/checkpoint/1"
@@ -80,7 +80,7 @@ def load_checkpoint(folder: Path, *, identity: str) -> Checkpoint:
             arrays = {name: file[name] for name in file.files}
         told = parse_json(str(arrays.pop(_ABOUT)[()]), _About, place=_ABOUT)
         schema, found, about = told["schema"], told["identity"], told["about"]
-    except (*_NOT_READABLE, IndexError, ForeignFileError) as error:
+    except (*_NOT_READABLE, IndexError, MalformedFileError) as error:
         raise UsageError(
             f"{path}: expected a checkpoint of gslcosim train, was a file that is corrupt ({error}). Take it away and "
             "train anew without --resume."

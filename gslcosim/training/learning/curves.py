@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from gslcosim.data.figures.style import look, new_figure, save, styled
+from gslcosim.data.figures.style import get_line_style, new_figure, save, styled
 
 FIGURE = "curves"
 _COSTS = {"best_cost": "best of a round", "mean_cost": "mean of a round", "validation_cost": "validation"}
@@ -37,7 +37,7 @@ def _lines(axes: object, curves: Sequence[Mapping[str, float]], names: Mapping[s
         if points:
             xs, ys = zip(*points, strict=True)
             marker = "o" if name.startswith("validation") else ""
-            axes.plot(xs, ys, **look(i), marker=marker, ms=2.5, label=label, gid=f"curve/{name}")  # type: ignore[attr-defined]
+            axes.plot(xs, ys, **get_line_style(i), marker=marker, ms=2.5, label=label, gid=f"curve/{name}")  # type: ignore[attr-defined]
             drawn += 1
     if drawn:
         axes.legend()  # type: ignore[attr-defined]

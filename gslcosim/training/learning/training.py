@@ -20,7 +20,7 @@ from gslcosim.search.learned.parameter_files import save_parameters
 from gslcosim.search.learned.policies.policy import Policy
 from gslcosim.search.learned.policies.policy_agent import POLICY_FILE
 from gslcosim.search.learned.policies.policy_files import KINDS, save_policy
-from gslcosim.training.batch.case_builder import refusal_of
+from gslcosim.training.batch.case_builder import find_batch_refusal
 from gslcosim.training.families.family import Split
 from gslcosim.training.learning.checkpoints import CHECKPOINT, Checkpoint, load_checkpoint, save_checkpoint
 from gslcosim.training.learning.train_file import PpoFileSettings, TrainFile
@@ -272,7 +272,7 @@ class Training:
 # Before rooms and winds are made, which may take minutes.
 def _check_batch(file: TrainFile, cases: Sequence[LoadedScenario]) -> None:
     for case in cases:
-        if (refusal := refusal_of(case.scenario, file.spec.flying)) is not None:
+        if (refusal := find_batch_refusal(case.scenario, file.spec.flying)) is not None:
             raise UsageError(
                 f"{file.family.path}: seed {case.scenario.seed}: expected cases that can be batched for trainer.kind: "
                 f"{file.spec.trainer.kind}. {refusal}"

@@ -16,7 +16,7 @@ from gslcosim.bench.cases.models import EntrySpec
 from gslcosim.bench.execution.scoring import Row
 from gslcosim.contract.messages import ParameterValue
 from gslcosim.methods.card import MethodCard
-from gslcosim.methods.needs import find_shortages
+from gslcosim.methods.needs import find_unmet_needs
 from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.scenario.loader import LoadedScenario
 from gslcosim.scenario.models.scenario import StartSpec
@@ -166,7 +166,7 @@ def _card_for(settings: MethodSettings, entry: EntrySpec) -> MethodCard:
             raise UsageError(f"trainer.ranges.{name}: expected least below most, was {low:g} and {high:g}.")
         for end in (low, high):
             given = {name: _allowed(card, name, end)}
-            wrong = find_shortages(card, sensors=(), knows=(), n_channels=0, parameters=given)
+            wrong = find_unmet_needs(card, sensors=(), knows=(), n_channels=0, parameters=given)
             for shortage in wrong:
                 if shortage.part.startswith("parameters."):
                     raise UsageError(

@@ -62,7 +62,7 @@ def filament_position(position_world_m, f):
         f: Which filament.
 
     Held by:
-        tests/unit/fields/reading/test_concentration.py
+        tests/unit/services/fields/concentration/test_mixing_ratio.py
     """
     return (
         np.float64(position_world_m[f, 0]),
@@ -100,7 +100,7 @@ def is_box_of_air(walls, x0, x1, y0, y1, z0, z1):
         z1: See x1.
 
     Held by:
-        tests/unit/fields/reading/test_concentration.py
+        tests/unit/services/fields/concentration/test_mixing_ratio.py
     """
     solid_sums, origin_m, cell_m = walls.solid_sums, walls.origin_m, walls.cell_m
     nx, ny, nz = solid_sums.shape[0] - 1, solid_sums.shape[1] - 1, solid_sums.shape[2] - 1
@@ -126,7 +126,7 @@ def is_visible(walls, ax, ay, az, bx, by, bz):
         bz: Second point, world frame [m].
 
     Held by:
-        tests/unit/fields/reading/test_concentration.py (equals the plain traversal)
+        tests/unit/services/fields/concentration/test_mixing_ratio.py (equals the plain traversal)
     """
     if is_box_of_air(walls, min(ax, bx), max(ax, bx), min(ay, by), max(ay, by), min(az, bz), max(az, bz)):
         return True
@@ -167,7 +167,8 @@ def add_filaments_at_points_inplace(points_world_m, filaments, cutoff_sigma, wal
     Left out:
         Reflection of a filament's Gaussian at walls: gas beyond a wall is lost from the reading.
     Held by:
-        tests/unit/fields/reading/test_concentration.py, tests/analytic/test_gas_concentration.py (GSL-Bench's grids)
+        tests/unit/services/fields/concentration/test_mixing_ratio.py, tests/analytic/test_gas_concentration.py
+        (GSL-Bench's grids)
     """
     position_world_m, sigma_m = filaments.position_world_m, filaments.sigma_m
     for p in range(points_world_m.shape[0]):
@@ -235,7 +236,8 @@ def add_filaments_to_grid_inplace(filaments, gas, cutoff_sigma, first_point_m, s
         mixing_ratio_ppm: (nx, ny, nz) mixing ratio [ppm by volume], index order ij; added to. A slice has nz = 1.
 
     Held by:
-        tests/unit/fields/reading/test_concentration.py (equals the sum at points, box of three side lengths),
+        tests/unit/services/fields/concentration/test_mixing_ratio.py (equals the sum at points, box of three side
+        lengths),
         tests/analytic/test_gas_concentration.py (GSL-Bench's grids)
     """
     position_world_m, sigma_m = filaments.position_world_m, filaments.sigma_m

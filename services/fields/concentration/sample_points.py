@@ -87,7 +87,8 @@ def distance_to_wall_m(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz):
     Source:
         Amanatides and Woo 1987, A fast voxel traversal algorithm for ray tracing, Eurographics, section 2.
     Held by:
-        tests/unit/fields/reading/test_beams.py (against small steps in a box with three side lengths)
+        tests/unit/services/fields/concentration/test_sample_points.py (against small steps in a box with three side
+        lengths)
     """
     nx, ny, nz = occupancy.shape
     sx, sy, sz = (x - origin_m[0]) / cell_m, (y - origin_m[1]) / cell_m, (z - origin_m[2]) / cell_m

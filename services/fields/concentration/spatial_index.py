@@ -76,7 +76,7 @@ def sort_into_blocks_inplace(filaments, blocks, rows):
         rows: `SortedFilaments`, filled in.
 
     Held by:
-        tests/unit/fields/reading/test_index.py
+        tests/unit/services/fields/concentration/test_spatial_index.py
     """
     position_world_m, sigma_m, source_index = filaments.position_world_m, filaments.sigma_m, filaments.source_index
     origin_m, block_m, first, largest_sigma_m = blocks.origin_m, blocks.block_m, blocks.first, blocks.largest_sigma_m
@@ -129,7 +129,7 @@ def exp_minus(e):
     Source:
         Taylor series; its remainder 0.2^12 / 12! is below the rounding of float64.
     Held by:
-        tests/unit/fields/reading/test_index.py
+        tests/unit/services/fields/concentration/test_spatial_index.py
     """
     r = (6.25 - e) * 0.03125
     p = 1.0 / 39916800.0
@@ -221,7 +221,7 @@ def add_indexed_filaments_at_points_inplace(
         mixing_ratio_ppm: (m, n_gases) mixing ratios [ppm by volume]; added to.
 
     Held by:
-        tests/unit/fields/reading/test_index.py (equals the plain sum, box of three side lengths)
+        tests/unit/services/fields/concentration/test_spatial_index.py (equals the plain sum, box of three side lengths)
     """
     origin_m, block_m, first, largest_sigma_m = blocks.origin_m, blocks.block_m, blocks.first, blocks.largest_sigma_m
     n_x, n_y, n_z = blocks.n_blocks

@@ -51,7 +51,7 @@ def terminal_velocity_buoyancy(specific_gravity: float, gas_volume_m3: float) ->
         Inertia (the balance is reached at once) and entrainment. Each filament moves by its own weight: a dense
         cloud of many filaments would move faster together.
     Held by:
-        tests/unit/fields/filament/test_buoyancy.py
+        tests/unit/services/fields/filament/test_buoyancy.py
     """
     magnitude = math.sqrt(2.0 * GRAVITY_M_S2 * abs(1.0 - specific_gravity) * gas_volume_m3 / (math.pi * SPHERE_DRAG))
     return Buoyancy(coefficient=math.copysign(magnitude / RADIUS_SIGMA, 1.0 - specific_gravity), power=1)
@@ -72,7 +72,8 @@ def gaden_3_buoyancy(specific_gravity: float, ppm: float, sigma_m: float) -> Buo
     Source:
         gaden_core, src/RunningSimulation.cpp, with g 9.8, rho 1.205 and mu 19e-6.
     Held by:
-        tests/unit/fields/filament/test_buoyancy.py (ethanol -0.0131, methane 0.1541, hydrogen 0.3213 m/s at 10 ppm)
+        tests/unit/services/fields/filament/test_buoyancy.py (ethanol -0.0131, methane 0.1541, hydrogen 0.3213 m/s at
+        10 ppm)
     """
     at_birth = _GADEN_3_GRAVITY_M_S2 * (1.0 - specific_gravity) * _GADEN_3_AIR_KG_M3 * ppm * 1e-6
     return Buoyancy(coefficient=at_birth / (18.0 * _GADEN_3_VISCOSITY_PA_S) * sigma_m**3, power=3)

@@ -55,7 +55,7 @@ def mix_bits(state):
         Steele, Lea and Flood 2014, Fast splittable pseudorandom number generators, doi:10.1145/2660193.2660195,
         with the constants of Stafford's variant 13.
     Held by:
-        tests/unit/fields/filament/test_normal_kernels.py (published outputs of SplitMix64)
+        tests/unit/services/fields/filament/test_counter_rng.py (published outputs of SplitMix64)
     """
     z = (state ^ (state >> _S30)) * _MIX_1
     z = (z ^ (z >> _S27)) * _MIX_2
@@ -125,7 +125,8 @@ def normal_at(key, counter):
     Deviation:
         The bits come from a counter and not from a sequential generator.
     Held by:
-        tests/unit/fields/filament/test_normal_kernels.py (distribution, moments, tail, independence of neighbours)
+        tests/unit/services/fields/filament/test_counter_rng.py (distribution, moments, tail, independence of
+        neighbours)
     """
     bits = mix_bits(key + counter * _GOLDEN)
     layer = np.int64(bits & _LAYER_MASK)
@@ -172,7 +173,7 @@ def draw_filament_normals(key, filament_id, bits, outside, draws):
         draws: (3 BATCH,) receives what `normal_at` returns, axis after axis.
 
     Held by:
-        tests/unit/fields/filament/test_normal_kernels.py (equals `normal_at`)
+        tests/unit/services/fields/filament/test_counter_rng.py (equals `normal_at`)
     """
     _draw_bits(key, filament_id, bits, draws)
     n_outside = _scale_inplace(draws, bits, filament_id.size, outside)
@@ -190,7 +191,7 @@ def uniform_at(key, counter):
         counter: Which draw, uint64.
 
     Held by:
-        tests/unit/fields/filament/test_normal_kernels.py
+        tests/unit/services/fields/filament/test_counter_rng.py
     """
     return _uniform(mix_bits(key + counter * _GOLDEN))
 
@@ -200,7 +201,7 @@ def draw_normals(key, first, n):
     """Return draws `first` to `first + n - 1` of the standard normal stream `key`, (n,) float64.
 
     Held by:
-        tests/unit/fields/filament/test_normal_kernels.py
+        tests/unit/services/fields/filament/test_counter_rng.py
     """
     draws = np.empty(n)
     for i in range(n):
@@ -213,7 +214,7 @@ def draw_uniforms(key, first, n):
     """Return draws `first` to `first + n - 1` of the uniform stream `key`, (n,) float64 in (0, 1].
 
     Held by:
-        tests/unit/fields/filament/test_normal_kernels.py
+        tests/unit/services/fields/filament/test_counter_rng.py
     """
     draws = np.empty(n)
     for i in range(n):

@@ -47,7 +47,7 @@ def jet_speed_m_s(below, aside, outflow_m_s):
         There the width takes the distance without its unit, and the air flows away from the drone on all sides; here
         the paper's form is taken: all in motor distances, and downward.
     Held by:
-        tests/unit/fields/filament/test_downwash.py
+        tests/unit/services/fields/filament/test_downwash.py
     """
     if below <= 0.0 or below > REACH_BELOW:
         return 0.0
@@ -81,7 +81,7 @@ def blow_filaments_inplace(
     Left out:
         The jet's turn along the floor, what flows in above, its tilt with the vehicle, and what the anemometer feels.
     Held by:
-        tests/unit/fields/filament/test_downwash.py
+        tests/unit/services/fields/filament/test_downwash.py
     """
     for k in range(rotors_world_m.shape[0]):
         size_m = motor_distance_m[k]
@@ -117,7 +117,7 @@ def outflow_m_s(vehicle: Vehicle) -> float:
 
     Source: momentum theory of one of n rotors, each of which carries its share of the weight.
     Deviation: gaden_core multiplies the weight by four instead.
-    Held by: tests/unit/fields/filament/test_downwash.py
+    Held by: tests/unit/services/fields/filament/test_downwash.py
     """
     rotors = vehicle.rotors
     if rotors is None:

@@ -109,7 +109,7 @@ def wind_at_filaments(velocity_m_s, place, n, corner, weight, wind_m_s):
         The same interpolation as `environment.wind_kernels.trilinear_wind` with single-precision weights: the
         difference is about 1e-7 of the wind, the rounding of the stored values.
     Held by:
-        tests/unit/fields/filament/test_advection_kernels.py (equals the double-precision one)
+        tests/unit/services/fields/filament/test_advection_kernels.py (equals the double-precision one)
     """
     nx, ny, nz, _ = velocity_m_s.shape
     _find_corners(place, n, nx, ny, nz, corner, weight)
@@ -131,7 +131,7 @@ def wind_at_filaments_in_flat_grid(velocity_m_s, origin_m, cell_m, position_m, w
         wind_m_s: (3 BATCH,) float32, receives the wind, world frame, axis after axis [m/s].
 
     Held by:
-        tests/unit/fields/filament/test_advection_kernels.py
+        tests/unit/services/fields/filament/test_advection_kernels.py
     """
     for p in range(position_m.size // 3):
         x, y, z = position_m[3 * p], position_m[3 * p + 1], position_m[3 * p + 2]

@@ -136,7 +136,7 @@ def filament_amount_mol(ppm: float, sigma_m: float, air_mol_m3: float | None = N
     Source:
         GADEN, gaden_filament_simulator, with the full pi instead of 3.14159.
     Held by:
-        tests/unit/fields/filament/test_plume.py (6.440745139e-06 mol for 10 ppm and 0.1 m)
+        tests/unit/services/fields/filament/test_plume.py (6.440745139e-06 mol for 10 ppm and 0.1 m)
     """
     density = air_density_mol_m3() if air_mol_m3 is None else air_mol_m3
     return ppm * 1e-6 * density * (2.0 * math.pi) ** 1.5 * sigma_m**3

@@ -13,7 +13,7 @@ from gslcosim.base.quantities import Vec3
 _ROUNDING = 1e-9
 
 
-class Births(Protocol):
+class BirthSequence(Protocol):
     """A release under way; it is asked for one span after the other, without gaps.
 
     It answers with a list: few are born in a step, and for few an array costs more than it spares.
@@ -27,7 +27,7 @@ class Births(Protocol):
 class ReleasePlan(Protocol):
     """Plan by which a source releases filaments; time counts from the start of the plume."""
 
-    def start(self, rng: np.random.Generator) -> Births:
+    def start(self, rng: np.random.Generator) -> BirthSequence:
         """Return the release from time 0 on; `rng` is the source's own stream."""
         ...
 
@@ -41,7 +41,7 @@ class ConstantRelease:
 
     filaments_per_s: float
 
-    def start(self, rng: np.random.Generator) -> Births:
+    def start(self, rng: np.random.Generator) -> BirthSequence:
         """Return itself: nothing is drawn and nothing remembered."""
         del rng
         return self
@@ -51,7 +51,7 @@ class ConstantRelease:
         return int(self.filaments_per_s * time_s + _ROUNDING)
 
     def births_s(self, start_s: float, end_s: float) -> list[float]:
-        """Return the times of birth; see `Births`."""
+        """Return the times of birth; see `BirthSequence`."""
         numbers = range(self.n_born_by(start_s) + 1, self.n_born_by(end_s) + 1)
         return [min(j / self.filaments_per_s, end_s) for j in numbers]
 
@@ -62,7 +62,7 @@ class PoissonRelease:
 
     filaments_per_s: float
 
-    def start(self, rng: np.random.Generator) -> Births:
+    def start(self, rng: np.random.Generator) -> BirthSequence:
         """Return a process that draws one waiting time for each birth."""
         return _PoissonBirths(filaments_per_s=self.filaments_per_s, rng=rng)
 
@@ -77,7 +77,7 @@ class VariableRelease:
     filaments_per_s: float
     interval_s: float = 1.0
 
-    def start(self, rng: np.random.Generator) -> Births:
+    def start(self, rng: np.random.Generator) -> BirthSequence:
         """Return a process that draws one rate for each interval."""
         return _PiecewiseBirths(segments=_DrawnSegments(plan=self, rng=rng))
 
@@ -90,7 +90,7 @@ class IntermittentRelease:
     on_s: float
     off_s: float
 
-    def start(self, rng: np.random.Generator) -> Births:
+    def start(self, rng: np.random.Generator) -> BirthSequence:
         """Return a process without chance."""
         del rng
         return _PiecewiseBirths(segments=_PeriodicSegments(plan=self))
@@ -102,7 +102,7 @@ class ScheduledRelease:
 
     schedule: tuple[tuple[float, float], ...]
 
-    def start(self, rng: np.random.Generator) -> Births:
+    def start(self, rng: np.random.Generator) -> BirthSequence:
         """Return a process without chance."""
         del rng
         times_s = [time_s for time_s, _ in self.schedule]
@@ -292,7 +292,7 @@ class SourceValve:
             self.own_time_s = now_s if self.own_time_s is None else self.own_time_s
             self.share = change.share
 
-    def births_s(self, births: Births, start_s: float, end_s: float) -> list[float]:
+    def births_s(self, births: BirthSequence, start_s: float, end_s: float) -> list[float]:
         """Return the times of birth [s] of a release after `start_s` and up to `end_s`, as far as they pass."""
         if self.own_time_s is None:
             born_s = births.births_s(start_s, end_s)

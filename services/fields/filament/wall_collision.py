@@ -72,7 +72,7 @@ def trace_displacement(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz, reflect
         Cell traversal after Amanatides and Woo 1987, A fast voxel traversal algorithm for ray tracing; the wall rules
         are ours. Reflection keeps a well mixed gas well mixed, where sliding would gather it at the wall.
     Held by:
-        tests/properties/test_gas_blocking.py, tests/unit/fields/filament/test_trace_kernels.py
+        tests/properties/test_gas_blocking.py, tests/unit/services/fields/filament/test_wall_collision.py
     """
     nx, ny, nz = occupancy.shape
     ox, oy, oz = origin_m[0], origin_m[1], origin_m[2]

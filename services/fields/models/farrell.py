@@ -75,7 +75,7 @@ def advance_wind_inplace(wind_m_s, spare_m_s, dx_m, dy_m, viscosity_m2_s, dt_s, 
     Deviation:
         Upwind instead of central differences: stable without diffusion.
     Held by:
-        tests/unit/fields/models/test_farrell.py (decay of a sine, constants stay, box of two side lengths)
+        tests/unit/services/fields/models/test_farrell.py (decay of a sine, constants stay, box of two side lengths)
     """
     nx, ny, _ = wind_m_s.shape
     for _ in range(n_steps):
@@ -217,7 +217,7 @@ def exact_gust_step(gusts: Gusts, dt_s: float) -> tuple[NDArray[np.float64], NDA
         Our derivation from the equation of pompy's ColouredNoiseGenerator, whose noise is multiplied by dt and so
         depends on the step; here the standard deviation is given and the step does not matter.
     Held by:
-        tests/unit/fields/models/test_farrell.py (two half steps are a whole one; variance stays)
+        tests/unit/services/fields/models/test_farrell.py (two half steps are a whole one; variance stays)
     """
     w, z = 2.0 * math.pi / gusts.period_s, gusts.damping
     w_d = w * math.sqrt(1.0 - z * z)
@@ -259,7 +259,7 @@ class FarrellWind:
     on by its own clock of 10 ms, from its own stream, whatever asks for it.
 
     Source: Farrell et al. 2002, Filament-based atmospheric dispersion model, doi:10.1023/A:1016283702837.
-    Held by: tests/unit/fields/models/test_farrell.py
+    Held by: tests/unit/services/fields/models/test_farrell.py
     """
 
     def __init__(self, grid: Grid, *, mean_m_s: Vec3, gusts: Gusts, viscosity_m2_s: float, n_nodes: int) -> None:

@@ -57,7 +57,7 @@ def spreads_m(downwind_m: NDArray[np.float64], stability: StabilityClass) -> tup
     Source:
         Briggs 1973, Diffusion estimation for small emissions, ATDL contribution 79, formulas for open country.
     Held by:
-        tests/unit/fields/models/test_gaussian_plume.py
+        tests/unit/services/fields/models/test_gaussian_plume.py
     """
     a, b, c, p = OPEN_COUNTRY[stability]
     return a * downwind_m / np.sqrt(1.0 + 1e-4 * downwind_m), b * downwind_m * (1.0 + c * downwind_m) ** p
@@ -76,7 +76,7 @@ class GaussianPlume:
 
     Source: GSL-Bench thesis, eq. 5.1, with the image source of every textbook on air pollution.
     Left out: spread along the wind; walls; calm air (refused).
-    Held by: tests/unit/fields/models/test_gaussian_plume.py
+    Held by: tests/unit/services/fields/models/test_gaussian_plume.py
     """
 
     position_world_m: Vec3
@@ -139,7 +139,7 @@ class WanderingPath:
     rho = exp(-h / T). Between two of them the weights are scaled so that the variance is 1 at every time. The path
     depends on the stream alone, not on when it is asked.
 
-    Held by: tests/unit/fields/test_meandering_plume.py
+    Held by: tests/unit/services/fields/test_meandering_plume.py
     """
 
     def __init__(self, rng: np.random.Generator, correlation_s: float) -> None:
@@ -181,7 +181,7 @@ class MeanderingPlume:
     Source: Gifford 1959, Statistical properties of a fluctuating plume dispersion model, Advances in Geophysics 6.
     Deviation: the share f is the same at all distances; in the atmosphere it grows to 1 far away.
     Left out: fluctuation within the instantaneous plume.
-    Held by: tests/unit/fields/test_meandering_plume.py
+    Held by: tests/unit/services/fields/test_meandering_plume.py
     """
 
     mean: GaussianPlume
@@ -253,7 +253,7 @@ def spreads_at(plume, downwind_m):
     Source:
         Briggs 1973; see `gaussian_plume.spreads_m`.
     Held by:
-        tests/unit/fields/models/test_formula_plume_kernels.py
+        tests/unit/services/fields/models/test_formula_plume_kernels.py
     """
     x_m = downwind_m if downwind_m > 0.0 else 1.0
     a, b, c, p = plume.spread[0], plume.spread[1], plume.spread[2], plume.spread[3]
@@ -302,7 +302,7 @@ def plume_ppm(plume, along_m, across_m, z_m, rise_m, sigma_y_m, sigma_z_m):
         sigma_z_m: Standard deviation upward [m].
 
     Held by:
-        tests/unit/fields/models/test_formula_plume_kernels.py
+        tests/unit/services/fields/models/test_formula_plume_kernels.py
     """
     if not along_m > 0.0:
         return 0.0
@@ -326,7 +326,7 @@ def steady_ppm(plume, x_m, y_m, z_m):
         z_m: Place, world frame [m].
 
     Held by:
-        tests/unit/fields/models/test_formula_plume_kernels.py
+        tests/unit/services/fields/models/test_formula_plume_kernels.py
     """
     along_m, across_m = distances_along_and_across(plume, x_m, y_m)
     if not along_m > 0.0:

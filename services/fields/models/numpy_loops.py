@@ -81,7 +81,7 @@ def call_unary_loop(typingctx, address, x):
         x: The argument.
 
     Held by:
-        tests/unit/fields/models/test_numpy_loop_kernels.py
+        tests/unit/services/fields/models/test_numpy_loops.py
     """
     signature = types.float64(types.intp, types.float64)
 
@@ -102,7 +102,7 @@ def call_binary_loop(typingctx, address, x, y):
         y: The second argument.
 
     Held by:
-        tests/unit/fields/models/test_numpy_loop_kernels.py
+        tests/unit/services/fields/models/test_numpy_loops.py
     """
     signature = types.float64(types.intp, types.float64, types.float64)
 

@@ -59,7 +59,7 @@ class ViewOptions:
     cutoff_sigma: float | None = None
 
 
-class Fields(Protocol):
+class FieldSampler(Protocol):
     """Gas and wind that can be sampled at instants."""
 
     def grid(self, instant: Instant) -> Grid:
@@ -97,8 +97,8 @@ def build_lattice(min_m: Vec3, max_m: Vec3, spacing_m: float) -> PointGrid:
     return PointGrid(first_m=(x, y, z), spacing_m=spacing_m, shape=(nx, ny, nz))
 
 
-class StoredFields:
-    """Gas frames of a folder, with the walls and the wind that belong to them; see `Fields`."""
+class StoredFieldSampler:
+    """Gas frames of a folder, with the walls and the wind that belong to them; see `FieldSampler`."""
 
     def __init__(self, playback: GasPlayback, *, walls: Callable[[], Walls], wind: StoredWind) -> None:
         self._playback = playback
@@ -106,11 +106,11 @@ class StoredFields:
         self._wind = wind
 
     def grid(self, instant: Instant) -> Grid:
-        """Return the cells of the frame; see `Fields`."""
+        """Return the cells of the frame; see `FieldSampler`."""
         return self._frame(instant).grid
 
     def gas_ppm(self, points_world_m: NDArray[np.float64], instant: Instant, view: ViewOptions) -> NDArray[np.float64]:
-        """Return the mixing ratio at points; see `Fields`."""
+        """Return the mixing ratio at points; see `FieldSampler`."""
         points, frame = check_points(points_world_m), self._frame(instant)
         if frame.filaments is None:
             return values_in_cells(frame, points)
@@ -123,7 +123,7 @@ class StoredFields:
         )
 
     def gas_ppm_on(self, grid: PointGrid, instant: Instant, view: ViewOptions) -> NDArray[np.float64]:
-        """Return the mixing ratio on a grid; see `Fields`."""
+        """Return the mixing ratio on a grid; see `FieldSampler`."""
         filaments = self._frame(instant).filaments
         if filaments is None or view.has_line_of_sight:
             return self.gas_ppm(grid.points_m(), instant, view).reshape(grid.shape)
@@ -137,7 +137,7 @@ class StoredFields:
         )
 
     def wind_m_s(self, points_world_m: NDArray[np.float64], instant: Instant) -> NDArray[np.float64]:
-        """Return the wind at points; see `Fields`."""
+        """Return the wind at points; see `FieldSampler`."""
         return self._wind(check_points(points_world_m), self._frame(instant))
 
     def _frame(self, instant: Instant) -> GasFrame:
@@ -159,8 +159,8 @@ class StoredFields:
         return number
 
 
-class ScenarioFields:
-    """Gas and wind of a scenario in its environment; see `Fields`.
+class ScenarioFieldSampler:
+    """Gas and wind of a scenario in its environment; see `FieldSampler`.
 
     A time counts from the start of the run, `gas.warm_up_s` after the sources opened; a frame is a tick of the run.
     Without a scenario there is no gas, and a frame is one of the wind's.
@@ -175,17 +175,17 @@ class ScenarioFields:
         self._gas = gas
 
     def grid(self, instant: Instant) -> Grid:
-        """Return the cells of the room; see `Fields`."""
+        """Return the cells of the room; see `FieldSampler`."""
         del instant
         return self._environment.grid
 
     def gas_ppm(self, points_world_m: NDArray[np.float64], instant: Instant, view: ViewOptions) -> NDArray[np.float64]:
-        """Return the mixing ratio at points; see `Fields`."""
+        """Return the mixing ratio at points; see `FieldSampler`."""
         field, i_gas = self._field(instant, view)
         return _read_in_chunks(lambda some: field.mixing_ratio_ppm_at(some)[:, i_gas], check_points(points_world_m))
 
     def gas_ppm_on(self, grid: PointGrid, instant: Instant, view: ViewOptions) -> NDArray[np.float64]:
-        """Return the mixing ratio on a grid; see `Fields`."""
+        """Return the mixing ratio on a grid; see `FieldSampler`."""
         field, i_gas = self._field(instant, view)
         if view.has_line_of_sight:
             points = grid.points_m()
@@ -194,7 +194,7 @@ class ScenarioFields:
         return field.mixing_ratio_ppm_on_grid(grid, gas=i_gas, cutoff_sigma=cutoff_sigma)
 
     def wind_m_s(self, points_world_m: NDArray[np.float64], instant: Instant) -> NDArray[np.float64]:
-        """Return the wind at points; see `Fields`."""
+        """Return the wind at points; see `FieldSampler`."""
         points, grid, wind = check_points(points_world_m), self._environment.grid, self._environment.wind
         if self._scenario is not None:
             own_m_s = self._field(instant, ViewOptions())[0].wind_m_s_at(points)
@@ -242,7 +242,7 @@ class ScenarioFields:
         return gases.index(self._gas)
 
 
-def find_stored_fields(folder: Path, *, period_s: float | None = None) -> StoredFields | None:
+def find_stored_field_sampler(folder: Path, *, period_s: float | None = None) -> StoredFieldSampler | None:
     """Find gas and wind of GSL-Bench or GADEN in a folder; nothing when it holds neither.
 
     Args:
@@ -259,12 +259,12 @@ def find_stored_fields(folder: Path, *, period_s: float | None = None) -> Stored
     playback = GasPlayback(gas_folder, period_s=default_period_s(gas_folder) if period_s is None else period_s)
     if is_gsl_bench:
         room_folder = _find_room_folder(gas_folder)
-        return StoredFields(
+        return StoredFieldSampler(
             playback,
             walls=lambda: _read_gsl_bench_walls(room_folder),
             wind=lambda points, frame: _gsl_bench_wind(room_folder, frame, points),
         )
-    return StoredFields(
+    return StoredFieldSampler(
         playback,
         walls=lambda: _read_gaden_walls(gas_folder),
         wind=lambda points, frame: _gaden_wind(gas_folder, frame, points),

@@ -28,9 +28,9 @@ from numpy.typing import NDArray
 from gslcosim.base.code_identity import hash_code, list_package_files
 from gslcosim.base.disk_cache import keep_within_limit, mark_used
 from gslcosim.base.errors import EnvironmentDataError, ModelError
-from gslcosim.base.foreign_json import ForeignFileError, read_json
 from gslcosim.base.kernel_cache import get_cache_root
 from gslcosim.base.ticks import ticks_from_seconds
+from gslcosim.base.untrusted_json import MalformedFileError, read_json
 from gslcosim.environment.model import Environment
 from gslcosim.scenario import Scenario
 from gslcosim_services.fields.filament.downwash import Jets
@@ -115,7 +115,7 @@ class GasTape:
                 and int(self._first[-1]) == head["n_filaments"]
                 and (self._sources is None or len(self._sources) == head["n_filaments"])
             )
-        except (OSError, ValueError, EOFError, ForeignFileError) as error:
+        except (OSError, ValueError, EOFError, MalformedFileError) as error:
             raise EnvironmentDataError(
                 f"gas tape: expected a whole one, was not ({error}). Folder: {folder}"
             ) from error

@@ -12,7 +12,7 @@ from gslcosim.environment.model import Box, Environment
 from gslcosim.environment.variants.doors import find_door_boxes
 from gslcosim.environment.variants.dynamic_environment import DynamicEnvironment
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.due_events import due_events
+from gslcosim.scenario.due_events import find_due_events
 from gslcosim.scenario.models.events import DoorEventSpec, SourceEventSpec, SourceMovesSpec
 from gslcosim_services.recorder import colors, entities
 from gslcosim_services.recorder.recording_file import RecordingFile
@@ -72,7 +72,7 @@ class EventMarkRows:
 
     def add(self, tick: int, inbox: Inbox) -> None:
         """Mark what takes effect in a tick."""
-        for _, event in due_events(self._scenario, inbox):
+        for _, event in find_due_events(self._scenario, inbox):
             if isinstance(event, SourceEventSpec):
                 if isinstance(event, SourceMovesSpec):
                     self._places_m[event.source] = event.to_m
@@ -162,7 +162,7 @@ class AllDoorRows:
             for name, all_rows in self._rows.items():
                 for rows in all_rows:
                     rows.add(tick, is_closed=name in self._room.situation.closed)
-        for _, event in due_events(self._scenario, inbox):
+        for _, event in find_due_events(self._scenario, inbox):
             if isinstance(event, DoorEventSpec) and event.door in self._boxes:
                 box = self._boxes[event.door]
                 x_m, y_m = ((box.min_m[axis] + box.max_m[axis]) / 2 for axis in (0, 1))

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 from gslcosim.contract.environment_messages import WIND
 from gslcosim.contract.participant import Inbox
-from gslcosim.contract.participation import ParticipantValues
+from gslcosim.contract.participant_messages import ParticipantValues
 from gslcosim.contract.record import Message
 from gslcosim.scenario import Scenario
 from gslcosim_services.recorder import entities

@@ -32,7 +32,7 @@ class Anemometer:
     Deviation:
         GADEN 2 reports the square of the speed and the direction in the sensor's frame.
     Held by:
-        tests/unit/sensing/test_anemometer.py
+        tests/unit/services/sensing/test_anemometer.py
     """
 
     def __init__(self, spec: AnemometerSpec, rng: np.random.Generator) -> None:
@@ -64,7 +64,7 @@ class Anemometer3d:
     No lag.
 
     Held by:
-        tests/unit/sensing/test_anemometer.py
+        tests/unit/services/sensing/test_anemometer.py
     """
 
     def __init__(self, spec: Anemometer3dSpec, rng: np.random.Generator) -> None:

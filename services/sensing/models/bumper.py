@@ -15,7 +15,7 @@ class Bumper:
     """values = (1 or 0,): whether anything touched the vehicle in the last `period_s`; without a period, in the tick.
 
     What wheels roll on does not count; what a vehicle in the air stands on before its take-off does. State: the
-    contacts of each tick within the period. Draws nothing. Held by: tests/unit/sensing/test_bump.py
+    contacts of each tick within the period. Draws nothing. Held by: tests/unit/services/sensing/test_bumper.py
     """
 
     def __init__(self, spec: BumpSensorSpec, tick_s: float, rng: np.random.Generator) -> None:

@@ -16,7 +16,7 @@ class Camera:
     State: the last picture. Draws nothing: pictures have no noise but that of their encoding.
 
     Held by:
-        tests/unit/sensing/test_camera.py, tests/unit/cameras/test_core.py
+        tests/unit/services/cameras/test_core.py
     """
 
     def __init__(self, spec: CameraSensorSpec, tick_s: float, rng: np.random.Generator) -> None:

@@ -37,7 +37,7 @@ class PidSensor:
     reading = sum over gases of c / CF [ppm]      CF correction factor of each gas
 
     State: none. Source: GADEN, simulated_gas_sensor/src/fake_gas_sensor.cpp.
-    Held by: tests/unit/sensing/test_ppm_sensors.py
+    Held by: tests/unit/services/sensing/test_ppm_sensors.py
     """
 
     def __init__(self, spec: PidSensorSpec, correction: dict[str, float]) -> None:
@@ -56,7 +56,7 @@ class ThresholdSensor:
     """Reads the mixing ratio where it exceeds a threshold, and 0 elsewhere.
 
     S = c for c > threshold, else 0; with `noise_std` in the scenario, c + e (thesis eq. 5.2). State: none.
-    Held by: tests/unit/sensing/test_ppm_sensors.py
+    Held by: tests/unit/services/sensing/test_ppm_sensors.py
     """
 
     def __init__(self, spec: ThresholdSensorSpec, rng: np.random.Generator) -> None:
@@ -76,7 +76,7 @@ class BinarySensor:
 
     hit = c + N(0, noise_std) > threshold      noise_std [ppm], so that there are misses and false alarms
 
-    State: none. Draws one number a tick. Held by: tests/unit/sensing/test_ppm_sensors.py
+    State: none. Draws one number a tick. Held by: tests/unit/services/sensing/test_ppm_sensors.py
     """
 
     def __init__(self, spec: ThresholdSensorSpec, rng: np.random.Generator) -> None:
@@ -98,7 +98,7 @@ class HitCounter:
 
     A reading holds the hits of the last `period_s`, so that a slow counter loses none; without a period, of the tick.
     State: the hits of each tick within the period. Draws one number a tick.
-    Held by: tests/unit/sensing/test_ppm_sensors.py
+    Held by: tests/unit/services/sensing/test_ppm_sensors.py
     """
 
     def __init__(self, spec: HitCounterSpec, tick_s: float, rng: np.random.Generator) -> None:
@@ -117,7 +117,7 @@ class HitCounter:
 class AveragingSensor:
     """The mean of the mixing ratio over the last `averaging_s`, less at the start. State: the samples of that time.
 
-    Held by: tests/unit/sensing/test_ppm_sensors.py
+    Held by: tests/unit/services/sensing/test_ppm_sensors.py
     """
 
     def __init__(self, spec: AveragingSensorSpec, tick_s: float) -> None:
@@ -144,7 +144,7 @@ class SecondOrderSensor:
         There the phase follows the rise or fall of the input; here the input's side of the output, which does not
         flicker with every fluctuation.
     Held by:
-        tests/unit/sensing/test_ppm_sensors.py
+        tests/unit/services/sensing/test_ppm_sensors.py
     """
 
     def __init__(self, spec: SecondOrderSensorSpec, tick_s: float) -> None:
@@ -286,7 +286,7 @@ class TdlasSensor:
     Left out:
         The wall's reflectivity and the fall of the signal with distance.
     Held by:
-        tests/unit/sensing/test_tdlas.py, tests/unit/fields/reading/test_beams.py
+        tests/unit/services/sensing/test_tdlas.py, tests/unit/services/fields/concentration/test_sample_points.py
     """
 
     def __init__(self, spec: TdlasSensorSpec) -> None:

@@ -37,7 +37,7 @@ class Imu:
     Left out:
         Scale errors, cross-axis sensitivity, vibration, temperature.
     Held by:
-        tests/unit/sensing/test_imu.py (Allan variance at rest; lever arm; sums of samples)
+        tests/unit/services/sensing/test_imu.py (Allan variance at rest; lever arm; sums of samples)
     """
 
     def __init__(self, spec: ImuSensorSpec, tick_s: float, rng: np.random.Generator) -> None:

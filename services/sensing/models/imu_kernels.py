@@ -24,7 +24,7 @@ def transfer_to_mount_inplace(inertial, arm_m, samples):
         samples: (n, 6) written; n divides n_rows.
 
     Held by:
-        tests/unit/sensing/test_inertial_kernels.py
+        tests/unit/services/sensing/models/test_imu_kernels.py
     """
     n_rows = inertial.shape[0] // samples.shape[0]
     samples[:] = 0.0
@@ -53,7 +53,7 @@ def advance_bias_inplace(wandering, kick, powers, draws, biases):
         biases: (n, 3) written.
 
     Held by:
-        tests/unit/sensing/test_inertial_kernels.py
+        tests/unit/services/sensing/models/test_imu_kernels.py
     """
     n = draws.shape[0]
     for a in range(3):
@@ -86,7 +86,7 @@ def sample_imu(inertial, arm_m, constant, wandering, kick, powers, noise, limit,
         (n, 6) samples, their six means, whether any was cut.
 
     Held by:
-        tests/unit/sensing/test_inertial_kernels.py (the same in plain numpy, to the bit)
+        tests/unit/services/sensing/models/test_imu_kernels.py (the same in plain numpy, to the bit)
     """
     n = powers.shape[1]
     samples, biases = np.empty((n, 6)), np.empty((n, 6))

@@ -45,7 +45,7 @@ class ImperfectSensor:
     State: samples within the delay, the last reading, the number of the tick. Draws one number for each value at each
     reading, from the sensor's own stream, after the model's own draws; none where `noise_std` is 0 or is the model's.
     Values past the kind's first `n_with_errors`, such as a direction behind a speed, stay as the model has them.
-    Held by: tests/unit/sensing/test_imperfect.py
+    Held by: tests/unit/services/sensing/test_measurement_errors.py
     """
 
     def __init__(
@@ -133,7 +133,7 @@ class GaussMarkovBias:
     Source:
         RotorS and PX4's Gazebo plug-ins for the IMU, which Pegasus follows.
     Held by:
-        tests/unit/sensing/test_navigation_sensors.py
+        tests/unit/services/sensing/test_navigation_sensors.py
     """
 
     def __init__(

@@ -113,7 +113,7 @@ def steady_ratio(parameters: MoxParameters, gases: tuple[GasAmount, ...]) -> flo
     Source:
         GADEN, simulated_gas_sensor/src/fake_gas_sensor.cpp; figures from Figaro's data sheets.
     Held by:
-        tests/unit/sensing/test_mox.py (floors and steady resistances)
+        tests/unit/services/sensing/test_mox.py (floors and steady resistances)
     """
     air = parameters.air_ratio
     ratio = air
@@ -139,7 +139,7 @@ class MoxSensor:
     Deviation:
         GADEN takes dt / (tau + dt) in place of 1 - exp(-dt / tau), which depends on the length of the tick.
     Held by:
-        tests/unit/sensing/test_mox.py, tests/analytic/test_gas_sensor_step.py (63.2 % at tau, any tick length)
+        tests/unit/services/sensing/test_mox.py, tests/analytic/test_gas_sensor_step.py (63.2 % at tau, any tick length)
     """
 
     def __init__(self, parameters: MoxParameters, sensor: str, tick_s: float) -> None:
@@ -181,7 +181,7 @@ def estimated_ppm(parameters: MoxParameters, gas: str, resistance_ohm: float) ->
         resistance_ohm: The sensor's resistance [ohm].
 
     Held by:
-        tests/unit/sensing/test_mox.py (inverts the steady response)
+        tests/unit/services/sensing/test_mox.py (inverts the steady response)
     """
     a, b = parameters.power_law[gas]
     ratio = max(resistance_ohm / parameters.r0_ohm, 1e-12)

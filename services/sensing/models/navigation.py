@@ -38,7 +38,7 @@ class Gps:
     Left out:
         That there is no reception indoors.
     Held by:
-        tests/unit/sensing/test_navigation_sensors.py
+        tests/unit/services/sensing/test_navigation_sensors.py
     """
 
     def __init__(self, spec: GpsSensorSpec, tick_s: float, rng: np.random.Generator) -> None:
@@ -70,7 +70,7 @@ class Barometer:
     Source:
         International standard atmosphere; 1 Pa of noise and no drift as in Pegasus.
     Held by:
-        tests/unit/sensing/test_navigation_sensors.py
+        tests/unit/services/sensing/test_navigation_sensors.py
     """
 
     def __init__(self, spec: BarometerSensorSpec, tick_s: float, rng: np.random.Generator) -> None:
@@ -109,7 +109,7 @@ class Magnetometer:
     Left out:
         Iron and currents of vehicle and room.
     Held by:
-        tests/unit/sensing/test_navigation_sensors.py
+        tests/unit/services/sensing/test_navigation_sensors.py
     """
 
     def __init__(self, spec: MagnetometerSensorSpec, tick_s: float, rng: np.random.Generator) -> None:
@@ -138,7 +138,7 @@ class PoseSensor:
     with a margin.
 
     Held by:
-        tests/unit/sensing/test_navigation_sensors.py
+        tests/unit/services/sensing/test_navigation_sensors.py
     """
 
     def __init__(self, spec: PoseSensorSpec, tick_s: float, rng: np.random.Generator) -> None:

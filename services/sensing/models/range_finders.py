@@ -40,7 +40,7 @@ class RangeSensor:
     Left out:
         Width of beams, materials, and the turning of a lidar during a scan: all rays are of one instant.
     Held by:
-        tests/unit/sensing/test_ranging.py (closed forms in a box with three different side lengths)
+        tests/unit/services/sensing/test_range_finders.py (closed forms in a box with three different side lengths)
     """
 
     def __init__(self, spec: RaySensorSpec, rng: np.random.Generator) -> None:

@@ -55,7 +55,7 @@ def time_to_conflict_s(own, wanted, positions_m, velocities_m_s, least_m):
     Source:
         Our derivation.
     Held by:
-        tests/unit/world/guidance/test_separation.py
+        tests/unit/services/world/guidance/test_separation.py
     """
     soonest_s = np.inf
     for i in range(positions_m.shape[0]):
@@ -103,7 +103,7 @@ def passing_costs(
     Source:
         van den Berg, Lin and Manocha 2008, doi:10.1109/ROBOT.2008.4543489, sections IV and V.
     Held by:
-        tests/unit/world/guidance/test_separation.py
+        tests/unit/services/world/guidance/test_separation.py
     """
     costs = np.empty(tried_m_s.shape[0])
     x, y, z = positions_m[own, 0], positions_m[own, 1], positions_m[own, 2]
@@ -183,7 +183,7 @@ def find_passing_velocity(wanted_m_s: Vec3, neighbours: Neighbours, is_open: Cal
     Deviation:
         Velocities are tried on a fixed grid instead of drawn: turned about the vertical, to the right first.
     Held by:
-        tests/unit/world/guidance/test_separation.py
+        tests/unit/services/world/guidance/test_separation.py
     """
     tried = _candidate_velocities(wanted_m_s)
     costs = passing_costs(

@@ -156,7 +156,7 @@ def deviates_from_line(leg: Leg, path: Trajectory, state: NDArray[np.float64], l
         limits: Speed and acceleration kept to.
 
     Held by:
-        tests/unit/world/guidance/test_mission.py
+        tests/unit/services/world/guidance/test_mission.py
     """
     speed_m_s = float(np.linalg.norm(state[1]))
     if leg.is_passed or leg.after_s is not None or speed_m_s == 0.0:

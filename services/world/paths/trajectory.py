@@ -204,7 +204,7 @@ def allowed_lateral_deviation_m(speed_m_s, max_acceleration_m_s2):
         max_acceleration_m_s2: Greatest acceleration [m/s^2].
 
     Held by:
-        tests/unit/world/guidance/test_mission.py
+        tests/unit/services/world/guidance/test_mission.py
     """
     return _ALLOWED_BRAKING_DISTANCES * 0.75 * speed_m_s**2 / max_acceleration_m_s2 + _ALLOWED_DEVIATION_M
 

@@ -41,7 +41,7 @@ def reference_at(state, axis, t_s):
         ([m], [m/s], [m/s^2], [m/s^3]); after the polynomial's end steady motion with its end velocity.
 
     Held by:
-        tests/unit/world/physics/test_control_kernels.py
+        tests/unit/services/world/physics/test_multirotor_control.py
     """
     if t_s < state.duration_s:
         return polynomial_at(state.coefficients, axis, t_s)
@@ -54,7 +54,7 @@ def rotation_from_quaternion(w, x, y, z):
     """Return the rotation matrix of a unit quaternion, row by row: world-frame from body-frame vectors.
 
     Held by:
-        tests/unit/world/physics/test_control_kernels.py (against gslcosim.base.frames)
+        tests/unit/services/world/physics/test_multirotor_control.py (against gslcosim.base.frames)
     """
     return (
         1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
@@ -91,7 +91,7 @@ def axis_acceleration_inplace(vehicle, state, axis, p, v, t_s, dt_s):
     Deviation:
         Gains per unit of mass; the integral is of the position error alone and is clamped; the drag is that of hover.
     Held by:
-        tests/unit/world/physics/test_control_kernels.py, tests/analytic/test_world_flight.py
+        tests/unit/services/world/physics/test_multirotor_control.py, tests/analytic/test_world_flight.py
     """
     p_ref, v_ref, a_ref, jerk = reference_at(state, axis, t_s)
     e_p = p_ref - p
@@ -124,7 +124,7 @@ def limited_specific_force(vehicle, a_x, a_y, a_z):
     Source:
         Our bounds; they keep the desired attitude of Lee et al. 2010 defined, which asks for f != 0.
     Held by:
-        tests/unit/world/physics/test_control_kernels.py
+        tests/unit/services/world/physics/test_multirotor_control.py
     """
     g = vehicle.gravity_m_s2
     f_z = min(max(a_z + g, _MIN_LIFT * g), _MAX_LIFT * g)
@@ -151,7 +151,7 @@ def advance_heading_inplace(vehicle, state, v_x, v_y, dt_s):
     Source:
         Our choice; the limits keep the weak yaw torque of rotors within reach.
     Held by:
-        tests/unit/world/test_heading.py
+        tests/unit/services/world/test_heading.py
     """
     if state.faces_path and v_x * v_x + v_y * v_y > _MIN_PATH_SPEED_M_S**2:
         state.wanted_yaw_rad = math.atan2(v_y, v_x)
@@ -179,7 +179,7 @@ def align_heading_reference_inplace(state, R):
         R: Nine numbers, rows of the matrix that turns body-frame into world-frame vectors.
 
     Held by:
-        tests/unit/world/test_setpoints.py
+        tests/unit/services/world/test_setpoints.py
     """
     state.yaw_rad = math.atan2(R[3], R[0])
     state.wanted_yaw_rad = state.yaw_rad
@@ -191,7 +191,7 @@ def wrap_angle(angle):
     """Return an angle [rad] within -pi to pi.
 
     Held by:
-        tests/unit/world/test_heading.py
+        tests/unit/services/world/test_heading.py
     """
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
 
@@ -220,7 +220,7 @@ def attitude_from_force(f_x, f_y, f_z, j_x, j_y, j_z, yaw, yaw_rate):
     Source:
         Mellinger and Kumar 2011, doi:10.1109/ICRA.2011.5980409, section III.
     Held by:
-        tests/unit/world/physics/test_control_kernels.py
+        tests/unit/services/world/physics/test_multirotor_control.py
     """
     size = math.sqrt(f_x * f_x + f_y * f_y + f_z * f_z)
     b3x, b3y, b3z = f_x / size, f_y / size, f_z / size
@@ -245,7 +245,7 @@ def attitude_from_angles(roll, pitch, yaw):
     """Return the rows of R = R_z(yaw) R_y(pitch) R_x(roll), angles in [rad].
 
     Held by:
-        tests/unit/world/physics/test_control_kernels.py
+        tests/unit/services/world/physics/test_multirotor_control.py
     """
     cr, sr = math.cos(roll), math.sin(roll)
     cp, sp = math.cos(pitch), math.sin(pitch)
@@ -282,7 +282,7 @@ def attitude_torque(vehicle, R, omega_x, omega_y, omega_z, R_d, omega_d):
     Deviation:
         Gains per unit of inertia; the desired angular acceleration is left out.
     Held by:
-        tests/unit/world/physics/test_control_kernels.py
+        tests/unit/services/world/physics/test_multirotor_control.py
     """
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = R
     d00, d01, d02, d10, d11, d12, d20, d21, d22 = R_d
@@ -331,7 +331,7 @@ def rate_torque(vehicle, omega_x, omega_y, omega_z, p_d, q_d, s_d, a_x, a_y, a_z
     Source:
         Lee, Leok and McClamroch 2010, doi:10.1109/CDC.2010.5717652, equation 16 without its attitude term.
     Held by:
-        tests/unit/world/physics/test_control_kernels.py
+        tests/unit/services/world/physics/test_multirotor_control.py
     """
     J, k_w = vehicle.inertia_kg_m2, vehicle.rate_gain_s
     return (
@@ -348,7 +348,7 @@ def thrust_along(vehicle, R, f_x, f_y, f_z):
     Source:
         Lee, Leok and McClamroch 2010, doi:10.1109/CDC.2010.5717652, equation 15.
     Held by:
-        tests/unit/world/physics/test_control_kernels.py
+        tests/unit/services/world/physics/test_multirotor_control.py
     """
     return vehicle.mass_kg * max(0.0, f_x * R[2] + f_y * R[5] + f_z * R[8])
 
@@ -369,7 +369,7 @@ def thrust_from_setpoint(vehicle, state, R, v_z):
     Source:
         Our choice: the vertical axis of the position controller without its position term.
     Held by:
-        tests/unit/world/test_setpoints.py
+        tests/unit/services/world/test_setpoints.py
     """
     if state.thrust_n >= 0.0:
         return state.thrust_n
@@ -400,7 +400,7 @@ def rotor_speed_command(vehicle, i_rotor, thrust, tau_x, tau_y, tau_z):
         Mellinger and Kumar 2011, doi:10.1109/ICRA.2011.5980409, equation 2, for any number of rotors
         anywhere in the plane: M^+ is the inverse of M for four, and its pseudo-inverse for more.
     Held by:
-        tests/unit/world/physics/test_control_kernels.py
+        tests/unit/services/world/physics/test_multirotor_control.py
     """
     row = vehicle.thrusts_from_wrench[i_rotor]
     rotor_thrust = row[0] * thrust + row[1] * tau_x + row[2] * tau_y + row[3] * tau_z

@@ -10,7 +10,7 @@ import numba
 
 from gslcosim.contract.participant import Inbox
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.due_events import due_events
+from gslcosim.scenario.due_events import find_due_events
 from gslcosim.scenario.models.events import RotorWeakensSpec
 
 
@@ -29,7 +29,7 @@ def lagged_rotor_speed(vehicle, speed, command):
     Source:
         Furrer, Burri, Achtelik and Siegwart 2016 (RotorS), doi:10.1007/978-3-319-26054-9_23.
     Held by:
-        tests/unit/world/physics/test_rotor_kernels.py
+        tests/unit/services/world/physics/test_rotors.py
     """
     response = vehicle.response_up if command > speed else vehicle.response_down
     return speed + response * (command - speed)
@@ -53,7 +53,7 @@ def rotor_wrench(vehicle, rotor_speed_rad_s):
         Mellinger and Kumar 2011, doi:10.1109/ICRA.2011.5980409, equation 2. Thrust does not depend on air speed; blade
         flapping, gyroscopic torque of the rotors, ground effect and downwash are left out.
     Held by:
-        tests/unit/world/physics/test_rotor_kernels.py
+        tests/unit/services/world/physics/test_rotors.py
     """
     M = vehicle.wrench_from_thrusts
     thrust = tau_x = tau_y = tau_z = total = 0.0
@@ -91,7 +91,7 @@ def drag_force(vehicle, total_speed, u, v, w):
     Deviation:
         The rotors' drag acts at the centre of mass, not at the hubs, so that it makes no torque.
     Held by:
-        tests/unit/world/physics/test_rotor_kernels.py, tests/analytic/test_world_flight.py (terminal speed)
+        tests/unit/services/world/physics/test_rotors.py, tests/analytic/test_world_flight.py (terminal speed)
     """
     speed = math.sqrt(u * u + v * v + w * w)
     c, q = vehicle.rotor_drag_n_s2_m, vehicle.half_density_drag_area_kg_m
@@ -127,7 +127,7 @@ class RotorFaults:
 
     def obey(self, inbox: Inbox) -> None:
         """Do what takes effect in this tick."""
-        for _, event in due_events(self._scenario, inbox):
+        for _, event in find_due_events(self._scenario, inbox):
             if isinstance(event, RotorWeakensSpec):
                 k, i = self._number[event.agent], event.rotor
                 self._constants["wrench_from_thrusts"][k, :, i] = event.share * self._sound[k, :, i]

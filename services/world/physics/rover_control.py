@@ -57,7 +57,7 @@ def path_speed_and_turn(vehicle, state, x, y, yaw, t_s, dt_s):
         k_th does not shrink with the speed, so that a standing vehicle turns too; with the Lyapunov function
         (e_x^2 + e_y^2)/2 + (1 - cos e_th)/k_y the errors fall as in the paper.
     Held by:
-        tests/unit/world/physics/test_rover_kernels.py, tests/analytic/test_world_driving.py
+        tests/unit/services/world/physics/test_rover_control.py, tests/analytic/test_world_driving.py
     """
     x_r, u_r, a_x, _ = reference_at(state, 0, t_s)
     y_r, v_r, a_y, _ = reference_at(state, 1, t_s)
@@ -94,7 +94,7 @@ def wheel_torque_inplace(vehicle, state, i_wheel, wanted_rad_s, speed_rad_s, dt_
         dt_s: Length of a sub-step [s].
 
     Held by:
-        tests/unit/world/physics/test_rover_kernels.py
+        tests/unit/services/world/physics/test_rover_control.py
     """
     error, most = wanted_rad_s - speed_rad_s, vehicle.max_wheel_torque_n_m
     integral = state.wheel_integral_n_m[i_wheel] + vehicle.wheel_integral_gain_n_m * error * dt_s
@@ -118,7 +118,7 @@ def wheel_speeds(vehicle, speed_m_s, turn_rad_s):
         turn_rad_s: To the left [rad/s].
 
     Held by:
-        tests/unit/world/physics/test_rover_kernels.py
+        tests/unit/services/world/physics/test_rover_control.py
     """
     most_turn = vehicle.max_yaw_rate_rad_s * _WHEEL_SPEED_RESERVE
     turn = min(max(turn_rad_s, -most_turn), most_turn) * vehicle.half_track_m
@@ -143,7 +143,7 @@ def step_rover_inplace(vehicle, state, p, v, force, t_s, dt_s):
         dt_s: Length of a sub-step [s].
 
     Held by:
-        tests/analytic/test_world_driving.py, tests/unit/world/test_rover.py
+        tests/analytic/test_world_driving.py, tests/unit/services/world/test_rover.py
     """
     R = rotation_from_quaternion(p[3], p[4], p[5], p[6])
     speed = turn = 0.0

@@ -57,7 +57,7 @@ def call_step(typingctx, function_address, model_address, data_address):
         data_address: Address of the mjData struct.
 
     Held by:
-        tests/unit/world/physics/test_mujoco_kernels.py
+        tests/unit/services/world/physics/test_simulation_loop.py
     """
     signature = types.void(types.intp, types.intp, types.intp)
 
@@ -100,7 +100,7 @@ def is_state_plausible(p, v):
         v: (6 or more,) velocity, world frame [m/s], and angular velocity, body frame [rad/s].
 
     Held by:
-        tests/unit/world/test_world_core.py
+        tests/unit/services/world/test_world_core.py
     """
     # Comparisons are written so that NaN fails them.
     for i in range(3):
@@ -156,7 +156,7 @@ def step_rotorcraft_inplace(vehicle, state, p, v, force, t_s, dt_s, wind_u, wind
         wind_w: Wind at the vehicle along world z [m/s].
 
     Held by:
-        tests/analytic/test_world_flight.py, tests/unit/world/test_setpoints.py
+        tests/analytic/test_world_flight.py, tests/unit/services/world/test_setpoints.py
     """
     R = rotation_from_quaternion(p[3], p[4], p[5], p[6])
     thrust = t_x = t_y = t_z = 0.0
@@ -253,7 +253,7 @@ def has_contact(vehicle, qfrc_constraint, sensordata):
         sensordata: View of MuJoCo's sensors [N].
 
     Held by:
-        tests/unit/world/test_world_core.py, tests/unit/world/test_rover.py
+        tests/unit/services/world/test_world_core.py, tests/unit/services/world/test_rover.py
     """
     if vehicle.i_touch >= 0:
         return sensordata[vehicle.i_touch] > 0.0
@@ -277,7 +277,7 @@ def write_inertial_inplace(vehicle, p, v, a, row):
         row: (9,) written: specific force [m/s^2], angular velocity [rad/s] and acceleration [rad/s^2], body frame.
 
     Held by:
-        tests/unit/world/test_inertial.py
+        tests/unit/services/world/test_inertial.py
     """
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_from_quaternion(p[3], p[4], p[5], p[6])
     f_x, f_y, f_z = a[0], a[1], a[2] + vehicle.gravity_m_s2
@@ -325,7 +325,7 @@ def run_substeps_inplace(
         (next sub-step, index of the unsound vehicle or -1).
 
     Held by:
-        tests/analytic/test_world_flight.py, tests/unit/world/test_world_core.py
+        tests/analytic/test_world_flight.py, tests/unit/services/world/test_world_core.py
     """
     n_vehicles = vehicles.shape[0]
     dt_s = tick_s / n_substeps

@@ -14,8 +14,8 @@ from briefings import briefing, observation
 
 from gslcosim.agent_kit import Agent
 from gslcosim.contract.messages import Bounds
-from gslcosim.search.draws import Draws
 from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.random_walks import RunAndTumble
 from gslcosim_agents.e_coli.agent import EColi
 from gslcosim_agents.e_coli_3d.agent import EColi3d
@@ -51,7 +51,7 @@ def time_to_source_s(next_end_m: NextEnd, start_m, *, hold_s: float, source_m=OD
 
 
 def walker(seed: int, persistence: float) -> NextEnd:
-    draws = Draws(seed)
+    draws = RandomStream(seed)
     walk = RunAndTumble(ROOM, draws, leg_m=1.0)
     return lambda here_m: walk.next_end_m(here_m, keeps=persistence > 0.0 and draws.fraction() < persistence)
 
@@ -137,7 +137,7 @@ def test_a_blind_walk_in_space_hardly_ever_finds_the_source():
     """From 4 m, the source at 2 m, judged in space, with climbs of at most 0.3 m."""
 
     def new(seed: int) -> NextEnd:
-        walk = RunAndTumble(ROOM, Draws(seed), leg_m=1.0, most_climb_m=0.3)
+        walk = RunAndTumble(ROOM, RandomStream(seed), leg_m=1.0, most_climb_m=0.3)
         return lambda here_m: walk.next_end_m(here_m, keeps=False)
 
     check(times_s(new, 120, hold_s=2.0, source_m=(*ODD_M, 2.0), height_m=(4.0,)), 2.2)

@@ -17,8 +17,8 @@ import pytest
 from gslcosim.search.bayes.encounter_model import count_outcomes, likelihoods, windless_mean_hits
 from gslcosim.search.information.objectives import (
     Candidates,
+    find_min_cost_index,
     greedy_cost,
-    index_of_least_cost,
     infotaxis_cost,
     mean_distance_cost,
     most_likely_state_cost,
@@ -158,7 +158,7 @@ class Episode:
 
 def by_foresight(cost):
     def policy(world, p, here, places):
-        return index_of_least_cost(cost(predict_stops(p, world.prospect(places))))
+        return find_min_cost_index(cost(predict_stops(p, world.prospect(places))))
 
     return policy
 
@@ -168,10 +168,10 @@ POLICIES = {
     "space_aware": by_foresight(lambda foresight: space_aware_cost(foresight, step_m=1.0)),
     "greedy": by_foresight(greedy_cost),
     "mean_distance": by_foresight(mean_distance_cost),
-    "voting": lambda world, p, here, places: index_of_least_cost(
+    "voting": lambda world, p, here, places: find_min_cost_index(
         voting_cost(p, world.cells, here, np.array(places, float))
     ),
-    "most_likely": lambda world, p, here, places: index_of_least_cost(
+    "most_likely": lambda world, p, here, places: find_min_cost_index(
         most_likely_state_cost(p, world.cells, np.array(places, float))
     ),
 }

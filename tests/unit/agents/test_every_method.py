@@ -9,7 +9,7 @@ from briefings import MODELS, PLUME, briefing, observation, open_map
 
 from gslcosim.agent_kit import Agent, Observation
 from gslcosim.base.errors import MethodError
-from gslcosim.methods.card import card_beside
+from gslcosim.methods.card import find_card_beside
 from gslcosim.runtime.agents.loader import load_python_agent
 from gslcosim.scenario.bundled import bundled_agents
 
@@ -33,7 +33,7 @@ NAMES = sorted(bundled_agents())
 # Each when it is asked for: a method that cannot be loaded fails its own tests and no others.
 @cache
 def card_of(name):
-    return card_beside(bundled_agents()[name])
+    return find_card_beside(bundled_agents()[name])
 
 
 @cache

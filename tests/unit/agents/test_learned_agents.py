@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from gslcosim.methods.card import card_beside
+from gslcosim.methods.card import find_card_beside
 from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.search.learned.parameter_files import PARAMETERS_FILE, load_parameters
 from gslcosim.search.learned.policies.policy_agent import bundled_policies
@@ -46,7 +46,7 @@ def test_a_card_tells_how_the_agent_is_made_again(name):
 
 @pytest.mark.parametrize("name", SWARMS)
 def test_evolved_parameters_are_those_of_s_pso_that_its_card_does_not_have(name):
-    card, whole = (card_beside(bundled_agents()[one]) for one in (name, "s_pso"))
+    card, whole = (find_card_beside(bundled_agents()[one]) for one in (name, "s_pso"))
     parameters = load_parameters(bundled_agents()[name].with_name(PARAMETERS_FILE))
     assert set(parameters) == set(card_of(name)["trainer"]["ranges"])
     assert set(parameters) | set(card.parameters) == set(whole.parameters)

@@ -2,8 +2,8 @@ import pytest
 import yaml
 
 from gslcosim.base.errors import MethodError
-from gslcosim.methods.card import card_beside, load_card
-from gslcosim.methods.needs import find_shortages
+from gslcosim.methods.card import find_card_beside, load_card
+from gslcosim.methods.needs import find_unmet_needs
 from gslcosim.scenario.bundled import bundled_agents
 from gslcosim_services.sensing.models import sensor_kind
 
@@ -53,7 +53,7 @@ ENOUGH = {"sensors": sensors("tgs2600", "pid", "anemometer"), "knows": ("map",),
 
 
 def told(card, **changes):
-    return [str(shortage) for shortage in find_shortages(card, **{**ENOUGH, **changes})]
+    return [str(shortage) for shortage in find_unmet_needs(card, **{**ENOUGH, **changes})]
 
 
 def test_a_method_with_all_it_needs_lacks_nothing(card):
@@ -124,18 +124,18 @@ def test_a_wrong_card_is_refused_with_its_file(card, changes, words, tmp_path):
 def test_what_is_no_yaml_is_refused(tmp_path):
     (tmp_path / "method.yaml").write_text("a: [")
     with pytest.raises(MethodError, match="can be read"):
-        card_beside(tmp_path / "agent.py")
+        find_card_beside(tmp_path / "agent.py")
     (tmp_path / "method.yaml").write_text("just text")
     with pytest.raises(MethodError, match="a YAML map"):
-        card_beside(tmp_path / "agent.py")
+        find_card_beside(tmp_path / "agent.py")
 
 
 def test_a_program_without_a_card_has_none(tmp_path):
-    assert card_beside(tmp_path / "agent.py") is None
+    assert find_card_beside(tmp_path / "agent.py") is None
 
 
 @pytest.mark.parametrize("name", sorted(bundled_agents()))
 def test_every_bundled_agent_has_a_right_card(name):
-    card = card_beside(bundled_agents()[name])
+    card = find_card_beside(bundled_agents()[name])
     assert card is not None
     assert card.title

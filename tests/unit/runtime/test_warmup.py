@@ -59,7 +59,7 @@ def test_sensing_is_rehearsed_with_all_that_it_reads_and_starts_afresh(scenario,
 @pytest.mark.slow
 def test_nothing_is_compiled_in_flight():
     """Planning and keeping apart included; in a process in which no other test has used a kernel before."""
-    flight = Path(__file__).parent / "rehearsed_flight.py"
+    flight = Path(__file__).parent / "warmed_up_run.py"
     ended = subprocess.run([sys.executable, flight], capture_output=True, text=True, check=True)
     found = json.loads(ended.stdout)
     assert found["in_flight"] == []

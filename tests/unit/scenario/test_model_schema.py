@@ -2,7 +2,7 @@
 
 import pytest
 
-from gslcosim.scenario.model_schema import paths_of_key, slot_at
+from gslcosim.scenario.model_schema import find_schema_node, paths_of_key
 
 A_NAME = "a name: a small letter, then small letters, digits and _, at most 40 in all"
 
@@ -30,23 +30,23 @@ A_NAME = "a name: a small letter, then small letters, digits and _, at most 40 i
     ],
 )  # fmt: skip
 def test_a_place_is_described_from_its_model(location, path, words):
-    slot = slot_at(location)
+    slot = find_schema_node(location)
     assert (slot.path, slot.describe()) == (path, words)
 
 
 def test_a_list_of_blocks_names_their_keys():
-    words = slot_at(("gas", "sources")).describe()
+    words = find_schema_node(("gas", "sources")).describe()
     keys = "position_m, filaments_per_s, ppm, sigma_m, gas, shape and release"
     assert words == f"a list of at least one block with the keys {keys}"
 
 
 def test_the_way_ends_at_what_the_models_do_not_know():
-    assert slot_at(("agents", 0, "mode", "dict[literal['latency'],int]", "latency")).path == "agents[0].mode"
-    assert slot_at(("agents", 0, "wings", 3)).path == "agents[0]"
+    assert find_schema_node(("agents", 0, "mode", "dict[literal['latency'],int]", "latency")).path == "agents[0].mode"
+    assert find_schema_node(("agents", 0, "wings", 3)).path == "agents[0]"
 
 
 def test_alternatives_of_several_kinds_are_joined():
-    words = slot_at(("agents", 0, "mode")).describe()
+    words = find_schema_node(("agents", 0, "mode")).describe()
     assert words == "on_request, lockstep or free or {latency: N} with N a whole number from 1 to 1000"
 
 

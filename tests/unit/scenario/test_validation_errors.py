@@ -8,7 +8,7 @@ from gslcosim.scenario.models.gas import GASES
 from gslcosim.scenario.models.scenario import VehicleSpec
 from gslcosim.scenario.models.sensors import SENSORS
 from gslcosim.scenario.validation_errors import format_value
-from gslcosim.vehicles import vehicle_names
+from gslcosim.vehicles import list_vehicle_names
 
 VEHICLE_KEYS = ", ".join(list_keys(VehicleSpec))
 
@@ -90,7 +90,7 @@ def test_a_wrong_value_is_one_problem_with_a_remedy(told, old, new, line):
         ("gas:", "gas:\n  gas: etanol", "hall.yaml:6: gas.gas",
          GASES, "was 'etanol'. Did you mean ethanol?"),
         ("{start_m:", "{model: crazyfly, start_m:", "hall.yaml:11: agents[0].vehicle.model",
-         vehicle_names(), "was 'crazyfly'. Did you mean crazyflie?"),
+         list_vehicle_names(), "was 'crazyfly'. Did you mean crazyflie?"),
     ],
 )  # fmt: skip
 def test_an_unknown_name_is_answered_with_all_that_are_known(told, old, new, place, known, remedy):
@@ -155,9 +155,9 @@ def test_values_are_shown_as_people_write_them(value, text):
 
 def test_every_field_of_every_model_can_be_described(told):
     """Whatever the models allow, an error can say it: no annotation is unknown to the words."""
-    from gslcosim.scenario.model_schema import _all_blocks, list_keys, slot_at
+    from gslcosim.scenario.model_schema import _all_blocks, find_schema_node, list_keys
 
     for path, model in _all_blocks(Scenario, ""):
         location = [0 if word == "]" else word for word in path.replace("[]", ".]").split(".") if word]
         for key in list_keys(model):
-            assert slot_at((*location, key)).describe()
+            assert find_schema_node((*location, key)).describe()

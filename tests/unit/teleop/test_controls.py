@@ -1,7 +1,7 @@
 """From keys to commands."""
 
 import pytest
-from told import briefing, observation
+from observations import briefing, observation
 
 from gslcosim.teleop.controls import KeyControls
 

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from told import briefing, observation, reading
+from observations import briefing, observation, reading
 
 from gslcosim.contract.messages import RadioReception
 from gslcosim.teleop.controls import KeyControls

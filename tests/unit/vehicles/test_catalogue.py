@@ -6,13 +6,13 @@ import pytest
 import yaml
 
 from gslcosim.base.errors import VehicleError
-from gslcosim.vehicles import get_vehicle, is_vehicle, vehicle_names
+from gslcosim.vehicles import get_vehicle, is_vehicle, list_vehicle_names
 from gslcosim.vehicles.catalogue import VEHICLES_DIR, read_vehicle
 
 
 def test_every_folder_is_a_vehicle():
     folders = {path.name for path in VEHICLES_DIR.iterdir() if path.is_dir() and path.name != "__pycache__"}
-    assert folders <= set(vehicle_names())
+    assert folders <= set(list_vehicle_names())
     assert all(get_vehicle(name).name == name and get_vehicle(name).mjcf_path.is_file() for name in folders)
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gslcosim.vehicles import get_vehicle, vehicle_names
+from gslcosim.vehicles import get_vehicle, list_vehicle_names
 
-MULTIROTORS = [name for name in vehicle_names() if get_vehicle(name).rotors]
+MULTIROTORS = [name for name in list_vehicle_names() if get_vehicle(name).rotors]
 
 
 @pytest.mark.parametrize("name", MULTIROTORS)
@@ -32,5 +32,5 @@ def test_the_motor_distance_is_the_diagonal():
 
 
 def test_only_what_has_wheels_drives():
-    assert {name for name in vehicle_names() if get_vehicle(name).drives} == {"rover"}
-    assert all((get_vehicle(name).wheels is not None) == get_vehicle(name).drives for name in vehicle_names())
+    assert {name for name in list_vehicle_names() if get_vehicle(name).drives} == {"rover"}
+    assert all((get_vehicle(name).wheels is not None) == get_vehicle(name).drives for name in list_vehicle_names())

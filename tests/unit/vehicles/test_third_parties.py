@@ -9,13 +9,13 @@ import pytest
 
 from gslcosim.base.errors import ScenarioError, VehicleError
 from gslcosim.scenario.loader import load_scenario
-from gslcosim.vehicles import VEHICLE_ENTRY_POINTS, catalogue, get_vehicle, vehicle_names
+from gslcosim.vehicles import VEHICLE_ENTRY_POINTS, catalogue, get_vehicle, list_vehicle_names
 from gslcosim.vehicles.catalogue import VEHICLES_DIR
 
 
 def forget():
     importlib.invalidate_caches()
-    vehicle_names.cache_clear()
+    list_vehicle_names.cache_clear()
     catalogue._find_offered.cache_clear()
 
 
@@ -57,7 +57,7 @@ def test_a_scenario_may_name_the_vehicle_of_a_package(package, folder):
     module = types.ModuleType("tern")
     module.__file__ = str(folder / "__init__.py")
     package(tern=module)
-    assert vehicle_names()[-1] == "tern"
+    assert list_vehicle_names()[-1] == "tern"
     assert get_vehicle("tern").mjcf_path == folder / "tern.xml"
     assert with_vehicle("tern").facts.body == get_vehicle("iris").body
 
@@ -71,7 +71,7 @@ def test_a_folder_may_be_a_path(package, folder, kind):
 def test_own_vehicles_cannot_be_replaced(package, folder):
     package(iris=str(folder))
     assert get_vehicle("iris").folder == VEHICLES_DIR / "iris"
-    assert vehicle_names().count("iris") == 1
+    assert list_vehicle_names().count("iris") == 1
 
 
 def test_something_else_than_a_folder_is_refused_where_it_is_named(package, tmp_path):

@@ -13,13 +13,13 @@ import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.beliefs import BeliefPublisher, entropy_bits, normalised
-from gslcosim.search.draws import Draws
 from gslcosim.search.grids import CellGrid
 from gslcosim.search.information.offset_grid import PlumeTable, RunningWind, offsets_m
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.commands import declaration, waypoint
 from gslcosim.search.motion.declaration import DeclarationGuard, by_mass
 from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.senses.instruments import find_noses, find_vane
 from gslcosim.search.senses.stop_and_measure import StopAndMeasure
 
@@ -98,7 +98,7 @@ class OttoPolicy(Agent):
         self.measure = StopAndMeasure((nose,), find_vane(briefing))
         self.wind = RunningWind(threshold_m_s=self.settings.threshold_m_s)
         self.room = LegSpace.within(briefing.bounds, self.settings.margin_m)
-        self.height_m, self.draws = briefing.search_height_m, Draws(briefing.seed)
+        self.height_m, self.draws = briefing.search_height_m, RandomStream(briefing.seed)
         self.declared, self.publisher = DeclarationGuard(), BeliefPublisher(every_s=2.0)
         self.world: RoomAsGrid | None = None
         self.policy: Any = None

@@ -39,7 +39,7 @@ def read_version() -> int:
     return max(0, _syscall(_CREATE_RULESET, None, 0, _VERSION_FLAG))
 
 
-def missing_protections(abi: int) -> list[str]:
+def list_missing_protections(abi: int) -> list[str]:
     """Return in words what a version of Landlock leaves open that later ones close.
 
     Args:

@@ -22,18 +22,18 @@ from gslcosim.runtime.processes.sandbox.policy import (
     list_hidden_folders,
     list_python_folders,
 )
-from gslcosim.runtime.processes.sandbox.truth import (
+from gslcosim.runtime.processes.sandbox.truth_search import (
     MAX_BYTES,
     MAX_ENTRIES,
     TooMuchToSearchError,
-    find_truth,
+    find_exposed_truth,
     is_truth_folder,
 )
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.input_files import list_input_files
 from gslcosim.scenario.models.sandbox import AgentLimitsSpec, SandboxChoice
 from gslcosim.scenario.models.scenario import AgentSpec
-from gslcosim.scenario.sources import source_files
 
 SandboxKind = Literal["bubblewrap", "landlock", "none"]
 NONE_IN_THIS_PROCESS = "none: in this process"
@@ -155,15 +155,15 @@ def _describe_started(agent: ConfinementSpec) -> str:
     kind = choose_sandbox(agent)
     if agent.limits.are_given and not is_launcher_possible():
         raise UsageError(f"{agent.place}.limits: expected Linux for limits, was another system. Leave them out.")
-    gaps = open_gaps(kind)
+    gaps = list_open_gaps(kind)
     name = f"landlock {landlock.read_version()}" if kind == "landlock" else kind
     return f"{name} (open: {', '.join(gaps)})" if gaps else name
 
 
-def open_gaps(kind: SandboxKind) -> list[str]:
+def list_open_gaps(kind: SandboxKind) -> list[str]:
     """Return in words what a sandbox leaves open on this machine that it closes on others."""
     if kind == "landlock":
-        return landlock.missing_protections(landlock.read_version())
+        return landlock.list_missing_protections(landlock.read_version())
     if kind == "bubblewrap" and not seccomp.is_possible():
         return ["keys of the user, perf, watching of files and io_uring are not refused on this kind of processor"]
     return []
@@ -207,7 +207,7 @@ _OF_PYTHON = frozenset((
 ))  # fmt: skip
 
 
-def environment_for(
+def build_environment_variables(
     agent: ConfinementSpec, command: Sequence[str], surroundings: Mapping[str, str] | None = None
 ) -> dict[str, str]:
     """Return the variables with which the process of an agent or participant starts; those of the run come on top.
@@ -267,14 +267,14 @@ def build_confinement(
             write where others read code or where the run is.
     """
     kind = choose_sandbox(agent)
-    environment = environment_for(agent, command)
+    environment = build_environment_variables(agent, command)
     if kind == "none":
         return Confinement(limits=agent.limits, environment=environment)
     scratch = private_dir / f"scratch-{agent.name}"
     scratch.mkdir(mode=0o700)
     own = find_own_folders(command, directory)
     granted = [(directory / Path(path).expanduser()).absolute() for path in agent.may_read]
-    sources = [*setup.sources, *source_files(setup.scenario, directory)]
+    sources = [*setup.sources, *list_input_files(setup.scenario, directory)]
     _check_program(agent, [folder for folder in own if folder not in granted], setup, sources)
     of_python = list_python_folders()
     searched = {*own, *granted}.difference(of_python)
@@ -321,7 +321,7 @@ def _check_program(agent: ConfinementSpec, own: Sequence[Path], setup: RunSetup,
 
 def _truth_within(agent: ConfinementSpec, searched: Collection[Path], sources: Collection[Path]) -> list[Path]:
     try:
-        return find_truth(searched, sources)
+        return find_exposed_truth(searched, sources)
     except TooMuchToSearchError as error:
         raise UsageError(
             f"{agent.place}: expected at most {MAX_ENTRIES} files of {MAX_BYTES >> 20} MB in folders that the agent "

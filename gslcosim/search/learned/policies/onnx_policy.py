@@ -8,7 +8,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from gslcosim.base.foreign_json import ForeignFileError, JsonObject, parse_json
+from gslcosim.base.untrusted_json import JsonObject, MalformedFileError, parse_json
 from gslcosim.base.yaml_core import CoreLoader
 from gslcosim.search.learned.policies.policy import Actions, ActionSettings, Floats, Policy, PolicyError
 
@@ -199,7 +199,7 @@ def _meaning_of(path: Path, model: bytes) -> Mapping[str, Any]:
             )
         try:
             told = parse_json(text, JsonObject, place=f"metadata.{METADATA_KEY}")
-        except ForeignFileError as error:
+        except MalformedFileError as error:
             raise PolicyError(str(error)) from error
     if not isinstance(told, Mapping):
         raise PolicyError(f"expected a map that says what a model's numbers mean, was {type(told).__name__}.")

@@ -185,7 +185,7 @@ def normal_numbers(observations: Floats, n: int) -> NDArray[np.float32]:
     Source:
         Box and Muller 1958; Steele, Lea and Flood 2014, doi:10.1145/2660193.2660195.
     Held by:
-        tests/unit/search/learned/policies/test_scatter.py
+        tests/unit/search/learned/policies/test_policy.py
     """
     shares = even_numbers(observations, 2 * n)
     lengths = np.sqrt(-2.0 * np.log1p(-shares[:, :n]))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import replace_file
-from gslcosim.base.foreign_json import ForeignFileError, JsonObject, parse_json
+from gslcosim.base.untrusted_json import JsonObject, MalformedFileError, parse_json
 from gslcosim.search.learned.policies.ctrnn import CtrnnPolicy
 from gslcosim.search.learned.policies.gru import GruPolicy
 from gslcosim.search.learned.policies.policy import ActionSettings, Policy, PolicyError
@@ -135,7 +135,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     text = arrays.pop(CARD)
     try:
         card = parse_json(str(text[()]), JsonObject, place=CARD)
-    except (IndexError, ForeignFileError) as error:
+    except (IndexError, MalformedFileError) as error:
         raise PolicyError(f"{CARD}: expected JSON, got: {error}") from error
     if card.get("schema") != SCHEMA:
         raise PolicyError(f"{CARD}.schema: expected {SCHEMA}, was {card.get('schema')!r}.")

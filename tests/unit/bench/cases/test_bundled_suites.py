@@ -12,7 +12,7 @@ import yaml
 from gslcosim.bench.cases import Plan, build_plan, load_suite
 from gslcosim.bench.cases.models import EntrySpec, ScenarioSpec, Suite
 from gslcosim.bench.cases.suite_files import LoadedSuite, bundled_suites
-from gslcosim.methods.card import MethodCard, card_beside
+from gslcosim.methods.card import MethodCard, find_card_beside
 from gslcosim.scenario.bundled import bundled_agents
 
 ROOT = Path(__file__).parents[4]
@@ -50,7 +50,7 @@ def planned_once(name: str) -> Plan:
 
 @cache
 def cards() -> dict[str, MethodCard]:
-    found = {name: card_beside(path) for name, path in bundled_agents().items()}
+    found = {name: find_card_beside(path) for name, path in bundled_agents().items()}
     return {name: card for name, card in found.items() if card is not None}
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import synthetic
-from reading_back import Page, data_of
+from page_content import Page, data_of
 
 from gslcosim.base.errors import UsageError
 from gslcosim.bench.report.writer import write_report

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import UsageError
-from gslcosim.data.figures.style import OKABE_ITO, gas_map, look, matplotlib_for, part_of_matplotlib
+from gslcosim.data.figures.style import OKABE_ITO, gas_map, get_line_style, matplotlib_for, part_of_matplotlib
 
 # Machado, Oliveira and Fernandes 2009, severity 1, for linear RGB.
 SIGHT = {
@@ -41,8 +41,8 @@ def lab(linear_rgb):
 @pytest.mark.parametrize("sight", SIGHT)
 def test_lines_are_told_apart_by_colour_or_dashes_in_every_sight(sight):
     for i, j in itertools.combinations(range(len(OKABE_ITO)), 2):
-        a, b = (lab(SIGHT[sight] @ linear(look(k)["color"])) for k in (i, j))
-        assert np.linalg.norm(a - b) > APART or look(i)["ls"] != look(j)["ls"], (i, j)
+        a, b = (lab(SIGHT[sight] @ linear(get_line_style(k)["color"])) for k in (i, j))
+        assert np.linalg.norm(a - b) > APART or get_line_style(i)["ls"] != get_line_style(j)["ls"], (i, j)
 
 
 def test_the_first_four_lines_are_told_apart_by_colour_alone_in_every_sight():
@@ -54,8 +54,8 @@ def test_the_first_four_lines_are_told_apart_by_colour_alone_in_every_sight():
 
 def test_lines_are_told_apart_in_grey_by_lightness_or_dashes():
     for i, j in itertools.combinations(range(len(OKABE_ITO)), 2):
-        a, b = (lab(linear(look(k)["color"]))[0] for k in (i, j))
-        assert abs(a - b) > APART_IN_GREY or look(i)["ls"] != look(j)["ls"], (i, j)
+        a, b = (lab(linear(get_line_style(k)["color"]))[0] for k in (i, j))
+        assert abs(a - b) > APART_IN_GREY or get_line_style(i)["ls"] != get_line_style(j)["ls"], (i, j)
 
 
 @pytest.mark.parametrize("name", ["gas", "PuBu", "Greys"])

@@ -6,16 +6,16 @@ import pytest
 
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.cli.main import main
-from gslcosim.environment.generation.mesh_study import dividing_cells, study_meshes
+from gslcosim.environment.generation.mesh_study import find_dividing_cell_sizes, study_meshes
 from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
 from gslcosim.scenario.recipes import Recipe, load_recipe
 
 
 def test_meshes_are_the_nearest_that_divide_the_room_and_all_different():
-    pairs = dividing_cells((15.0, 15.0, 8.0), (0.4, 0.3, 0.2, 0.15))
+    pairs = find_dividing_cell_sizes((15.0, 15.0, 8.0), (0.4, 0.3, 0.2, 0.15))
     assert [round(1 / cell_m) for _, cell_m in pairs] == [3, 4, 5, 7]
     assert [wanted_m for wanted_m, _ in pairs] == [0.4, 0.3, 0.2, 0.15]
-    cells_m = [cell_m for _, cell_m in dividing_cells((4.0, 3.0, 2.0), (0.5, 0.49, 0.48))]
+    cells_m = [cell_m for _, cell_m in find_dividing_cell_sizes((4.0, 3.0, 2.0), (0.5, 0.49, 0.48))]
     assert cells_m == sorted(set(cells_m), reverse=True)
 
 

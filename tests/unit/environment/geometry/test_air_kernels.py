@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gslcosim.environment.geometry.air_kernels import flood_untouched, share_touched
+from gslcosim.environment.geometry.air_kernels import assign_touched_cells, flood_untouched
 from gslcosim.environment.geometry.triangle_kernels import BORDER, CROSSED, TOUCHED
 
 SHAPE = (7, 5, 4)
@@ -45,12 +45,12 @@ def touched_wall(*, crossed_before):
 
 
 def test_a_touched_cell_is_air_when_its_centre_is():
-    assert share_touched(*touched_wall(crossed_before=False))[:4].all()
-    assert not share_touched(*touched_wall(crossed_before=False))[4:].any()
-    assert not share_touched(*touched_wall(crossed_before=True))[3:].any()
+    assert assign_touched_cells(*touched_wall(crossed_before=False))[:4].all()
+    assert not assign_touched_cells(*touched_wall(crossed_before=False))[4:].any()
+    assert not assign_touched_cells(*touched_wall(crossed_before=True))[3:].any()
 
 
 def test_a_hole_smaller_than_a_cell_lets_nothing_through():
     marks, is_air = touched_wall(crossed_before=True)
     marks[2, 2, 2] = 0
-    assert (share_touched(marks, is_air) == is_air).all()
+    assert (assign_touched_cells(marks, is_air) == is_air).all()

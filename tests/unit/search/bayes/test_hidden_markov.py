@@ -8,16 +8,16 @@ import pytest
 
 from gslcosim.search.bayes.hidden_markov import (
     PlumePath,
-    arrivals,
     axis_chances,
+    build_chain_in_uniform_wind,
+    build_chain_in_wind_field,
+    compute_arrival_probabilities,
+    compute_finding_likelihoods,
+    count_hops_per_step,
     hop_chances,
-    hops_per,
     likeliest_path,
     marginals,
     place_along_m,
-    plume_in_field,
-    plume_in_wind,
-    shares,
 )
 from gslcosim.search.bayes.puff_tracing import PuffModel, partial_sums_m, trace_puffs
 from gslcosim.search.beliefs import normalised
@@ -59,9 +59,9 @@ def paths(plume):
 
 
 def tiny_plumes():
-    in_wind = plume_in_wind(TINY, WALL, WINDS_M_S, step_s=1.0, spread_m_sqrt_s=SPREAD)
+    in_wind = build_chain_in_uniform_wind(TINY, WALL, WINDS_M_S, step_s=1.0, spread_m_sqrt_s=SPREAD)
     field = np.random.default_rng(3).uniform(-0.5, 0.5, (3, 2, 2))
-    return [in_wind, plume_in_field(TINY, OPEN, field, window_s=3.0, spread_m_sqrt_s=SPREAD)]
+    return [in_wind, build_chain_in_wind_field(TINY, OPEN, field, window_s=3.0, spread_m_sqrt_s=SPREAD)]
 
 
 @pytest.fixture(params=[0, 1], ids=["wind", "field"])
@@ -90,7 +90,7 @@ def test_a_variance_that_three_cells_cannot_have_is_raised_to_the_least_they_can
     ("fastest", "cell", "spread"), [(0.0, 0.5, 0.2), (1.0, 0.5, 0.2), (3.0, 0.2, 0.5), (0.1, 1.0, 3.0)]
 )
 def test_a_step_is_divided_so_that_hops_fit_into_three_cells_and_not_finer(fastest, cell, spread):
-    n = hops_per(1.0, fastest, cell, spread)
+    n = count_hops_per_step(1.0, fastest, cell, spread)
 
     def fits(k):
         shift, variance = fastest / (k * cell), spread**2 / (k * cell**2)
@@ -111,7 +111,9 @@ def test_arrivals_are_the_sum_over_all_paths(plume):
                 if path[-1] == sensor[0] * n_y + sensor[1]:
                     chances = (tables[m + k][path[k], path[k + 1]] for k in range(plume.n_hops - m))
                     expected[m, path[0]] += math.prod(chances)
-        assert arrivals(plume, sensor).reshape(expected.shape) == pytest.approx(expected, abs=1e-12)
+        assert compute_arrival_probabilities(plume, sensor).reshape(expected.shape) == pytest.approx(
+            expected, abs=1e-12
+        )
 
 
 def test_marginals_are_those_of_all_paths(plume):
@@ -159,7 +161,9 @@ def test_observations_that_exclude_each_other_leave_no_parcel():
 
 def test_many_hops_move_a_parcel_with_the_wind_and_spread_it_by_the_root_of_time():
     grid, wind = CellGrid((0.0, 0.0), 0.5, (81, 61)), np.array([[0.2, -0.1]])
-    plume = plume_in_wind(grid, np.zeros(grid.shape, bool), np.tile(wind, (20, 1)), step_s=1.0, spread_m_sqrt_s=0.4)
+    plume = build_chain_in_uniform_wind(
+        grid, np.zeros(grid.shape, bool), np.tile(wind, (20, 1)), step_s=1.0, spread_m_sqrt_s=0.4
+    )
     start = np.zeros(grid.shape)
     start[40, 30] = 1.0
     where, _ = marginals(plume, start, np.ones((plume.n_hops + 1, *grid.shape)))
@@ -171,8 +175,10 @@ def test_many_hops_move_a_parcel_with_the_wind_and_spread_it_by_the_root_of_time
 
 def test_in_uniform_wind_the_chain_says_what_puff_tracing_says():
     grid, winds = CellGrid((0.0, 0.0), 0.5, (41, 31)), np.tile([[0.4, 0.1]], (15, 1))
-    plume = plume_in_wind(grid, np.zeros(grid.shape, bool), winds, step_s=1.0, spread_m_sqrt_s=0.5)
-    chance = arrivals(plume, (30, 15))[:-1].reshape(15, plume.n_hops // 15, *grid.shape)[:, 0][::-1]
+    plume = build_chain_in_uniform_wind(grid, np.zeros(grid.shape, bool), winds, step_s=1.0, spread_m_sqrt_s=0.5)
+    chance = compute_arrival_probabilities(plume, (30, 15))[:-1].reshape(15, plume.n_hops // 15, *grid.shape)[:, 0][
+        ::-1
+    ]
     variance = PuffModel(step_s=1.0, spread_m_sqrt_s=0.5).variances_m2(16)[1:]
     for age in (5, 10, 15):
         travelled_m = partial_sums_m(winds, 1.0)[age : age + 1]
@@ -185,14 +191,14 @@ def test_gas_does_not_pass_a_wall_nor_the_corner_between_two_solid_cells():
     grid = CellGrid((0.0, 0.0), 1.0, (7, 6))
     wall = np.zeros(grid.shape, bool)
     wall[3, :] = True
-    plume = plume_in_wind(grid, wall, np.tile([[0.4, 0.0]], (30, 1)), step_s=1.0, spread_m_sqrt_s=0.6)
-    chance = arrivals(plume, (6, 2))
+    plume = build_chain_in_uniform_wind(grid, wall, np.tile([[0.4, 0.0]], (30, 1)), step_s=1.0, spread_m_sqrt_s=0.6)
+    chance = compute_arrival_probabilities(plume, (6, 2))
     assert chance[:, :3].max() == 0.0
     assert chance[0, 4:].max() > 0.0
     corner = np.zeros(grid.shape, bool)
     corner[[0, 1, 2, 3], [3, 2, 1, 0]] = True
-    plume = plume_in_wind(grid, corner, np.tile([[0.3, 0.3]], (30, 1)), step_s=1.0, spread_m_sqrt_s=0.6)
-    assert arrivals(plume, (4, 4))[:, 0, 0].max() == 0.0
+    plume = build_chain_in_uniform_wind(grid, corner, np.tile([[0.3, 0.3]], (30, 1)), step_s=1.0, spread_m_sqrt_s=0.6)
+    assert compute_arrival_probabilities(plume, (4, 4))[:, 0, 0].max() == 0.0
 
 
 def test_a_wall_keeps_parcels_and_a_border_loses_them():
@@ -201,14 +207,16 @@ def test_a_wall_keeps_parcels_and_a_border_loses_them():
     grid, start = CellGrid((0.0, 0.0), 1.0, (5, 5)), np.zeros((5, 5))
     start[2, 2] = 1.0
     for is_solid, kept in ((wall, True), (np.zeros((5, 5), bool), False)):
-        plume = plume_in_wind(grid, is_solid, np.tile([[0.5, 0.2]], (20, 1)), step_s=1.0, spread_m_sqrt_s=0.3)
+        plume = build_chain_in_uniform_wind(
+            grid, is_solid, np.tile([[0.5, 0.2]], (20, 1)), step_s=1.0, spread_m_sqrt_s=0.3
+        )
         _, log_likelihood = marginals(plume, start, np.ones((plume.n_hops + 1, 5, 5)))
         assert math.exp(log_likelihood) == (pytest.approx(1.0) if kept else pytest.approx(0.0, abs=0.05))
 
 
 def test_shares_are_the_mean_and_the_product_over_release_times(plume):
-    chance = arrivals(plume, (2, 1))
-    mean_share, log_share = shares(chance, detection_probability=0.8, puffs_per_hop=0.5)
+    chance = compute_arrival_probabilities(plume, (2, 1))
+    mean_share, log_share = compute_finding_likelihoods(chance, detection_probability=0.8, puffs_per_hop=0.5)
     assert mean_share == pytest.approx(chance.sum(axis=0) / len(chance))
     assert np.exp(log_share) == pytest.approx(np.sqrt(np.prod(1.0 - 0.8 * chance, axis=0)))
 
@@ -216,13 +224,13 @@ def test_shares_are_the_mean_and_the_product_over_release_times(plume):
 def test_where_no_path_leads_there_is_none():
     grid, wall = CellGrid((0.0, 0.0), 1.0, (5, 3)), np.zeros((5, 3), bool)
     wall[2] = True
-    plume = plume_in_wind(grid, wall, np.zeros((4, 2)), step_s=1.0, spread_m_sqrt_s=0.5)
+    plume = build_chain_in_uniform_wind(grid, wall, np.zeros((4, 2)), step_s=1.0, spread_m_sqrt_s=0.5)
     source = np.zeros(grid.shape)
     source[0, 1] = 1.0
     assert likeliest_path(plume, (4, 1), source) is None
-    nowhere = plume_in_wind(grid, wall, np.zeros((0, 2)), step_s=1.0, spread_m_sqrt_s=0.5)
+    nowhere = build_chain_in_uniform_wind(grid, wall, np.zeros((0, 2)), step_s=1.0, spread_m_sqrt_s=0.5)
     assert likeliest_path(nowhere, (4, 1), source) is None
-    assert arrivals(nowhere, (4, 1)).sum() == 1.0
+    assert compute_arrival_probabilities(nowhere, (4, 1)).sum() == 1.0
 
 
 def test_hop_chances_are_those_of_the_axes():

@@ -14,9 +14,9 @@ from gslcosim.search.bayes.belief_search import (
     mass_around,
 )
 from gslcosim.search.beliefs import normalised
-from gslcosim.search.draws import Draws
 from gslcosim.search.grids import CellGrid
 from gslcosim.search.motion.map_navigation import MapNavigator
+from gslcosim.search.random_stream import RandomStream
 
 GRID = CellGrid((1.0, -1.0), 0.5, (6, 4))
 ALL = np.ones(GRID.shape, bool)
@@ -93,7 +93,7 @@ def test_coarser_cells_hold_the_mass_of_their_block():
 
 def flights(known_map=None, **options):
     told = briefing(known_map=known_map)
-    made = MapNavigator(told, Draws(1), cell_m=0.5, max_cells=5000, clearance_m=0.3, margin_m=0.5)
+    made = MapNavigator(told, RandomStream(1), cell_m=0.5, max_cells=5000, clearance_m=0.3, margin_m=0.5)
     return GoalNavigator(made, step_m=1.0, **options)
 
 

@@ -11,10 +11,10 @@ from gslcosim.search.information.objectives import (
     SurpriseMonitor,
     dual_control_cost,
     entrotaxis_cost,
+    find_min_cost_index,
     flatten_belief,
     free_energy_cost,
     greedy_cost,
-    index_of_least_cost,
     information_gain_cost,
     infotaxis_cost,
     mean_distance_cost,
@@ -178,7 +178,7 @@ def test_a_belief_that_everything_rules_out_is_left_alone():
 
 
 def test_the_first_of_equal_costs_is_best():
-    assert index_of_least_cost(np.array([2.0, 1.0 + 1e-12, 1.0, 3.0])) == 1
+    assert find_min_cost_index(np.array([2.0, 1.0 + 1e-12, 1.0, 3.0])) == 1
 
 
 # ------------------------------------------------------------------------------------------------ several steps
@@ -227,7 +227,7 @@ def test_more_steps_never_promise_less():
 
 def test_greedy_takes_the_neighbour_that_is_most_likely_the_source():
     p = belief()
-    assert index_of_least_cost(greedy_cost(predict_stops(p, prospect()))) == int(
+    assert find_min_cost_index(greedy_cost(predict_stops(p, prospect()))) == int(
         np.argmax(predict_stops(p, prospect()).found_frac)
     )
 
@@ -244,7 +244,7 @@ def test_votes_are_counted_by_quadrants():
 def test_the_most_likely_place_is_approached():
     p = np.zeros(GRID.n_cells)
     p[GRID.shape[1] * 5 + 2] = 1.0  # the cell at (5.5, 2.5)
-    assert index_of_least_cost(most_likely_state_cost(p, CELLS_M, PLACES_M)) == 1
+    assert find_min_cost_index(most_likely_state_cost(p, CELLS_M, PLACES_M)) == 1
 
 
 # ------------------------------------------------------------------------------------------------ the monitor

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from gslcosim.search.beliefs import mass_within
-from gslcosim.search.draws import Draws
 from gslcosim.search.grids import CellGrid
 from gslcosim.search.maps.backward_plume import PlumeModel
 from gslcosim.search.maps.pmfs import Pmfs, PmfsSettings, add_log_score_inplace, disagreement
+from gslcosim.search.random_stream import RandomStream
 
 CALM = (0.0, 0.0)
 
@@ -141,7 +141,7 @@ def test_goals_are_in_sight_in_reach_and_new():
     free = room_with_wall()
     pmfs = method(free, reach_cells=4.0)
     pmfs.update(centre((14, 5)), [False], CALM)
-    goal = pmfs.next_goal(centre((14, 5)), Draws(1))
+    goal = pmfs.next_goal(centre((14, 5)), RandomStream(1))
     assert goal is not None
     assert goal[0] >= 14
     assert 0.0 < math.dist(goal, (14, 5)) <= 4.0
@@ -157,7 +157,7 @@ def test_the_goal_is_where_believed_sources_disagree():
     belief = pmfs.p
     pmfs.score(even_wind(free, 0.5))
     pmfs.p = belief
-    goal = pmfs.next_goal(centre((15, 15)), Draws(1))
+    goal = pmfs.next_goal(centre((15, 15)), RandomStream(1))
     assert goal is not None
     assert goal[1] in (*range(4, 9), *range(22, 27))
 
@@ -167,11 +167,11 @@ def test_goals_that_were_given_up_or_cannot_be_flown_to_are_left_out():
     flyable[14:17, 15] = True
     pmfs = Pmfs(open_room(), CellGrid((0.0, 0.0), 0.25, (31, 31)), flyable=flyable)
     pmfs.visit(centre((15, 15)))
-    assert pmfs.next_goal(centre((15, 15)), Draws(1)) in ((14, 15), (16, 15))
+    assert pmfs.next_goal(centre((15, 15)), RandomStream(1)) in ((14, 15), (16, 15))
     pmfs.give_up(centre((14, 15)))
-    assert pmfs.next_goal(centre((15, 15)), Draws(1)) == (16, 15)
+    assert pmfs.next_goal(centre((15, 15)), RandomStream(1)) == (16, 15)
     pmfs.give_up(centre((16, 15)))
-    assert pmfs.next_goal(centre((15, 15)), Draws(1)) is None
+    assert pmfs.next_goal(centre((15, 15)), RandomStream(1)) is None
 
 
 def test_a_tempered_score_is_the_power_of_the_score():

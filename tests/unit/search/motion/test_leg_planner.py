@@ -3,15 +3,15 @@ import math
 import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim.search.draws import Draws
 from gslcosim.search.motion.leg_planner import LegPlanner, cut_end_m, step_towards_m
 from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.random_stream import RandomStream
 
 ROOM = LegSpace(min_m=(1.0, 1.0, 1.0), max_m=(14.0, 9.0, 7.0))
 
 
 def pilot(**changes):
-    return LegPlanner(briefing(**changes), Draws(1), margin_m=1.0)
+    return LegPlanner(briefing(**changes), RandomStream(1), margin_m=1.0)
 
 
 def at(x_m, y_m, z_m=2.0, *, tick=40, notice=None, status="holding"):

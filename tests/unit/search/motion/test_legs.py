@@ -6,7 +6,6 @@ from briefings import briefing, open_map
 
 from gslcosim.contract.messages import Bounds, KnownMap
 from gslcosim.contract.record import NumericArray
-from gslcosim.search.draws import Draws
 from gslcosim.search.motion.legs import (
     LegSpace,
     Obstacles,
@@ -18,6 +17,7 @@ from gslcosim.search.motion.legs import (
     shorten_leg,
     to_millimetre,
 )
+from gslcosim.search.random_stream import RandomStream
 
 BOUNDS = Bounds(min_m=(0.0, 0.0, 0.0), max_m=(15.0, 10.0, 8.0))
 ROOM = LegSpace.within(BOUNDS, 0.3)
@@ -162,27 +162,27 @@ def test_the_first_free_heading_is_taken():
 def test_a_refused_end_is_not_tried_again():
     start_m = (7.0, 5.0, 2.0)
     assert find_free_heading(start_m, [0.0, 1.0], 1.0, ROOM, refused_m=(8.0, 5.0, 2.0)) == 1.0
-    leg = next_leg(start_m, [0.0], 1.0, ROOM, Draws(1), refused_m=(8.0, 5.0, 2.0))
+    leg = next_leg(start_m, [0.0], 1.0, ROOM, RandomStream(1), refused_m=(8.0, 5.0, 2.0))
     assert math.dist(leg.end_m, (8.0, 5.0)) > 0.02
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_a_leg_is_found_in_any_corner(seed):
     for start_m in ((0.3, 0.3, 2.0), (14.7, 9.7, 2.0), (0.0, 10.0, 2.0)):
-        leg = next_leg(start_m, [], 1.0, ROOM, Draws(seed))
+        leg = next_leg(start_m, [], 1.0, ROOM, RandomStream(seed))
         assert ROOM.contains(leg.end_m)
         assert leg.heading_rad is not None
 
 
 def test_where_no_leg_fits_the_way_leads_inside():
     small = LegSpace.within(Bounds(min_m=(0.0, 0.0, 0.0), max_m=(1.0, 1.0, 1.0)), 0.3)
-    leg = next_leg((0.1, 0.5, 0.5), [0.0], 2.0, small, Draws(1))
+    leg = next_leg((0.1, 0.5, 0.5), [0.0], 2.0, small, RandomStream(1))
     assert leg.end_m == (0.3, 0.5)
     assert leg.heading_rad is None
 
 
 def test_numbers_are_drawn_only_for_headings_that_are_tried():
-    one, other = Draws(5), Draws(5)
+    one, other = RandomStream(5), RandomStream(5)
     next_leg((7.0, 5.0), [0.0], 1.0, ROOM, one)
     assert one.fraction() == other.fraction()
     next_leg((7.0, 5.0), [], 1.0, ROOM, one)

@@ -13,9 +13,9 @@ from gslcosim.contract.messages import (
     SensorDescription,
 )
 from gslcosim.contract.record import NumericArray
-from gslcosim.search.draws import Draws
 from gslcosim.search.motion.grid_paths import is_free_at
 from gslcosim.search.motion.map_navigation import MapNavigator, StopRecorder, largest_connected_part
+from gslcosim.search.random_stream import RandomStream
 
 START_M = (2.0, 2.0, 2.0)
 
@@ -74,7 +74,9 @@ def observation(
 
 
 def flights(known_map: KnownMap | None = None) -> MapNavigator:
-    return MapNavigator(briefing(known_map), Draws(1), cell_m=0.25, max_cells=3600, clearance_m=0.4, margin_m=0.5)
+    return MapNavigator(
+        briefing(known_map), RandomStream(1), cell_m=0.25, max_cells=3600, clearance_m=0.4, margin_m=0.5
+    )
 
 
 def test_legs_lead_round_a_wall_without_a_hold_and_hold_at_the_goal():

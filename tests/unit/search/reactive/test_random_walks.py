@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gslcosim.contract.messages import Bounds
-from gslcosim.search.draws import Draws
 from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.random_walks import LevyWalk, RunAndTumble, power_law_length_m
 
 ROOM = LegSpace.within(Bounds(min_m=(0.0, 0.0, 0.0), max_m=(15.0, 10.0, 8.0)), 0.3)
@@ -18,19 +18,19 @@ def directions(walk: RunAndTumble, keeps, start_m=MIDDLE_M) -> list[float]:
 
 
 def test_a_run_keeps_its_direction_and_a_tumble_does_not():
-    first, kept, drawn, again = directions(RunAndTumble(ROOM, Draws(1), leg_m=1.0), [False, True, False, True])
+    first, kept, drawn, again = directions(RunAndTumble(ROOM, RandomStream(1), leg_m=1.0), [False, True, False, True])
     assert kept == first
     assert drawn != first
     assert again == drawn
 
 
 def test_the_first_direction_is_drawn_even_where_it_was_to_be_kept():
-    (heading_rad,) = directions(RunAndTumble(ROOM, Draws(4), leg_m=1.0), [True])
-    assert math.remainder(heading_rad - Draws(4).angle_rad(), math.tau) == pytest.approx(0.0, abs=0.002)
+    (heading_rad,) = directions(RunAndTumble(ROOM, RandomStream(4), leg_m=1.0), [True])
+    assert math.remainder(heading_rad - RandomStream(4).angle_rad(), math.tau) == pytest.approx(0.0, abs=0.002)
 
 
 def test_a_run_that_meets_a_wall_draws_and_keeps_what_was_drawn():
-    walk = RunAndTumble(ROOM, Draws(2), leg_m=1.0)
+    walk = RunAndTumble(ROOM, RandomStream(2), leg_m=1.0)
     directions(walk, [False])
     walk._direction = (0.0, None)
     (bounced,) = directions(walk, [True], (14.5, 5.0))
@@ -39,14 +39,14 @@ def test_a_run_that_meets_a_wall_draws_and_keeps_what_was_drawn():
 
 
 def test_a_run_may_turn():
-    walk = RunAndTumble(ROOM, Draws(1), leg_m=1.0)
+    walk = RunAndTumble(ROOM, RandomStream(1), leg_m=1.0)
     (first,) = directions(walk, [False])
     x_m, y_m = walk.next_end_m(MIDDLE_M, keeps=True, turn_rad=0.5)
     assert math.remainder(math.atan2(y_m - 5.0, x_m - 7.0) - first, math.tau) == pytest.approx(0.5, abs=0.003)
 
 
 def test_legs_have_their_length_and_headings_are_uniform():
-    walk = RunAndTumble(ROOM, Draws(3), leg_m=0.8)
+    walk = RunAndTumble(ROOM, RandomStream(3), leg_m=0.8)
     ends_m = np.array([walk.next_end_m(MIDDLE_M, keeps=False) for _ in range(2000)]) - MIDDLE_M[:2]
     assert np.hypot(*ends_m.T) == pytest.approx(0.8, abs=0.002)
     counts, _ = np.histogram(np.arctan2(*ends_m.T), bins=8, range=(-math.pi, math.pi))
@@ -54,7 +54,7 @@ def test_legs_have_their_length_and_headings_are_uniform():
 
 
 def test_a_walk_in_space_keeps_heading_and_climb_together():
-    walk = RunAndTumble(ROOM, Draws(5), leg_m=1.0, most_climb_m=0.3)
+    walk = RunAndTumble(ROOM, RandomStream(5), leg_m=1.0, most_climb_m=0.3)
     drawn = [np.subtract(walk.next_end_m(MIDDLE_M, keeps=False), MIDDLE_M) for _ in range(300)]
     assert np.subtract(walk.next_end_m(MIDDLE_M, keeps=True), MIDDLE_M) == pytest.approx(drawn[-1])
     climbs_m = [step[2] for step in drawn]
@@ -64,8 +64,8 @@ def test_a_walk_in_space_keeps_heading_and_climb_together():
 
 def test_a_walker_outside_the_margin_that_finds_no_leg_goes_inside():
     narrow = LegSpace.within(Bounds(min_m=(0.0, 0.0, 0.0), max_m=(2.0, 2.0, 2.0)), 0.9)
-    assert RunAndTumble(narrow, Draws(1), leg_m=3.0).next_end_m((0.1, 1.0, 1.0), keeps=False) == (0.9, 1.0)
-    walk = RunAndTumble(narrow, Draws(1), leg_m=3.0, most_climb_m=0.1)
+    assert RunAndTumble(narrow, RandomStream(1), leg_m=3.0).next_end_m((0.1, 1.0, 1.0), keeps=False) == (0.9, 1.0)
+    walk = RunAndTumble(narrow, RandomStream(1), leg_m=3.0, most_climb_m=0.1)
     assert walk.next_end_m((0.1, 1.0, 0.2), keeps=True) == (0.9, 1.0, 0.9)
 
 
@@ -85,7 +85,7 @@ def test_lengths_follow_the_truncated_power_law(exponent):
 
 
 def test_a_levy_walk_stays_inside_and_has_short_and_long_legs():
-    walk, here_m, lengths_m = LevyWalk(ROOM, Draws(6), exponent=2.0, least_m=1.0), MIDDLE_M[:2], []
+    walk, here_m, lengths_m = LevyWalk(ROOM, RandomStream(6), exponent=2.0, least_m=1.0), MIDDLE_M[:2], []
     for _ in range(500):
         end_m = walk.next_end_m(here_m)
         assert ROOM.contains(end_m)

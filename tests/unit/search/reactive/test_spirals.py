@@ -3,7 +3,7 @@ import math
 
 import pytest
 
-from gslcosim.search.draws import Draws
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.spirals import (
     ArchimedeanSpiral,
     SpiralPath,
@@ -132,7 +132,7 @@ def test_a_spiral_is_over_after_its_sides_or_at_its_reach():
 
 
 def test_sides_are_drawn_left_and_right_alike():
-    draws = Draws(3)
+    draws = RandomStream(3)
     sides = [random_side(draws) for _ in range(1000)]
     assert set(sides) == {1, -1}
     assert abs(sum(sides)) < 120

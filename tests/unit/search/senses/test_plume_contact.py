@@ -3,14 +3,14 @@ import math
 import pytest
 from briefings import briefing, observation
 
-from gslcosim.search.senses.plume_contact import Contact, PlumeWatch
+from gslcosim.search.senses.plume_contact import Contact, PlumeContactDetector
 
 EAST_RAD = 0.0
 
 
 def watch(model="pid", **changes):
     told = briefing(sensors=((model, "nose"), ("anemometer", "vane")))
-    return PlumeWatch(told, **({"threshold_ppm": 0.1, "threshold_m_s": 0.1} | changes))
+    return PlumeContactDetector(told, **({"threshold_ppm": 0.1, "threshold_m_s": 0.1} | changes))
 
 
 def seen(tick, nose, *, x_m=5.0, vane=(0.5, EAST_RAD), status="flying"):
@@ -69,13 +69,13 @@ def test_a_direction_is_trusted_only_with_wind_and_kept_in_calm_air():
 
 
 def test_without_an_anemometer_there_is_no_wind():
-    plume = PlumeWatch(briefing(sensors=(("pid", "nose"),)), threshold_ppm=0.1, threshold_m_s=0.1)
+    plume = PlumeContactDetector(briefing(sensors=(("pid", "nose"),)), threshold_ppm=0.1, threshold_m_s=0.1)
     assert plume.contact(observation(readings={"nose": 1.0})).upwind_rad is None
 
 
 def test_a_broken_sensor_gives_no_infinite_amount():
     told = briefing(sensors=(("tgs2600", "nose"),)).model_copy()
-    plume = PlumeWatch(told, threshold_ppm=0.1, threshold_m_s=0.1)
+    plume = PlumeContactDetector(told, threshold_ppm=0.1, threshold_m_s=0.1)
     assert plume.contact(observation(readings={"nose": 0.0, "nose_ppm": 1.0e308})).gas_ppm == 1.0e308
     assert math.isfinite(plume.contact(observation(tick=41, readings={"nose": 0.0, "nose_ppm": 0.0})).gas_ppm)
 

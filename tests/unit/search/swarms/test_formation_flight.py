@@ -8,7 +8,7 @@ from gslcosim.contract.messages import Bounds, ChannelDescription, SensorDescrip
 from gslcosim.search.motion.declaration import Estimate
 from gslcosim.search.swarms.formation_flight import FormationFlight
 from gslcosim.search.swarms.formations import formation
-from gslcosim.search.swarms.radio_reports import Best, Report, encode
+from gslcosim.search.swarms.radio_reports import Report, ReportedBest, encode
 
 NAMES = ("ada", "bob", "cyd")
 SETTINGS = {
@@ -79,7 +79,7 @@ def test_it_waits_for_the_others_and_tells_them_its_own_reading_meanwhile():
 
 def test_the_best_place_of_all_is_known_and_is_forgotten_when_its_gas_is_old():
     team = flight()
-    elsewhere = Best(position_m=(7.0, 7.0, 1.0), amount=8.0)
+    elsewhere = ReportedBest(position_m=(7.0, 7.0, 1.0), amount=8.0)
     play_round(team, 1.0, ppm=2.0, amount=1.0, best=elsewhere)
     assert team.best.place_m == (7.0, 7.0)
     play_round(team, 31.0, ppm=2.0)

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.search.draws import Draws
 from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.swarms.glowworms import (
     OdourGlow,
     SpiralSearch,
@@ -12,7 +12,7 @@ from gslcosim.search.swarms.glowworms import (
     brighter_neighbours,
     choose_by_probability,
     circling_m,
-    in_forbidden,
+    is_in_excluded_region,
     next_luciferin,
     next_radius_m,
     step_towards,
@@ -75,7 +75,7 @@ def test_the_radius_grows_with_too_few_neighbours_and_shrinks_with_too_many():
 @pytest.mark.parametrize("seed", range(10))
 def test_radii_stay_between_nothing_and_the_sight_in_a_whole_swarm(seed):
     """Eight glowworms in a plane with one hill: radii stay in [0, r_s], and the swarm draws together."""
-    draws, rng = Draws(seed), np.random.default_rng(seed)
+    draws, rng = RandomStream(seed), np.random.default_rng(seed)
     places, glow, radii = rng.uniform(0.0, 8.0, (8, 2)), np.full(8, 5.0), np.full(8, 8.0)
     start = [math.dist(a, b) for a in places for b in places]
     for _ in range(150):
@@ -129,9 +129,9 @@ def test_circling_keeps_its_distance_and_goes_round(side):
 
 def test_a_declared_region_is_a_disc():
     declared = [(2.0, 2.0), (9.0, 9.0)]
-    assert in_forbidden((3.0, 2.0), declared, 2.0)
-    assert not in_forbidden((4.0, 2.0), declared, 2.0)
-    assert not in_forbidden((3.0, 2.0), [], 2.0)
+    assert is_in_excluded_region((3.0, 2.0), declared, 2.0)
+    assert not is_in_excluded_region((4.0, 2.0), declared, 2.0)
+    assert not is_in_excluded_region((3.0, 2.0), [], 2.0)
 
 
 def places_of(search: SpiralSearch, place, n: int) -> np.ndarray:
@@ -145,7 +145,7 @@ def places_of(search: SpiralSearch, place, n: int) -> np.ndarray:
 
 
 def test_a_spiral_begins_where_it_is_and_covers_the_room():
-    places = places_of(SpiralSearch(ROOM, Draws(3), gap_m=2.0, leg_m=1.0), at(5.0, 4.0), 400)
+    places = places_of(SpiralSearch(ROOM, RandomStream(3), gap_m=2.0, leg_m=1.0), at(5.0, 4.0), 400)
     assert 0.5 < math.dist(places[0], (5.0, 4.0)) < 1.0  # an arc of a leg
     assert all(ROOM.contains(tuple(place)) for place in places)
     cells = {(int(x), int(y)) for x, y in places}
@@ -153,12 +153,12 @@ def test_a_spiral_begins_where_it_is_and_covers_the_room():
 
 
 def test_places_that_are_not_worth_it_are_left_out():
-    search = SpiralSearch(ROOM, Draws(3), gap_m=2.0, leg_m=1.0, is_left_out=lambda place: place[0] < 4.0)
+    search = SpiralSearch(ROOM, RandomStream(3), gap_m=2.0, leg_m=1.0, is_left_out=lambda place: place[0] < 4.0)
     assert places_of(search, at(6.0, 4.0), 300)[:, 0].min() >= 4.0
 
 
 def test_who_moves_on_flies_elsewhere_before_it_spirals():
-    search, place = SpiralSearch(ROOM, Draws(5), gap_m=2.0, leg_m=1.0), at(2.0, 2.0)
+    search, place = SpiralSearch(ROOM, RandomStream(5), gap_m=2.0, leg_m=1.0), at(2.0, 2.0)
     assert not search.is_on_its_way(place)
     search.move_on()
     headings = []

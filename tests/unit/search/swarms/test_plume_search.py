@@ -6,10 +6,10 @@ import pytest
 from gslcosim.search.motion.legs import LegSpace
 from gslcosim.search.swarms.plume_search import (
     PlumeMemory,
-    crosswind_course,
+    find_lane_point,
+    find_next_lane_point,
     nearest_axis_rad,
-    next_on_course,
-    place_on_course,
+    plan_crosswind_lanes,
 )
 
 ROOM = LegSpace(min_m=(1.0, 1.0, 0.5), max_m=(14.0, 9.0, 7.0))
@@ -17,12 +17,12 @@ ROOM = LegSpace(min_m=(1.0, 1.0, 0.5), max_m=(14.0, 9.0, 7.0))
 
 def points_on(course, n=2000):
     length = np.hypot(*np.diff(course, axis=0).T).sum()
-    return np.array([place_on_course(course, length * i / n * (1.0 - 1e-9)) for i in range(n)])
+    return np.array([find_lane_point(course, length * i / n * (1.0 - 1e-9)) for i in range(n)])
 
 
 @pytest.mark.parametrize("upwind_rad", [0.0, 0.6, math.pi / 2.0, 2.5, math.pi, -1.4])
 def test_no_place_of_the_room_is_farther_than_half_a_lane_from_the_course(upwind_rad):
-    path = points_on(crosswind_course(ROOM, upwind_rad, 2.0))
+    path = points_on(plan_crosswind_lanes(ROOM, upwind_rad, 2.0))
     places = np.random.default_rng(1).uniform(ROOM.min_m[:2], ROOM.max_m[:2], (200, 2))
     nearest = np.min(np.hypot(*(places[:, None] - path[None]).transpose(2, 0, 1)), axis=1)
     assert nearest.max() <= 1.0 + 0.05
@@ -30,35 +30,35 @@ def test_no_place_of_the_room_is_farther_than_half_a_lane_from_the_course(upwind
 
 @pytest.mark.parametrize(("upwind_rad", "axis", "sign"), [(0.3, 0, 1), (math.pi, 0, -1), (1.2, 1, 1), (-1.5, 1, -1)])
 def test_lanes_lie_across_the_wind_and_go_up_it(upwind_rad, axis, sign):
-    course = crosswind_course(ROOM, upwind_rad, 2.0)
+    course = plan_crosswind_lanes(ROOM, upwind_rad, 2.0)
     lanes = course[::2, axis]
     assert course[1::2, axis] == pytest.approx(lanes)
     assert np.all(sign * np.diff(lanes) > 0.0)
 
 
 def test_lanes_turn_before_the_walls_by_their_inset_and_never_beyond_the_middle():
-    assert np.unique(crosswind_course(ROOM, 0.0, 2.0, inset_m=1.5)[:, 1]) == pytest.approx([2.5, 7.5])
-    assert np.unique(crosswind_course(ROOM, 0.0, 2.0, inset_m=99.0)[:, 1]) == pytest.approx([5.0])
+    assert np.unique(plan_crosswind_lanes(ROOM, 0.0, 2.0, inset_m=1.5)[:, 1]) == pytest.approx([2.5, 7.5])
+    assert np.unique(plan_crosswind_lanes(ROOM, 0.0, 2.0, inset_m=99.0)[:, 1]) == pytest.approx([5.0])
 
 
 def test_a_room_narrower_than_a_lane_has_one_in_its_middle():
-    assert crosswind_course(ROOM, 0.0, 50.0)[:, 0] == pytest.approx([7.5, 7.5])
+    assert plan_crosswind_lanes(ROOM, 0.0, 50.0)[:, 0] == pytest.approx([7.5, 7.5])
 
 
 def test_a_step_leads_along_the_course_and_from_its_end_to_its_beginning():
     course = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]])
-    assert next_on_course(course, (1.0, 0.3), 1.0) == pytest.approx([2.0, 0.0])
-    assert next_on_course(course, (3.5, 0.0), 1.0) == pytest.approx([4.0, 0.5])
-    assert next_on_course(course, (4.0, 0.0), 1.0) == pytest.approx([4.0, 1.0])
-    assert next_on_course(course, (0.3, 2.0), 1.0) == pytest.approx([0.0, 2.0])
-    assert next_on_course(course, (0.0, 2.0), 1.0) == pytest.approx([0.0, 0.0])
+    assert find_next_lane_point(course, (1.0, 0.3), 1.0) == pytest.approx([2.0, 0.0])
+    assert find_next_lane_point(course, (3.5, 0.0), 1.0) == pytest.approx([4.0, 0.5])
+    assert find_next_lane_point(course, (4.0, 0.0), 1.0) == pytest.approx([4.0, 1.0])
+    assert find_next_lane_point(course, (0.3, 2.0), 1.0) == pytest.approx([0.0, 2.0])
+    assert find_next_lane_point(course, (0.0, 2.0), 1.0) == pytest.approx([0.0, 0.0])
 
 
 def test_who_follows_the_course_step_by_step_comes_along_all_of_it():
-    course = crosswind_course(ROOM, 0.4, 2.5)
+    course = plan_crosswind_lanes(ROOM, 0.4, 2.5)
     place, visited = np.array(course[0]), []
     for _ in range(200):
-        place = next_on_course(course, place, 1.0)
+        place = find_next_lane_point(course, place, 1.0)
         visited.append(place)
     for turn in course:
         assert np.hypot(*(np.array(visited) - turn).T).min() <= 1.0
@@ -66,18 +66,18 @@ def test_who_follows_the_course_step_by_step_comes_along_all_of_it():
 
 def test_distances_beyond_the_end_of_a_course_begin_again():
     course = np.array([[0.0, 0.0], [4.0, 0.0]])
-    assert place_on_course(course, 5.0) == pytest.approx([1.0, 0.0])
-    assert place_on_course(np.array([[2.0, 2.0], [2.0, 2.0]]), 5.0) == pytest.approx([2.0, 2.0])
+    assert find_lane_point(course, 5.0) == pytest.approx([1.0, 0.0])
+    assert find_lane_point(np.array([[2.0, 2.0], [2.0, 2.0]]), 5.0) == pytest.approx([2.0, 2.0])
 
 
 def test_lost_gas_is_cast_for_to_both_sides_of_where_it_was_and_then_the_course_goes_on():
-    course = crosswind_course(ROOM, math.pi / 2.0, 2.0)
+    course = plan_crosswind_lanes(ROOM, math.pi / 2.0, 2.0)
     memory = PlumeMemory(course, step_m=1.0, cast_m=1.0, n_casts=2)
-    assert memory.next_place_m((7.0, 2.0)) == pytest.approx(next_on_course(course, (7.0, 2.0), 1.0))
+    assert memory.next_place_m((7.0, 2.0)) == pytest.approx(find_next_lane_point(course, (7.0, 2.0), 1.0))
     memory.met_gas((7.0, 4.0), math.pi / 2.0)
     assert memory.next_place_m((7.0, 5.0)) == pytest.approx([6.0, 4.0])
     assert memory.next_place_m((6.0, 4.0)) == pytest.approx([8.0, 4.0])
-    assert memory.next_place_m((8.0, 4.0)) == pytest.approx(next_on_course(course, (8.0, 4.0), 1.0))
+    assert memory.next_place_m((8.0, 4.0)) == pytest.approx(find_next_lane_point(course, (8.0, 4.0), 1.0))
 
 
 def test_the_nearest_axis_of_a_heading():

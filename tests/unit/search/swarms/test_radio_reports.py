@@ -4,14 +4,14 @@ import pytest
 
 from gslcosim.agent_kit import Briefing, Observation, RadioReception
 from gslcosim.contract.messages import Bounds, ChannelDescription
-from gslcosim.search.swarms.radio_reports import Best, Report, Team, encode, parse
+from gslcosim.search.swarms.radio_reports import Report, ReportedBest, Team, encode, parse
 
 FULL = Report(
     time_s=41.5,
     position_m=(7.23, 5.11, 2.0),
     amount=2.004e-5,
     wind_m_s=(0.52, -0.1),
-    best=Best(position_m=(6.9, 5.0, 2.0), amount=2.104e-5),
+    best=ReportedBest(position_m=(6.9, 5.0, 2.0), amount=2.104e-5),
 )
 # The longest that a room of less than 100 m asks for: all coordinates at the far end, wind against the axes.
 LONGEST = Report(
@@ -19,7 +19,7 @@ LONGEST = Report(
     position_m=(99.99, 99.99, 99.99),
     amount=1.234e-6,
     wind_m_s=(-9.99, -9.99),
-    best=Best(position_m=(99.99, 99.99, 99.99), amount=1.234e-6),
+    best=ReportedBest(position_m=(99.99, 99.99, 99.99), amount=1.234e-6),
 )
 
 
@@ -70,7 +70,7 @@ def test_a_report_with_wind_and_best_place_fits_64_bytes_in_rooms_below_100_metr
     text = encode(LONGEST, max_bytes=63)
     assert text is not None
     assert parse(text) == Report(
-        **{**vars(LONGEST), "amount": 1.23e-6, "best": Best(position_m=(99.99, 99.99, 99.99), amount=1.23e-6)}
+        **{**vars(LONGEST), "amount": 1.23e-6, "best": ReportedBest(position_m=(99.99, 99.99, 99.99), amount=1.23e-6)}
     )
 
 

@@ -13,8 +13,8 @@ from gslcosim.contract.messages import (
     Reading,
     SensorDescription,
 )
-from gslcosim.search.draws import Draws
 from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.senses.instruments import Nose
 from gslcosim.search.senses.stop_and_measure import Measurement
 from gslcosim.search.swarms.particle_swarm import SwarmWeights
@@ -95,7 +95,7 @@ def test_a_resistance_without_an_estimate_counts_by_its_conductance_beyond_air()
 
 def test_explorers_reach_their_waypoints_and_take_others_inside_the_room():
     explorer, place, targets = (
-        Explorer(ROOM, Draws(3), inertia=0.3, draw=0.7, waypoint_s=30.0),
+        Explorer(ROOM, RandomStream(3), inertia=0.3, draw=0.7, waypoint_s=30.0),
         np.array([2.0, 2.0]),
         [],
     )
@@ -110,7 +110,7 @@ def test_explorers_reach_their_waypoints_and_take_others_inside_the_room():
 
 
 def test_a_waypoint_is_given_up_after_its_time():
-    explorer, place = Explorer(ROOM, Draws(3), inertia=0.0, draw=1.0, waypoint_s=30.0), np.array([2.0, 2.0])
+    explorer, place = Explorer(ROOM, RandomStream(3), inertia=0.0, draw=1.0, waypoint_s=30.0), np.array([2.0, 2.0])
     first = explorer.step(place, 0.0, 1.0)
     assert explorer.step(place, 30.0, 1.0) == pytest.approx(first)
     assert explorer.step(place, 30.1, 1.0) != pytest.approx(first)

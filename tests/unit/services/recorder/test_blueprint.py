@@ -2,7 +2,7 @@
 
 import pytest
 import rerun.blueprint as rrb
-from read_back import column
+from recording_content import column
 from scripted_flight import NOSE_AND_VANE, ON_BOARD, scenario
 
 from gslcosim_services.recorder.blueprint import default_blueprint

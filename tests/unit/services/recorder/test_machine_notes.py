@@ -1,6 +1,6 @@
 """What the machine did in a run goes from its notes into the recording: decisions, faults, sandboxes."""
 
-from read_back import column
+from recording_content import column
 from rerun.chunk import RrdReader
 from scripted_flight import ScriptedFlight
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import rerun.blueprint as rrb
-from read_back import column
+from recording_content import column
 from scripted_flight import WAYPOINT_EVERY_TICKS, belief_of, scenario
 
 from gslcosim_services.recorder.blueprint import default_blueprint

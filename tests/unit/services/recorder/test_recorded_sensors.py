@@ -5,7 +5,7 @@ import io
 import numpy as np
 import pytest
 from PIL import Image
-from read_back import column, still
+from recording_content import column, still
 from scripted_flight import CAMERA_EVERY_TICKS, LIDAR_SHAPES, ON_BOARD, ScriptedFlight
 
 from gslcosim.base.frames import world_from_body_rotation

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from deadlines import PROCESS_S
-from read_back import column
+from recording_content import column
 from rerun.chunk import RrdReader
 from scripted_flight import CLOUD_EVERY_TICKS, NOSE_AND_VANE, ON_BOARD, WAYPOINT_EVERY_TICKS, ScriptedFlight
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from read_back import still
+from recording_content import still
 from scripted_flight import scenario
 
 from gslcosim.contract.messages import ConcentrationSlice, FilamentCloud

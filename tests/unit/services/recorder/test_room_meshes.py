@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from read_back import still
+from recording_content import still
 from scripted_flight import scenario
 
 from gslcosim.contract.participant import Episode

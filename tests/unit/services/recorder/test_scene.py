@@ -2,19 +2,19 @@
 
 import pytest
 
-from gslcosim.vehicles import get_vehicle, vehicle_names
+from gslcosim.vehicles import get_vehicle, list_vehicle_names
 from gslcosim_services.recorder.scene import BallShape, MultirotorShape, RoverShape, build_shape
 
 SHAPES = {"multirotor": MultirotorShape, "holonomic": BallShape, "wheels": RoverShape}
 
 
-@pytest.mark.parametrize("name", vehicle_names())
+@pytest.mark.parametrize("name", list_vehicle_names())
 def test_every_vehicle_has_the_shape_of_its_kind(name):
     vehicle = get_vehicle(name)
     assert isinstance(build_shape(vehicle), SHAPES[vehicle.kind])
 
 
-@pytest.mark.parametrize("name", vehicle_names())
+@pytest.mark.parametrize("name", list_vehicle_names())
 def test_every_vehicle_is_drawn_in_its_colour(name):
     class Drawn(dict):
         def draw(self, entity, shape):

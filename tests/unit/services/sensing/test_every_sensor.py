@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from staged import at_rest, surroundings_in
+from surroundings import at_rest, surroundings_in
 
 from gslcosim.base.rng import stream
 from gslcosim.contract.messages import GasAmount, MountSample

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from staged import G, at_rest, surroundings_in
+from surroundings import G, at_rest, surroundings_in
 
 from gslcosim.base.errors import ModelError
 from gslcosim.base.rng import stream

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from staged import surroundings_in
+from surroundings import surroundings_in
 
 from gslcosim.base.frames import world_from_body_rotation
 from gslcosim.base.rng import stream

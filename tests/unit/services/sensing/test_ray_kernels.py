@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from staged import body, scenario_of
+from surroundings import body, scenario_of
 
 from gslcosim.environment.model import Box
 from gslcosim_services.sensing.ray_kernels import distance_to_box, distance_to_cylinder

@@ -11,11 +11,11 @@ from pydantic import ValidationError
 from gslcosim.base.errors import ScenarioError
 from gslcosim.contract.messages import AGENT_KINDS, Command
 from gslcosim.contract.publish.examples import EXAMPLES
-from gslcosim.vehicles import vehicle_names
+from gslcosim.vehicles import list_vehicle_names
 from gslcosim_services.world.core import WorldCore
 from gslcosim_services.world.guidance.path_follower import OVERTURNED_NOTICE
 
-MODELS = vehicle_names()
+MODELS = list_vehicle_names()
 RACK = ("rack", (6.0, 4.0, 0.0), (7.0, 6.0, 6.0))
 PLACES = {"a_kilometre_away": (1000.0, 3.0, 2.0), "under_the_floor": (4.0, 4.0, -1.0), "in_a_rack": (6.5, 5.0, 2.0)}
 # What neither moves a vehicle nor depends on where it is.

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gslcosim.training.batch import batch_records
-from gslcosim.training.batch.batch_records import new_work
+from gslcosim.training.batch.batch_records import build_scratch
 from gslcosim.training.batch.filament_tape import near_filaments_inplace, sort_frames_inplace
 from gslcosim_services.world.physics import vehicle_records
 
@@ -27,7 +27,7 @@ def test_the_near_filaments_of_a_frame_are_all_within_their_cut_off_in_order():
     }  # fmt: skip
     for name, array in arrays.items():
         tape[name] = array.ctypes.data
-    work, n_found = new_work(1, 700, vehicle_records.STATE), 0
+    work, n_found = build_scratch(1, 700, vehicle_records.STATE), 0
     hits, marks = work.kept[5], work.kept[7]
     for frame in range(4):
         own = rows[first[frame] : first[frame + 1]].astype(np.float64)

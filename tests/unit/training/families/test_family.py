@@ -123,7 +123,7 @@ def test_without_doping_all_cases_come_equally_often(tmp_path):
 
 @pytest.mark.parametrize("name", sorted(bundled_families()))
 def test_cases_of_bundled_families_can_be_batched(name):
-    from gslcosim.training.batch.case_builder import refusal_of
+    from gslcosim.training.batch.case_builder import find_batch_refusal
 
     for split in ("training", "validation", "test"):
-        assert refusal_of(load_family(name).case(split, 0).scenario) is None
+        assert find_batch_refusal(load_family(name).case(split, 0).scenario) is None

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import ScenarioError, UsageError
-from gslcosim.methods.card import card_beside
+from gslcosim.methods.card import find_card_beside
 from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.training.families import load_family
 from gslcosim.training.trainers.evolved_method import EvolvedMethod, compute_cost
@@ -24,7 +24,7 @@ def trainer(cases, **settings):
 
 
 def test_it_begins_at_the_methods_own_defaults(cases):
-    defaults = card_beside(bundled_agents()["s_pso"]).defaults()
+    defaults = find_card_beside(bundled_agents()["s_pso"]).defaults()
     begun = trainer(cases).policy()
     assert begun.parameters == {name: pytest.approx(defaults[name], rel=1e-3) for name in SWARM["ranges"]}
     assert (begun.entry.robots, begun.entry.start.python) == (3, "s_pso")

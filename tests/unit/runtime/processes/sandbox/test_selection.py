@@ -5,7 +5,7 @@ import sys
 import pytest
 
 from gslcosim.base.errors import ScenarioError, UsageError
-from gslcosim.runtime.processes.sandbox.selection import environment_for
+from gslcosim.runtime.processes.sandbox.selection import build_environment_variables
 from gslcosim.scenario import load_scenario
 
 AROUND = {
@@ -23,18 +23,20 @@ def agent_with(environment):
 
 def test_only_what_every_program_needs_is_passed_on():
     """Python's own variables go to our Python, which finds its packages by them."""
-    assert set(environment_for(agent_with("{}"), ["./agent"], AROUND)) == NEEDED
-    assert set(environment_for(agent_with("{}"), [sys.executable, "a.py"], AROUND)) == NEEDED | {"PYTHONPATH"}
+    assert set(build_environment_variables(agent_with("{}"), ["./agent"], AROUND)) == NEEDED
+    assert set(build_environment_variables(agent_with("{}"), [sys.executable, "a.py"], AROUND)) == NEEDED | {
+        "PYTHONPATH"
+    }
 
 
 def test_a_scenario_adds_variables_with_its_own_values_or_passes_on_ours():
-    found = environment_for(agent_with("{MINE: , KEY: value, LANG: de}"), ["./agent"], AROUND)
+    found = build_environment_variables(agent_with("{MINE: , KEY: value, LANG: de}"), ["./agent"], AROUND)
     assert {name: found[name] for name in ("MINE", "KEY", "LANG")} == {"MINE": "m", "KEY": "value", "LANG": "de"}
 
 
 def test_a_variable_without_a_value_that_is_not_set_is_an_error():
     with pytest.raises(UsageError, match=r"agents\.beetle\.environment\.GONE: expected a variable that is set"):
-        environment_for(agent_with("{GONE: }"), ["./agent"], AROUND)
+        build_environment_variables(agent_with("{GONE: }"), ["./agent"], AROUND)
 
 
 @pytest.mark.parametrize("environment", ["{GSLCOSIM_TOKEN: x}", "{'a b': x}", "{A: 1}", '{A: "\\0"}', "{1A: x}", "[A]"])

@@ -10,7 +10,7 @@ from gslcosim.contract.messages import BodyPoses, BodyState
 from gslcosim.contract.participant import Episode
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.serialization import plain_values
-from gslcosim.vehicles import get_vehicle, vehicle_names
+from gslcosim.vehicles import get_vehicle, list_vehicle_names
 from gslcosim_services.fields.core import FieldsCore
 from gslcosim_services.fields.filament.downwash import (
     DECAY,
@@ -50,7 +50,7 @@ def scenario_of(make_scenario):
     return build
 
 
-@pytest.mark.parametrize("name", vehicle_names())
+@pytest.mark.parametrize("name", list_vehicle_names())
 def test_each_rotor_carries_its_share_of_the_weight(name):
     """Thrust of a disc is 2 rho A v^2."""
     vehicle = get_vehicle(name)

@@ -12,10 +12,10 @@ from gslcosim_services.fields.concentration.mixing_ratio import Walls, mixing_ra
 from gslcosim_services.fields.core import FieldsCore
 from gslcosim_services.fields.offline.samplers import (
     Instant,
-    ScenarioFields,
+    ScenarioFieldSampler,
     ViewOptions,
     build_lattice,
-    find_stored_fields,
+    find_stored_field_sampler,
 )
 
 THROUGH_WALLS = ViewOptions(has_line_of_sight=False)
@@ -59,7 +59,7 @@ def test_the_folder_above_the_results_will_do(results):
     deep.mkdir(parents=True)
     results = results.rename(deep / "FilamentSimulation_1")
     for folder in (results, results.parent, results.parents[3]):
-        fields = find_stored_fields(folder)
+        fields = find_stored_field_sampler(folder)
         assert fields.gas_ppm(PLACES, Instant(frame=1), THROUGH_WALLS)[0] == pytest.approx(10.0, rel=0.2)
 
 
@@ -69,10 +69,10 @@ def test_gas_data_is_found_from_the_environment_down(results, tmp_path):
     (environment / "gas_data").mkdir(parents=True)
     frames = results.rename(environment / "gas_data" / "wh_empty_001")
     for folder in (tmp_path, environment, environment / "gas_data", frames):
-        assert find_stored_fields(folder).grid(Instant(frame=0)).shape == gaden.CELLS
+        assert find_stored_field_sampler(folder).grid(Instant(frame=0)).shape == gaden.CELLS
     shutil.copytree(frames, environment / "gas_data" / "another")
     with pytest.raises(EnvironmentDataError, match=r"expected one folder of them, was .*another.*wh_empty_001"):
-        find_stored_fields(environment)
+        find_stored_field_sampler(environment)
 
 
 def test_the_wind_of_gsl_benchs_folder_is_that_of_the_frames_number(gsl_bench_folder):
@@ -88,7 +88,7 @@ def test_the_wind_of_gsl_benchs_folder_is_that_of_the_frames_number(gsl_bench_fo
     path = gsl_bench_folder / "wind_data" / "room.npy"
     np.save(path, [wind_m_s.astype(float)])
     centre_m = np.add(gaden.MIN_M, np.multiply((3.5, 2.5, 1.5), gaden.CELL_M))[np.newaxis]
-    fields = find_stored_fields(gsl_bench_folder)
+    fields = find_stored_field_sampler(gsl_bench_folder)
     assert fields.wind_m_s(centre_m, Instant(frame=0))[0] == pytest.approx([3.0, 2.0, 1.0])
     np.save(path, [wind_m_s[1:].astype(float)])
     with pytest.raises(EnvironmentDataError, match=r"room\.npy: expected real numbers of \(t, 140, 3\)"):
@@ -99,26 +99,26 @@ def test_the_wind_of_gsl_benchs_folder_is_that_of_the_frames_number(gsl_bench_fo
 
 
 def test_a_folder_of_another_kind_is_none(tmp_path):
-    assert find_stored_fields(tmp_path) is None
+    assert find_stored_field_sampler(tmp_path) is None
 
 
 def test_gadens_frames_are_half_a_second_apart_unless_told(results):
-    fields = find_stored_fields(results)
+    fields = find_stored_field_sampler(results)
     by_time = fields.gas_ppm(PLACES, Instant(time_s=0.6), THROUGH_WALLS)
     np.testing.assert_array_equal(by_time, fields.gas_ppm(PLACES, Instant(frame=1), THROUGH_WALLS))
     with pytest.raises(UsageError, match=r"from 0 s to below 1 s \(2 frames, 0.5 s apart\), was 1 s"):
         fields.gas_ppm(PLACES, Instant(time_s=1.0), THROUGH_WALLS)
-    slow = find_stored_fields(results, period_s=2.0)
+    slow = find_stored_field_sampler(results, period_s=2.0)
     assert slow.gas_ppm(PLACES, Instant(time_s=3.9), THROUGH_WALLS) == pytest.approx(by_time)
 
 
 def test_a_frame_that_is_not_there_is_refused(results):
     with pytest.raises(EnvironmentDataError, match=r"among 0 to 1 \(2 frames\), was 7"):
-        find_stored_fields(results).gas_ppm(PLACES, Instant(frame=7), THROUGH_WALLS)
+        find_stored_field_sampler(results).gas_ppm(PLACES, Instant(frame=7), THROUGH_WALLS)
 
 
 def test_grids_are_the_values_at_their_points(results):
-    fields = find_stored_fields(results)
+    fields = find_stored_field_sampler(results)
     room = fields.grid(Instant(frame=0))
     lattice = build_lattice(room.origin_m, room.max_m, 0.2)
     volume = fields.gas_ppm_on(lattice, Instant(frame=0), THROUGH_WALLS)
@@ -129,7 +129,7 @@ def test_grids_are_the_values_at_their_points(results):
 
 def test_without_an_occupancy_there_is_no_line_of_sight(results):
     with pytest.raises(EnvironmentDataError, match=r"expected an OccupancyGrid3D\.csv .* --no-line-of-sight"):
-        find_stored_fields(results).gas_ppm(PLACES, Instant(frame=0), ViewOptions())
+        find_stored_field_sampler(results).gas_ppm(PLACES, Instant(frame=0), ViewOptions())
 
 
 def write_solid_occupancy(folder, cells):
@@ -146,12 +146,12 @@ def write_solid_occupancy(folder, cells):
 def test_walls_of_another_room_are_refused(results):
     write_solid_occupancy(results.parent, (7, 5, 5))
     with pytest.raises(EnvironmentDataError, match=r"expected those of the frames, \(7, 5, 4\) cells of 0\.5 m"):
-        find_stored_fields(results).gas_ppm(PLACES, Instant(frame=0), ViewOptions())
+        find_stored_field_sampler(results).gas_ppm(PLACES, Instant(frame=0), ViewOptions())
 
 
 def test_walls_hide_stored_gas(results):
     write_solid_occupancy(results.parent, gaden.CELLS)
-    fields = find_stored_fields(results)
+    fields = find_stored_field_sampler(results)
     assert fields.gas_ppm(PLACES, Instant(frame=0), THROUGH_WALLS).min() > 0.0
     assert fields.gas_ppm(PLACES, Instant(frame=0), ViewOptions()).max() == 0.0
 
@@ -161,7 +161,7 @@ def test_the_wind_of_a_frame_is_the_one_it_names(results):
     for i in (0, gaden.WIND):
         wind = np.repeat([[0.1 * i], [0.2], [-0.3]], nx * ny * nz, axis=1)
         (results / "wind" / f"wind_iteration_{i}").write_bytes(wind.astype("<f8").tobytes())
-    wind_m_s = find_stored_fields(results).wind_m_s(PLACES, Instant(frame=0))
+    wind_m_s = find_stored_field_sampler(results).wind_m_s(PLACES, Instant(frame=0))
     np.testing.assert_allclose(wind_m_s, [[0.1 * gaden.WIND, 0.2, -0.3]] * 2, rtol=1e-6)
 
 
@@ -174,14 +174,14 @@ def test_a_room_is_sampled_as_its_run_is(scenario, make_room):
     points = np.array([(5.5, 1.2, 2.0), (6.0, 1.4, 2.1)])
     expected = mixing_ratio_ppm_at(points, core.gas.filaments, walls=Walls.of(room))[:, 0]
     assert expected.min() > 0.0
-    fields = ScenarioFields(room, scenario)
+    fields = ScenarioFieldSampler(room, scenario)
     for instant in (Instant(time_s=3.0), Instant(time_s=3.05), Instant(frame=30)):
         np.testing.assert_allclose(fields.gas_ppm(points, instant, ViewOptions()), expected, rtol=1e-12)
     np.testing.assert_allclose(fields.wind_m_s(points, Instant(frame=30)), [(0.3, 0.1, 0.0)] * 2, rtol=1e-6)
 
 
 def test_a_rooms_grid_is_the_values_at_its_points(scenario, make_room):
-    fields = ScenarioFields(make_room(wind_m_s=((0.3, 0.1, 0.0),)), scenario)
+    fields = ScenarioFieldSampler(make_room(wind_m_s=((0.3, 0.1, 0.0),)), scenario)
     lattice = build_lattice((4.0, 0.0, 1.0), (7.0, 2.0, 3.0), 0.5)
     for view in (ViewOptions(), THROUGH_WALLS, ViewOptions(has_line_of_sight=False, cutoff_sigma=2.0)):
         volume = fields.gas_ppm_on(lattice, Instant(time_s=0.0), view)
@@ -191,7 +191,7 @@ def test_a_rooms_grid_is_the_values_at_its_points(scenario, make_room):
 
 
 def test_an_environment_alone_has_wind_and_no_gas(make_room):
-    fields = ScenarioFields(make_room(wind_m_s=((0.1, 0.0, 0.0), (0.2, 0.0, 0.0))))
+    fields = ScenarioFieldSampler(make_room(wind_m_s=((0.1, 0.0, 0.0), (0.2, 0.0, 0.0))))
     points = np.array([(5.0, 1.0, 2.0)])
     winds = [fields.wind_m_s(points, instant)[0, 0] for instant in (Instant(time_s=1.5), Instant(frame=0))]
     assert winds == pytest.approx([0.2, 0.1])
@@ -206,9 +206,9 @@ def test_another_gas_can_be_asked_for(scenario, make_room):
     both = scenario.model_copy(update={"gas": scenario.gas.model_copy(update={"sources": sources})})
     points = np.array([(5.0, 1.0, 2.0)])
     ethanol, methane = (
-        ScenarioFields(make_room(), both, gas=gas).gas_ppm(points, Instant(time_s=0.0), ViewOptions())[0]
+        ScenarioFieldSampler(make_room(), both, gas=gas).gas_ppm(points, Instant(time_s=0.0), ViewOptions())[0]
         for gas in ("ethanol", "methane")
     )
     assert methane > 2 * ethanol > 0.0
     with pytest.raises(UsageError, match="--gas: expected one of ethanol, methane, was 'xenon'"):
-        ScenarioFields(make_room(), both, gas="xenon").gas_ppm(points, Instant(time_s=0.0), ViewOptions())
+        ScenarioFieldSampler(make_room(), both, gas="xenon").gas_ppm(points, Instant(time_s=0.0), ViewOptions())

@@ -10,7 +10,7 @@ from gslcosim.contract.participant import Episode
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.serialization import plain_values
 from gslcosim_services.fields.core import FieldsCore
-from gslcosim_services.fields.offline.samplers import Instant, ScenarioFields, ViewOptions
+from gslcosim_services.fields.offline.samplers import Instant, ScenarioFieldSampler, ViewOptions
 from gslcosim_services.fields.stored.tape import GasTape, TapeSchedule, record_tape, tape_hash
 
 SOURCES = [{"position_m": (5.0, 5.0, 2.0)}, {"position_m": (5.0, 5.2, 2.0), "gas": "methane", "ppm": 50.0}]
@@ -141,6 +141,8 @@ def test_the_name_of_a_tape_changes_with_all_that_decides_the_gas(scenario_of, r
 
 
 def test_sampling_needs_no_tape(scenario_of, room, cache):
-    ppm = ScenarioFields(room, scenario_of()).gas_ppm(np.array([(5.0, 5.0, 2.0)]), Instant(time_s=0.05), ViewOptions())
+    ppm = ScenarioFieldSampler(room, scenario_of()).gas_ppm(
+        np.array([(5.0, 5.0, 2.0)]), Instant(time_s=0.05), ViewOptions()
+    )
     assert ppm[0] > 0.0
     assert not cache.exists()

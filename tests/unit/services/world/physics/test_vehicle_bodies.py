@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import ModelError, VehicleError
-from gslcosim.vehicles import get_vehicle, vehicle_names
+from gslcosim.vehicles import get_vehicle, list_vehicle_names
 from gslcosim_services.world.physics import vehicle_records
 from gslcosim_services.world.physics.scene import build_scene, check_body, load_body_spec
 
 
-@pytest.mark.parametrize("name", vehicle_names())
+@pytest.mark.parametrize("name", list_vehicle_names())
 def test_every_vehicle_compiles_to_what_the_catalogue_says(name):
     check_body(get_vehicle(name))
 
 
-@pytest.mark.parametrize("name", vehicle_names())
+@pytest.mark.parametrize("name", list_vehicle_names())
 def test_the_scene_has_the_vehicle_of_the_catalogue(name, make_room):
     vehicle = get_vehicle(name)
     scene = build_scene(make_room(), [("beetle", vehicle)], 0.004)

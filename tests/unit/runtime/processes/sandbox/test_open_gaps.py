@@ -5,13 +5,13 @@ import pytest
 from gslcosim.cli.doctor_checks import check_sandbox
 from gslcosim.runtime.processes.sandbox import landlock, seccomp, selection
 from gslcosim.runtime.processes.sandbox.bubblewrap import find_bubblewrap_failure
-from gslcosim.runtime.processes.sandbox.selection import describe_sandboxes, is_sandboxed, open_gaps
+from gslcosim.runtime.processes.sandbox.selection import describe_sandboxes, is_sandboxed, list_open_gaps
 from gslcosim.scenario import load_scenario
 
 
 @pytest.mark.parametrize(("version", "n_open"), [(1, 3), (2, 3), (3, 2), (4, 1), (5, 1), (6, 0), (7, 0)])
 def test_each_version_of_landlock_closes_more(version, n_open):
-    assert len(landlock.missing_protections(version)) == n_open
+    assert len(landlock.list_missing_protections(version)) == n_open
 
 
 def test_the_result_says_what_an_older_kernel_leaves_open(monkeypatch):
@@ -27,9 +27,9 @@ def test_the_result_says_what_an_older_kernel_leaves_open(monkeypatch):
 
 
 def test_bubblewrap_has_no_filter_on_rare_processors(monkeypatch):
-    assert open_gaps("bubblewrap") == []
+    assert list_open_gaps("bubblewrap") == []
     monkeypatch.setattr(seccomp, "is_possible", lambda: False)
-    assert "io_uring" in open_gaps("bubblewrap")[0]
+    assert "io_uring" in list_open_gaps("bubblewrap")[0]
 
 
 def test_doctor_says_what_is_open(monkeypatch):

@@ -3,11 +3,13 @@ import math
 
 import pytest
 
-from gslcosim.search.reactive.spirals import Clover
+from gslcosim.search.reactive.spirals import CloverleafPath
 
 
 def places(*, radius_m=1.0, upwind_rad=0.5, side=1, n_per_leaf=4):
-    clover = Clover(centre_m=(3.0, 4.0), radius_m=radius_m, upwind_rad=upwind_rad, side=side, n_per_leaf=n_per_leaf)
+    clover = CloverleafPath(
+        centre_m=(3.0, 4.0), radius_m=radius_m, upwind_rad=upwind_rad, side=side, n_per_leaf=n_per_leaf
+    )
     found = []
     while (place := clover.next_place_m()) is not None:
         found.append((place[0] - 3.0, place[1] - 4.0))

@@ -1,7 +1,7 @@
 import pytest
 from briefings import briefing, observation
 
-from gslcosim.search.draws import Draws
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
 from gslcosim.search.senses.plume_contact import Contact
 
@@ -13,7 +13,7 @@ SETTINGS = {
 
 def scout(mode="on_request", **changes):
     told = briefing(sensors=(("pid", "nose"), ("anemometer", "vane")), mode=mode)
-    return ReactiveSearcher(told, ReactiveSettings(**(SETTINGS | changes)), Draws(1))
+    return ReactiveSearcher(told, ReactiveSettings(**(SETTINGS | changes)), RandomStream(1))
 
 
 def at(tick, place_m=(7.0, 5.0, 2.0), *, ppm=0.0, notice=None, status="holding"):

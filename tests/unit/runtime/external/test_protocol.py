@@ -7,7 +7,7 @@ import pytest
 
 from gslcosim.base.errors import ContractError
 from gslcosim.contract.environment_messages import WindShare
-from gslcosim.contract.participation import ParticipantHello, ParticipantValues
+from gslcosim.contract.participant_messages import ParticipantHello, ParticipantValues
 from gslcosim.runtime.external.protocol import check_hello, read_hello, read_outputs
 
 WORDS = ("ventilation", "state")

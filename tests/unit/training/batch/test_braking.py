@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gslcosim.training.batch import batch_records
-from gslcosim.training.batch.space import is_edge_ahead, is_open_ahead, longest_stop_s
+from gslcosim.training.batch.free_space import is_edge_ahead, is_open_ahead, longest_stop_s
 from gslcosim_services.fields.concentration.mixing_ratio import build_solid_sums
 from gslcosim_services.world.paths.trajectory import plan_quickest_inplace
 

@@ -6,7 +6,7 @@ import pytest
 
 from gslcosim.base.errors import ScenarioError
 from gslcosim.scenario.loader import load_scenario
-from gslcosim.scenario.overrides import from_directory
+from gslcosim.scenario.overrides import make_paths_absolute
 
 HERE = Path("/here")
 
@@ -26,7 +26,7 @@ HERE = Path("/here")
     ],
 )  # fmt: skip
 def test_relative_paths_start_at_the_directory(path, value, made):
-    assert from_directory(path, value, HERE) == made
+    assert make_paths_absolute(path, value, HERE) == made
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ def test_relative_paths_start_at_the_directory(path, value, made):
     ],
 )
 def test_other_values_stay(path, value):
-    assert from_directory(path, value, HERE) == value
+    assert make_paths_absolute(path, value, HERE) == value
 
 
 def test_an_agent_beside_the_user_flies_a_scenario_that_is_elsewhere(scenario_file, tmp_path, monkeypatch):

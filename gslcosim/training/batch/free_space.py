@@ -51,7 +51,7 @@ def norm3(x, y, z):
     Source:
         CPython 3.11, Modules/mathmodule.c, vector_norm: sums of squares without rounding error, corrected once.
     Held by:
-        tests/unit/training/batch/test_exact_kernels.py
+        tests/unit/training/batch/test_distances.py
     """
     x, y, z = abs(x), abs(y), abs(z)
     most = max(x, y, z)
@@ -88,7 +88,7 @@ def norm2(x, y):
     """Return sqrt(x^2 + y^2), the same as `math.hypot(x, y)`.
 
     Held by:
-        tests/unit/training/batch/test_exact_kernels.py
+        tests/unit/training/batch/test_distances.py
     """
     return norm3(x, y, 0.0)
 
@@ -105,7 +105,7 @@ def exact_sum(values, n, parts):
     Source:
         Shewchuk 1997, doi:10.1007/PL00009321; CPython 3.11, Modules/mathmodule.c, fsum.
     Held by:
-        tests/unit/training/batch/test_exact_kernels.py
+        tests/unit/training/batch/test_distances.py
     """
     n_parts = 0
     for k in range(n):
@@ -262,7 +262,7 @@ def is_open_ahead(room, radius_m, state, longest_s):
         longest_s: How long it takes at most [s].
 
     Held by:
-        tests/unit/training/batch/test_braking_kernels.py
+        tests/unit/training/batch/test_braking.py
     """
     x0, x1 = _stops_between(state, 0, longest_s)
     y0, y1 = _stops_between(state, 1, longest_s)
@@ -420,7 +420,7 @@ def state_after_inplace(state, path, t_s):
 
 
 @reference_free_njit()
-def fly_at_inplace(path, case, start, end, u, v, w, tick):
+def plan_to_velocity_inplace(path, case, start, end, u, v, w, tick):
     """Take the quickest path to a velocity.
 
     Args:
@@ -473,7 +473,7 @@ def longest_stop_s(case, velocity_m_s, acceleration_m_s2):
     Source:
         `set_quartic_to_velocity_inplace`, to rest.
     Held by:
-        tests/unit/training/batch/test_braking_kernels.py
+        tests/unit/training/batch/test_braking.py
     """
     v, a = velocity_m_s, acceleration_m_s2
     speed = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
@@ -502,7 +502,7 @@ def must_brake(path, case, room, work, tick):
         tick: The tick that ended.
 
     Held by:
-        tests/unit/training/batch/test_braking_kernels.py
+        tests/unit/training/batch/test_braking.py
     """
     state, end, stop = work.states[0], work.states[1], array_at(work.paths, 2, STATE)[0]
     motion_inplace(state, path, case, tick + 1)
@@ -510,5 +510,5 @@ def must_brake(path, case, room, work, tick):
     longest_s = longest_stop_s(case, state[1], state[2])
     if longest_s < _FAR_TOO_LONG_S and is_open_ahead(room, case.radius_m, state, longest_s):
         return False
-    fly_at_inplace(stop, case, state, end, 0.0, 0.0, 0.0, tick)
+    plan_to_velocity_inplace(stop, case, state, end, 0.0, 0.0, 0.0, tick)
     return is_edge_ahead(room, case.radius_m, stop.end_world_m, state[1])

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from deadlines import EVENT_S
-from flights import COMMAND, TINY_ROOM, fly, start, wait_a_moment, with_agent
+from real_runs import COMMAND, TINY_ROOM, fly, start, wait_a_moment, with_agent
 
 from gslcosim.cli.main import main
 

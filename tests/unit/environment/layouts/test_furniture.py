@@ -5,11 +5,11 @@ from pydantic import TypeAdapter
 
 from gslcosim.environment.layouts.layouts import build_furniture, find_layout_problems, opening_specs, plan_layout
 from gslcosim.environment.occupancy import find_occupancy_problems
-from gslcosim.scenario.model_schema import list_kinds, slot_at
+from gslcosim.scenario.model_schema import find_schema_node, list_kinds
 from gslcosim.scenario.models.layouts import HomeSpec, Layout, OfficeSpec, OpeningSpec, WindTunnelSpec
 from gslcosim.scenario.models.scenario import BoxSpec, WindSpec
 
-KINDS = list_kinds(slot_at(("environment", "layout")).annotation)
+KINDS = list_kinds(find_schema_node(("environment", "layout")).annotation)
 BY_LOT = ("warehouse_simple", "warehouse_complex", "office", "home", "cluttered_rooms", "plant")
 COARSE = WindSpec(cell_m=0.25)
 

@@ -9,7 +9,7 @@ from PIL import Image
 
 import gslcosim
 from gslcosim.cli.main import main
-from gslcosim.data.figures import points_in_svg
+from gslcosim.data.figures import read_svg_points
 
 pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
 
@@ -77,7 +77,7 @@ def test_from_six_flights_to_a_film_a_figure_and_a_real_flight(tmp_path, told, c
     # A figure, whose points are the run's.
     run = gslcosim.open_run(folders[0])
     told("plot", folders[0], "--figure", "track", "--format", "svg", "--out", tmp_path / "figures")
-    drawn = points_in_svg(tmp_path / "figures" / "track.svg")["track/beetle"]
+    drawn = read_svg_points(tmp_path / "figures" / "track.svg")["track/beetle"]
     assert np.linalg.norm(drawn[-1] - run.tracks["beetle"].position_world_m[-1, :2]) < 0.02
 
     # Two seconds of film.

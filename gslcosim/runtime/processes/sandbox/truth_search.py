@@ -67,7 +67,7 @@ class _Budget:
             raise TooMuchToSearchError(self.folder)
 
 
-def find_truth(folders: Iterable[Path], sources: Collection[Path] = ()) -> list[Path]:
+def find_exposed_truth(folders: Iterable[Path], sources: Collection[Path] = ()) -> list[Path]:
     """Return the scenarios, suites, results, runs, recordings and rooms that lie in folders, however they are named.
 
     Version control's folders count among them. Files of programs do not, whatever they say.

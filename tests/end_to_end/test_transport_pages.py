@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from deadlines import PROCESS_S
-from flights import ROOT, TINY_ROOM, fly, fly_here
+from real_runs import ROOT, TINY_ROOM, fly, fly_here
 
 EXAMPLES = ROOT / "docs" / "examples"
 PAGES = ("agents/python.md", "gateway.md", "zenoh-door.md")

@@ -1,5 +1,5 @@
 import pytest
-from staged import surroundings_in
+from surroundings import surroundings_in
 
 from gslcosim.base.rng import stream
 from gslcosim.scenario.models.sensors import make_sensor_spec

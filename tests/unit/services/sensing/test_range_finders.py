@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from staged import surroundings_in
+from surroundings import surroundings_in
 
 from gslcosim.base.rng import stream
 from gslcosim.scenario.models.sensors import make_sensor_spec

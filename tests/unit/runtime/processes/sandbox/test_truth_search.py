@@ -5,8 +5,8 @@ import os
 
 import pytest
 
-from gslcosim.runtime.processes.sandbox import truth
-from gslcosim.runtime.processes.sandbox.truth import TooMuchToSearchError, find_truth, is_truth_folder
+from gslcosim.runtime.processes.sandbox import truth_search
+from gslcosim.runtime.processes.sandbox.truth_search import TooMuchToSearchError, find_exposed_truth, is_truth_folder
 
 RUN = ("scenario.yaml", "manifest.json", "inputs.log", "logs/agent_x.log")
 RESULTS = ("suite.yaml", "manifest.json", "trials.parquet", "tables/all.csv", "agents/mine/mine.py")
@@ -27,15 +27,15 @@ def test_folders_of_truth_are_found_whole_however_they_are_named(tmp_path):
         made(tmp_path / name, names) for name, names in (("a", RUN), ("b", RESULTS), ("deep/er/c", ROOM))
     )
     made(tmp_path / "mine", ("agent.py", "notes.yaml"))
-    assert sorted(find_truth([tmp_path])) == sorted([run, results, room])
+    assert sorted(find_exposed_truth([tmp_path])) == sorted([run, results, room])
 
 
 def test_a_folder_in_which_runs_are_made_is_hidden_whole(tmp_path):
     """Others may be made there while the agent looks."""
     made(tmp_path / "runs" / "a", RUN)
     made(tmp_path, ("agent.py",))
-    assert find_truth([tmp_path]) == [tmp_path / "runs"]
-    assert find_truth([tmp_path / "runs"]) == [tmp_path / "runs" / "a"]
+    assert find_exposed_truth([tmp_path]) == [tmp_path / "runs"]
+    assert find_exposed_truth([tmp_path / "runs"]) == [tmp_path / "runs" / "a"]
 
 
 def test_single_files_of_truth_are_found_by_what_they_hold(tmp_path):
@@ -48,7 +48,7 @@ def test_single_files_of_truth_are_found_by_what_they_hold(tmp_path):
     }
     for name, text in texts.items():
         (tmp_path / name).write_text(text)
-    assert {path.name for path in find_truth([tmp_path])} == {"a.yaml", "b.json", "c.json", "d.yml"}
+    assert {path.name for path in find_exposed_truth([tmp_path])} == {"a.yaml", "b.json", "c.json", "d.yml"}
 
 
 def test_what_lies_in_a_folder_of_truth_is_truth_but_for_the_programs_that_results_keep(tmp_path):
@@ -87,7 +87,7 @@ def test_copies_are_found_in_each_spelling_under_each_name(tmp_path, name, conte
     path = made(tmp_path, [name]) / name
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     made(tmp_path, ("agent.py", "readme.md"))
-    assert find_truth([tmp_path]) == [path]
+    assert find_exposed_truth([tmp_path]) == [path]
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_copies_are_found_in_each_spelling_under_each_name(tmp_path, name, conte
 )
 def test_files_of_a_program_stay(tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
-    assert find_truth([tmp_path]) == []
+    assert find_exposed_truth([tmp_path]) == []
 
 
 def test_what_is_flown_is_found_under_its_other_names(tmp_path):
@@ -114,12 +114,12 @@ def test_what_is_flown_is_found_under_its_other_names(tmp_path):
     os.link(source, tmp_path / "mine" / "linked.py")
     (tmp_path / "mine" / "named").symlink_to(source)
     mine = tmp_path / "mine"
-    assert find_truth([mine], [source]) == [mine / "linked.py", mine / "named", source]
+    assert find_exposed_truth([mine], [source]) == [mine / "linked.py", mine / "named", source]
 
 
 def test_earlier_versions_are_hidden_whole(tmp_path):
     made(tmp_path, (".git/objects/ab/cdef", "agent.py"))
-    assert find_truth([tmp_path]) == [tmp_path / ".git"]
+    assert find_exposed_truth([tmp_path]) == [tmp_path / ".git"]
 
 
 def test_nothing_but_plain_files_is_opened(tmp_path):
@@ -127,22 +127,22 @@ def test_nothing_but_plain_files_is_opened(tmp_path):
     os.mkfifo(tmp_path / "x.yaml")
     (tmp_path / "y.yaml").symlink_to("x.yaml")
     (tmp_path / "loop.yaml").symlink_to("loop.yaml")
-    assert find_truth([tmp_path]) == []
+    assert find_exposed_truth([tmp_path]) == []
 
 
 @pytest.mark.parametrize("bound", [{"MAX_ENTRIES": 3}, {"MAX_BYTES": 30}])
 def test_a_folder_with_too_much_is_refused_and_not_searched_in_part(tmp_path, monkeypatch, bound):
     for i in range(4):
         (tmp_path / f"{i}.txt").write_text("something of ten")
-    assert find_truth([tmp_path]) == []
+    assert find_exposed_truth([tmp_path]) == []
     for name, value in bound.items():
-        monkeypatch.setattr(truth, name, value)
+        monkeypatch.setattr(truth_search, name, value)
     with pytest.raises(TooMuchToSearchError, match=str(tmp_path)):
-        find_truth([tmp_path])
+        find_exposed_truth([tmp_path])
 
 
 def test_the_libraries_of_an_installed_program_are_not_searched(tmp_path):
     made(tmp_path, ("bin/python3", "lib/python/one.txt"))
     (tmp_path / "lib" / "python" / "one.txt").write_text(SCHEMA)
     (tmp_path / "room.yaml").write_text(SCHEMA)
-    assert find_truth([tmp_path]) == [tmp_path / "room.yaml"]
+    assert find_exposed_truth([tmp_path]) == [tmp_path / "room.yaml"]

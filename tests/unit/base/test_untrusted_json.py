@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gslcosim.base.foreign_json import (
+from gslcosim.base.untrusted_json import (
     MAX_LEVELS,
-    ForeignFileError,
     JsonObject,
-    checked_value,
+    MalformedFileError,
     parse_json,
     read_json,
     read_json_lines,
+    validate_value,
 )
 
 
@@ -51,7 +51,7 @@ class Result(TypedDict, total=False):
     ids=range(12),
 )
 def test_what_is_wrong_is_told_with_its_place(text, told):
-    with pytest.raises(ForeignFileError) as refusal:
+    with pytest.raises(MalformedFileError) as refusal:
         parse_json(text, Result, place="r")
     assert str(refusal.value).startswith(told)
 
@@ -66,7 +66,7 @@ def test_further_keys_and_brackets_in_texts_are_passed_over():
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-32", "latin-1"])
 def test_other_encodings_are_refused(encoding):
     """Brackets that are hidden in them would not be counted."""
-    with pytest.raises(ForeignFileError, match=r"expected (UTF-8 text|JSON)"):
+    with pytest.raises(MalformedFileError, match=r"expected (UTF-8 text|JSON)"):
         parse_json('{"ä": 1}'.encode(encoding), JsonObject, place="r")
 
 
@@ -75,25 +75,25 @@ def test_any_bytes_give_a_block_or_an_error(data):
     told = "r: expected "
     try:
         assert isinstance(parse_json(data, JsonObject, place="r"), dict)
-    except ForeignFileError as error:
+    except MalformedFileError as error:
         told = str(error)
     assert told.startswith("r: expected ")
 
 
 def test_a_file_is_named_with_what_helps(tmp_path):
     path = tmp_path / "result.json"
-    with pytest.raises(ForeignFileError, match=r"expected a folder with result\.json, found none\.\nFile: /"):
+    with pytest.raises(MalformedFileError, match=r"expected a folder with result\.json, found none\.\nFile: /"):
         read_json(path, Result)
     path.write_text('{"ticks": "x"}')
     with pytest.raises(
-        ForeignFileError, match=r"/result\.json: ticks: expected a whole number, was a text\. Fly again\.\nFile: /"
+        MalformedFileError, match=r"/result\.json: ticks: expected a whole number, was a text\. Fly again\.\nFile: /"
     ):
         read_json(path, Result, remedy="Fly again.")
-    with pytest.raises(ForeignFileError, match=r"expected a file that can be read, was more than 3 bytes\. Take"):
+    with pytest.raises(MalformedFileError, match=r"expected a file that can be read, was more than 3 bytes\. Take"):
         read_json(path, Result, max_bytes=3)
     path.unlink()
     os.mkfifo(path)
-    with pytest.raises(ForeignFileError, match="was something that is no file"):
+    with pytest.raises(MalformedFileError, match="was something that is no file"):
         read_json(path, Result)
 
 
@@ -102,14 +102,14 @@ def test_lines_are_read_one_by_one(tmp_path):
     path.write_text('{"ticks": 1}\n{"ticks": 2}\n{"ticks": 3')
     assert [line["ticks"] for line in read_json_lines(path, Result)] == [1, 2]
     path.write_text('{"ticks": 1}\n{"ticks": []}\n')
-    with pytest.raises(ForeignFileError, match=r"rows\.jsonl:2: ticks: expected a whole number, was a list\. Take"):
+    with pytest.raises(MalformedFileError, match=r"rows\.jsonl:2: ticks: expected a whole number, was a list\. Take"):
         list(read_json_lines(path, Result))
     path.write_text("{" + " " * 100 + "}\n")
-    with pytest.raises(ForeignFileError, match=r"rows\.jsonl:1: expected at most 50 bytes, was more"):
+    with pytest.raises(MalformedFileError, match=r"rows\.jsonl:1: expected at most 50 bytes, was more"):
         list(read_json_lines(path, Result, max_bytes=50))
 
 
 def test_plain_values_are_checked_too():
-    assert checked_value({"ticks": 1}, Result, place="r") == {"ticks": 1}
-    with pytest.raises(ForeignFileError, match=r"^r: expected a block, was a list\.$"):
-        checked_value([], JsonObject, place="r")
+    assert validate_value({"ticks": 1}, Result, place="r") == {"ticks": 1}
+    with pytest.raises(MalformedFileError, match=r"^r: expected a block, was a list\.$"):
+        validate_value([], JsonObject, place="r")

@@ -1,4 +1,4 @@
-"""Random numbers that any language can repeat."""
+"""Random stream that any language can repeat."""
 
 import math
 
@@ -8,7 +8,7 @@ _MASK_64 = 0xFFFFFFFFFFFFFFFF
 _FULL_TURN_RAD = 6.283185307179586
 
 
-class Draws:
+class RandomStream:
     """A stream of random numbers by SplitMix64, the same in every language from the same seed.
 
     Each number costs one step of the generator, a normal one two. Agents draw from this with the seed of their
@@ -17,7 +17,7 @@ class Draws:
     Source:
         Steele, Lea, Flood 2014, Fast splittable pseudorandom number generators, doi:10.1145/2660193.2660195.
     Held by:
-        tests/unit/search/test_draws.py
+        tests/unit/search/test_random_stream.py
     """
 
     def __init__(self, seed: int) -> None:

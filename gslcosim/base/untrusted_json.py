@@ -42,7 +42,7 @@ _KINDS = {
 }  # fmt: skip
 
 
-class ForeignFileError(UsageError):
+class MalformedFileError(UsageError):
     """A file that others have written is not what it should be; the user brings it back, or leaves it out."""
 
 
@@ -56,7 +56,7 @@ def read_json(path: Path, kind: type[T], *, remedy: str = FROM_A_COPY, max_bytes
         max_bytes: How large it may be.
 
     Raises:
-        ForeignFileError: it cannot be read, or is something else.
+        MalformedFileError: it cannot be read, or is something else.
     """
     place = f"{path.parent.name}/{path.name}"
     try:
@@ -64,8 +64,8 @@ def read_json(path: Path, kind: type[T], *, remedy: str = FROM_A_COPY, max_bytes
         return parse_json(data, kind, place=place)
     except OSError as error:
         raise _unreadable(path, error, remedy) from error
-    except ForeignFileError as error:
-        raise ForeignFileError(f"{error} {remedy}\nFile: {path}") from error
+    except MalformedFileError as error:
+        raise MalformedFileError(f"{error} {remedy}\nFile: {path}") from error
 
 
 def read_json_lines(path: Path, kind: type[T], *, remedy: str = FROM_A_COPY, max_bytes: int = MAX_BYTES) -> Iterator[T]:
@@ -78,20 +78,20 @@ def read_json_lines(path: Path, kind: type[T], *, remedy: str = FROM_A_COPY, max
         max_bytes: How large a line may be.
 
     Raises:
-        ForeignFileError: the file cannot be read, or a line is something else.
+        MalformedFileError: the file cannot be read, or a line is something else.
     """
     place = f"{path.parent.name}/{path.name}"
     try:
         with open_regular_file(path) as file:
             for number, line in enumerate(iter(lambda: file.readline(max_bytes + 1), b""), 1):
                 if len(line) > max_bytes:
-                    raise ForeignFileError(f"{place}:{number}: expected at most {max_bytes} bytes, was more.")
+                    raise MalformedFileError(f"{place}:{number}: expected at most {max_bytes} bytes, was more.")
                 if line.endswith(b"\n"):
                     yield parse_json(line, kind, place=f"{place}:{number}")
     except OSError as error:
         raise _unreadable(path, error, remedy) from error
-    except ForeignFileError as error:
-        raise ForeignFileError(f"{error} {remedy}\nFile: {path}") from error
+    except MalformedFileError as error:
+        raise MalformedFileError(f"{error} {remedy}\nFile: {path}") from error
 
 
 def parse_json(data: bytes | str, kind: type[T], *, place: str) -> T:
@@ -103,23 +103,23 @@ def parse_json(data: bytes | str, kind: type[T], *, place: str) -> T:
         place: Where it comes from, for errors.
 
     Raises:
-        ForeignFileError: it is no JSON, too deep, or something else.
+        MalformedFileError: it is no JSON, too deep, or something else.
     """
     raw = data if isinstance(data, bytes) else data.encode(errors="surrogatepass")
     _check_levels(raw, place)
     try:
         value = json.loads(data.decode("utf-8-sig") if isinstance(data, bytes) else data)
     except UnicodeDecodeError as error:
-        raise ForeignFileError(f"{place}: expected UTF-8 text, was something else.") from error
+        raise MalformedFileError(f"{place}: expected UTF-8 text, was something else.") from error
     except json.JSONDecodeError as error:
-        raise ForeignFileError(
+        raise MalformedFileError(
             f"{place}: expected JSON, was text that cannot be read (line {error.lineno}, column {error.colno}: "
             f"{error.msg[:1].lower()}{error.msg[1:]})."
         ) from error
-    return checked_value(value, kind, place=place)
+    return validate_value(value, kind, place=place)
 
 
-def checked_value(value: object, kind: type[T], *, place: str) -> T:
+def validate_value(value: object, kind: type[T], *, place: str) -> T:
     """Return plain values that JSON can carry as they are, where they are of a type.
 
     Args:
@@ -128,19 +128,19 @@ def checked_value(value: object, kind: type[T], *, place: str) -> T:
         place: Where they come from, for errors.
 
     Raises:
-        ForeignFileError: they are something else.
+        MalformedFileError: they are something else.
     """
     # Commands that list runs do without it, and begin sooner.
     if kind == JsonObject:
         if isinstance(value, dict):
             return cast("T", value)
-        raise ForeignFileError(f"{place}: expected a block, was {_kind_of(value)}.")
+        raise MalformedFileError(f"{place}: expected a block, was {_kind_of(value)}.")
     import msgspec
 
     try:
         msgspec.convert(value, kind)
     except (msgspec.ValidationError, OverflowError) as error:
-        raise ForeignFileError(_told(str(error), place)) from error
+        raise MalformedFileError(_told(str(error), place)) from error
     return cast("T", value)
 
 
@@ -158,11 +158,11 @@ def _described(problem: "ErrorDetails") -> str:
     return f"{place}: expected {wanted}, was {found if len(found) <= _MAX_SHOWN else f'{found[:_MAX_SHOWN]}...'}"
 
 
-def _unreadable(path: Path, error: OSError, remedy: str) -> ForeignFileError:
+def _unreadable(path: Path, error: OSError, remedy: str) -> MalformedFileError:
     if isinstance(error, FileNotFoundError):
-        return ForeignFileError(f"{path.parent.name}: expected a folder with {path.name}, found none.\nFile: {path}")
+        return MalformedFileError(f"{path.parent.name}: expected a folder with {path.name}, found none.\nFile: {path}")
     place = f"{path.parent.name}/{path.name}"
-    return ForeignFileError(
+    return MalformedFileError(
         f"{place}: expected a file that can be read, was {describe_os_error(error)}. {remedy}\nFile: {path}"
     )
 
@@ -174,9 +174,9 @@ def _check_levels(raw: bytes, place: str) -> None:
     for bracket in _BRACKET.findall(plain):
         n_levels += 1 if bracket in b"[{" else -1
         if n_levels > MAX_LEVELS:
-            raise ForeignFileError(f"{place}: expected lists and blocks at most {MAX_LEVELS} deep, was a deeper one.")
+            raise MalformedFileError(f"{place}: expected lists and blocks at most {MAX_LEVELS} deep, was a deeper one.")
     if _LONG_NUMBER.search(plain):
-        raise ForeignFileError(f"{place}: expected numbers of at most 20 digits, was a longer one.")
+        raise MalformedFileError(f"{place}: expected numbers of at most 20 digits, was a longer one.")
 
 
 # "Expected `str`, got `int` - at `$.agents[0].name`" as place, expected and found.

@@ -5,7 +5,7 @@ from pathlib import Path
 from gslcosim.scenario.models.scenario import Scenario
 
 
-def source_files(scenario: Scenario, directory: Path) -> list[Path]:
+def list_input_files(scenario: Scenario, directory: Path) -> list[Path]:
     """Return what a scenario names beside its own file: the room's folder or geometry, its wind, and stored gas.
 
     Args:

@@ -3,7 +3,7 @@ import math
 
 import pytest
 
-from gslcosim.search.draws import Draws
+from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.cast_and_surge import (
     BlankMemory,
     CastSequence,
@@ -87,13 +87,13 @@ def test_a_cast_in_the_plane_keeps_to_the_plane_and_may_dip_first():
 def test_a_place_on_the_line_upwind_is_on_neither_side(upwind_rad):
     on_line_m = (5.0 * math.cos(upwind_rad), 5.0 * math.sin(upwind_rad))
     assert find_side(on_line_m, (0.0, 0.0), upwind_rad) == 0
-    assert {side_or_random(on_line_m, (0.0, 0.0), upwind_rad, Draws(seed)) for seed in range(20)} == {1, -1}
+    assert {side_or_random(on_line_m, (0.0, 0.0), upwind_rad, RandomStream(seed)) for seed in range(20)} == {1, -1}
 
 
 def test_a_known_side_costs_no_draw():
-    draws = Draws(1)
+    draws = RandomStream(1)
     assert side_or_random((0.0, 1.0), (0.0, 0.0), 0.0, draws) == 1
-    assert draws.fraction() == Draws(1).fraction()
+    assert draws.fraction() == RandomStream(1).fraction()
 
 
 def memory(**changes):

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from gslcosim.training.batch.space import exact_sum, norm2, norm3
+from gslcosim.training.batch.free_space import exact_sum, norm2, norm3
 
 
 def test_norms_are_those_of_math():
