@@ -503,6 +503,7 @@ class Host:
     def _wait_for_input(self) -> None:
         started = time.perf_counter_ns()
         patience_s = MIN_RESEND_AFTER_S
+        ask_at_s = time.monotonic() + patience_s
         self._asked.clear()
         if self._was_resent:
             # Where one was missing the next most likely is, too: whoever catches up waits for nothing else.
@@ -513,26 +514,32 @@ class Host:
         is_known_to_wait = not self._is_paced
         while not self._are_finished and (is_known_to_wait or not any(hosted.can_step() for hosted in self._hosted)):
             is_known_to_wait = False
+            # However much else arrives meanwhile: it may be about anything but what is missing.
+            if time.monotonic() >= ask_at_s and not (self._is_paced and self._early_s()):
+                self._ask_for_all_missing()
+                patience_s = min(2 * patience_s, MAX_RESEND_AFTER_S)
+                ask_at_s = time.monotonic() + patience_s
             for hosted in self._hosted:
                 if hosted.gate.has_waiting_inputs:
                     self._ask_again(hosted, only_lost=True)
             event = self._events.get_nowait()
             while event is None and self._work_ahead():
                 event = self._events.get_nowait()
-            early_s = self._early_s() if self._is_paced else 0.0
-            try:
-                self._handle(event or self._events.get(early_s or patience_s))
-            except queue.Empty:
-                if early_s:
-                    continue
-                self._asked.clear()
-                for hosted in self._hosted:
-                    hosted.report_progress()
-                    self._ask_again(hosted, only_lost=False)
-                    hosted.query_readers(lambda payload: self._events.put(_READER_REPORTED, payload))
-                    hosted.report_waiting()
-                patience_s = min(2 * patience_s, MAX_RESEND_AFTER_S)
+            if event is None:
+                early_s = self._early_s() if self._is_paced else 0.0
+                with contextlib.suppress(queue.Empty):
+                    event = self._events.get(early_s or patience_s)
+            if event is not None:
+                self._handle(event)
         self._timing.waiting_ns += time.perf_counter_ns() - started
+
+    def _ask_for_all_missing(self) -> None:
+        self._asked.clear()
+        for hosted in self._hosted:
+            hosted.report_progress()
+            self._ask_again(hosted, only_lost=False)
+            hosted.query_readers(lambda payload: self._events.put(_READER_REPORTED, payload))
+            hosted.report_waiting()
 
     # Whose inputs are here waits for its time alone, and everybody for it.
     def _early_s(self) -> float:

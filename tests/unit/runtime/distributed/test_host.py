@@ -16,7 +16,7 @@ from gslcosim.contract.participant import Episode
 from gslcosim.contract.record import build_unchecked_constructor
 from gslcosim.runtime.digest import HashChain, RunDigest
 from gslcosim.runtime.distributed import protocol
-from gslcosim.runtime.distributed.host import Host
+from gslcosim.runtime.distributed.host import MIN_RESEND_AFTER_S, Host
 
 FINAL_TICK = 100
 
@@ -71,6 +71,29 @@ def test_lost_messages_are_asked_for_again_and_change_nothing():
     lossy, byes, _ = fly(hub, cores)
     assert hub.n_lost > 0
     assert sum(bye.timing["n_resends"] for bye in byes.values()) > 0
+    assert lossy.hex == clean.hex
+
+
+@pytest.mark.slow
+def test_lost_messages_are_asked_for_again_though_other_messages_keep_coming():
+    """A signal that is sent all the time wakes every waiting host before its patience has ended."""
+    hub, is_over = InMemoryHub(loss_frac=0.15, seed=3), threading.Event()
+
+    pause_s = MIN_RESEND_AFTER_S / 20
+
+    def repeat_start():
+        ours = hub.open()
+        while not is_over.wait(pause_s):
+            ours.publish(protocol.START_KEY, b"")
+
+    talking = threading.Thread(target=repeat_start, daemon=True)
+    talking.start()
+    try:
+        lossy, _, _ = fly(hub, toy_cores())
+    finally:
+        is_over.set()
+        talking.join()
+    clean, _, _ = fly(InMemoryHub(), toy_cores())
     assert lossy.hex == clean.hex
 
 
