@@ -29,6 +29,11 @@ class Command:
     run: Callable[[argparse.Namespace], int]
 
 
+def run_action(arguments: argparse.Namespace) -> int:
+    """Run the action of a command that has several, each with its own `act`; return the exit code."""
+    return int(arguments.act(arguments))
+
+
 class Parser(argparse.ArgumentParser):
     """An argument parser whose errors are ours to write."""
 

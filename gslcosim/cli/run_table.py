@@ -39,7 +39,8 @@ def collect_rows(folders: Sequence[Path], tell: Callable[[int], None] | None = N
             facts.append(_facts_or_why_not(path))
             if tell is not None and len(facts) % 500 == 0:
                 tell(len(facts))
-    rows = [_as_row(one) for one in facts]
+    # Not `dataclasses.asdict`, which copies each value.
+    rows = [{name: getattr(one, name) for name in COLUMNS} for one in facts]
     if any(row["state"] == "broken" for row in rows):
         _mark_running(rows)
     return rows
@@ -67,11 +68,6 @@ def _facts_or_why_not(path: Path) -> RunSummary:
         return read_run_summary(path)
     except OSError as error:
         return RunSummary(run=path.name, folder=str(path), state="foreign", outcome=describe_os_error(error))
-
-
-# Not `dataclasses.asdict`, which copies each value.
-def _as_row(facts: RunSummary) -> dict[str, Any]:
-    return {name: getattr(facts, name) for name in COLUMNS}
 
 
 # A run without a result is asked for at the windows of flights.

@@ -222,12 +222,9 @@ class RunData:
     @cached_property
     def doors(self) -> Mapping[str, RecordedDoor]:
         """By name when each door was closed, of those that events move."""
-        doors = {name: streams.read_door(self._rows, self.scenario, name) for name in self._door_names}
+        names = [door.name for door in self.scenario.environment.doors]
+        doors = {name: streams.read_door(self._rows, self.scenario, name) for name in names}
         return {name: door for name, door in doors.items() if len(door.tick)}
-
-    @property
-    def _door_names(self) -> list[str]:
-        return [door.name for door in self.scenario.environment.doors]
 
     def closed_at(self, time_s: float) -> tuple[str, ...]:
         """Return the names of the doors that are closed at a simulated time [s], sorted."""

@@ -220,6 +220,7 @@ def load_environment(folder: Path, *, check_hash: bool = False, with_meshes: boo
     """
     header = _load_header(folder)
     grid = Grid(**header.grid.model_dump())
+    has_meshes = bool(header.meshes) and (with_meshes or check_hash)
     environment = Environment(
         name=header.name,
         grid=grid,
@@ -229,7 +230,7 @@ def load_environment(folder: Path, *, check_hash: bool = False, with_meshes: boo
         openings=tuple(Opening(**opening.model_dump()) for opening in header.openings),
         content_hash=header.content_hash,
         lights=tuple(Light(**light.model_dump()) for light in header.lights),
-        meshes=_load_meshes(folder, header) if with_meshes or check_hash else (),
+        meshes=load_visual_meshes(folder / MESHES_FILE, header.meshes) if has_meshes else (),
     )
     if check_hash and (found := content_hash(environment, environment.wind)) != header.content_hash:
         raise EnvironmentDataError(
@@ -237,10 +238,6 @@ def load_environment(folder: Path, *, check_hash: bool = False, with_meshes: boo
             f"A file was changed after it was saved; make the environment again.\nFolder: {folder}"
         )
     return environment
-
-
-def _load_meshes(folder: Path, header: _Header) -> tuple[VisualMesh, ...]:
-    return load_visual_meshes(folder / MESHES_FILE, header.meshes) if header.meshes else ()
 
 
 def _header_text(environment: Environment, made_from: Mapping[str, Any] | None, notices: Sequence[str]) -> str:

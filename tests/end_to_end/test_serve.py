@@ -174,7 +174,7 @@ def test_changed_code_is_seen(tmp_path, monkeypatch):
     """By name, size and time of any file of the package; not what Python compiles beside it."""
     module = tmp_path / "module.py"
     module.write_text("one = 1\n")
-    monkeypatch.setattr(daemon_client, "PACKAGE_DIR", tmp_path)
+    monkeypatch.setattr(daemon_client, "get_code_roots", lambda: {"package": tmp_path})
     before = daemon_client.read_code_identity()
     (tmp_path / "__pycache__").mkdir()
     (tmp_path / "__pycache__" / "module.pyc").write_text("compiled")

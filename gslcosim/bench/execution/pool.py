@@ -256,7 +256,8 @@ class LocalPool:
             if worker.name in stopped:
                 self._lose(worker, "crashed", f"{worker.name} {describe_stop()}")
                 continue
-            worker.peak_mb = _memory_mb(worker.process.pid)
+            pids = (worker.process.pid, *_descendants(worker.process.pid))
+            worker.peak_mb = sum(map(_resident_mb, pids))
             self.peak_mb = max(self.peak_mb, worker.peak_mb)
             if worker.process.poll() is not None and not worker.connection.poll():
                 self._lose(worker, "crashed", f"the worker {_exit_text(worker)}")
@@ -321,10 +322,6 @@ def _exit_text(worker: _Worker) -> str:
     except subprocess.TimeoutExpired:
         return "closed its connection"
     return f"was ended by signal {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
-
-
-def _memory_mb(pid: int) -> float:
-    return sum(_resident_mb(each) for each in (pid, *_descendants(pid)))
 
 
 # What a process has for itself: rooms and tapes are mapped files that all workers share.

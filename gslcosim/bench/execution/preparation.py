@@ -15,7 +15,7 @@ from gslcosim.environment.model import Cell, Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.scenario import Scenario
 from gslcosim_services.fields.gas_builder import build_gas_field
-from gslcosim_services.fields.gas_field import GasField, PointGrid, wind_m_s_at
+from gslcosim_services.fields.gas_field import PointGrid, wind_m_s_at
 from gslcosim_services.fields.gas_setup import gas_seed, gas_timing
 from gslcosim_services.referee.agent_evaluation import GAS_CONTACT_PPM
 
@@ -94,7 +94,7 @@ def _air_on(
     places_m, toward = points.points_m(), np.zeros((*points.shape[:2], 2))
     for _ in range(0, n_ticks, stride_ticks):
         field.advance(stride_ticks // timing.ticks_per_step * timing.steps_per_tick)
-        ppm = _slice_ppm(field, points)
+        ppm = field.mixing_ratio_ppm_on_grid(points, cutoff_sigma=CUTOFF_SIGMA)[:, :, 0]
         total_ppm += ppm
         share += ppm > GAS_CONTACT_PPM
         wind_m_s = wind_m_s_at(field, environment, places_m, field.step * timing.step_s)[:, :2]
@@ -102,10 +102,6 @@ def _air_on(
         toward += (wind_m_s / np.where(speed_m_s > 0.0, speed_m_s, 1.0)[:, None]).reshape(toward.shape)
         n += 1
     return total_ppm / n, share / n, toward / n
-
-
-def _slice_ppm(field: GasField, points: PointGrid) -> NDArray[np.float64]:
-    return field.mixing_ratio_ppm_on_grid(points, cutoff_sigma=CUTOFF_SIGMA)[:, :, 0]
 
 
 def _text(values: NDArray[Any]) -> str:

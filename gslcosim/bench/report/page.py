@@ -178,7 +178,10 @@ def _view(view: ReportView) -> dict[str, Any]:
         ],
         "profile": {"x": _list(view.profiles[0].x, 4), "lines": _lines(view.profiles)} if view.profiles else None,
         "runtime": [
-            {"label": _radius(key), "x": _list(lines[0].x, 6), "lines": _lines(lines)}
+            {
+                "label": "all radii together" if key == "all" else f"within {RADII_M[key]:g} m",
+                "x": _list(lines[0].x, 6), "lines": _lines(lines),
+            }
             for key, lines in view.runtimes.items()
             if lines
         ]
@@ -197,10 +200,6 @@ def _view(view: ReportView) -> dict[str, Any]:
         if view.beliefs.get("mass")
         else None,
     }  # fmt: skip
-
-
-def _radius(key: str) -> str:
-    return "all radii together" if key == "all" else f"within {RADII_M[key]:g} m"
 
 
 def _rocs(view: ReportView) -> dict[str, Any] | None:

@@ -123,8 +123,8 @@ class TrialRows:
     @cached_property
     def clusters(self) -> Ints:
         """(n,) index of room and gas: rows that share one met the same plume."""
-        rooms = _codes(self.columns["environment_hash"])
-        return _codes_of_pairs(rooms, _codes(self.columns["gas_seed"]))
+        rooms, seeds = _codes(self.columns["environment_hash"]), _codes(self.columns["gas_seed"])
+        return _codes(rooms * (int(seeds.max(initial=0)) + 1) + seeds)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -257,10 +257,6 @@ def _array(column: pa.ChunkedArray) -> NDArray[Any]:
 def _codes(values: NDArray[Any]) -> Ints:
     index: dict[Any, int] = {}
     return np.array([index.setdefault(value, len(index)) for value in values.tolist()], dtype=np.int64)
-
-
-def _codes_of_pairs(a: Ints, b: Ints) -> Ints:
-    return _codes(a * (int(b.max(initial=0)) + 1) + b)
 
 
 def _maps(content: Mapping[str, Any], path: Path) -> tuple[EnvironmentMap, ...]:

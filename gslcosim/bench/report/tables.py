@@ -294,16 +294,13 @@ def _verdicts(analysis: Analysis) -> list[str]:
         return []
     lines = ["## Who beats whom", ""]
     for row in view.standings:
-        beaten = [p.b if p.verdict > 0 else p.a for p in view.pairs if p.verdict and row.entry == _better(p)]
+        pairs = ((p.a, p.b) if p.verdict > 0 else (p.b, p.a) for p in view.pairs if p.verdict)
+        beaten = [worse for better, worse in pairs if row.entry == better]
         if beaten:
             lines.append(f"- {names[row.entry]}: better than {', '.join(names[i] for i in beaten)}.")
     if len(lines) == 2:
         lines.append("No two entries have been told apart.")
     return [*lines, ""]
-
-
-def _better(pair: Any) -> int:
-    return pair.a if pair.verdict > 0 else pair.b
 
 
 # Nothing of a name may be taken as markup; an underscore within a word is none.

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from gslcosim.base.errors import ExitCode
-from gslcosim.cli.arguments import Command
+from gslcosim.cli.arguments import Command, run_action
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 EXAMPLES = """  gslcosim agent new python my_agent
@@ -22,7 +22,11 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_check_arguments(check)
     check.set_defaults(act=_check)
     new = actions.add_parser("new", help="write a working agent to begin with", allow_abbrev=False)
-    _add_new_arguments(new)
+    new.add_argument("language", metavar="LANGUAGE", help="python, or another language that has a template")
+    new.add_argument("name", metavar="NAME", help="the agent's name, such as my_agent")
+    new.add_argument(
+        "--dir", type=Path, default=None, metavar="DIR", help="the folder to write (default: NAME in this folder)"
+    )
     new.set_defaults(act=_new)
 
 
@@ -54,18 +58,6 @@ def _add_check_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"how long the agent may take for an answer, in seconds (default: {DEFAULT_TIMEOUT_S:g})",
     )
     add_json_option(parser)
-
-
-def _add_new_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("language", metavar="LANGUAGE", help="python, or another language that has a template")
-    parser.add_argument("name", metavar="NAME", help="the agent's name, such as my_agent")
-    parser.add_argument(
-        "--dir", type=Path, default=None, metavar="DIR", help="the folder to write (default: NAME in this folder)"
-    )
-
-
-def _run(arguments: argparse.Namespace) -> int:
-    return int(arguments.act(arguments))
 
 
 def _check(arguments: argparse.Namespace) -> int:
@@ -109,5 +101,5 @@ COMMAND = Command(
     summary="check an agent in any language against the contract, or begin a new one",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
-    run=_run,
+    run=run_action,
 )

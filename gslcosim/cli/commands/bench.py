@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.base.errors import ExitCode, UsageError
-from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
+from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number, run_action
 from gslcosim.cli.run_paths import RECORDING
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
 
@@ -57,7 +57,8 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         _run_suite,
     )
     for one in (plan, run):
-        _add_suite(one)
+        one.add_argument("suite", metavar="SUITE", help="a suite file, or the name of a bundled suite")
+        one.add_argument("--seed", type=parse_whole_number, metavar="N", help="replace the suite's seed")
         _add_selection(one)
     _add_workers(run)
     run.add_argument("--results", type=Path, metavar="DIR", help="where results go (default: results/NAME)")
@@ -126,11 +127,6 @@ def _add_trusted(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _add_suite(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("suite", metavar="SUITE", help="a suite file, or the name of a bundled suite")
-    parser.add_argument("--seed", type=parse_whole_number, metavar="N", help="replace the suite's seed")
-
-
 def _add_selection(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--only",
@@ -160,10 +156,6 @@ def _add_workers(parser: argparse.ArgumentParser) -> None:
 
 def _add_results(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("results", type=Path, metavar="RESULTS", help="a folder of results, for example results/smoke")
-
-
-def _run(arguments: argparse.Namespace) -> int:
-    return int(arguments.act(arguments))
 
 
 def _list(arguments: argparse.Namespace) -> int:
@@ -348,5 +340,5 @@ COMMAND = Command(
     summary="fly suites of many trials, with statistics and a report that says how sure it is",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
-    run=_run,
+    run=run_action,
 )

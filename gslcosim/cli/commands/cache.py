@@ -152,7 +152,8 @@ def _of_kinds(entries: "Sequence[CacheEntry]", kinds: Sequence[str]) -> "list[Ca
 
 def _cells(entry: "CacheEntry") -> tuple[str, ...]:
     age_h = (time.time() - entry.used_at_s) / 3600
-    return entry.kind, entry.folder.name, _size(entry.size_bytes), format_age(max(0.0, age_h)), _yes(entry.is_in_use)
+    in_use = "yes" if entry.is_in_use else "-"
+    return entry.kind, entry.folder.name, _size(entry.size_bytes), format_age(max(0.0, age_h)), in_use
 
 
 def _row(entry: "CacheEntry") -> dict[str, Any]:
@@ -174,10 +175,6 @@ def _size(size_bytes: float) -> str:
     if size_bytes >= 1e9:
         return f"{size_bytes / 1e9:.1f} GB"
     return f"{size_bytes / 1e6:.1f} MB" if size_bytes >= 1e6 else f"{size_bytes / 1e3:.0f} kB"
-
-
-def _yes(is_so: bool) -> str:  # noqa: FBT001 - one word for one fact
-    return "yes" if is_so else "-"
 
 
 COMMAND = Command(

@@ -10,10 +10,6 @@ EXAMPLES = """  gslcosim doctor
   gslcosim doctor --json"""
 
 
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_json_option(parser)
-
-
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.cli.doctor_checks import run_checks
 
@@ -33,6 +29,6 @@ COMMAND = Command(
     name="doctor",
     summary="check Python, packages, Zenoh, drawing, memory, disk and cache, with remedies",
     examples=EXAMPLES,
-    add_arguments=_add_arguments,
+    add_arguments=add_json_option,
     run=_run,
 )

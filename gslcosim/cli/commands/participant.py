@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.base.errors import ExitCode, UsageError
-from gslcosim.cli.arguments import Command
+from gslcosim.cli.arguments import Command, run_action
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 EXAMPLES = """  gslcosim participant new c my_model
@@ -49,10 +49,6 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--dir", type=Path, default=None, metavar="DIR", help="the folder to write (default: NAME in this folder)"
     )
     new.set_defaults(act=_new)
-
-
-def _run(arguments: argparse.Namespace) -> int:
-    return int(arguments.act(arguments))
 
 
 def _check(arguments: argparse.Namespace) -> int:
@@ -100,5 +96,5 @@ COMMAND = Command(
     summary="check a model of one's own in any language against its contract, or begin a new one",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
-    run=_run,
+    run=run_action,
 )

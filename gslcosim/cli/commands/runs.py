@@ -69,7 +69,8 @@ def _run(arguments: argparse.Namespace) -> int:
     key = arguments.sort.removeprefix("-")
     key = arguments.sort.replace(key, SHORT_NAMES.get(key, key))
     is_terminal = sys.stderr.isatty()
-    rows = sorted_rows(collect_rows(folders, _tell if is_terminal else None), key, COLUMNS)
+    tell = (lambda n: draw_status_line(f"{n} runs read")) if is_terminal else None
+    rows = sorted_rows(collect_rows(folders, tell), key, COLUMNS)
     if is_terminal:
         clear_status_line()
     chosen = [row for row in rows if all(condition.holds(row) for condition in conditions)][: arguments.limit]
@@ -81,19 +82,11 @@ def _run(arguments: argparse.Namespace) -> int:
         write_json(chosen)
     elif chosen:
         write(table(_HEADINGS, [_cells(row) for row in chosen]))
-        _tell_rest(len(chosen), len(rows))
+        if len(chosen) < len(rows):
+            write_note(f"{len(chosen)} of {len(rows)}")
     else:
         write(f"No run of {len(rows)} meets that." if rows else "No runs.")
     return 0
-
-
-def _tell(n: int) -> None:
-    draw_status_line(f"{n} runs read")
-
-
-def _tell_rest(n_shown: int, n: int) -> None:
-    if n_shown < n:
-        write_note(f"{n_shown} of {n}")
 
 
 def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:

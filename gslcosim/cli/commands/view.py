@@ -108,24 +108,16 @@ def _recording(arguments: argparse.Namespace) -> Iterator[Path]:
             recording = find_in_run(run, runs_dir=arguments.runs_dir, file_name=RECORDING)
             record_run_at(recording, path, arguments.at, is_still=arguments.screenshot is not None)
         elif len(arguments.runs) > 1:
-            _record_side_by_side(arguments, path)
+            from gslcosim.cli.run_views import record_runs
+
+            recordings = [find_in_run(run, runs_dir=arguments.runs_dir, file_name=RECORDING) for run in arguments.runs]
+            record_runs(recordings, path, is_by_contact=arguments.align == "first_contact")
         else:
-            _record_environment(Path(arguments.runs[0]), path)
+            from gslcosim.data.recording.environment_view import record_environment
+            from gslcosim.environment.store import load_environment
+
+            record_environment(load_environment(Path(arguments.runs[0]), with_meshes=True), path)
         yield path
-
-
-def _record_environment(folder: Path, path: Path) -> None:
-    from gslcosim.data.recording.environment_view import record_environment
-    from gslcosim.environment.store import load_environment
-
-    record_environment(load_environment(folder, with_meshes=True), path)
-
-
-def _record_side_by_side(arguments: argparse.Namespace, path: Path) -> None:
-    from gslcosim.cli.run_views import record_runs
-
-    recordings = [find_in_run(run, runs_dir=arguments.runs_dir, file_name=RECORDING) for run in arguments.runs]
-    record_runs(recordings, path, is_by_contact=arguments.align == "first_contact")
 
 
 COMMAND = Command(

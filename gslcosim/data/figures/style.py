@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.base.errors import MachineError, UsageError
+from gslcosim.base.errors import UsageError
 from gslcosim.base.files import replace_file
 from gslcosim.base.os_errors import build_machine_error, find_remedy
 
@@ -169,7 +169,10 @@ def save(figure: Any, stem: Path, formats: Sequence[str], *, dots_per_inch: int 
         try:
             replace_file(path.parent, path.name, content.getvalue())
         except OSError as error:
-            raise _cannot_write(path, error) from error
+            remedy = find_remedy(error)
+            raise build_machine_error(
+                error, path.name, "a file that can be written", path=path, remedy=remedy
+            ) from error
         written.append(path)
     return written
 
@@ -177,7 +180,3 @@ def save(figure: Any, stem: Path, formats: Sequence[str], *, dots_per_inch: int 
 def safe_text(text: str) -> str:
     """Return a text as matplotlib takes it: a dollar sign would begin a formula."""
     return text.replace("$", r"\$")
-
-
-def _cannot_write(path: Path, error: OSError) -> MachineError:
-    return build_machine_error(error, path.name, "a file that can be written", path=path, remedy=find_remedy(error))

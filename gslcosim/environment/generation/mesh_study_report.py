@@ -2,7 +2,6 @@
 
 import csv
 import json
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -67,7 +66,8 @@ def _plot(study: MeshStudy, path: Path) -> bool:
     cells_m = [run.cell_m for run in study.runs]
     speeds = np.array([[*run.probe_speeds_m_s, run.mean_speed_m_s] for run in study.runs])
     names = [*(point_text(probe_m) for probe_m in study.probes_m), "mean of the air"]
-    for name, series, found in zip(names, speeds.T, _columns(study), strict=True):
+    convergence = (*study.probe_convergence, study.mean_convergence)
+    for name, series, found in zip(names, speeds.T, convergence, strict=True):
         (line,) = axes.plot(cells_m, series, "o-", label=name)
         if found.extrapolated is not None:
             axes.plot([0.0], [found.extrapolated], "x", color=line.get_color())
@@ -76,7 +76,3 @@ def _plot(study: MeshStudy, path: Path) -> bool:
     axes.legend(loc="best")
     figure.savefig(path, dpi=120)
     return True
-
-
-def _columns(study: MeshStudy) -> Sequence[Convergence]:
-    return (*study.probe_convergence, study.mean_convergence)

@@ -1,10 +1,10 @@
 # pyright: basic
 """Shortest collision-free paths through an environment: the truth by which the referee scores runs.
 
-Vehicles plan with `planning` instead, and that there are two is on purpose. What is judged must not judge itself: the
-ways here know nothing of a vehicle, its grid of inflated boxes or its corners. And they answer other questions: here
-how short a way can be, by bends anywhere between the cells, once per run; there a way that a vehicle of some size can
-fly, over neighbouring cells, in flight.
+Vehicles plan with `planner` instead, whose `shorten_path` shortens their paths, and that there are two is on purpose.
+What is judged must not judge itself: the ways here know nothing of a vehicle, its grid of inflated boxes or its
+corners. And they answer other questions: here how short a way can be, by bends anywhere between the cells, once per
+run; there a way that a vehicle of some size can fly, over neighbouring cells, in flight.
 """
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations

@@ -61,13 +61,10 @@ def _wrong_times(event: dict[str, Any], values: dict[str, Any], path: str) -> It
 
 def _wrong_agents(event: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
     names = list(_agents(values))
-    for place, agent in ((f"{path}.agent", event.get("agent")), (f"{path}.when.agent", _trigger_agent(event))):
+    trigger = block_in(event, "when").get("agent")
+    for place, agent in ((f"{path}.agent", event.get("agent")), (f"{path}.when.agent", trigger)):
         if isinstance(agent, str) and agent not in names:
             yield _not_there(place, "agent", agent, names)
-
-
-def _trigger_agent(event: dict[str, Any]) -> Any:
-    return block_in(event, "when").get("agent")
 
 
 def _deaf_gas(values: dict[str, Any], path: str, of: str) -> Iterator[Problem]:

@@ -110,7 +110,10 @@ class OneOf:
         if block is None:
             raise _refused([self._unknown_kind(kind, values)])
         try:
-            return _read(block, values, is_json=info.mode == "json")
+            # Strict as scenario files are; JSON, because strict models take its lists as tuples.
+            if info.mode == "json":
+                return block.model_validate_json(json.dumps(values), strict=True)
+            return block.model_validate(values)
         except ValidationError as error:
             raise _refused([_inside(str(kind), details) for details in error.errors(include_url=False)]) from error
 
@@ -126,11 +129,6 @@ class OneOf:
             return InitErrorDetails(type=rule, loc=(), input=values)
         context = {"discriminator": self.tag_key, "tag": str(kind), "expected_tags": ", ".join(self.names())}
         return InitErrorDetails(type="union_tag_invalid", loc=(), input=values, ctx=context)
-
-
-# Strict as scenario files are; JSON, because strict models take its lists as tuples.
-def _read(block: type[BaseModel], values: dict[str, Any], *, is_json: bool) -> BaseModel:
-    return block.model_validate_json(json.dumps(values), strict=True) if is_json else block.model_validate(values)
 
 
 def _inside(kind: str, details: Any) -> InitErrorDetails:
