@@ -25,9 +25,9 @@ class DrPso(Agent):
         for name, report in self.robot.observe(observation):
             n_restarts = int(report.numbers[0]) if report.numbers else 0
             if n_restarts > self.n_restarts:
-                told = self.robot.team.reports[name]
+                last = self.robot.team.reports[name]
                 self.respond(n_restarts)
-                self.robot.team.reports[name] = told
+                self.robot.team.reports[name] = last
             elif n_restarts < self.n_restarts:
                 self.robot.forget_best_of(name)
 

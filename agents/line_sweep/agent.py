@@ -63,8 +63,8 @@ class LineSweep(Agent):
         """Return the next place along the sweep: all go on from how far any of them has come."""
         if self.course_m is None:
             self.course_m = self.sweep_m(now)
-        told = [int(now.numbers_of(name)[0]) for name in now.names if now.numbers_of(name)]
-        self.n_swept = max([self.n_swept, *told]) + 1
+        swept = [int(now.numbers_of(name)[0]) for name in now.names if now.numbers_of(name)]
+        self.n_swept = max([self.n_swept, *swept]) + 1
         centre_m = find_lane_point(self.course_m, (self.n_swept - 1) * self.settings.search_step_m)
         return centre_m + in_world(self.settings.spacing_m * self.line, self.axis_rad)[self.flight.index]
 

@@ -96,10 +96,10 @@ class SniffySquad(Agent):
 
     def roles(self, now: Round) -> dict[str, int]:
         """Return everyone's role after this round's swaps, by what all have told."""
-        told = {name: now.numbers_of(name) for name in now.names if len(now.numbers_of(name)) == 3}
-        roles = settle_roles({name: int(numbers[0]) for name, numbers in told.items()}, len(self.ladder))
-        potentials = {name: numbers[1] for name, numbers in told.items()}
-        fractions = {name: numbers[2] for name, numbers in told.items()}
+        reported = {name: now.numbers_of(name) for name in now.names if len(now.numbers_of(name)) == 3}
+        roles = settle_roles({name: int(numbers[0]) for name, numbers in reported.items()}, len(self.ladder))
+        potentials = {name: numbers[1] for name, numbers in reported.items()}
+        fractions = {name: numbers[2] for name, numbers in reported.items()}
         is_odd, attempt = now.number % 2 == 1, self.settings.attempt
         return {self.name: self.role} | swap_roles(
             roles, potentials, fractions, self.ladder, is_odd=is_odd, attempt=attempt

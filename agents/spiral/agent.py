@@ -18,7 +18,7 @@ class Spiral(Agent):
     def __init__(self, briefing: Briefing) -> None:
         self.settings = load_settings(briefing, __file__)
         self.draws = RandomStream(briefing.seed)
-        self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
+        self.searcher = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
         self.nose = find_noses(briefing)[0]
         self.tick_s = briefing.tick_ns / 1e9
         self.best = BestProximity(n_misses=self.settings.n_misses)
@@ -28,7 +28,7 @@ class Spiral(Agent):
 
     def observe(self, observation: Observation) -> None:
         """Watch for gas on the way, and collect the samples of a stop."""
-        self.scout.observe(observation)
+        self.searcher.observe(observation)
         is_new, self.last_tick = observation.tick != self.last_tick, observation.tick
         if observation.status != "holding":
             self.samples.clear()
@@ -38,29 +38,29 @@ class Spiral(Agent):
     def decide(self, observation: Observation) -> Command:
         """Return the next leg: wind out, begin anew, or explore."""
         self.observe(observation)
-        contact = self.scout.ask(observation, aborts=self.course is None)
+        contact = self.searcher.ask(observation, aborts=self.course is None)
         if isinstance(contact, Command):
             return contact
         is_better = self.best.is_better(self.index())
         self.samples.clear()
-        if self.scout.is_away:
+        if self.searcher.is_away:
             self.course = None
         elif is_better:
             self.course = self.new_course(observation)
         elif self.course is None and contact.gas_m is not None:
             # Gas was met on the way: stop there first.
             self.course = self.new_course(observation)
-            return self.scout.fly_to(observation, contact.gas_m[:2])
+            return self.searcher.fly_to(observation, contact.gas_m[:2])
         place_m = None if self.course is None else self.course.next_place_m()
         if place_m is not None:
-            return self.scout.fly_to(observation, place_m)
+            return self.searcher.fly_to(observation, place_m)
         if self.course is not None and self.course.is_blocked:
             self.course = self.new_course(observation)
             place_m = self.course.next_place_m()
         if place_m is None:
             self.course = None
-            return self.scout.explore(observation)
-        return self.scout.fly_to(observation, place_m)
+            return self.searcher.explore(observation)
+        return self.searcher.fly_to(observation, place_m)
 
     def index(self) -> float:
         """Return the proximity index of this stop."""
@@ -78,7 +78,7 @@ class Spiral(Agent):
             side=random_side(self.draws),
             n_sides=s.n_sides,
         )
-        room = self.scout.pilot.room
+        room = self.searcher.pilot.room
         return SpiralPath(spiral, observation.position_world_m, is_free=room.contains, n_skips=s.n_skips)
 
 

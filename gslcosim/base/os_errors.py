@@ -133,8 +133,8 @@ def format_machine_error(
 ) -> str:
     """Return the text of `build_machine_error`."""
     named = _get_refused_path(error) if path is None and isinstance(error, OSError) else path
-    told = f"{place}: expected {expected}, was {describe_os_error(error)}. {remedy or find_remedy(error)}"
-    return told if named is None else f"{told}\nFile: {os.fspath(named)}"
+    text = f"{place}: expected {expected}, was {describe_os_error(error)}. {remedy or find_remedy(error)}"
+    return text if named is None else f"{text}\nFile: {os.fspath(named)}"
 
 
 # Of a link, a copy or a move the machine names what is there already as well.

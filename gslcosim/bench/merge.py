@@ -81,8 +81,8 @@ class _Submission:
 
     def agent_of(self, entry: str) -> str:
         """Return what an entry's program and parameters are, as text."""
-        told = next((each for each in self.manifest.get("entries", []) if each["name"] == entry), {})
-        return json.dumps([told.get("agent_hash"), told.get("parameters")], sort_keys=True)
+        listed = next((each for each in self.manifest.get("entries", []) if each["name"] == entry), {})
+        return json.dumps([listed.get("agent_hash"), listed.get("parameters")], sort_keys=True)
 
     # Never what the folder says of itself.
     @cached_property
@@ -130,11 +130,11 @@ def _check_sandboxes(submissions: Sequence[_Submission], *, is_asked: bool) -> N
     for submission in submissions:
         rows = submission.results.trials.select(["entry", "digest", "sandbox"]).to_pylist()
         if outside := find_unsandboxed_rows(rows):
-            told = outside[0]["sandbox"] or "nothing told"
+            sandboxes = outside[0]["sandbox"] or "nothing told"
             raise UsageError(
-                f"{submission.results.folder}: expected agents in a sandbox, as {why}, was {told} in {len(outside)} of "
-                f"{len(rows)} flights, of {', '.join(sorted({row['entry'] for row in outside}))}. Add sandbox: "
-                "required to its suite, and fly it again."
+                f"{submission.results.folder}: expected agents in a sandbox, as {why}, was {sandboxes} in "
+                f"{len(outside)} of {len(rows)} flights, of {', '.join(sorted({row['entry'] for row in outside}))}. "
+                "Add sandbox: required to its suite, and fly it again."
             )
 
 
@@ -217,11 +217,11 @@ def _manifest(
 ) -> dict[str, Any]:
     entries: dict[str, dict[str, Any]] = {}
     for submission in submissions:
-        for told in submission.manifest.get("entries", []):
-            name = names.get((submission.label, told["name"]))
+        for listed in submission.manifest.get("entries", []):
+            name = names.get((submission.label, listed["name"]))
             if name is not None:
                 home = homes[name]
-                entries.setdefault(name, {**told, "name": name, "submission": home.label})
+                entries.setdefault(name, {**listed, "name": name, "submission": home.label})
     first = submissions[0].manifest
     kept = ("schema", "suite", "title", "question", "seed", "suite_hash", "versions", "anchors", "scenarios", "dropped")
     demands = any(submission.manifest.get("sandbox") == "required" for submission in submissions)

@@ -186,7 +186,7 @@ class ThreadedConnection:
         threading.Thread(target=self._read_all, args=(stream,), daemon=True).start()
         threading.Thread(target=self._write_backlog, args=(stream,), daemon=True).start()
 
-    def tell(self, name: str, payload: bytes) -> None:
+    def send(self, name: str, payload: bytes) -> None:
         """Send a message to the agent, or keep it until it can be sent; never waits.
 
         Args:
@@ -257,12 +257,12 @@ class ThreadedConnection:
         splitter = build_splitter(self._format)
         while not self._is_given_up and (data := stream.read()):
             for item in splitter.feed(data):
-                self._hear(item)
+                self._receive(item)
         stream.close_input()
         if not self._is_muted:
             self._on_event("ended", splitter.rest().encode())
 
-    def _hear(self, item: FrameOrRefusal) -> None:
+    def _receive(self, item: FrameOrRefusal) -> None:
         kind: EventKind = "refused"
         if not isinstance(item, RefusedFrame):
             try:

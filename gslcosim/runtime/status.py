@@ -270,7 +270,7 @@ _UNKNOWN_FACTS: dict[str, Any] = {
 class ActiveRun:
     """Run that goes on now.
 
-    `facts` are those of `FlightWindow.look`; `looked_at_s` is when, by a monotonic clock; `pid` is that of the process
+    `facts` are those of `StatusServer.look`; `looked_at_s` is when, by a monotonic clock; `pid` is that of the process
     behind the window, as the system says and not the flight.
     """
 

@@ -39,7 +39,7 @@ def warm_up_without_wind(scenario: Scenario, directory: Path) -> None:
     """
     first, *later = find_variants(scenario)
     later_rooms = {
-        situation: _build_windless_setups(scenario_in_variant(scenario, situation), directory) for situation in later
+        variant: _build_windless_setups(scenario_in_variant(scenario, variant), directory) for variant in later
     }
     environment = replace(
         _build_windless_setups(scenario_in_variant(scenario, first), directory), later_rooms=later_rooms

@@ -89,7 +89,7 @@ class TeleopClient(threading.Thread):
     def _fly(self, connection: socket.socket) -> None:
         while not self._is_over.is_set():
             ready, _, _ = select.select([connection, self._keyboard.number], [], [], POLL_PERIOD_S)
-            if connection in ready and not self._hear(connection):
+            if connection in ready and not self._receive(connection):
                 return
             if self._keyboard.number in ready:
                 for key in self._keyboard.read():
@@ -98,7 +98,7 @@ class TeleopClient(threading.Thread):
             self._draw()
 
     # False at the end of the run.
-    def _hear(self, connection: socket.socket) -> bool:
+    def _receive(self, connection: socket.socket) -> bool:
         try:
             data = connection.recv(1 << 20)
         except OSError:

@@ -21,7 +21,7 @@ def summary_text(
     parts = [_result(scenario, verdict)] if verdict else []
     parts += [_mission(scenario, environment)]
     if sandboxes:
-        parts.append("\n".join(f"- sandbox of {name}: {told}" for name, told in sandboxes.items()))
+        parts.append("\n".join(f"- sandbox of {name}: {words}" for name, words in sandboxes.items()))
     return "\n\n".join(parts) + "\n"
 
 

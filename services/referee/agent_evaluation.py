@@ -119,8 +119,8 @@ class AgentEvaluation:
         self.outcome = outcome
         time_s = seconds_from_ticks(self._end_tick, self._rules.tick_ns)
         distance_m = self._distance_m(self._body.position_world_m)
-        told = self._rules.success.met_text if outcome == "success" else _OUTCOME_TEXTS[outcome]
-        text = f"{told} after {time_s:g} s, {distance_m:.2f} m from the source"
+        met_text = self._rules.success.met_text if outcome == "success" else _OUTCOME_TEXTS[outcome]
+        text = f"{met_text} after {time_s:g} s, {distance_m:.2f} m from the source"
         return self._event(outcome, f"{text}: {reason}" if reason else text)
 
     def score(self, body: BodyState) -> AgentScore:

@@ -130,18 +130,18 @@ class RefereeCore:
 
     # The sources of cases that are closed stay where they were then.
     def _obey_events(self, tick: int, inbox: Inbox) -> list[RefereeEvent]:
-        told: list[RefereeEvent] = []
+        marked: list[RefereeEvent] = []
         if self._room.obey(inbox):
             self._update_shortest_paths()
         for i, event in find_due_events(self._scenario, inbox):
             if isinstance(event, SourceMovesSpec):
                 self._move_source(event.source, event.to_m)
-            told.append(RefereeEvent(agent=event.about_agent, kind="event", text=event.text))
+            marked.append(RefereeEvent(agent=event.about_agent, kind="event", text=event.text))
             if not self._run.is_over:
                 time_s = seconds_from_ticks(tick, self._rules.tick_ns)
                 happened = {"event": i, "what": event.what, "tick": tick, "time_s": time_s, "text": event.text}
                 self._run.happened.append({**happened, "agent": event.about_agent})
-        return told
+        return marked
 
     def _move_source(self, i_source: int, to_m: Vec3) -> None:
         run = self._run

@@ -20,7 +20,7 @@ AGENTS = {
 }
 # It flies with instruments that the kit's room lacks.
 OTHER_INSTRUMENTS = {("agents/python.md", "beams.py")}
-CASES = [(page, name, ways) for (page, name), each in AGENTS.items() for ways in each]
+CASES = [(page, name, options) for (page, name), each in AGENTS.items() for options in each]
 N_AT_ONCE = 3
 
 pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
@@ -41,15 +41,15 @@ def reports(tmp_path_factory):
     """The reports of all agents, made several at a time."""
     with ThreadPoolExecutor(N_AT_ONCE) as pool:
         futures = []
-        for page, name, ways in CASES:
+        for page, name, options in CASES:
             file = tmp_path_factory.mktemp("agent") / name
             file.write_text(dict(programs_of(page))[name])
-            wiring = ConnectionSpec(command=(sys.executable, str(file)), directory=file.parent, **ways)
-            futures.append(pool.submit(check_agent, wiring))
+            connection = ConnectionSpec(command=(sys.executable, str(file)), directory=file.parent, **options)
+            futures.append(pool.submit(check_agent, connection))
         yield futures
 
 
-@pytest.mark.parametrize("i", range(len(CASES)), ids=[f"{name}-{ways['door']}" for _, name, ways in CASES])
+@pytest.mark.parametrize("i", range(len(CASES)), ids=[f"{name}-{options['door']}" for _, name, options in CASES])
 def test_an_agent_on_a_page_keeps_every_rule(i, reports):
     report = reports[i].result()
     assert report.has_passed, report.as_text()

@@ -56,20 +56,20 @@ def test_any_bytes_are_frames_or_refusals_and_the_door_judges_them(frame_format,
     """Whatever it is, it is refused with a reason or becomes a command's bytes; where it is cut does not matter."""
     items, rest = split(frame_format, data, cuts)
     assert (items, rest) == split(frame_format, data) or any(isinstance(item, RefusedFrame) for item in items)
-    door = CommandValidator("beetle")
+    validator = CommandValidator("beetle")
     for item in items:
         assert isinstance(item, Frame) or item.text
         if isinstance(item, Frame):
-            judge(door, frame_format, item.payload)
+            judge(validator, frame_format, item.payload)
 
 
-def judge(door, frame_format, frame):
+def judge(validator, frame_format, frame):
     try:
         payload = frame_codec.decode_payload(frame_format, frame)
     except ContractError:
         return
     frame_codec.read_agent_name(payload)
-    assert door.received(payload) == []
+    assert validator.on_answer(payload) == []
 
 
 @given(st.integers(0, 2**32 - 1), st.binary(max_size=64))

@@ -77,7 +77,7 @@ def trial_id(scenario: Scenario, room: str, entry: str, agent: str) -> str:
 
     Args:
         scenario: As resolved.
-        room: The key of its environment, see `room_key`.
+        room: The key of its environment, see `get_environment_key`.
         entry: The entry's name.
         agent: The hash of its program.
     """

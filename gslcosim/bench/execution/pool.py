@@ -177,7 +177,7 @@ class LocalPool:
             left_s = deadline - time.monotonic()
             by_connection = {worker.connection: worker for worker in self._workers}
             for connection in wait(list(by_connection), timeout=max(0.0, min(left_s, _LOOK_EVERY_S))):
-                self._hear(by_connection[cast("Connection[Any, Any]", connection)])
+                self._receive(by_connection[cast("Connection[Any, Any]", connection)])
             if time.monotonic() - self._looked_at >= _LOOK_EVERY_S:
                 self._looked_at = time.monotonic()
                 self._look_after()
@@ -223,7 +223,7 @@ class LocalPool:
                     except OSError:
                         continue  # it is gone; its end is seen when it is looked after
 
-    def _hear(self, worker: _Worker) -> None:
+    def _receive(self, worker: _Worker) -> None:
         try:
             kind, key, content = worker.connection.recv()
         except (EOFError, OSError):
@@ -277,14 +277,14 @@ class LocalPool:
         taken_s = time.monotonic() - worker.started_at if worker.started_at is not None else 0.0
         _kill(worker)
         words = worker.log_tail()
-        told = f"{text}. The end of its log: {words}" if words else f"{text}."
+        reason = f"{text}. The end of its log: {words}" if words else f"{text}."
         if not worker.is_up:
             self._n_failed_starts += 1
             if self._n_failed_starts >= _MOST_FAILED_STARTS:
-                raise SimulationFault(f"benchmark: expected workers that start, was one that does not: {told}")
+                raise SimulationFault(f"benchmark: expected workers that start, was one that does not: {reason}")
         elif worker.started_at is not None:
             job = worker.jobs.popleft()
-            self._ended.append(JobResult(job=job, worker=worker.name, taken_s=taken_s, failure=failure, text=told))
+            self._ended.append(JobResult(job=job, worker=worker.name, taken_s=taken_s, failure=failure, text=reason))
         self._queue.extendleft(reversed(worker.jobs))
         self._workers[self._workers.index(worker)] = self._start()
         self._hand_out()

@@ -80,11 +80,11 @@ def row_without_result(trial: Trial, environment_hash: str, *, status: str, faul
 def build_row(trial: Trial, environment_hash: str, outcome: RunOutcome, watch: SeriesCollector) -> Row:
     """Return the row of a flight; one that ended with a fault of the simulation has no result."""
     sandbox = "; ".join(sorted(set(outcome.sandboxes.values())))
-    told = "\n".join(f"{fault.agent}: {fault.text}" for fault in outcome.agent_faults)
+    faults = "\n".join(f"{fault.agent}: {fault.text}" for fault in outcome.agent_faults)
     if outcome.fault is not None or outcome.verdict is None or outcome.digest is None:
         text = f"{outcome.fault.participant}: {outcome.fault.text}" if outcome.fault else "the flight was interrupted"
         row = row_without_result(trial, environment_hash, status="fault", fault=text)
-        return row | {"agent_faults": told, "sandbox": sandbox}
+        return row | {"agent_faults": faults, "sandbox": sandbox}
     row = row_without_result(trial, environment_hash, status=COMPLETED, fault="")
     results = {result.name: result for result in outcome.verdict.agents}
     names = list(results)
@@ -98,7 +98,7 @@ def build_row(trial: Trial, environment_hash: str, outcome: RunOutcome, watch: S
         success=success, time_to_source_s=results[best].time_to_source_s, limit_s=row["time_limit_s"]
     )
     row |= {
-        "agent_faults": told,
+        "agent_faults": faults,
         "sandbox": sandbox,
         "digest": outcome.digest.hex,
         "outcome": outcome.verdict.end_reason,

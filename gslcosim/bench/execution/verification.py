@@ -62,18 +62,18 @@ class RepeatableResults:
         self.plan: Plan = build_plan(load_suite(folder.suite))
         _check_sandboxes(self.plan, folder, self.rows)
         self.trials = {trial.id: trial for trial in self.plan.trials if trial.id in self.rows}
-        told = folder.read_json(folder.manifest)
+        manifest = folder.read_json(folder.manifest)
         self.n_missing = len(self.plan.trials) - len(self.trials)
         if len(self.trials) < len(self.rows):
-            version = told.get("versions", {}).get("gslcosim", "?")
-            same = told.get("software_hash") == self.plan.software_hash
+            version = manifest.get("versions", {}).get("gslcosim", "?")
+            same = manifest.get("software_hash") == self.plan.software_hash
             cause = "the programs of its agents have changed" if same else f"they were made by gslcosim {version}"
             raise UsageError(
                 f"{folder.path}: expected flights that this version can repeat, {len(self.rows) - len(self.trials)} of "
                 f"{len(self.rows)} are others ({cause}). Install that version, or fly the suite again with bench run."
             )
 
-        _check_manifest(self.plan, folder, told)
+        _check_manifest(self.plan, folder, manifest)
 
     def trial(self, beginning: str) -> Trial:
         """Return the one trial whose id begins like this.
@@ -210,12 +210,12 @@ def _rooms(trials: Sequence[Trial], pool: Pool) -> dict[str, Path]:
 
 
 # What a manifest says decides with whom results are ranked, and under which name.
-def _check_manifest(plan: Plan, folder: ResultsFolder, told: Mapping[str, Any]) -> None:
+def _check_manifest(plan: Plan, folder: ResultsFolder, manifest: Mapping[str, Any]) -> None:
     hashes = {entry.spec.name: entry.agent_hash for entry in plan.entries}
     parameters = {entry.spec.name: json.loads(entry.spec.model_dump_json())["parameters"] for entry in plan.entries}
-    found = {"suite_hash": told.get("suite_hash")}
+    found = {"suite_hash": manifest.get("suite_hash")}
     expected: dict[str, Any] = {"suite_hash": plan.suite_hash}
-    for entry in told.get("entries", []):
+    for entry in manifest.get("entries", []):
         name = entry.get("name")
         found |= {f"agent_hash of {name}": entry.get("agent_hash"), f"parameters of {name}": entry.get("parameters")}
         expected |= {f"agent_hash of {name}": hashes.get(name), f"parameters of {name}": parameters.get(name)}

@@ -52,7 +52,7 @@ def compute_causes(material: ReportData, rooms: Sequence[PlanDrawing], cells: In
     Args:
         material: What was flown.
         rooms: The rooms that it was flown in.
-        cells: (n,) indices of the cases, as in `rows.cells`.
+        cells: (n,) indices of the cases, as in `TrialRows`.
     """
     rows = material.rows
     index = {entry.name: i for i, entry in enumerate(material.entries)}

@@ -150,7 +150,7 @@ def _data(analysis: Analysis, looks: Sequence[LineStyle]) -> dict[str, Any]:
         "quantum": QUANTUM_M,
         "views": [_view(view) for view in analysis.views],
         "rooms": [_room(room) for room in analysis.rooms],
-        "starts": [[s.room, s.entry, _number(s.x_m), _number(s.y_m), _told(s.success)] for s in analysis.starts],
+        "starts": [[s.room, s.entry, _number(s.x_m), _number(s.y_m), _to_list(s.success)] for s in analysis.starts],
         "tracks": [
             {
                 "r": track.room, "e": int(rows.entry[track.row]), "s": int(rows["success"][track.row]),
@@ -171,8 +171,9 @@ def _view(view: ReportView) -> dict[str, Any]:
         "curves": {"t": _list(view.curves[0].x, 6), "lines": _lines(view.curves)} if view.curves else None,
         "times": [
             {
-                "e": t.entry, "rmst": _told(t.restricted_s), "median": _told(t.median_s), "ert": _told(t.expected_s),
-                "found": _told(t.found_s), "bins": t.bins.tolist(), "missed": t.n_missed, "n": t.n,
+                "e": t.entry, "rmst": _to_list(t.restricted_s), "median": _to_list(t.median_s),
+                "ert": _to_list(t.expected_s), "found": _to_list(t.found_s), "bins": t.bins.tolist(),
+                "missed": t.n_missed, "n": t.n,
             }
             for t in view.times
         ],
@@ -186,7 +187,7 @@ def _view(view: ReportView) -> dict[str, Any]:
         "pairs": {
             "order": [row.entry for row in view.standings],
             "cells": [
-                [p.a, p.b, p.verdict, _told(p.score), _told(p.success), _told(p.a_better), _number(p.p_holm)]
+                [p.a, p.b, p.verdict, _to_list(p.score), _to_list(p.success), _to_list(p.a_better), _number(p.p_holm)]
                 for p in view.pairs
             ],
         }
@@ -218,7 +219,7 @@ def _roc(entry: int, curve: Roc) -> dict[str, Any]:
     keep = np.unique(np.linspace(0, len(x) - 1, min(_ROC_POINTS, len(x))).round().astype(int))
     return {
         "e": entry, "x": _list(x[keep]), "v": _list(y[keep]), "n": curve.n_positive + curve.n_negative,
-        "auc": _told(curve.area),
+        "auc": _to_list(curve.area),
     }  # fmt: skip
 
 
@@ -239,7 +240,7 @@ def _room(room: PlanDrawing) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _told(estimate: Estimate) -> list[float | int | None]:
+def _to_list(estimate: Estimate) -> list[float | int | None]:
     return [_number(estimate.value), _number(estimate.low), _number(estimate.high), estimate.n]
 
 

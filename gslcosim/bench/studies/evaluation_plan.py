@@ -27,7 +27,7 @@ class EvaluationPlan:
         subject: The method, in a suite with these seeds.
         name: What the suite is called.
         slots: Case and repetition of each flight.
-        seeds: All seeds of it, see `deriving.seeds_of`.
+        seeds: All seeds of it, see `disjoint_seeds.collect_seeds`.
     """
 
     subject: StudyTarget

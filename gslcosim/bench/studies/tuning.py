@@ -232,16 +232,16 @@ class Tuner:
             training, validation = self.courses()
             pool = ReusablePool(self._start_pool)
             try:
-                flyer = SettingRunner(training, ResultsFolder(self._folder / TRAINING), pool, self._report)
-                n_asked = self._search(search, flyer)
-                flyer.finish()
+                runner = SettingRunner(training, ResultsFolder(self._folder / TRAINING), pool, self._report)
+                n_asked = self._search(search, runner)
+                runner.finish()
                 best = max(self._tried, key=lambda tried: tried.figures.score.value)
-                n_now = flyer.n_flown_now
+                n_now = runner.n_flown_now
                 validated = None
                 if best is not self._tried[0]:
-                    flyer = SettingRunner(validation, ResultsFolder(self._folder / VALIDATION), pool, self._report)
-                    validated = self._validate(flyer, best.setting)
-                    n_now += flyer.n_flown_now
+                    runner = SettingRunner(validation, ResultsFolder(self._folder / VALIDATION), pool, self._report)
+                    validated = self._validate(runner, best.setting)
+                    n_now += runner.n_flown_now
             finally:
                 pool.end()
         n_used = len(self._tried) * self._budget.per_setting + (self._budget.validation if validated else 0)
@@ -274,7 +274,7 @@ class Tuner:
         return training, validation
 
     # Batches are of one size and told in order, so that nothing depends on which flight was over first.
-    def _search(self, search: OptunaSearch, flyer: SettingRunner) -> int:
+    def _search(self, search: OptunaSearch, runner: SettingRunner) -> int:
         new = [Setting(name=DEFAULT, parameters={})]
         names = {self._default_values(): DEFAULT}
         n_left = self._budget.n_settings - 1
@@ -288,7 +288,7 @@ class Tuner:
                 if key not in names:
                     names[key] = f"s_{n_asked:03d}"
                     new.append(Setting(name=names[key], parameters=values))
-            self._take(new, flyer.fly(new))
+            self._take(new, runner.fly(new))
             search.tell([float(self._flights[names[tuple(values.items())]].score.mean()) for values in asked])
             if n_asked == len(asked):
                 self._add_default(search)
@@ -323,12 +323,12 @@ class Tuner:
     def _over_default(self, name: str) -> Estimate | None:
         return None if name == DEFAULT else compute_difference(self._flights[name], self._flights[DEFAULT])
 
-    def _validate(self, flyer: SettingRunner, best: Setting) -> Validation:
-        rows = flyer.fly([Setting(name=DEFAULT, parameters={}), best])
-        flyer.finish()
+    def _validate(self, runner: SettingRunner, best: Setting) -> Validation:
+        rows = runner.fly([Setting(name=DEFAULT, parameters={}), best])
+        runner.finish()
         a, b = group_runs(rows[best.name]), group_runs(rows[DEFAULT])
         return Validation(
-            seed=flyer.course.seed,
+            seed=runner.course.seed,
             best=compute_figures(a),
             default=compute_figures(b),
             difference=compute_difference(a, b),

@@ -251,15 +251,15 @@ class ParticipantSession:
 
     def __init__(
         self,
-        wiring: ConnectionSpec,
+        connection: ConnectionSpec,
         script: SessionScript,
         limits: SessionLimits,
         parameters: Mapping[str, ParameterValue],
     ) -> None:
-        self._wiring = wiring
+        self._wiring = connection
         self._limits = limits
         self._parameters = parameters
-        self._started = CheckedProcess(wiring)
+        self._started = CheckedProcess(connection)
         self._connected: queue.SimpleQueue[Stream] = queue.SimpleQueue()
         self._listener: Listener | None = None
         self._exchange: BlockingConnection | None = None
@@ -286,21 +286,21 @@ class ParticipantSession:
         return played
 
     def _start(self) -> None:
-        started, wiring = self._started, self._wiring
+        started, connection = self._started, self._wiring
         started.orphans.begin()
         variables = {PARTICIPANT_VARIABLE: _PROCESS_NAME, **started.orphans.variables}
-        log, cwd = started.log, wiring.directory
-        if wiring.door == "stdio":
+        log, cwd = started.log, connection.directory
+        if connection.transport == "stdio":
             pipes = started.children.start_piped(
                 _PROCESS_NAME, started.command(), variables=variables, log=log, cwd=cwd
             )
             self._connected.put(PipeStream(*pipes))
             return
-        is_unix = wiring.door == "unix"
+        is_unix = connection.transport == "unix"
         listener = self._listener = (
             Listener.open_unix(started.folder / "gateway.sock") if is_unix else Listener.open_tcp()
         )
-        listener.admit(wiring.format, lambda stream, _: self._connected.put(stream), lambda _: None)
+        listener.admit(connection.format, lambda stream, _: self._connected.put(stream), lambda _: None)
         variables |= {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token}
         started.children.start_without_bus(_PROCESS_NAME, started.command(), variables=variables, log=log, cwd=cwd)
 

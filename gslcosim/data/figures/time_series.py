@@ -50,7 +50,7 @@ def distance_bundle(
         axes: Where to draw.
         bundles: By label the flights: times [s] and distances [m] of each.
         radius_m: The success radius [m].
-        looks: By label colour and line style, where they are not those of `style.look`.
+        looks: By label colour and line style, where they are not those of `style.get_line_style`.
     """
     end_s = max((float(time_s[-1]) for curves in bundles.values() for time_s, _ in curves), default=1.0)
     at_s = np.linspace(0.0, end_s, _N_TIMES)

@@ -89,8 +89,8 @@ def _tiles(runs: Sequence[RunData], cut: FilmSegment, size_px: tuple[int, int]) 
             poses = {name: interpolate_pose(track, own_s) for name, track in run.tracks.items()}
             picture.paste(plan.picture(own_s, poses), (corner[0], corner[1] + _TITLE_PX))
             methods = ", ".join(dict.fromkeys(run.methods.values()))
-            told = f"{own_s:.1f} s  {methods}, seed {run.scenario.seed}"
+            caption = f"{own_s:.1f} s  {methods}, seed {run.scenario.seed}"
             if time_s >= ends_s[i] and run.result is not None:
-                told += f": {str(run.result['end_reason']).replace('_', ' ')}"
-            draw_text(draw, (corner[0] + 8, corner[1] + 3), told, colors.READING, 14)
+                caption += f": {str(run.result['end_reason']).replace('_', ' ')}"
+            draw_text(draw, (corner[0] + 8, corner[1] + 3), caption, colors.READING, 14)
         yield np.asarray(picture)

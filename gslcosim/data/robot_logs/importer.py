@@ -150,7 +150,7 @@ class _Retold:
         tick, path_m = 0, 0.0
         try:
             while verdict is None:
-                inbox, path_m = self._told(tick, path_m)
+                inbox, path_m = self._build_inbox(tick, path_m)
                 judged = referee.step(tick, inbox)
                 verdict = judged.get(keys.VERDICT)  # type: ignore[assignment]
                 recorder.step(tick, {**inbox, **judged})
@@ -167,7 +167,7 @@ class _Retold:
             digest=RunDigest.of(trails, writers, verdict.tick),
         )
 
-    def _told(self, tick: int, path_m: float) -> tuple[Inbox, float]:
+    def _build_inbox(self, tick: int, path_m: float) -> tuple[Inbox, float]:
         agent, tick_ns = self.setup.scenario.agents[0], self.setup.scenario.tick_ns
         time_s = float(self.log.time_s[0]) + seconds_from_ticks(tick, tick_ns)
         before_m, here_m = self._place(time_s - seconds_from_ticks(1, tick_ns)), self._place(time_s)
@@ -197,12 +197,12 @@ class _Retold:
             awaiting_command=False,
             readings=tuple(self._readings(time_s)),
         )
-        told: dict[str, Message] = {
+        inbox: dict[str, Message] = {
             keys.BODIES: BodyPoses(tick=tick, bodies=(body,)),
             keys.SAMPLES: FieldSamples(tick=tick, samples=()),
             keys.observation(agent.name): observation,
         }
-        return told, path_m
+        return inbox, path_m
 
     def _place(self, time_s: float) -> Floats:
         log = self.log

@@ -145,7 +145,7 @@ class ParticipantProgram:
         self._children.start_without_bus(name, command, variables=variables, log=log, cwd=cwd, confinement=confinement)
         self._open(self._awaited(connected, refused))
 
-    def say(self, name: str, payload: bytes) -> None:
+    def send(self, name: str, payload: bytes) -> None:
         """Send the canonical bytes of a message, named by its type.
 
         Raises:
@@ -158,7 +158,7 @@ class ParticipantProgram:
         except AnswerTimeoutError as error:
             raise self.fault(f"expected a program that reads {name}, {error}.") from error
 
-    def hear(self, message_type: type[Message], what: str, *, within_s: float) -> bytes:
+    def receive(self, message_type: type[Message], what: str, *, within_s: float) -> bytes:
         """Return what the program says next, as msgpack.
 
         Args:
@@ -285,13 +285,13 @@ class ExternalCore:
         self._wind, self._past, self._answers_hash = None, [], b""
         program = self._program = ParticipantProgram(self._own, self._setup)
         program.start()
-        payload = program.hear(ParticipantHello, "its hello (ParticipantHello)", within_s=HELLO_TIMEOUT_S)
+        payload = program.receive(ParticipantHello, "its hello (ParticipantHello)", within_s=HELLO_TIMEOUT_S)
         try:
             hello = read_hello(payload)
             check_hello(hello, reads=(read.port for read in self._own.reads), writes=self._own.writes)
         except ContractError as error:
             raise program.fault(str(error)) from error
-        program.say("ParticipantBriefing", codec.encode(self._briefing(episode)))
+        program.send("ParticipantBriefing", codec.encode(self._briefing(episode)))
         return {}
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:
@@ -336,8 +336,8 @@ class ExternalCore:
         program = self._running()
         what = f"an answer to the inputs of tick {tick}"
         program.check_silence(f"no answer before the inputs of tick {tick}")
-        program.say("ParticipantInputs", inputs)
-        payload = program.hear(ParticipantOutputs, what, within_s=self._own.answer_within_s)
+        program.send("ParticipantInputs", inputs)
+        payload = program.receive(ParticipantOutputs, what, within_s=self._own.answer_within_s)
         try:
             answers = read_outputs(payload, tick, self._own.writes)
         except ContractError as error:

@@ -216,7 +216,7 @@ class ChildProcesses:
         cwd: Path,
         confinement: Confinement | None = None,
     ) -> tuple[FileIO, FileIO]:
-        """Start a process as `start_guest`, but return its standard input and output; only its errors are logged.
+        """Start a process as `start`, but return its standard input and output; only its errors are logged.
 
         Raises:
             UsageError: the command cannot be started.
@@ -441,13 +441,13 @@ class StopMonitor:
             self._thread.join()
 
     def _watch(self) -> None:
-        told: set[str] = set()
+        reported: set[str] = set()
         while not self._is_over.wait(STOP_POLL_PERIOD_S):
             pids = {name: pid for name, pid in self._pids().items() if pid}
             stopped = [name for name, pid in pids.items() if is_stopped(pid)]
             for name in self._stops.look(stopped, time.monotonic()):
-                if name not in told:
-                    told.add(name)
+                if name not in reported:
+                    reported.add(name)
                     self._on_stopped(name)
                 _kill(pids[name])
 

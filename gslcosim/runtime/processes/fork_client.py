@@ -291,7 +291,7 @@ class ForkServer:
             while received := self._socket.recv(1 << 16):
                 *lines, unread = (unread + received).split(b"\n")
                 for line in lines:
-                    self._hear(json.loads(line))
+                    self._receive(json.loads(line))
         with self._lock:
             self._is_gone = True
         # Linux has killed them with it.
@@ -299,7 +299,7 @@ class ForkServer:
             if process.poll() is None:
                 process.mark_ended(-signal.SIGKILL)
 
-    def _hear(self, answer: dict[str, str | int]) -> None:
+    def _receive(self, answer: dict[str, str | int]) -> None:
         name = str(answer.get("started") or answer.get("ended"))
         process = self._forked.get(name)
         if process is None:

@@ -239,7 +239,7 @@ Node = dict[str, Any]
 
 
 class StateReader:
-    """Reads one state; see `StateKeeper`."""
+    """Reads one state; see `ObjectState`."""
 
     def __init__(self, known: Baseline, packages: frozenset[str]) -> None:
         self._known = known
@@ -419,7 +419,7 @@ _CONTAINER_TYPES_BY_NAME: dict[str, type] = {"list": list, "dict": dict, "odict"
 
 
 class StateWriter:
-    """Writes one state; see `StateKeeper`."""
+    """Writes one state; see `ObjectState`."""
 
     def __init__(self, known: Baseline, packages: frozenset[str]) -> None:
         self._known = known

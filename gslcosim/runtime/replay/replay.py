@@ -135,7 +135,7 @@ def replay_run(
     outcome, flight = run_into_directory(
         scenario,
         environment_dir,
-        lambda setup, told: _execute(past, setup, until_tick, told),
+        lambda setup, progress: _execute(past, setup, until_tick, progress),
         runs_dir=runs_dir,
         processes="one",
         began=began,
@@ -177,19 +177,19 @@ def _find_last_tick(past: PastRun, until_s: float | None) -> int | None:
 def _execute(past: PastRun, setup: RunSetup, until_tick: int | None, report: Callable[[RunStatus], None]) -> RunOutcome:
     events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
     # An agent in free mode was not asked: what took effect when is known of its door alone.
-    told = replace(setup, past=RecordedCommands(commands=past.commands, until_tick=past.last_tick + 1))
-    desks = {
+    recorded = replace(setup, past=RecordedCommands(commands=past.commands, until_tick=past.last_tick + 1))
+    sessions = {
         agent.name: build_session(
             agent,
-            told if agent.is_free else setup,
+            recorded if agent.is_free else setup,
             RecordedTransport(agent.name, None if agent.is_free else past.commands.get(agent.name, {}), events.put),
         )
         for agent in setup.scenario.agents
     }
-    for desk in desks.values():
-        desk.is_ready = True
+    for session in sessions.values():
+        session.is_ready = True
     with Interruption() as interruption:
-        flight = InProcessRun(setup, desks, events, report, until_tick=until_tick)
+        flight = InProcessRun(setup, sessions, events, report, until_tick=until_tick)
         return flight.fly(interruption.is_set)
 
 

@@ -254,7 +254,7 @@ class BeliefSearch:
         self.field = WindField(self.grid, reach_m=settings.wind_reach_m) if settings.wind == "measured" else None
         self._publisher, self._declared = BeliefPublisher(), DeclarationGuard()
         self._trusted = TrustedWind(threshold_m_s=settings.wind_threshold_m_s)
-        self._leash = StuckDetector(n_legs=settings.leash_legs, radius_m=settings.leash_m)
+        self._stuck_detector = StuckDetector(n_legs=settings.leash_legs, radius_m=settings.leash_m)
         self._rejected_m: tuple[float, float] | None = None
 
     def observe(self, observation: Observation) -> Finding | None:
@@ -283,9 +283,9 @@ class BeliefSearch:
         if self.flights.pilot.is_busy(observation):
             return self.flights.pilot.stay(observation)
         belief = self._publisher.message(observation, p, self.grid, height_m=self.height_m)
-        self._leash.note(observation.position_world_m)
-        if self._leash.is_stuck:
-            self._leash.release()
+        self._stuck_detector.note(observation.position_world_m)
+        if self._stuck_detector.is_stuck:
+            self._stuck_detector.release()
             self._rejected_m = (observation.position_world_m[0], observation.position_world_m[1])
         return self._answer(observation, found, next_leg).model_copy(update={"belief": belief})
 

@@ -121,7 +121,7 @@ class Rounds:
         self._wait_s, self._n_calls = wait_s, n_calls
         self._amount = amount
         self._measure = StopAndMeasure((nose,), vane, window_s=window_s)
-        self._heard: dict[str, dict[int, Report]] = {name: {} for name in self.team.others}
+        self._received: dict[str, dict[int, Report]] = {name: {} for name in self.team.others}
         self._own: Report | None = None
         self._last: Report | None = None
         self._since_s = 0.0
@@ -140,10 +140,10 @@ class Rounds:
     def observe(self, observation: Observation) -> None:
         """Take note of an observation: readings, and what is heard."""
         self._measure.add(observation)
-        for name, report in self.team.hear(observation):
+        for name, report in self.team.receive(observation):
             self.lost.discard(name)
             if report.numbers:
-                self._heard[name][int(report.numbers[_NUMBER])] = report
+                self._received[name][int(report.numbers[_NUMBER])] = report
 
     def complete(
         self, observation: Observation, numbers: Sequence[float] = (), *, best: ReportedBest | None = None
@@ -183,7 +183,7 @@ class Rounds:
         return () if self._last is None else self.team.call(self._last)
 
     def _has_told(self, name: str) -> bool:
-        return any(number >= self.number for number in self._heard[name])
+        return any(number >= self.number for number in self._received[name])
 
     def _report(
         self, observation: Observation, measured: Measurement, numbers: Sequence[float], best: ReportedBest | None
@@ -204,14 +204,14 @@ class Rounds:
         assert self._own is not None
         reports = {self.team.name: self._own}
         for name in self.team.others:
-            told = {number: report for number, report in self._heard[name].items() if number >= self.number}
-            if told and name not in self.lost:
-                reports[name] = told.get(self.number, told[max(told)])
+            received = {number: report for number, report in self._received[name].items() if number >= self.number}
+            if received and name not in self.lost:
+                reports[name] = received.get(self.number, received[max(received)])
         closed = Round(number=self.number, reports=dict(sorted(reports.items())))
-        self.number = max(self.number + 1, *(max(told, default=0) for told in self._heard.values()), 0)
-        self._heard = {
-            name: {number: report for number, report in told.items() if number >= self.number}
-            for name, told in self._heard.items()
+        self.number = max(self.number + 1, *(max(received, default=0) for received in self._received.values()), 0)
+        self._received = {
+            name: {number: report for number, report in received.items() if number >= self.number}
+            for name, received in self._received.items()
         }
         self._own = None
         return closed
@@ -222,10 +222,10 @@ def round_to_sent_digits(report: Report, team: Team) -> Report:
 
     Where not everything fits, the best place goes before the wind: the others know of best places themselves.
     """
-    for told in (report, replace(report, best=None)):
-        text = None if team.channel is None else encode(told, max_bytes=team.channel.max_bytes)
+    for candidate in (report, replace(report, best=None)):
+        text = None if team.channel is None else encode(candidate, max_bytes=team.channel.max_bytes)
         heard = None if text is None else parse(text)
-        if heard is not None and (heard.wind_m_s is not None or told.wind_m_s is None or told.best is None):
+        if heard is not None and (heard.wind_m_s is not None or candidate.wind_m_s is None or candidate.best is None):
             return heard
     return report
 

@@ -122,7 +122,7 @@ class SharedBelief:
         self._sum_from(i)
         return True
 
-    def prospect(
+    def candidates(
         self, places_m: Sequence[tuple[float, float]], wind_m_s: tuple[float, float], spread_rad: float
     ) -> Candidates:
         """Return what stops at places would tell in a wind; cells within reach would be searched through."""

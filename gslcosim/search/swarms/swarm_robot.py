@@ -137,7 +137,7 @@ class SwarmMember:
     def observe(self, observation: Observation) -> tuple[tuple[str, Report], ...]:
         """Measure and listen, at every observation; return the news of the others."""
         self._measure.add(observation)
-        return self.team.hear(observation)
+        return self.team.receive(observation)
 
     def take(self, observation: Observation) -> None:
         """Take the measurement that ends with a question: place, gas, wind, and the own best."""
@@ -166,8 +166,10 @@ class SwarmMember:
         """Return the best place that the robot knows of, as it counts now."""
         known = [] if self.own_best is None else [self.own_best]
         for report in self.team.recent(self.now_s).values():
-            told = (report.best, ReportedBest(position_m=report.position_m, amount=report.amount))
-            known += [Sighting(best.position_m[:2], best.amount, report.time_s) for best in told if best is not None]
+            reported = (report.best, ReportedBest(position_m=report.position_m, amount=report.amount))
+            known += [
+                Sighting(best.position_m[:2], best.amount, report.time_s) for best in reported if best is not None
+            ]
         counting = (place for place in known if place.amount > 0.0 and not self.is_ignored(place.place_m))
         now = [sighting.faded(self.now_s, self.settings.fades_s) for sighting in counting]
         return max(now, key=lambda sighting: sighting.amount, default=None)

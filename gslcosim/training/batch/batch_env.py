@@ -379,7 +379,7 @@ def _turned_by(rates: NDArray[np.float64], places: NDArray[np.float64]) -> NDArr
 
 
 def _as_objects(observations: NDArray[np.float32], chosen: NDArray[np.bool_]) -> NDArray[np.object_]:
-    told = np.full(len(chosen), None, dtype=object)
+    finals = np.full(len(chosen), None, dtype=object)
     for i in np.flatnonzero(chosen).tolist():
-        told[i] = observations[i].copy()
-    return told
+        finals[i] = observations[i].copy()
+    return finals

@@ -195,10 +195,10 @@ class Training:
             return EvolvedMethod(family.name, cases, settings=settings, seed=seed, weights=weights)
         from gslcosim.training.trainers.recurrent_ppo import PpoSettings, RecurrentPpo
 
-        told = PpoSettings.of(settings.settings)
-        pool = self._pool(cases, settings.searches, told.discount)
+        ppo = PpoSettings.of(settings.settings)
+        pool = self._pool(cases, settings.searches, ppo.discount)
         return RecurrentPpo(
-            pool.envs, observation_names=pool.observation_names, action=action, settings=told, seed=seed,
+            pool.envs, observation_names=pool.observation_names, action=action, settings=ppo, seed=seed,
             doping=pool.costs(weights) if self._has_doping else None,
         )  # fmt: skip
 

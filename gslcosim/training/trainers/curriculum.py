@@ -46,13 +46,13 @@ class Curriculum:
         Raises:
             UsageError: the environment does not tell which case a search flew, or how it went.
         """
-        told = infos.get("final_info", infos)
-        if missing := [name for name in _NEEDED if name not in told]:
+        ended = infos.get("final_info", infos)
+        if missing := [name for name in _NEEDED if name not in ended]:
             raise UsageError(
                 f"doping: expected environments that tell {', '.join(_NEEDED)} of searches that end, was without "
                 f"{', '.join(missing)}. Take a BatchSearchEnv, or train without doping."
             )
-        cases, success, time_s, distance_m = (np.asarray(told[name])[ends] for name in _NEEDED)
+        cases, success, time_s, distance_m = (np.asarray(ended[name])[ends] for name in _NEEDED)
         cases = cases.astype(np.int64)
         costs = compute_costs(
             success.astype(bool), time_s / self._limits_s[cases], distance_m / self._diagonals_m[cases]

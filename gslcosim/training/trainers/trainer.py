@@ -31,7 +31,7 @@ class Trainer(Protocol):
         ...
 
     def policy(self) -> Any:
-        """Return what has been learned so far: a `Policy`, or `MethodParameters`."""
+        """Return what has been learned so far: a `Policy`, or `EvolvedParameters`."""
         ...
 
 

@@ -13,8 +13,8 @@ MAX_PREFETCHED_FRAMES = 64
 class PrefetchedPlume:
     """Live plume with prefetched frames of its future; see `FilamentSource`.
 
-    `go_ahead` moves the plume and keeps what will be seen; `advance` then only takes the next frame. What is seen is
-    the same to the bit, whenever and however often `go_ahead` is called. An error of the plume is kept as a frame too,
+    `prefetch` moves the plume and keeps what will be seen; `advance` then only takes the next frame. What is seen is
+    the same to the bit, whenever and however often `prefetch` is called. An error of the plume is kept as a frame too,
     so that it is raised at the step in which it happens.
 
     Args:

@@ -431,7 +431,7 @@ class Autopilot:
         if self._pending_task is not None and self.phase != "taking_off":
             kept, self._pending_task = self._pending_task, None
             if self.phase == "holding":
-                self._hear(tick, kept)
+                self._receive_task(tick, kept)
         self._decide_whether_to_ask(tick)
         return self.reference
 
@@ -460,9 +460,9 @@ class Autopilot:
                 self._state_machine.fail(tick)
             case _:
                 self._quiet_until_tick = 0
-                self._hear(tick, task)
+                self._receive_task(tick, task)
 
-    def _hear(self, tick: int, task: Task) -> None:
+    def _receive_task(self, tick: int, task: Task) -> None:
         if self._is_repeated(task):
             self.notice = self._goal_notice
             return

@@ -94,14 +94,14 @@ def test_a_foreign_message_has_each_key_once_and_is_not_deep(name):
     with pytest.raises(ContractError) as caught:
         codec.decode_untrusted(Command, payload)
     assert str(caught.value) == f"Command: {expected_text}."
-    (hold,) = _asked_door().received(payload)
+    (hold,) = _asked_validator().on_answer(payload)
     assert (hold.kind, hold.reason) == ("hold", f"refused: Command: {expected_text}.")
 
 
-def _asked_door() -> CommandValidator:
-    door = CommandValidator("agent")
-    door.observed(codec.ObservationHead(tick=3, awaiting_command=True))
-    return door
+def _asked_validator() -> CommandValidator:
+    validator = CommandValidator("agent")
+    validator.on_observation(codec.ObservationHead(tick=3, awaiting_command=True))
+    return validator
 
 
 def test_the_deepest_that_is_allowed_is_taken():
@@ -167,9 +167,9 @@ def test_reals_travel_as_float64():
 
 
 def test_the_door_sees_the_tick_of_anything_and_keeps_what_comes_early():
-    door = CommandValidator("agent")
-    assert door.received(packed(tick=41, nonsense=[])) == []
-    (hold,) = door.observed(codec.ObservationHead(tick=41, awaiting_command=True))
+    validator = CommandValidator("agent")
+    assert validator.on_answer(packed(tick=41, nonsense=[])) == []
+    (hold,) = validator.on_observation(codec.ObservationHead(tick=41, awaiting_command=True))
     assert hold.reason == "refused: Command: kind: field required."
 
 
@@ -177,7 +177,7 @@ def test_the_door_sees_the_tick_of_anything_and_keeps_what_comes_early():
     "payload", [packed(tick=1.0), packed(tick=True), packed(), b"", b"\x00", msgpack.packb("tick")]
 )
 def test_what_has_no_whole_tick_answers_the_question_and_is_refused(payload):
-    (hold,) = _asked_door().received(payload)
+    (hold,) = _asked_validator().on_answer(payload)
     assert (hold.kind, hold.tick, hold.reason[:17]) == ("hold", 3, "refused: Command:")
 
 

@@ -59,7 +59,7 @@ def linked(request):
 @pytest.mark.parametrize("frame_format", ["msgpack", "json"])
 def test_messages_go_out_and_commands_come_in(linked, frame_format):
     link, events, agent = linked(frame_format)
-    link.tell("Ending", codec.encode(Ending(tick=3, reason="success")))
+    link.send("Ending", codec.encode(Ending(tick=3, reason="success")))
     expected = encode_fields(frame_format, {"message": "Ending", "tick": 3, "reason": "success"})
     assert agent.input.read(len(expected)) == expected
     agent.output.write(encode_fields(frame_format, HOLD))
@@ -71,7 +71,7 @@ def test_messages_go_out_and_commands_come_in(linked, frame_format):
 def test_what_is_told_before_the_agent_comes_waits_for_it():
     events = queue.SimpleQueue()
     link = ThreadedConnection("json", lambda kind, data: events.put((kind, data)))
-    link.tell("Ending", codec.encode(Ending(tick=1, reason="a")))
+    link.send("Ending", codec.encode(Ending(tick=1, reason="a")))
     agent = Agent(link, "socket")
     assert b'"reason":"a"' in agent.input.readline()
     link.end()
@@ -83,7 +83,7 @@ def test_an_agent_that_reads_late_gets_everything_in_order(linked):
     link, _, agent = linked()
     n_messages = 20_000
     for tick in range(n_messages):
-        link.tell("Ending", codec.encode(Ending(tick=tick, reason="x" * 100)))
+        link.send("Ending", codec.encode(Ending(tick=tick, reason="x" * 100)))
     link.end()
     unpacked = []
     while header := agent.input.read(4):
@@ -96,7 +96,7 @@ def test_an_agent_that_never_reads_is_given_up(linked, monkeypatch):
     link, events, _ = linked()
     payload = codec.encode(Ending(tick=1, reason="x" * 10_000))
     for _ in range(200):
-        link.tell("Ending", payload)
+        link.send("Ending", payload)
     kind, text = events.get(timeout=EVENT_S)
     assert (kind, text) == ("closed", b"expected an agent that reads what it is sent, 1000000 bytes are unread.")
     assert not link._backlog
@@ -176,6 +176,6 @@ def test_an_agent_that_has_closed_its_input_is_still_heard(linked):
     if agent.socket:
         agent.socket.shutdown(socket.SHUT_RD)
     for _ in range(3):
-        link.tell("Ending", codec.encode(Ending(tick=1, reason="a")))
+        link.send("Ending", codec.encode(Ending(tick=1, reason="a")))
     agent.output.write(encode_fields("msgpack", HOLD))
     assert events.get(timeout=EVENT_S)[0] == "command"

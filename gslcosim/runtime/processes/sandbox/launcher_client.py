@@ -118,8 +118,8 @@ class Launch:
 
     def log_tail(self) -> str:
         """Return what the launcher has to say of the end, once it has ended; empty when nothing."""
-        with os.fdopen(self._status, "rb") as told:
-            lines = told.read().splitlines()
+        with os.fdopen(self._status, "rb") as status:
+            lines = status.read().splitlines()
         if not lines:
             return ""
         words: dict[str, str] = json.loads(lines[0])

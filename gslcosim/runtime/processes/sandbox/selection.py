@@ -114,9 +114,9 @@ def describe_sandboxes(scenario: Scenario, *, is_one_process: bool) -> Mapping[s
     return {**of_agents, **{participant.name: _describe_started(participant) for participant in scenario.participants}}
 
 
-def is_sandboxed(told: str) -> bool:
+def is_sandboxed(sandboxes: str) -> bool:
     """Return whether words of `describe_sandboxes`, or several of them joined by `; `, are all about sandboxes."""
-    return bool(told) and not any(each.startswith("none") for each in told.split("; "))
+    return bool(sandboxes) and not any(each.startswith("none") for each in sandboxes.split("; "))
 
 
 def choose_sandbox(agent: ConfinementSpec) -> SandboxKind:

@@ -84,7 +84,7 @@ def test_a_room_in_time_follows_events_and_forgets_them(room_with_gate):
     assert room.now is environment.later_rooms[EnvironmentVariant((), 1)]
     assert not room.obey(begins())
     assert room.obey(begins(2))
-    assert room.situation == EnvironmentVariant(("gate",), 1)
+    assert room.variant == EnvironmentVariant(("gate",), 1)
     room.reset()
     assert room.now is environment
 

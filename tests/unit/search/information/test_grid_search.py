@@ -37,7 +37,7 @@ def searcher(*, dimensions=2, told=None, **changes) -> GridSearch:
     return GridSearch(
         told or briefing(sensors=PID),
         SimpleNamespace(**{**SETTINGS, **changes}),
-        lambda outlook: infotaxis_cost(outlook.foresight()),
+        lambda context: infotaxis_cost(context.predict()),
         dimensions=dimensions,
     )
 
@@ -82,7 +82,7 @@ def test_the_second_finding_at_a_place_weighs_half_the_third_a_third():
     for k in range(3):
         smell(search, (7.0, 5.0, 2.0), 1.0, start_s=5.0 + k, n_s=1)
         odds.append(math.log(search.p[upwind] / search.p[aside]))
-        assert search.outlook((7.0, 5.0)).novelty[0] == pytest.approx(1.0 / (2.0 + k))
+        assert search.build_context((7.0, 5.0)).novelty[0] == pytest.approx(1.0 / (2.0 + k))
     first, second, third = np.diff(odds)
     assert (second, third) == pytest.approx((first / 2.0, first / 3.0), rel=1e-6)
 
@@ -175,11 +175,11 @@ def test_in_space_it_also_goes_up_and_down():
 
 
 def test_a_tree_surveys_each_place_once():
-    outlook = searcher().outlook((7.0, 5.0))
-    tree = outlook.tree(2)
+    context = searcher().build_context((7.0, 5.0))
+    tree = context.tree(2)
     assert len(tree.start) == 4
     # Two steps along the axes: 4 places one step away, and 9 that lie two steps away.
-    assert len(tree.prospect.places_m) == 13
+    assert len(tree.candidates.places_m) == 13
     assert [len(tree.moves[place]) for place in tree.start] == [4, 4, 4, 4]
 
 

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-# Importlib mode puts no test folder on the path; `scripted_flight` is shared by the tests of this folder.
+# Importlib mode puts no test folder on the path; `recording_content` is shared by the tests of this folder.
 sys.path.insert(0, str(Path(__file__).parent))
 
 
