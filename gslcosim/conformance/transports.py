@@ -198,11 +198,11 @@ class ConnectionSpec:
 
 
 class CheckTransport(AgentTransport, Protocol):
-    """One start of an agent, and the link to it. `events` holds what it does, in order.
+    """One start of an agent, and the transport to it. `events` holds what it does, in order.
 
     Payloads need not be those of a run: a check may add to them. `repeat` sends briefing and last question again,
-    whatever the link; `joins_by_start` says that an agent joins by being started, without a word of its own;
-    `left_over`, after `stop`, are processes that had outlived the agent.
+    whatever the transport; `joins_by_start` says that an agent joins by being started, without a word of its own;
+    `leftover_processes`, after `stop`, are processes that had outlived the agent.
     """
 
     events: "queue.SimpleQueue[TransportEvent]"

@@ -49,7 +49,7 @@ class ParticipantSpec:
 class Episode:
     """One run of a scenario: the seed from which all its random streams derive.
 
-    `is_rehearsal` says that a few made-up ticks follow and then another reset: what only takes time may be left out.
+    `is_warmup` says that a few made-up ticks follow and then another reset: what only takes time may be left out.
     """
 
     seed: int
