@@ -44,7 +44,7 @@ class Casting(Agent):
             return self.searcher.explore(observation)
         if contact.has_gas:
             return self.cross(observation, contact)
-        left_m = contact.way_left_m(observation.position_world_m, self.settings.lost_m)
+        left_m = contact.remaining_m(observation.position_world_m, self.settings.lost_m)
         if self.is_crossing and left_m > LEAST_LEG_M:
             return self.searcher.fly_to(observation, self.place_ahead_m(observation, None))
         if self.is_crossing:

@@ -42,7 +42,7 @@ class MothInspired(Agent):
             return self.searcher.explore(observation)
         if contact.has_gas:
             return self.track_in(observation, contact)
-        left_m = contact.way_left_m(observation.position_world_m, self.settings.lost_m)
+        left_m = contact.remaining_m(observation.position_world_m, self.settings.lost_m)
         if self.is_tracking and left_m > LEAST_LEG_M:
             return self.track_out(observation, min(left_m, self.settings.step_m))
         if self.is_tracking:

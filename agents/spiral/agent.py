@@ -24,7 +24,7 @@ class Spiral(Agent):
         self.best = BestProximity(n_misses=self.settings.n_misses)
         self.samples: list[float] = []
         self.last_tick = -1
-        self.course: SpiralPath | None = None
+        self.spiral: SpiralPath | None = None
 
     def observe(self, observation: Observation) -> None:
         """Watch for gas on the way, and collect the samples of a stop."""
@@ -38,27 +38,27 @@ class Spiral(Agent):
     def decide(self, observation: Observation) -> Command:
         """Return the next leg: wind out, begin anew, or explore."""
         self.observe(observation)
-        contact = self.searcher.ask(observation, aborts=self.course is None)
+        contact = self.searcher.ask(observation, aborts=self.spiral is None)
         if isinstance(contact, Command):
             return contact
         is_better = self.best.is_better(self.index())
         self.samples.clear()
         if self.searcher.is_away:
-            self.course = None
+            self.spiral = None
         elif is_better:
-            self.course = self.new_course(observation)
-        elif self.course is None and contact.gas_m is not None:
+            self.spiral = self.start_spiral(observation)
+        elif self.spiral is None and contact.gas_m is not None:
             # Gas was met on the way: stop there first.
-            self.course = self.new_course(observation)
+            self.spiral = self.start_spiral(observation)
             return self.searcher.fly_to(observation, contact.gas_m[:2])
-        place_m = None if self.course is None else self.course.next_place_m()
+        place_m = None if self.spiral is None else self.spiral.next_place_m()
         if place_m is not None:
             return self.searcher.fly_to(observation, place_m)
-        if self.course is not None and self.course.is_blocked:
-            self.course = self.new_course(observation)
-            place_m = self.course.next_place_m()
+        if self.spiral is not None and self.spiral.is_blocked:
+            self.spiral = self.start_spiral(observation)
+            place_m = self.spiral.next_place_m()
         if place_m is None:
-            self.course = None
+            self.spiral = None
             return self.searcher.explore(observation)
         return self.searcher.fly_to(observation, place_m)
 
@@ -68,7 +68,7 @@ class Spiral(Agent):
             self.samples, self.tick_s, mean_weight=self.settings.mean_weight, peak_weight=self.settings.peak_weight
         )
 
-    def new_course(self, observation: Observation) -> SpiralPath:
+    def start_spiral(self, observation: Observation) -> SpiralPath:
         """Return a spiral that begins here in a random direction, to a random side."""
         s = self.settings
         spiral = SquareSpiral(

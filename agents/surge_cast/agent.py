@@ -74,13 +74,13 @@ class SurgeCast(Agent):
             return False
         if self.settings.lost_by == "last_blank":
             return self.blanks.is_lost(observation.time_s)
-        return contact.way_left_m(observation.position_world_m, self.settings.lost_m) <= LEAST_LEG_M
+        return contact.remaining_m(observation.position_world_m, self.settings.lost_m) <= LEAST_LEG_M
 
     def surge(self, observation: Observation, contact: Contact) -> Command:
         """Return a leg upwind, in line with the gas of the last leg; without gas only as far as it takes to lose it."""
         here_m, step_m = observation.position_world_m, self.settings.step_m
         if self.settings.lost_by == "distance":
-            step_m = min(step_m, contact.way_left_m(here_m, self.settings.lost_m))
+            step_m = min(step_m, contact.remaining_m(here_m, self.settings.lost_m))
         return self.searcher.fly_to(observation, surge_end_m(here_m, contact.gas_m, self.upwind_rad, step_m))
 
     def new_cast(self, here_m: tuple[float, ...], contact: Contact) -> CastSequence:

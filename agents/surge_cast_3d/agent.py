@@ -42,7 +42,7 @@ class SurgeCast3d(Agent):
             return self.explore(observation)
         if contact.has_gas:
             self.is_surging, self.cast, self.upwind_rad = True, None, contact.upwind_rad
-        left_m = contact.way_left_m(observation.position_world_m, self.settings.lost_m)
+        left_m = contact.remaining_m(observation.position_world_m, self.settings.lost_m)
         if self.is_surging and left_m > LEAST_LEG_M:
             return self.surge(observation, contact, min(self.settings.step_m, left_m))
         if self.is_surging:

@@ -21,15 +21,15 @@ Report = Callable[["RunStatus"], None]
 
 def add_live_options(parser: argparse.ArgumentParser) -> None:
     """Add `--live` and `--serve`."""
-    ways = parser.add_mutually_exclusive_group()
-    ways.add_argument(
+    outputs = parser.add_mutually_exclusive_group()
+    outputs.add_argument(
         "--live",
         action="store_const",
         const="window",
         dest="live",
         help="show the recording in the viewer while it is written; the command ends when its window is closed",
     )
-    ways.add_argument(
+    outputs.add_argument(
         "--serve",
         action="store_const",
         const="browser",

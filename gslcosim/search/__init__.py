@@ -2,5 +2,6 @@
 
 Import from the modules: `random_stream` (random numbers), `senses.instruments` (gas sensors, anemometers, range
 finders), `method_settings` (settings of a method card), `motion.commands` (commands), `grids` and `beliefs`
-(probabilities over cells), and one module for each idea of the literature. They know the contract's messages and nothing else of a run.
+(probabilities over cells), and one module for each idea of the literature. They know the contract's messages and
+nothing else of a run.
 """

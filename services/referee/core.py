@@ -208,11 +208,11 @@ class RefereeCore:
         if reach_m is None:
             return None
         way_to = shortest_level_path_m if self._drives[name] else shortest_path_m
-        ways_m = (
+        lengths_m = (
             way_to(self._room.now, start_m, self._goal_m(name, source_m), clearance_m=CLEARANCE_M, within_m=reach_m)
             for source_m in self._run.sources_m
         )
-        return min((way_m for way_m in ways_m if way_m is not None), default=None)
+        return min((length_m for length_m in lengths_m if length_m is not None), default=None)
 
     # Where heights do not count, the shortest way leads to where the agent searches.
     def _goal_m(self, name: str, source_m: Vec3) -> Vec3:

@@ -259,10 +259,10 @@ def measure(code: Code, runs_dir: str, *, has_tape: bool, has_groups: bool, has_
     }
 
 
-def share_of_recorder(figures: dict[str, float], way: str) -> float:
+def share_of_recorder(figures: dict[str, float], key: str) -> float:
     """Return what recording costs of a run's speed, as a share."""
-    with_it = figures["speed_one" if way else "speed_separate"]
-    return 1 - with_it / figures["speed_one_unrecorded" if way else "speed_unrecorded"]
+    with_it = figures["speed_one" if key else "speed_separate"]
+    return 1 - with_it / figures["speed_one_unrecorded" if key else "speed_unrecorded"]
 
 
 ROWS = (

@@ -72,7 +72,7 @@ def test_the_plan_has_the_vehicle_at_its_place(runs):
     """The room of 6 x 5 m fills a panel of 320 x 288 pixels but for its margins: about 49 pixels a metre."""
     run = gslcosim.open_run(runs[0])
     cut = FilmSegment.of(run, from_s=2, to_s=8, speed=6)
-    frames = [*render_frames([run], cut, (320, 360), has_room=False)]
+    frames = [*render_frames([run], cut, (320, 360), has_chase_view=False)]
     seen = [place_of(frame[:288], WHITE, 0) for frame in frames]
     flown = [interpolate_pose(run.tracks["beetle"], time_s)[0] for time_s in cut.times_s.tolist()]
     scale = 296 / 6

@@ -75,10 +75,10 @@ def changed_values(rng, value):
     places = list(places_in(value))[1:]
     if not places:
         return value
-    *way, last = places[int(rng.integers(len(places)))]
+    *path, last = places[int(rng.integers(len(places)))]
     value = copy.deepcopy(value)
     block = value
-    for key in way:
+    for key in path:
         block = block[key]
     if rng.random() < 0.2:
         del block[last]

@@ -110,7 +110,7 @@ def build_row(trial: Trial, environment_hash: str, outcome: RunOutcome, watch: S
         "n_collisions": watch.n_collisions,
         "n_refusals": watch.n_refusals,
         "total_path_length_m": math.fsum(result.path_length_m for result in results.values()),
-        **_ways(trial, results[best], watch.agents[best]),
+        **_build_path_figures(trial, results[best], watch.agents[best]),
         **_nearness(watch),
         **_declarations(trial, watch),
         **_belief(trial, watch, best),
@@ -126,7 +126,7 @@ def build_row(trial: Trial, environment_hash: str, outcome: RunOutcome, watch: S
     return row
 
 
-def _ways(trial: Trial, result: AgentResult, watch: AgentSeries) -> Row:
+def _build_path_figures(trial: Trial, result: AgentResult, watch: AgentSeries) -> Row:
     sources_m = [source.position_m for source in trial.resolved.gas.sources]
     is_horizontal = trial.resolved.referee.success.is_horizontal
     contact_s = first_contact_s(watch.t_s, watch.gas_ppm, GAS_CONTACT_PPM)

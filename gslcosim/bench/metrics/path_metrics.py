@@ -273,13 +273,13 @@ class ShortestPaths:
             The length; 0 where the start is within a ball; None where no way leads to any.
         """
         if start_m not in self._known_m:
-            ways_m = (self._way_m(start_m, source_m) for source_m in self.sources_m)
-            self._known_m[start_m] = min((way_m for way_m in ways_m if way_m is not None), default=None)
+            lengths_m = (self._length_m(start_m, source_m) for source_m in self.sources_m)
+            self._known_m[start_m] = min((length_m for length_m in lengths_m if length_m is not None), default=None)
         return self._known_m[start_m]
 
-    def _way_m(self, start_m: Vec3, source_m: Vec3) -> float | None:
-        way_m = shortest_level_path_m if self.is_level else shortest_path_m
-        return way_m(self.room, start_m, source_m, clearance_m=self.clearance_m, within_m=self.within_m)
+    def _length_m(self, start_m: Vec3, source_m: Vec3) -> float | None:
+        find_length_m = shortest_level_path_m if self.is_level else shortest_path_m
+        return find_length_m(self.room, start_m, source_m, clearance_m=self.clearance_m, within_m=self.within_m)
 
 
 def minimum_clearance_m(

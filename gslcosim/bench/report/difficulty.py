@@ -57,7 +57,7 @@ def compute_causes(material: ReportData, rooms: Sequence[PlanDrawing], cells: In
     rows = material.rows
     index = {entry.name: i for i, entry in enumerate(material.entries)}
     maps = _map_of_rows(rooms)
-    ways = _ways_of(material, material.index_of_anchor("lower"))
+    tracks = _tracks_of(material, material.index_of_anchor("lower"))
     found: list[DifficultyCauses] = []
     for cell in cells.tolist():
         flown = np.flatnonzero((rows.cells == cell) & ~rows.is_control)
@@ -69,7 +69,7 @@ def compute_causes(material: ReportData, rooms: Sequence[PlanDrawing], cells: In
                 contact=_contact_difficulty(material, sweep),
                 distance=_distance(shortest_path_m(material, flown), plan),
                 legibility=_legibility(plan) if plan else math.nan,
-                wind=_wind(plan, [ways[row] for row in flown.tolist() if row in ways]) if plan else math.nan,
+                wind=_wind(plan, [tracks[row] for row in flown.tolist() if row in tracks]) if plan else math.nan,
             )
         )
     return found
@@ -84,8 +84,8 @@ def _contact_difficulty(material: ReportData, sweep: Ints) -> float:
 
 def shortest_path_m(material: ReportData, flown: Ints) -> float:
     """Return the shortest way of the flights of one case [m]: equal for all, nan where none has a result."""
-    ways_m = material.rows["shortest_path_m"][flown]
-    known_m = ways_m[np.isfinite(ways_m)]
+    lengths_m = material.rows["shortest_path_m"][flown]
+    known_m = lengths_m[np.isfinite(lengths_m)]
     return float(known_m[0]) if known_m.size else math.nan
 
 
@@ -103,7 +103,7 @@ def _map_of_rows(rooms: Sequence[PlanDrawing]) -> dict[int, EnvironmentMap]:
 
 
 # The ways of an entry, (m, 2) each, world frame [m], by row.
-def _ways_of(material: ReportData, entry: int | None) -> Mapping[int, Floats]:
+def _tracks_of(material: ReportData, entry: int | None) -> Mapping[int, Floats]:
     if material.tracks is None or entry is None:
         return {}
     rows = material.rows
@@ -117,16 +117,16 @@ def _ways_of(material: ReportData, entry: int | None) -> Mapping[int, Floats]:
     return found
 
 
-def _wind(plan: EnvironmentMap, ways: Sequence[Floats]) -> float:
-    if plan.wind_toward is None or not ways:
+def _wind(plan: EnvironmentMap, tracks: Sequence[Floats]) -> float:
+    if plan.wind_toward is None or not tracks:
         return math.nan
-    cells = np.unique(np.concatenate([_cells_of(plan, way) for way in ways]), axis=0)
+    cells = np.unique(np.concatenate([_cells_of(plan, track) for track in tracks]), axis=0)
     return wind_difficulty(plan.wind_toward[cells[:, 0], cells[:, 1]])
 
 
 # Where a robot waits its cell is counted once.
-def _cells_of(plan: EnvironmentMap, way_m: Floats) -> Ints:
-    cells = np.floor((way_m - plan.origin_m) / plan.cell_m).astype(np.int64)
+def _cells_of(plan: EnvironmentMap, track_m: Floats) -> Ints:
+    cells = np.floor((track_m - plan.origin_m) / plan.cell_m).astype(np.int64)
     return np.clip(cells, 0, np.array(plan.occupied.shape) - 1)
 
 

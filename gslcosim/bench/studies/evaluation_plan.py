@@ -64,7 +64,7 @@ class EvaluationPlan:
 def build_evaluation_plan(
     subject: StudyTarget, purpose: str, number: int, *, n: int, taken: frozenset[int]
 ) -> EvaluationPlan:
-    """Return a course of n flights.
+    """Return a plan of n runs.
 
     All cases are flown equally often. What is left over goes to cases of all scenarios in turn, at random within each.
 
@@ -173,13 +173,13 @@ class ReusablePool:
 
 
 class SettingRunner:
-    """Flies settings of a course into a folder; flights that are there are not flown again."""
+    """Runs settings of an evaluation plan into a folder; runs that are there are not repeated."""
 
     def __init__(
-        self, course: EvaluationPlan, folder: ResultsFolder, pool: ReusablePool, report: Callable[[Progress], None]
+        self, evaluation: EvaluationPlan, folder: ResultsFolder, pool: ReusablePool, report: Callable[[Progress], None]
     ) -> None:
-        """Take a course, where its rows go, who flies, and who is told."""
-        self.course = course
+        """Take an evaluation plan, the folder of its rows, the workers, and the receiver of progress."""
+        self.evaluation = evaluation
         self._folder = folder
         self._pool = pool
         self._report = report
@@ -194,7 +194,7 @@ class SettingRunner:
             KeyboardInterrupt: it was interrupted; what was flown is kept.
             GslCosimError: see `SuiteRun.fly`.
         """
-        self._plan = self.course.plan(settings, after=self._plan)
+        self._plan = self.evaluation.plan(settings, after=self._plan)
         names = {setting.name for setting in settings}
         wanted = [trial for trial in self._plan.trials if trial.entry in names]
         if any(trial.id not in self._rows for trial in wanted):

@@ -229,7 +229,7 @@ class Tuner:
         load_optuna()
         with ResultsFolder(self._folder).locked():
             search = OptunaSearch(self._ranges, seed=derive_seed(self._seed, "search"), log=self._folder / STUDY)
-            training, validation = self.courses()
+            training, validation = self.evaluations()
             pool = ReusablePool(self._start_pool)
             try:
                 runner = SettingRunner(training, ResultsFolder(self._folder / TRAINING), pool, self._report)
@@ -261,7 +261,7 @@ class Tuner:
             n_flown_before=n_used - n_now,
         )
 
-    def courses(self) -> tuple[EvaluationPlan, EvaluationPlan]:
+    def evaluations(self) -> tuple[EvaluationPlan, EvaluationPlan]:
         """Return the flights of training and of validation: no seed is one of the other's or of a suite's."""
         self._report(Progress(phase="planning", done=0, total=2, elapsed_s=0.0))
         tests = collect_test_seeds(self._subject.loaded)
@@ -328,7 +328,7 @@ class Tuner:
         runner.finish()
         a, b = group_runs(rows[best.name]), group_runs(rows[DEFAULT])
         return Validation(
-            seed=runner.course.seed,
+            seed=runner.evaluation.seed,
             best=compute_figures(a),
             default=compute_figures(b),
             difference=compute_difference(a, b),

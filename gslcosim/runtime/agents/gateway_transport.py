@@ -118,7 +118,7 @@ class GatewayTransport:
             self._process.link.send("Observation", observation)
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Send an observation, after the briefing; only questions where the agent wants no others; see `AgentTransport`."""
+        """Send an observation; only questions where the agent wants no others; see `AgentTransport`."""
         if self._process.spec.start.observations == "asked" and not observation.awaiting_command:
             return
         if self._waiting is None:

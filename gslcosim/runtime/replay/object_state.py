@@ -248,7 +248,7 @@ class StateReader:
         self._index: dict[int, int] = {}
         # So that no identity is given away twice.
         self._alive: list[Any] = []
-        self._way: list[str] = []
+        self._path: list[str] = []
 
     def read(self, root: object) -> dict[str, Any]:
         """Return the state of an object."""
@@ -266,11 +266,11 @@ class StateReader:
             return ["s", value.dtype.str, value.tobytes()]
         if id(value) in self._index:
             return ["n", self._index[id(value)]]
-        self._way.append(label)
+        self._path.append(label)
         try:
             return self._reference_to_thing(value)
         finally:
-            self._way.pop()
+            self._path.pop()
 
     def _reference_to_thing(self, value: Any) -> Any:
         found = self._known.of(value)
@@ -293,7 +293,7 @@ class StateReader:
 
     # One that was made anew in the same place, of settings alone, does the same.
     def _known_function(self, value: FunctionType) -> str | None:
-        found = self._known.at("".join(self._way))
+        found = self._known.at("".join(self._path))
         if found is None or getattr(found.value, "__code__", None) is not value.__code__:
             return None
         cells = [cell.cell_contents for cell in value.__closure__ or ()]
@@ -396,7 +396,7 @@ class StateReader:
     def _cannot_keep(self, value: Any) -> SnapshotError:
         kind = type(value)
         return SnapshotError(
-            f"{''.join(self._way) or 'the core'}: expected something whose state can be kept, was a "
+            f"{''.join(self._path) or 'the core'}: expected something whose state can be kept, was a "
             f"{kind.__module__}.{kind.__qualname__}."
         )
 

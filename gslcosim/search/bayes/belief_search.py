@@ -90,9 +90,9 @@ def choose_goal(
     Held by:
         tests/unit/search/bayes/test_source_goals.py
     """
-    ways_m = distances_m(grid, here_m)
-    per_metre = worth if math.isinf(near_m) else worth / (ways_m + near_m)
-    far = goals & (ways_m >= least_m)
+    lengths_m = distances_m(grid, here_m)
+    per_metre = worth if math.isinf(near_m) else worth / (lengths_m + near_m)
+    far = goals & (lengths_m >= least_m)
     i, j = np.unravel_index(int(np.where(far if far.any() else goals, per_metre, -1.0).argmax()), grid.shape)
     x_m, y_m = grid.centre_m((int(i), int(j)))
     return x_m, y_m
@@ -136,8 +136,8 @@ class GoalNavigator:
         """Return the command for the next step towards a goal, world frame [m]."""
         self._goal_m = goal_m
         pilot, here_m = self.flights.pilot, observation.position_world_m[:2]
-        way_m = shortest_path(self.flights.flyable, self.flights.grid, here_m, goal_m)
-        bend_m = goal_m if way_m is None or len(way_m) < 2 else (float(way_m[1][0]), float(way_m[1][1]))
+        path_m = shortest_path(self.flights.flyable, self.flights.grid, here_m, goal_m)
+        bend_m = goal_m if path_m is None or len(path_m) < 2 else (float(path_m[1][0]), float(path_m[1][1]))
         return pilot.leg(observation, step_towards_m(here_m, bend_m, self._step_m), hold_s=hold_s)
 
     def is_goal(self, place_m: Sequence[float]) -> bool:

@@ -33,7 +33,7 @@ class Contact:
     is_calm: bool
     gas_ppm: float
 
-    def way_left_m(self, here_m: Sequence[float], lost_m: float) -> float:
+    def remaining_m(self, here_m: Sequence[float], lost_m: float) -> float:
         """Return how far to fly on without gas before the plume counts as lost [m].
 
         Infinite with gas on the last leg, negative where there never was any; else `lost_m` less the distance to where

@@ -153,8 +153,8 @@ class FormationFlight:
     def _plume_memory(self, lane_m: float, inset_m: float) -> PlumeMemory:
         if self._memory is None:
             s = self.settings
-            course_m = plan_crosswind_lanes(self.room, self.upwind_rad, lane_m, inset_m=inset_m)
-            self._memory = PlumeMemory(course_m, step_m=s.search_step_m, cast_m=s.cast_m, n_casts=s.n_casts)
+            lanes_m = plan_crosswind_lanes(self.room, self.upwind_rad, lane_m, inset_m=inset_m)
+            self._memory = PlumeMemory(lanes_m, step_m=s.search_step_m, cast_m=s.cast_m, n_casts=s.n_casts)
         return self._memory
 
     def _learn(self, now: Round, time_s: float) -> None:

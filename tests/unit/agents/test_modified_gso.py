@@ -46,9 +46,9 @@ def test_who_is_led_into_a_declared_region_flies_elsewhere_before_gas_counts_aga
         if not agent.is_leaving:
             break
         place_m = (place_m[0] + legs[-1][0], place_m[1] + legs[-1][1])
-    ways = np.array(legs[:-1])
-    assert len(ways) > 1
-    assert np.degrees(np.arctan2(ways[:, 1], ways[:, 0])).std() < 1.0  # straight, whatever it smells
+    steps_m = np.array(legs[:-1])
+    assert len(steps_m) > 1
+    assert np.degrees(np.arctan2(steps_m[:, 1], steps_m[:, 0])).std() < 1.0  # straight, whatever it smells
     assert math.dist(place_m, (8.0, 5.0)) > 2.0
     assert legs[-1] == pytest.approx([-1.0, 0.0], abs=2e-3)  # upwind again
 

@@ -79,8 +79,8 @@ def test_it_goes_where_fewest_steps_are_expected_to_remain():
         cost = 0.0
         for row, factor in zip(likelihood, weight):
             after = context.p * factor / (context.p @ factor)
-            way = (after @ np.abs(context.cells_m - x).sum(axis=1)) / 1.5
+            distance = (after @ np.abs(context.cells_m - x).sum(axis=1)) / 1.5
             entropy = max(0.0, bits(after) - math.log2(9.0))  # nine cells of 0.5 m in a step of 1.5 m
-            cost += (context.p @ row) * math.log2(way + 2.0 ** (entropy - 1.0) - 0.5)
+            cost += (context.p @ row) * math.log2(distance + 2.0 ** (entropy - 1.0) - 0.5)
         costs.append(cost)
     assert place_m[:2] == pytest.approx(context.places_m[int(np.argmin(costs))])

@@ -173,23 +173,23 @@ WALLED = room(((4.0, 0.0, 0.0), (5.0, 6.0, 3.0)))
 
 
 def test_the_way_around_a_wall_is_the_known_length_within_a_cell():
-    ways = ShortestPaths(room=WALLED, sources_m=((8.0, 2.0, 1.0),), within_m=0.0, clearance_m=0.2)
+    paths = ShortestPaths(room=WALLED, sources_m=((8.0, 2.0, 1.0),), within_m=0.0, clearance_m=0.2)
     known_m = math.hypot(2.8, 4.2) + 1.4 + math.hypot(2.8, 4.2)
-    assert ways.from_m((1.0, 2.0, 1.0)) == pytest.approx(known_m, abs=0.2)
+    assert paths.from_m((1.0, 2.0, 1.0)) == pytest.approx(known_m, abs=0.2)
 
 
 def test_the_way_ends_at_the_ball_of_the_source_that_is_nearest_by_way():
-    near_by_air, near_by_way = (5.6, 2.0, 1.0), (1.0, 7.0, 1.0)
-    ways = ShortestPaths(room=WALLED, sources_m=(near_by_air, near_by_way), within_m=0.5, clearance_m=0.2)
-    assert ways.from_m((3.0, 2.0, 1.0)) == pytest.approx(math.hypot(2.0, 5.0) - 0.5)
-    assert ways.from_m((1.0, 6.8, 1.0)) == 0.0
+    near_by_air, near_by_path = (5.6, 2.0, 1.0), (1.0, 7.0, 1.0)
+    paths = ShortestPaths(room=WALLED, sources_m=(near_by_air, near_by_path), within_m=0.5, clearance_m=0.2)
+    assert paths.from_m((3.0, 2.0, 1.0)) == pytest.approx(math.hypot(2.0, 5.0) - 0.5)
+    assert paths.from_m((1.0, 6.8, 1.0)) == 0.0
 
 
 def test_each_way_is_looked_for_once(monkeypatch):
-    ways = ShortestPaths(room=WALLED, sources_m=((8.0, 2.0, 1.0),), within_m=1.0, clearance_m=0.2)
-    first_m = ways.from_m((1.0, 2.0, 1.0))
+    paths = ShortestPaths(room=WALLED, sources_m=((8.0, 2.0, 1.0),), within_m=1.0, clearance_m=0.2)
+    first_m = paths.from_m((1.0, 2.0, 1.0))
     monkeypatch.setattr("gslcosim.bench.metrics.path_metrics.shortest_path_m", None)
-    assert ways.from_m((1.0, 2.0, 1.0)) == first_m
+    assert paths.from_m((1.0, 2.0, 1.0)) == first_m
 
 
 def test_a_vehicle_on_wheels_cannot_go_over_a_box():
@@ -204,8 +204,8 @@ def test_a_vehicle_on_wheels_cannot_go_over_a_box():
 
 def test_there_is_no_way_to_where_a_vehicle_does_not_fit():
     slit = room(((4.0, 0.0, 0.0), (5.0, 7.6, 3.0)))
-    ways = ShortestPaths(room=slit, sources_m=((8.0, 2.0, 1.0),), within_m=1.0, clearance_m=0.4)
-    assert ways.from_m((1.0, 2.0, 1.0)) is None
+    paths = ShortestPaths(room=slit, sources_m=((8.0, 2.0, 1.0),), within_m=1.0, clearance_m=0.4)
+    assert paths.from_m((1.0, 2.0, 1.0)) is None
 
 
 def test_the_clearance_is_that_to_the_faces_of_boxes_and_walls():

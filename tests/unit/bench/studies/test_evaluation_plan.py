@@ -14,18 +14,18 @@ from gslcosim.bench.studies.tuning import Tuner, split_budget
 DEFAULT = Setting(name="default", parameters={})
 
 
-def course(n, number=0):
+def evaluation(n, number=0):
     subject = find_target("smoke", "dung_beetle")
     return build_evaluation_plan(subject, "training", number, n=n, taken=collect_test_seeds(subject.loaded))
 
 
 @pytest.mark.slow
 def test_cases_are_flown_equally_often_and_the_rest_by_lot():
-    slots = course(5).slots
+    slots = evaluation(5).slots
     assert len(slots) == len(set(slots)) == 5
     counts = sorted(sum(case == name for name, _ in slots) for case in {name for name, _ in slots})
     assert counts == [2, 3]
-    assert len({course(1, number).slots[0][0] for number in (1, 2)}) == 2
+    assert len({evaluation(1, number).slots[0][0] for number in (1, 2)}) == 2
 
 
 @pytest.mark.slow
@@ -55,7 +55,7 @@ def seeds(plan):
 @pytest.mark.slow
 def test_a_plan_that_grows_is_that_of_all_settings_at_once():
     settings = [DEFAULT, *(Setting(name=f"s_{i}", parameters={"leg_m": i / 2}) for i in (1, 2, 3))]
-    short = course(3)
+    short = evaluation(3)
     grown = short.plan(settings[2:], after=short.plan(settings[:2]))
     at_once = short.plan(settings)
     assert grown.loaded == at_once.loaded

@@ -88,6 +88,6 @@ def contact(*, has_gas, last_m):
 
 def test_the_way_left_shrinks_with_the_distance_from_the_last_gas():
     here_m = (5.0, 5.0, 2.0)
-    assert contact(has_gas=True, last_m=here_m).way_left_m(here_m, 0.5) == math.inf
-    assert contact(has_gas=False, last_m=None).way_left_m(here_m, 0.5) == -math.inf
-    assert contact(has_gas=False, last_m=(5.3, 5.4, 2.0)).way_left_m(here_m, 0.6) == pytest.approx(0.1)
+    assert contact(has_gas=True, last_m=here_m).remaining_m(here_m, 0.5) == math.inf
+    assert contact(has_gas=False, last_m=None).remaining_m(here_m, 0.5) == -math.inf
+    assert contact(has_gas=False, last_m=(5.3, 5.4, 2.0)).remaining_m(here_m, 0.6) == pytest.approx(0.1)

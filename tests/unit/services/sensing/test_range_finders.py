@@ -55,8 +55,10 @@ def test_a_level_lidar_sees_the_walls(make_room):
     ranges = reading.array.to_array()
     azimuths = np.deg2rad(np.arange(-180, 180, 5))
     with np.errstate(divide="ignore"):
-        ways = np.stack([14 / np.cos(azimuths), -1 / np.cos(azimuths), 8 / np.sin(azimuths), -2 / np.sin(azimuths)])
-    expected = np.where(ways > 0, ways, np.inf).min(axis=0)
+        distances = np.stack(
+            [14 / np.cos(azimuths), -1 / np.cos(azimuths), 8 / np.sin(azimuths), -2 / np.sin(azimuths)]
+        )
+    expected = np.where(distances > 0, distances, np.inf).min(axis=0)
     assert ranges.shape == (1, 72)
     assert ranges[0] == pytest.approx(expected, rel=1e-5)
     assert reading.values[0] == pytest.approx(1.0)
