@@ -2,7 +2,7 @@
 
 They come from entry points, so that nothing here imports one of them. Assembly, the order of digests, rehearsals and
 the processes of a run come from here; compose.yaml and the pages are held to it by tests. Agents are the other
-participants of a run; each stands behind a door.
+participants of a run; each has a session.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -186,7 +186,7 @@ def get_upstream_rank(participant: str) -> tuple[int, int]:
     """Return what sorts participants from upstream to downstream: causes before consequences within a tick.
 
     Args:
-        participant: The name of a service or of an agent's door; an unknown one sorts last.
+        participant: The name of a service or of an agent's session; an unknown one sorts last.
     """
     if participant.startswith(AGENT_PREFIX):
         return (1, 0)
@@ -197,7 +197,7 @@ def get_upstream_rank(participant: str) -> tuple[int, int]:
 
 
 def build_agent_spec(agent: AgentSpec) -> ParticipantSpec:
-    """Return the dataflow of an agent behind its door: observations in, checked commands out.
+    """Return the dataflow of an agent's session: observations in, checked commands out.
 
     An agent that is waited for only at its waypoints writes where the world announces it.
     """

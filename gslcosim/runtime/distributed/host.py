@@ -46,7 +46,7 @@ class SubscriberBarrier:
     """
 
     def __init__(self, readers: Iterable[str], dataflow: Dataflow) -> None:
-        # Agents are told at their doors, which are there already.
+        # Agents get messages from their sessions, which are there already.
         self._names = {name for name in readers if not _is_agent(name, dataflow)}
         self._deadline_s: float | None = None
 

@@ -176,7 +176,7 @@ def _find_last_tick(past: PastRun, until_s: float | None) -> int | None:
 
 def _execute(past: PastRun, setup: RunSetup, until_tick: int | None, report: Callable[[RunStatus], None]) -> RunOutcome:
     events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
-    # An agent in free mode was not asked: what took effect when is known of its door alone.
+    # An agent in free mode was not asked: what took effect when is known of its session alone.
     recorded = replace(setup, past=RecordedCommands(commands=past.commands, until_tick=past.last_tick + 1))
     sessions = {
         agent.name: build_session(

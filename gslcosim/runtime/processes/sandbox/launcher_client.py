@@ -164,7 +164,7 @@ def _write_call_filter(cell: SandboxPolicy) -> list[int]:
 def _plan_bubblewrap(
     cell: SandboxPolicy, command: Sequence[str], *, has_pipes: bool, calls: int | None
 ) -> Mapping[str, Any]:
-    # It has its own network, but for one that reaches its door by TCP.
+    # It has its own network, but for one that joins by TCP.
     ports = [cell.tcp_port] if cell.tcp_port is not None else []
     kernels = _prepare_kernels(cell)
     return {

@@ -259,8 +259,8 @@ def build_confinement(
         setup: The run, none of which it sees.
         directory: The scenario's folder.
         private_dir: Where private folders may be made.
-        sockets: The unix sockets of its door.
-        tcp_port: The port of its door.
+        sockets: The unix sockets of its transport.
+        tcp_port: The port of its transport.
 
     Raises:
         UsageError: the sandbox that the scenario demands does not work here, the command names the truth, or it may

@@ -40,7 +40,7 @@ def test_no_seed_of_training_or_validation_is_one_of_a_suite(tmp_path):
     tuner = Tuner(
         subject, parse_ranges(["leg_m=0.2:2"], subject), split_budget(60), seed=0, folder=tmp_path, start_pool=_no_pool
     )
-    training, validation = (seeds(each.plan([DEFAULT])) for each in tuner.courses())
+    training, validation = (seeds(each.plan([DEFAULT])) for each in tuner.evaluations())
     tests = seeds(build_plan(load_suite(path))) | seeds(build_plan(load_suite("smoke")))
     assert training
     assert validation

@@ -21,7 +21,7 @@ def points_on(lanes_m, n=2000):
 
 
 @pytest.mark.parametrize("upwind_rad", [0.0, 0.6, math.pi / 2.0, 2.5, math.pi, -1.4])
-def test_no_place_of_the_room_is_farther_than_half_a_lane_from_the_course(upwind_rad):
+def test_no_place_of_the_room_is_farther_than_half_a_lane_from_the_lanes(upwind_rad):
     path = points_on(plan_crosswind_lanes(ROOM, upwind_rad, 2.0))
     places = np.random.default_rng(1).uniform(ROOM.min_m[:2], ROOM.max_m[:2], (200, 2))
     nearest = np.min(np.hypot(*(places[:, None] - path[None]).transpose(2, 0, 1)), axis=1)
@@ -45,7 +45,7 @@ def test_a_room_narrower_than_a_lane_has_one_in_its_middle():
     assert plan_crosswind_lanes(ROOM, 0.0, 50.0)[:, 0] == pytest.approx([7.5, 7.5])
 
 
-def test_a_step_leads_along_the_course_and_from_its_end_to_its_beginning():
+def test_a_step_leads_along_the_lanes_and_from_its_end_to_its_beginning():
     lanes_m = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]])
     assert find_next_lane_point(lanes_m, (1.0, 0.3), 1.0) == pytest.approx([2.0, 0.0])
     assert find_next_lane_point(lanes_m, (3.5, 0.0), 1.0) == pytest.approx([4.0, 0.5])
@@ -54,7 +54,7 @@ def test_a_step_leads_along_the_course_and_from_its_end_to_its_beginning():
     assert find_next_lane_point(lanes_m, (0.0, 2.0), 1.0) == pytest.approx([0.0, 0.0])
 
 
-def test_who_follows_the_course_step_by_step_comes_along_all_of_it():
+def test_who_follows_the_lanes_step_by_step_comes_along_all_of_it():
     lanes_m = plan_crosswind_lanes(ROOM, 0.4, 2.5)
     place, visited = np.array(lanes_m[0]), []
     for _ in range(200):
@@ -64,13 +64,13 @@ def test_who_follows_the_course_step_by_step_comes_along_all_of_it():
         assert np.hypot(*(np.array(visited) - turn).T).min() <= 1.0
 
 
-def test_distances_beyond_the_end_of_a_course_begin_again():
+def test_distances_beyond_the_end_of_the_lanes_begin_again():
     lanes_m = np.array([[0.0, 0.0], [4.0, 0.0]])
     assert find_lane_point(lanes_m, 5.0) == pytest.approx([1.0, 0.0])
     assert find_lane_point(np.array([[2.0, 2.0], [2.0, 2.0]]), 5.0) == pytest.approx([2.0, 2.0])
 
 
-def test_lost_gas_is_cast_for_to_both_sides_of_where_it_was_and_then_the_course_goes_on():
+def test_lost_gas_is_cast_for_to_both_sides_of_where_it_was_and_then_the_lanes_go_on():
     lanes_m = plan_crosswind_lanes(ROOM, math.pi / 2.0, 2.0)
     memory = PlumeMemory(lanes_m, step_m=1.0, cast_m=1.0, n_casts=2)
     assert memory.next_place_m((7.0, 2.0)) == pytest.approx(find_next_lane_point(lanes_m, (7.0, 2.0), 1.0))
