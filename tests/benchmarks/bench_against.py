@@ -199,7 +199,7 @@ def peers_ratios() -> dict[str, float]:
         return {}
     done = subprocess.run([sys.executable, script, "--n", "3", "--json"], check=True, capture_output=True, text=True)
     ratios = json.loads(done.stdout)["ratios"]
-    return {told["shape"]: told["median"] for told in ratios if told["peer"] == "HELICS"}
+    return {ratio["shape"]: ratio["median"] for ratio in ratios if ratio["peer"] == "HELICS"}
 
 
 def until(limit_s: int) -> list[str]:

@@ -70,9 +70,9 @@ def through_transport(connection: ConnectionSpec, n_decisions: int) -> list[floa
 
 def wait_for(wire: CheckTransport, kind: str) -> bytes:
     """Return the next event's data, which must be of this kind."""
-    told, data = wire.events.get(timeout=LIMIT_S)
-    if told != kind:
-        sys.exit(f"expected {kind}, was {told}: {data.decode(errors='replace')}")
+    event, data = wire.events.get(timeout=LIMIT_S)
+    if event != kind:
+        sys.exit(f"expected {kind}, was {event}: {data.decode(errors='replace')}")
     return data
 
 

@@ -89,11 +89,11 @@ def tell(n_jobs: int, results: Results, wall: dict[str, Any], memory: Memory, to
     """Print the figures of a run."""
     n, loop_s = len(results), wall["reference_loop_s"]
     parts = {part: float(np.nansum(results.array(f"wall_{part}_s"))) / n for part in PARTS}
-    told = ", ".join(f"{part} {1000 * taken_s:.1f} ms" for part, taken_s in parts.items())
+    parts_text = ", ".join(f"{part} {1000 * taken_s:.1f} ms" for part, taken_s in parts.items())
     lines = [
         f"{n_jobs} workers, {n} flights, {results.array('end_s').sum():.0f} s simulated: {total_s:.0f} s in all, "
         f"preparing {wall['preparing_s']:.0f} s",
-        f"  a flight: {told}",
+        f"  a flight: {parts_text}",
         f"  busy {100 * wall['busy_share']:.0f} % of the time after preparation, "
         f"flying {100 * wall['flying_share']:.0f} %",
         f"  a flight costs {sum(parts.values()) / loop_s:.1f} times a loop of plain Python ({1000 * loop_s:.1f} ms)",

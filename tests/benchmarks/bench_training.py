@@ -68,8 +68,8 @@ def line_of(name: str, paces: list[Pace]) -> str:
     """Return the medians of rounds as a line."""
     steps, busy = median_of(paces, "steps_per_s"), median_of(paces, "steps_per_cpu_s")
     decisions = median_of(paces, "decisions_per_s")
-    told = f"{steps:12,.0f} agent steps/s, {busy:12,.0f} of each processor, {decisions:12,.0f} decisions/s"
-    return f"{name:42} {told}"
+    line = f"{steps:12,.0f} agent steps/s, {busy:12,.0f} of each processor, {decisions:12,.0f} decisions/s"
+    return f"{name:42} {line}"
 
 
 def fly_batch(env: BatchSearchEnv, rng: np.random.Generator, seconds: float, pace: Pace) -> None:

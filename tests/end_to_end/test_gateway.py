@@ -42,12 +42,12 @@ def digest_over_zenoh(tmp_path_factory):
 
 
 @pytest.mark.parametrize(("door", "frame_format"), [DOORS[0], DOORS[5]])
-def test_every_door_gives_the_same_digest(tmp_path, digest_over_zenoh, door, frame_format):
+def test_every_transport_gives_the_same_digest(tmp_path, digest_over_zenoh, door, frame_format):
     assert digest_of(fly(TINY_ROOM, tmp_path, *through(door, frame_format))) == digest_over_zenoh
 
 
 @pytest.mark.parametrize(("door", "frame_format"), DOORS)
-def test_processes_fly_with_the_others_in_one_process(tmp_path, digest_over_zenoh, door, frame_format):
+def test_processes_run_with_the_others_in_one_process(tmp_path, digest_over_zenoh, door, frame_format):
     ended = fly_here(TINY_ROOM, tmp_path, *through(door, frame_format))
     assert digest_of(ended) == digest_over_zenoh
 
@@ -163,7 +163,7 @@ def test_a_slow_reader_changes_nothing(tmp_path):
     assert ended.result["faults"] == []
 
 
-def test_an_agent_that_cannot_connect_is_told_why(tmp_path):
+def test_an_agent_that_cannot_connect_is_reported_why(tmp_path):
     """A wrong token is said together with the end of the process."""
     script = (
         "import os, socket; k, _, a = os.environ['GSLCOSIM_GATEWAY'].partition(':'); s = socket.socket(socket.AF_UNIX);"

@@ -72,14 +72,14 @@ def test_a_language_refuses_a_contract_of_another_major_version(agent, capfd):
 
 
 @of_every_language(OF_EACH_DOOR)
-def test_a_language_flies_like_python_among_many_processes(tmp_path, reference, agent):
+def test_a_language_runs_like_python_among_many_processes(tmp_path, reference, agent):
     """The same scenario and seed have the same digest, in whatever language the agent is written."""
     agent.build()
     assert_same_flight(fly(TINY_ROOM, tmp_path, *agent.start_override()), reference["tiny_room"])
 
 
 @of_every_language()
-def test_a_language_flies_far_like_python(tmp_path, reference, agent):
+def test_a_language_runs_far_like_python(tmp_path, reference, agent):
     """The same on a hundred legs; where the door allows it with all but the agent in one process."""
     agent.build()
     flying = fly if agent.door == "zenoh" else fly_here
@@ -92,7 +92,7 @@ def assert_same_flight(flight, reference):
     assert flight.result["digest"] == reference.result["digest"]
 
 
-def test_the_long_flight_visits_what_the_short_one_may_not(reference):
+def test_the_long_run_visits_what_the_short_one_may_not(reference):
     """Otherwise the digests would agree too easily."""
     long, tiny = (reference[name].result for name in ("long", "tiny_room"))
     assert long["ticks"] > 10 * tiny["ticks"]

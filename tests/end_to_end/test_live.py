@@ -59,10 +59,10 @@ def ended(flight, said):
 
 def rows_of(recording):
     """Return the number of chunks and rows of a recording; nothing of it is cut off."""
-    told = run_rerun(["rrd", "stats", recording], timeout_s=EVENT_S).stdout
+    output = run_rerun(["rrd", "stats", recording], timeout_s=EVENT_S).stdout
     numbers = {
         name: int(value.replace(" ", "").replace("\u2009", ""))
-        for name, value in re.findall(r"(num_chunks|num_rows) = ([\d \u2009]+)\n", told)
+        for name, value in re.findall(r"(num_chunks|num_rows) = ([\d \u2009]+)\n", output)
     }
     return numbers.get("num_chunks", 0), numbers.get("num_rows", 0)
 
@@ -146,8 +146,8 @@ def test_the_page_names_commands_that_work(tmp_path, monkeypatch):
         else:
             flight = _started("up", str(TINY_ROOM), *LONG, *UNRECORDED)
             flight.wait_for(lambda: "flying" in _told("ps"))
-            told = _told(*words, *(("--once",) if words[0] == "top" else ()))
-            assert "tiny_room" in told, words
+            output = _told(*words, *(("--once",) if words[0] == "top" else ()))
+            assert "tiny_room" in output, words
             flight.process.send_signal(signal.SIGINT)
             flight.process.communicate()
 
@@ -158,11 +158,11 @@ def _started(*words):
 
 
 def _told(*words):
-    told = subprocess.run([*COMMAND, *words], capture_output=True, text=True, timeout=EVENT_S, check=False)
-    return told.stdout + told.stderr
+    output = subprocess.run([*COMMAND, *words], capture_output=True, text=True, timeout=EVENT_S, check=False)
+    return output.stdout + output.stderr
 
 
-def test_ctrl_c_in_flight_ends_flight_and_viewer(tmp_path):
+def test_ctrl_c_in_a_run_ends_run_and_viewer(tmp_path):
     flight = start(TINY_ROOM, tmp_path / "runs", "--serve", *LONG, is_recorded=True)
     said = Said(flight)
     said.until("Watch it at")
@@ -193,7 +193,7 @@ def test_a_viewer_ends_with_a_command_that_is_killed(tmp_path):
         wait_a_moment()
 
 
-def test_two_flights_are_served_at_once(tmp_path):
+def test_two_runs_are_served_at_once(tmp_path):
     pages = set()
     flights = [start(TINY_ROOM, tmp_path / f"{i}", "--serve", *A_MINUTE, is_recorded=True) for i in range(2)]
     for flight in flights:
@@ -213,7 +213,7 @@ def test_two_flights_are_served_at_once(tmp_path):
         (("--live", "--serve"), "not allowed with argument"),
     ],
 )
-def test_what_cannot_be_shown_is_told_before_anything_flies(tmp_path, monkeypatch, arguments, expected):
+def test_what_cannot_be_shown_is_reported_before_anything_runs(tmp_path, monkeypatch, arguments, expected):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     flown = fly(TINY_ROOM, tmp_path / "runs", *arguments, is_recorded=True)

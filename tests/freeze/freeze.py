@@ -302,8 +302,8 @@ def write(arguments: argparse.Namespace) -> int:
     frozen = Frozen(machine)
     if arguments.only and arguments.frozen.exists():
         frozen = Frozen.load(arguments.frozen)
-        if told := differing(frozen.machine, machine):
-            print(f"{arguments.frozen.name} was made on another type of machine ({told}): write it as a whole.")
+        if reported := differing(frozen.machine, machine):
+            print(f"{arguments.frozen.name} was made on another type of machine ({reported}): write it as a whole.")
             return 2
     done, wall_s = run(jobs, machine, may_continue=not arguments.only)
     failed = {each.job: each.failed for each in done if each.failed}
@@ -329,11 +329,13 @@ def check(arguments: argparse.Namespace) -> int:
         print(f"{arguments.frozen}: expected the file of `make freeze`, found none. Run that first.", file=sys.stderr)
         return 2
     machine, frozen = machine_type(), Frozen.load(arguments.frozen)
-    told = differing(frozen.machine, machine)
+    reported = differing(frozen.machine, machine)
     jobs = comparable_jobs(chosen_jobs(arguments.only), frozen.machine, machine)
-    if told:
+    if reported:
         names = ", ".join(job.name for job in jobs) or "nothing of this"
-        sentence = f"{arguments.frozen.name} was made on another type of machine ({told}), so only {names} is compared."
+        sentence = (
+            f"{arguments.frozen.name} was made on another type of machine ({reported}), so only {names} is compared."
+        )
         print(sentence, file=sys.stderr)
     done, wall_s = run(jobs, machine, may_continue=not arguments.only)
     now = {name: entry for each in done for name, entry in each.entries.items()}
@@ -341,7 +343,7 @@ def check(arguments: argparse.Namespace) -> int:
     failed = {each.job: each.failed for each in done if each.failed}
     missing = {*skipped, *failed}
     # What belongs to no job any more is gone too, where everything was computed.
-    is_all = not arguments.only and not told
+    is_all = not arguments.only and not reported
     compared = {
         name: entry
         for name, entry in frozen.entries.items()

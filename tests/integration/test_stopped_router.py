@@ -99,7 +99,7 @@ def test_a_password_that_is_refused_is_an_error_of_a_watched_member_too(router):
         ZenohBus.open_member(join)
 
 
-def test_an_answer_is_waited_for_until_whoever_listens_reads(folder):
+def test_an_answer_is_waited_for_until_the_listener_reads(folder):
     """A connection that nobody accepts is no answer."""
     path = folder / "silent.sock"
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener, ThreadPoolExecutor(1) as pool:

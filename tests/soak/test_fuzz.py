@@ -138,7 +138,7 @@ def test_the_codec_refuses_or_reads_and_what_it_reads_it_can_write(seconds):
 
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("seconds", LENGTHS)
-def test_the_door_lets_through_one_valid_command_for_each_question(seconds):
+def test_the_validator_lets_through_one_valid_command_for_each_question(seconds):
     world = ScriptedWorld(3)
     state = {"door": CommandValidator("agent"), "tick": 0, "asked": set(), "passed": []}
 

@@ -84,8 +84,8 @@ def agent_walk(agent_type: type[Agent], readings: Callable[[], dict[str, float]]
 
     def new(seed: int) -> NextEnd:
         parameters = {"wall_margin_m": MARGIN_M, **changes}
-        told = briefing(size_m=SIZE_M, seed=seed, parameters=parameters, search_height_m=4.0, hold_s=hold_s)
-        agent, tick = agent_type(told), 0
+        agent_briefing = briefing(size_m=SIZE_M, seed=seed, parameters=parameters, search_height_m=4.0, hold_s=hold_s)
+        agent, tick = agent_type(agent_briefing), 0
 
         def next_end_m(here_m: Sequence[float]) -> Sequence[float]:
             nonlocal tick

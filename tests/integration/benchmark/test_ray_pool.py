@@ -298,7 +298,7 @@ def test_a_node_with_other_software_is_refused(nodes: tuple[Node, Node], suite: 
     assert "Install there what is installed here" in text
 
 
-def test_an_address_without_a_cluster_is_told(nodes: tuple[Node, Node], suite: Path, folder: Path) -> None:
+def test_an_address_without_a_cluster_is_reported(nodes: tuple[Node, Node], suite: Path, folder: Path) -> None:
     """One sentence, and no page of Ray's."""
     here, _ = nodes
     flight = here.fly(suite, folder / "nowhere", "10.214.9.1:6399")

@@ -117,7 +117,7 @@ def test_a_search_that_finds_the_source_terminates():
     env.close()
 
 
-def test_wrong_arguments_are_told():
+def test_wrong_arguments_are_reported():
     with pytest.raises(UsageError, match="scenario: expected one agent, was 3 in swarm_tiny"):
         SearchEnv("swarm_tiny")
     with pytest.raises(UsageError, match="action: expected one of waypoint"):

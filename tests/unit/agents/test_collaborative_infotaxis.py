@@ -40,7 +40,7 @@ def test_who_knows_the_same_findings_holds_the_same_belief_to_the_bit(loss_frac)
     assert all(np.array_equal(agent.belief.p, agents[0].belief.p) for agent in agents)
 
 
-def test_findings_that_were_lost_are_told_again():
+def test_findings_that_were_lost_are_sent_again():
     flight = team(loss_frac=0.3)
     flight.fly(60.0)
     all_told = set().union(*(set(findings_of(agent)) for agent in agents_of(flight)))

@@ -84,7 +84,7 @@ def test_equal_seeds_give_equal_steps(recovery):
     assert steps() == steps()
 
 
-def test_a_missing_anemometer_is_told_at_the_briefing():
+def test_a_missing_anemometer_is_reported_at_the_briefing():
     with pytest.raises(MethodError, match="wind"):
         made(sensors=(("pid", "nose"),))
 

@@ -41,7 +41,7 @@ def test_places_between_the_bends_are_passed_along_the_lane_at_speed():
     assert n_passed > 10
 
 
-def test_what_it_has_been_to_is_not_flown_again_and_then_it_starts_anew():
+def test_what_it_has_been_to_is_not_flown_again_and_then_it_starts_again():
     agent = sweep()
     places_m = bends_m(agent.decide(observation(position_m=START_M)))
     for place_m in places_m[:5]:

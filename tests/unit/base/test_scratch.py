@@ -66,7 +66,7 @@ def test_what_is_not_ours_is_left_alone(tmp_path):
     assert names(tmp_path) == before
 
 
-def test_a_place_that_cannot_be_written_is_told(tmp_path):
+def test_a_place_that_cannot_be_written_is_reported(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(MachineError, match=r"temporary directory: expected a folder .* or set TMPDIR to a folder"):
         ScratchFolder(parent=tmp_path / "file")

@@ -27,7 +27,7 @@ def test_a_report_without_a_break_has_passed():
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_a_break_is_told_with_what_was_sent_expected_and_got_and_the_remedy(rule):
+def test_a_break_is_reported_with_what_was_sent_expected_and_got_and_the_remedy(rule):
     found = report(failures=[rule])
     assert found.failed_rules == (rule,)
     assert not found.has_passed

@@ -68,7 +68,7 @@ def test_messages_go_out_and_commands_come_in(linked, frame_format):
     assert codec.decode(Command, payload) == Command(**HOLD)
 
 
-def test_what_is_told_before_the_agent_comes_waits_for_it():
+def test_what_is_sent_before_the_agent_connects_waits_for_it():
     events = queue.SimpleQueue()
     link = ThreadedConnection("json", lambda kind, data: events.put((kind, data)))
     link.send("Ending", codec.encode(Ending(tick=1, reason="a")))
@@ -128,7 +128,7 @@ def test_after_the_end_whatever_is_said_is_thrown_away(linked):
     assert events.empty()
 
 
-def test_a_bad_frame_is_told_and_the_next_one_read(linked):
+def test_a_bad_frame_is_reported_and_the_next_one_read(linked):
     _, events, agent = linked("json")
     agent.output.write(b"hello\n" + encode_fields("json", HOLD))
     assert events.get(timeout=EVENT_S)[0] == "refused"
@@ -157,8 +157,8 @@ def test_nonsense_for_a_length_ends_the_link(linked):
     assert events.empty()
 
 
-@pytest.mark.parametrize(("last", "told"), [(b"", b""), (b"\0\0\0", b"expected whole frames")])
-def test_the_end_of_the_agents_stream_is_told_after_all_it_said(linked, last, told):
+@pytest.mark.parametrize(("last", "expected"), [(b"", b""), (b"\0\0\0", b"expected whole frames")])
+def test_the_end_of_the_agents_stream_is_reported_after_all_it_said(linked, last, expected):
     _, events, agent = linked()
     agent.output.write(encode_fields("msgpack", HOLD) + last)
     agent.output.close()
@@ -167,10 +167,10 @@ def test_the_end_of_the_agents_stream_is_told_after_all_it_said(linked, last, to
     assert events.get(timeout=EVENT_S)[0] == "command"
     kind, text = events.get(timeout=EVENT_S)
     assert kind == "ended"
-    assert text.startswith(told)
+    assert text.startswith(expected)
 
 
-def test_an_agent_that_has_closed_its_input_is_still_heard(linked):
+def test_an_agent_that_has_closed_its_input_is_still_received(linked):
     link, events, agent = linked()
     agent.input.close()
     if agent.socket:

@@ -39,7 +39,7 @@ def scenario_file(tmp_path):
 
 
 @pytest.fixture
-def told(scenario_file, tmp_path):
+def problem_lines(scenario_file, tmp_path):
     """Return the lines that are told of the valid scenario with pieces replaced, without the folder's name."""
 
     def tell(*replacements, **options):

@@ -6,7 +6,7 @@ from gslcosim.base.errors import UsageError
 from gslcosim.training.parallel_env import RadioCodec
 
 
-def test_what_one_tells_the_others_hear():
+def test_what_one_sends_the_others_receive():
     (message,) = RadioCodec(briefing(name="a", members="abc"), 2).message([0.25, -1.0])
     hears = RadioCodec(briefing(name="b", members="abc"), 2)
     assert hears.receive(observation()).tolist() == [0.0] * 4
@@ -25,7 +25,7 @@ def test_numbers_stay_within_one():
     np.testing.assert_array_equal(hears.receive(observation(heard=[("a", "[7]")])), [1.0])
 
 
-def test_without_a_channel_nothing_can_be_told():
+def test_without_a_channel_nothing_can_be_sent():
     assert RadioCodec(briefing(name="a"), 0).message([]) == ()
     with pytest.raises(UsageError, match="radio_numbers: expected 0 for a, which has no channel, was 2"):
         RadioCodec(briefing(name="a"), 2)

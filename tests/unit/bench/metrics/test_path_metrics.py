@@ -85,7 +85,7 @@ def test_the_first_to_succeed_stands_for_a_swarm_or_else_the_nearest():
     assert find_leading_agent([None, None, None], [4.0, 2.0, 2.0]) == 1
 
 
-def test_spl_of_three_flights_by_hand():
+def test_spl_of_three_runs_by_hand():
     """Twice the shortest way is worth a half, the shortest way 1, a failure nothing."""
     assert spl(20.0, 10.0, success=True) == 0.5
     assert spl(10.0, 10.0, success=True) == 1.0
@@ -113,7 +113,7 @@ def test_overhead_is_the_referees_and_absent_without_success():
     assert travel_overhead(24.0, None, success=True) is None
 
 
-def test_overhead_and_spl_say_the_same_of_a_flight_that_is_not_shorter_than_the_shortest():
+def test_overhead_and_spl_say_the_same_of_a_run_that_is_not_shorter_than_the_shortest():
     assert spl(15.0, 10.0, success=True) == pytest.approx(1.0 / (1.0 + travel_overhead(15.0, 10.0, success=True)))
 
 
@@ -132,7 +132,7 @@ def test_directness_is_the_sum_over_steps_of_equation_7_1():
         assert figures.angle_rad == pytest.approx(abs(np.arctan2(vector[1], vector[0])))
 
 
-def test_directness_of_straight_flights():
+def test_directness_of_straight_runs():
     away = directness([(0, 0, 0), (-2, 0, 0)], [(5, 0, 0)])
     assert (away.towards, away.magnitude, away.angle_rad) == (-1.0, 1.0, pytest.approx(math.pi))
     across = directness([(0, 0, 0), (0, 0, 3)], [(5, 0, 0)])

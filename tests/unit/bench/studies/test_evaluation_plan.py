@@ -20,7 +20,7 @@ def evaluation(n, number=0):
 
 
 @pytest.mark.slow
-def test_cases_are_flown_equally_often_and_the_rest_by_lot():
+def test_cases_are_run_equally_often_and_the_rest_by_lot():
     slots = evaluation(5).slots
     assert len(slots) == len(set(slots)) == 5
     counts = sorted(sum(case == name for name, _ in slots) for case in {name for name, _ in slots})
@@ -103,7 +103,7 @@ def _no_pool():
 
 
 @pytest.mark.slow
-def test_fewer_flights_than_cases_are_spread_over_scenarios_and_leave_out_what_is_no_case(tmp_path):
+def test_fewer_runs_than_cases_are_spread_over_scenarios_and_leave_out_what_is_no_case(tmp_path):
     """A start outside the room is no case, and another one flies in its place."""
     path = tmp_path / "mine.yaml"
     path.write_text(

@@ -79,9 +79,9 @@ def test_a_passage_narrower_than_the_vehicle_is_closed():
 
 
 def test_a_gap_between_an_obstacle_and_the_room_needs_clearance_on_both_sides():
-    shelf = room(((7.0, 0.0, 0.0), (8.0, 12.0, 3.4)))
-    assert shortest_path_m(shelf, START_M, GOAL_M, clearance_m=0.2) is not None
-    assert shortest_path_m(shelf, START_M, GOAL_M, clearance_m=0.4) is None
+    with_shelf = room(((7.0, 0.0, 0.0), (8.0, 12.0, 3.4)))
+    assert shortest_path_m(with_shelf, START_M, GOAL_M, clearance_m=0.2) is not None
+    assert shortest_path_m(with_shelf, START_M, GOAL_M, clearance_m=0.4) is None
 
 
 def test_ends_beside_an_obstacle_are_reached_although_they_lack_clearance():

@@ -118,7 +118,7 @@ def test_the_past_passes_until_the_fork_and_then_what_comes():
     assert validator.on_observation(observation(3)) == [waypoint(3, 3.0)]
 
 
-def test_a_past_with_a_hole_is_told():
+def test_a_past_with_a_hole_is_reported():
     validator = FreeRunningValidator("moth", past={}, until_tick=2)
     with pytest.raises(RunFolderError, match="expected a command of moth for tick 0"):
         validator.on_observation(observation(0))

@@ -69,7 +69,7 @@ def test_nothing_follows_where_the_past_agent_failed():
     assert it.is_closed
 
 
-def test_a_command_that_lacks_is_told():
+def test_a_command_that_lacks_is_reported():
     it = validator()
     it.on_observation(observation(3))
     with pytest.raises(RunFolderError, match="expected a command of moth for tick 3"):

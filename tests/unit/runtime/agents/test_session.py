@@ -5,7 +5,7 @@ import pytest
 from gslcosim.agent_kit import Agent
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command, Observation
-from gslcosim.runtime.agents import session as desk_module
+from gslcosim.runtime.agents import session as session_module
 from gslcosim.runtime.agents.session import REPEAT_QUESTION_AFTER_S, AgentSession
 from gslcosim.runtime.agents.transport import AgentJoined, AgentLost, CommandReceived, ObjectTransport
 from gslcosim.runtime.agents.validator import CommandValidator
@@ -15,8 +15,8 @@ from gslcosim.runtime.machine_notes import MachineLog, read_machine_notes
 class Line:
     """A link that notes what it carries."""
 
-    def __init__(self, *, may_lose):
-        self.is_lossy = may_lose
+    def __init__(self, *, is_lossy):
+        self.is_lossy = is_lossy
         self.carried = []
         self.n_repeats = 0
         self.n_handled = 0
@@ -40,7 +40,7 @@ class Line:
 @pytest.fixture
 def clock(monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(desk_module.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(session_module.time, "monotonic", lambda: now[0])
     return now
 
 
@@ -63,9 +63,9 @@ def question(tick):
     return seen(tick, is_asked=True)
 
 
-def session_with(*, may_lose=False):
+def session_with(*, is_lossy=False):
     journal = []
-    line = Line(may_lose=may_lose)
+    line = Line(is_lossy=is_lossy)
     session = AgentSession(
         "beetle", CommandValidator("beetle"), line, 10.0, journal=journal.append, log_tail=lambda: "it hurts"
     )
@@ -89,7 +89,7 @@ def test_an_answer_passes_with_its_bytes_and_leaves_a_trail(clock):
     assert line.n_handled == 1
 
 
-def test_whoever_owes_an_answer_for_too_long_fails_with_its_last_words(clock):
+def test_an_agent_that_owes_an_answer_for_too_long_fails_with_the_end_of_its_log(clock):
     session, _, _ = session_with()
     session.observe(*question(3))
     clock[0] += 9.9
@@ -113,9 +113,9 @@ def test_time_that_this_process_has_missed_is_not_the_agents(clock):
     assert [sent.message.kind for sent in session.check_deadline()] == ["failed"]
 
 
-@pytest.mark.parametrize(("may_lose", "n_repeats"), [(True, 2), (False, 0)])
-def test_a_question_is_repeated_only_where_it_may_have_got_lost(clock, may_lose, n_repeats):
-    session, line, _ = session_with(may_lose=may_lose)
+@pytest.mark.parametrize(("is_lossy", "n_repeats"), [(True, 2), (False, 0)])
+def test_a_question_is_repeated_only_where_it_may_have_got_lost(clock, is_lossy, n_repeats):
+    session, line, _ = session_with(is_lossy=is_lossy)
     session.observe(*question(3))
     for _ in range(2):
         clock[0] += 1.01 * REPEAT_QUESTION_AFTER_S
@@ -188,7 +188,7 @@ def test_an_object_that_raises_is_gone():
     assert sent.message.kind == "failed"
 
 
-def test_what_an_agent_took_and_did_wrong_is_noted_beside_the_recording_but_nothing_of_what_is_flown_again(
+def test_what_an_agent_took_and_did_wrong_is_noted_beside_the_recording_but_nothing_of_what_is_run_again(
     clock, tmp_path
 ):
     session, _, _ = session_with()

@@ -43,7 +43,7 @@ def test_beliefs_a_second_apart_pass():
     assert validator.faults == []
 
 
-def test_a_belief_that_comes_sooner_is_left_out_and_told_while_its_command_counts():
+def test_a_belief_that_comes_sooner_is_left_out_and_reported_while_its_command_counts():
     validator, have_belief = passed([3, 4, 12, 13, 14])
     assert have_belief == [True, False, False, True, False]
     assert len(validator.faults) == 3

@@ -34,9 +34,9 @@ def asked_validator(tick=0):
 
 def test_what_fits_passes_without_a_trace():
     """The same flight leaves the same commands, whether or not the agent says what it speaks."""
-    told, silent = asked_validator(), asked_validator()
-    assert told.on_answer(answer(0, format_own_contract())) == silent.on_answer(answer(0, None))
-    assert told.faults == silent.faults == []
+    stated, silent = asked_validator(), asked_validator()
+    assert stated.on_answer(answer(0, format_own_contract())) == silent.on_answer(answer(0, None))
+    assert stated.faults == silent.faults == []
 
 
 def test_an_agent_of_another_major_version_is_gone_with_a_reason():
@@ -55,7 +55,7 @@ def test_the_contract_is_named_even_where_the_command_makes_no_sense_here():
     assert "was 2.0" in validator.faults[0].text
 
 
-def test_another_hash_is_a_fault_once_and_the_flight_goes_on():
+def test_another_hash_is_a_fault_once_and_the_run_goes_on():
     validator = asked_validator()
     strange = f"{CONTRACT_VERSION}+{'0' * 32}"
     assert validator.on_answer(answer(0, strange))[0].kind == "hold"

@@ -252,8 +252,8 @@ def test_the_most_likely_place_is_approached():
 
 def outcomes_until_alarm(chance_told, chance_true, n=400, seed=1):
     rng, monitor = np.random.default_rng(seed), SurpriseMonitor()
-    told = np.array([1.0 - chance_told, chance_told])
-    return sum(monitor.add(told, int(rng.random() < chance_true)) for _ in range(n))
+    chances = np.array([1.0 - chance_told, chance_told])
+    return sum(monitor.add(chances, int(rng.random() < chance_true)) for _ in range(n))
 
 
 def test_a_right_model_hardly_ever_alarms_and_a_wrong_one_soon_does():

@@ -12,8 +12,8 @@ SETTINGS = {
 
 
 def searcher(mode="on_request", **changes):
-    told = briefing(sensors=(("pid", "nose"), ("anemometer", "vane")), mode=mode)
-    return ReactiveSearcher(told, ReactiveSettings(**(SETTINGS | changes)), RandomStream(1))
+    agent_briefing = briefing(sensors=(("pid", "nose"), ("anemometer", "vane")), mode=mode)
+    return ReactiveSearcher(agent_briefing, ReactiveSettings(**(SETTINGS | changes)), RandomStream(1))
 
 
 def at(tick, place_m=(7.0, 5.0, 2.0), *, ppm=0.0, notice=None, status="holding"):
@@ -34,7 +34,7 @@ def test_holds_are_those_of_the_settings():
     assert searcher().fly_to(at(10), (8.0, 5.0)).hold_s is None
 
 
-def test_the_leash_sends_away_for_some_legs():
+def test_a_stuck_searcher_is_sent_away_for_some_legs():
     flown = searcher()
     for tick in range(5):
         assert not flown.is_away
@@ -95,7 +95,7 @@ def test_it_declares_where_the_gas_ends_upwind_once():
     assert declared[0].declaration.confidence == pytest.approx(0.75)
 
 
-def test_it_declares_nothing_where_it_is_told_not_to_or_where_there_is_no_gas():
+def test_it_declares_nothing_where_it_is_set_not_to_or_where_there_is_no_gas():
     assert legs_around_the_source(searcher(leash_legs=0, declares=False)) == []
     flown = searcher(leash_legs=0)
     assert all(isinstance(flown.ask(at(10 + i)), Contact) for i in range(40))

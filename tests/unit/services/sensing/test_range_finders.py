@@ -34,7 +34,7 @@ def test_a_single_beam_goes_where_it_points(make_room):
     assert read(make_room(), "range_finder", slanted).values == pytest.approx((1.5 * math.sqrt(2),))
 
 
-def test_nothing_in_range_is_the_longest_range_and_told(make_room):
+def test_nothing_in_range_is_the_longest_range_and_reported(make_room):
     reading = read(make_room(), "range_finder", {"max_range_m": 4.0, "noise_std": 0.1})
     assert (reading.values, reading.is_saturated) == ((4.0,), True)
     one_of_four = read(make_room(), "four_range_finders", {"max_range_m": 4.0})

@@ -11,12 +11,12 @@ from gslcosim.search.learned.policies.policy import PolicyError
 from gslcosim.search.learned.policies.policy_files import CARD, load_policy, read_policy_card, save_policy
 
 
-def changed(path, *, told=None, drop=(), **arrays):
+def changed(path, *, card_changes=None, drop=(), **arrays):
     """Write a file again with changes."""
     with np.load(path) as file:
         entries = {name: file[name] for name in file.files if name not in drop}
-    if told is not None:
-        entries[CARD] = np.array(json.dumps({**json.loads(str(entries[CARD])), **told}))
+    if card_changes is not None:
+        entries[CARD] = np.array(json.dumps({**json.loads(str(entries[CARD])), **card_changes}))
     np.savez(path, **{**entries, **arrays})
     return path
 
@@ -44,7 +44,7 @@ def test_the_same_policy_makes_the_same_bytes(tmp_path):
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
 
 
-def test_a_corrupt_file_is_told_and_runs_nothing(tmp_path):
+def test_a_corrupt_file_is_reported_and_runs_nothing(tmp_path):
     path = tmp_path / "p.npz"
     with pytest.raises(PolicyError, match=r"expected the file of a policy, was none there\.\nFile: .*p\.npz"):
         load_policy(path)
@@ -78,7 +78,7 @@ def test_a_corrupt_file_is_told_and_runs_nothing(tmp_path):
         ({CARD: np.array("[]")}, "card: expected a block, was a list"),
     ],
 )
-def test_what_is_wrong_with_an_entry_is_told(tmp_path, changes, words):
+def test_what_is_wrong_with_an_entry_is_reported(tmp_path, changes, words):
     save_policy(tmp_path / "p.npz", gru(), {})
     with pytest.raises(PolicyError, match=words):
         load_policy(changed(tmp_path / "p.npz", **changes))
@@ -94,13 +94,13 @@ def test_what_is_wrong_with_an_entry_is_told(tmp_path, changes, words):
         (table, {"digits": [{"digit": "level", "observation": "refused", "cuts": [1]}]}, r"of shape \(2, 9\)"),
     ],
 )  # fmt: skip
-def test_wrong_settings_of_a_kind_are_told(tmp_path, make, settings, words):
+def test_wrong_settings_of_a_kind_are_reported(tmp_path, make, settings, words):
     save_policy(tmp_path / "p.npz", make(), {})
     with pytest.raises(PolicyError, match=words):
-        load_policy(changed(tmp_path / "p.npz", told={"settings": settings}))
+        load_policy(changed(tmp_path / "p.npz", card_changes={"settings": settings}))
 
 
-def test_what_cannot_be_saved_is_told(tmp_path):
+def test_what_cannot_be_saved_is_reported(tmp_path):
     with pytest.raises(UsageError, match=r"to end with \.npz, was p\.zip"):
         save_policy(tmp_path / "p.zip", gru(), {})
     with pytest.raises(UsageError, match=r"card: expected other names than schema.*, was kind"):
