@@ -106,7 +106,7 @@ class CollaborativeInfotaxis(Agent):
         return [(end[0], end[1]) for end in ends if end is not None] or [here_m]
 
     def plans_m(self, here_m: Place, time_s: float) -> list[Place]:
-        """Return where the others are going, by what they told last, the nearest first."""
+        """Return where the others are going, by what they reported last, the nearest first."""
         recent = self.team.recent(time_s, PLAN_LASTS_S).values()
         plans_m = [(report.numbers[2], report.numbers[3]) for report in recent if len(report.numbers) >= 4]
         return sorted(plans_m, key=lambda plan_m: math.dist(plan_m, here_m))

@@ -1,6 +1,6 @@
 """Modified GSO: glowworms that find plumes, gather, declare the source, and leave its surroundings to find others.
 
-After Zhang et al., as told in the thesis on GSL-Bench. README.md beside this file has the rules.
+After Zhang et al., as described in the thesis on GSL-Bench. README.md beside this file has the rules.
 """
 
 import math

@@ -95,7 +95,7 @@ class SniffySquad(Agent):
                 self.method.update(report.position_m, is_hit=report.amount == HIT, downwind_rad=downwind_rad)
 
     def roles(self, now: Round) -> dict[str, int]:
-        """Return everyone's role after this round's swaps, by what all have told."""
+        """Return everyone's role after this round's swaps, by what all have reported."""
         reported = {name: now.numbers_of(name) for name in now.names if len(now.numbers_of(name)) == 3}
         roles = settle_roles({name: int(numbers[0]) for name, numbers in reported.items()}, len(self.ladder))
         potentials = {name: numbers[1] for name, numbers in reported.items()}
@@ -106,7 +106,7 @@ class SniffySquad(Agent):
         )
 
     def step(self, observation: Observation, now: Round) -> Command:
-        """Return the leg of a Langevin step; one that ends in something solid or at another robot is drawn anew."""
+        """Return the leg of a Langevin step; one that ends in something solid or at another robot is drawn again."""
         flights, s = self.flights, self.settings
         here_m = observation.position_world_m[:2]
         others_m = [report.position_m[:2] for name, report in now.reports.items() if name != self.name]

@@ -1,4 +1,4 @@
-"""Spiral: a square spiral of stops that begins anew wherever the source seems nearer than before; it needs no wind.
+"""Spiral: a square spiral of stops that begins again wherever the source seems nearer than before; it needs no wind.
 
 After Ferri et al. 2009. README.md beside this file has the rules.
 """
@@ -36,7 +36,7 @@ class Spiral(Agent):
             self.samples.append(min(self.nose.ppm(observation), self.settings.most_ppm))
 
     def decide(self, observation: Observation) -> Command:
-        """Return the next leg: wind out, begin anew, or explore."""
+        """Return the next leg: wind out, begin again, or explore."""
         self.observe(observation)
         contact = self.searcher.ask(observation, aborts=self.spiral is None)
         if isinstance(contact, Command):

@@ -70,7 +70,7 @@ class SurgeSpiral(Agent):
         return SpiralPath(spiral, centre_m, is_free=room.contains, n_skips=s.n_skips)
 
     def wind_out(self, observation: Observation, contact: Contact) -> Command:
-        """Return the next leg of the spiral; where it is blocked begin anew; after it wind out from the last gas."""
+        """Return the next leg of the spiral; where it is blocked begin again; after it wind out from the last gas."""
         while self.spiral is not None:
             place_m = self.spiral.next_place_m()
             if place_m is not None:

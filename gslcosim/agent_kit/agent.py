@@ -70,7 +70,7 @@ class AgentGroup:
     others has come as far; they are sent together, so it does not wait long. A question that comes a second time does
     not wait: what it waited for was lost.
 
-    Observations may arrive twice: the answer is then repeated, not decided anew. An agent that fails among several
+    Observations may arrive twice: the answer is then repeated, not decided again. An agent that fails among several
     leaves the others alone; a single agent's failure is raised.
     """
 
@@ -87,7 +87,7 @@ class AgentGroup:
             agent_type: Makes an agent of its briefing.
             names: The agents, in the order of the scenario.
             send: Sends an agent's answer.
-            leave: Is told who has failed and takes no part any more.
+            leave: Receives the name of an agent that has failed and takes no part any more.
         """
         self._agent_type = agent_type
         self._members = {name: _GroupMember(name) for name in names}

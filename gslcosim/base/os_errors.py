@@ -189,7 +189,7 @@ def format_fault(error: BaseException, trace: str) -> str:
 
     Args:
         error: The error.
-        trace: Its traceback, which is told where the error is nobody's but ours.
+        trace: Its traceback, which is shown where the error is ours alone.
     """
     if isinstance(error, GslCosimError):
         return str(error)

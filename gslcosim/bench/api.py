@@ -28,7 +28,7 @@ def run(
         folder: Where results go; the same call goes on where it stopped.
         jobs: How many worker processes; one for each core if absent.
         only: Which trials, as `--only` has it: `["entry=surge_*", "scenario=gsl_bench_3"]`.
-        report: Is told how it goes.
+        report: Receives progress reports.
 
     Raises:
         ScenarioError: the suite is wrong.

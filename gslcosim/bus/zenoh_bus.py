@@ -57,7 +57,7 @@ class AgentAccount:
 # Rules match when the rule's key includes the message's key, so an agent may subscribe to `**` and still sees only
 # what its egress rule lets through.
 def build_access_control(namespace: str, agents: list[AgentAccount]) -> dict[str, Any]:
-    """Return what Zenoh's router is told: services may do everything, agents what `AgentAccount` says."""
+    """Return the access rules of Zenoh's router: services may do everything, agents what `AgentAccount` says."""
     rules: list[dict[str, Any]] = [
         {
             "id": "everything",
@@ -244,7 +244,7 @@ class ZenohMailbox:
 
     Args:
         session: The member's session.
-        prefix: The namespace with its slash, which keys are told without.
+        prefix: The namespace with its slash, which keys are given without.
         key: What the channel subscribes to.
         wake_key: A key that `key` matches and nobody else uses.
     """
@@ -478,7 +478,7 @@ class ZenohBus:
     ) -> None:
         """Call `handler(key, payload)` for each message; see `Bus`.
 
-        A payload of more than `max_bytes` is not even copied: `on_longer(key, n_bytes)` is told of it instead.
+        A payload of more than `max_bytes` is not even copied: `on_longer(key, n_bytes)` is called instead.
         """
 
         def on_sample(sample: zenoh.Sample) -> None:

@@ -201,7 +201,7 @@ def format_verification(verification: "Verification") -> str:
 
 
 def format_ranking(ranking: "Ranking") -> str:
-    """Return a merged leaderboard: equal ranks where entries cannot be told apart, and who has been verified."""
+    """Return a merged leaderboard: equal ranks where entries cannot be distinguished, and who has been verified."""
     view = ranking.leaderboard["views"][0]
     rows = [
         (

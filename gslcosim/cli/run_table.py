@@ -23,7 +23,7 @@ def collect_rows(folders: Sequence[Path], tell: Callable[[int], None] | None = N
 
     Args:
         folders: Folders of runs, runs, or results.
-        tell: Is told how many have been read, now and then.
+        tell: Receives how many have been read, now and then.
 
     Raises:
         UsageError: a folder is none, or cannot be read.

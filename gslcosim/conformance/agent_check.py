@@ -57,7 +57,7 @@ def find_session_failures(transcript: Transcript, limits: SessionLimits) -> dict
 
 
 def find_ending_failures(transcript: Transcript, limits: SessionLimits) -> dict[str, Failure]:
-    """Return the rules broken after the agent was told the end: `ending` or `exit-code`."""
+    """Return the rules broken after the agent was sent the end: `ending` or `exit-code`."""
     if transcript.end_sent_at_s is None:
         return {}
     sent = "Ending" if transcript.script.variation != "lost link" else "nothing; the link was cut"

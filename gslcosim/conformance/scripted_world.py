@@ -96,7 +96,7 @@ def iter_ticks() -> Iterator[tuple[int, bool]]:
 
 
 def build_briefing(seed: int, needs: Needs | None = None) -> Briefing:
-    """Return what the agent is told first; its seed is the check's. What its method needs is there."""
+    """Return the agent's briefing; its seed is the check's. What its method needs is there."""
     needs = needs or Needs()
     return Briefing(
         tick=0,

@@ -65,7 +65,7 @@ class SessionScript:
     start_s: float = 0.0
 
     def exit_within_s(self, limits: SessionLimits) -> float:
-        """Return how long after it was told the end the agent has to exit [s]."""
+        """Return how long after it was sent the end the agent has to exit [s]."""
         return limits.exit_s + self.start_s
 
 

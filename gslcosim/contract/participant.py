@@ -6,7 +6,7 @@ from typing import Any, Protocol, runtime_checkable
 
 from gslcosim.contract.messages import Message
 
-# Far enough that writers seldom wait for credit, which is told four times in as many ticks.
+# Far enough that writers seldom wait for credit, which is reported four times in as many ticks.
 WINDOW_TICKS = 256
 
 

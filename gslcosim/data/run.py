@@ -247,7 +247,7 @@ class RunData:
 
     @cached_property
     def environment(self) -> Environment:
-        """The room with its occupancy and wind; made anew where it is no longer in the cache, which takes its time.
+        """The room with its occupancy and wind; made again where it is no longer in the cache, which takes its time.
 
         `later_rooms` are those that events make of it.
 

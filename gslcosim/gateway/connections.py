@@ -175,12 +175,12 @@ class ThreadedConnection:
         self._backlog_bytes = 0
         self._lock = threading.Condition()
         self._slots = threading.Semaphore(MAX_UNHANDLED)
-        self._is_over = False  # nothing more is told to the agent
+        self._is_over = False  # nothing more is sent to the agent
         self._is_muted = False  # nothing more is heard from it
         self._is_given_up = False
 
     def open(self, stream: Stream) -> None:
-        """Begin to speak over a stream; what has been told before goes first."""
+        """Begin to speak over a stream; what was sent before goes first."""
         with self._lock:
             self._stream = stream
         threading.Thread(target=self._read_all, args=(stream,), daemon=True).start()
@@ -211,7 +211,7 @@ class ThreadedConnection:
         self._slots.release()
 
     def end(self) -> None:
-        """Let the stream end after what has been told; whatever the agent still says is thrown away."""
+        """Let the stream end after what has been sent; whatever the agent still says is thrown away."""
         with self._lock:
             self._is_over = self._is_muted = True
             self._lock.notify()
@@ -227,7 +227,7 @@ class ThreadedConnection:
         self._on_event("closed", text.encode())
         self._slots.release(MAX_UNHANDLED)
 
-    # Returns what did not fit. An agent that does not read any more may still speak: how that ends is told later.
+    # Returns what did not fit. An agent that does not read any more may still speak: how that ends is reported later.
     def _write(self, stream: Stream, data: bytes) -> bytes:
         try:
             return data[stream.write_now(data) :]
@@ -432,7 +432,7 @@ class Listener:
         Args:
             frame_format: The format of its frames, and already of the one with the token.
             on_admitted: Gets the agent's connection and the whole map of its first frame.
-            on_refused: Is told why a connection was not the agent's.
+            on_refused: Receives why a connection was not the agent's.
         """
         arguments = (frame_format, on_admitted, on_refused)
         threading.Thread(target=self._accept, args=arguments, daemon=True).start()

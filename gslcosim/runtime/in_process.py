@@ -44,7 +44,7 @@ from gslcosim.scenario.models.scenario import AgentSpec
 
 REPORT_EVERY_TICKS = 64
 POLL_PERIOD_S = 0.1
-# Is told every message with its port, in the order in which they are delivered.
+# Receives every message with its port, in the order in which they are delivered.
 MessageObserver = Callable[[str, Message], None]
 
 
@@ -135,7 +135,7 @@ class InProcessRun:
         if outcome.is_cut or (self._verdict and outcome.fault is None):
             outcome.digest = self._digest(outcome.ticks_flown)
 
-    # Services begin at the snapshot; agents live through what came before, in the order in which they were told it.
+    # Services begin at the snapshot; agents live through what came before, in the order in which they got it.
     def _go_on(self, is_interrupted: Callable[[], bool]) -> None:
         self._keeping.go_on(self._steppers.values(), self._dataflow)
         for observations in self._setup.snapshot.read_observations() if self._setup.snapshot else ():
@@ -299,8 +299,8 @@ def run_in_process(
         setup: The run.
         directory: The scenario's folder, where relative paths of agents start.
         network: Where agents that attach themselves find their join data.
-        report: Is told how the flight goes.
-        watch: Is told every message, for figures of the flight; it must change none.
+        report: Receives the status of the run.
+        watch: Receives every message, for figures of the flight; it must change none.
 
     Raises:
         UsageError: an agent is neither, or cannot be loaded or started.

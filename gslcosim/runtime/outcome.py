@@ -13,7 +13,7 @@ from gslcosim.scenario import Scenario
 
 
 def build_ending(verdict: Verdict | None) -> Ending:
-    """Return what the agents of a run are told at its end."""
+    """Return the message that ends the agents of a run."""
     if verdict is None:
         return Ending(tick=0, reason="the run was ended")
     return Ending(tick=verdict.tick, reason=verdict.end_reason)

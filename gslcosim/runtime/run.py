@@ -70,7 +70,7 @@ def run_scenario(
         processes: How the run is spread over processes; absent: as the scenario says.
         network: How processes reach the run's router; ignored in one process.
         fork_server: Forks the services; absent: one is started where it is needed.
-        report: Is told how preparation and flight go.
+        report: Receives the status of the run.
         repetition: What is taken over from another run; absent: nothing.
 
     Raises:
@@ -173,7 +173,7 @@ def run_into_directory(
         runs_dir: Where the folder is made.
         processes: How the run is spread over processes.
         began: When it began, by `time.perf_counter` [s].
-        report: Is told how the flight goes.
+        report: Receives the status of the run.
         directory: Where relative paths of agents start.
         origin: What the manifest says of the run that is flown again.
         paced_from_tick: The first tick that keeps the scenario's pace; absent: none.

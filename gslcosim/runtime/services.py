@@ -71,7 +71,8 @@ class ServiceKind:
     in a process that will be this service and nothing else; `follows_agents` ones read what agents command in the same
     tick, and so stand downstream of them.
 
-    `position` orders services from upstream to downstream. `build_briefings` returns what each agent is told before the
+    `position` orders services from upstream to downstream. `build_briefings` returns the briefing of each agent before
+    the
     first tick, for runs that start at a snapshot, in which agents are briefed before the service runs. `repair` makes
     whole what a service that was killed has left in the run's folder; it raises `RecordingError` or `OSError`.
     """

@@ -61,7 +61,7 @@ class RunStatus:
     `state` is `preparing`, `starting`, `flying`, `closing` or `ended`; `fraction` is the share done of the present
     piece of work (absent where nobody knows it); `text` is one short sentence; `is_late` says that this takes longer
     than it should, `is_compiling` that kernels are compiled, which takes a minute in the first run of a version.
-    `participants` may be called on any thread while the flight goes on, and looks then. `run_dir` is told once there is
+    `participants` may be called on any thread while the flight goes on, and looks then. `run_dir` is set once there is
     one, with the state `starting`.
     """
 
@@ -99,14 +99,14 @@ class StatusServer:
     """Server of a run's status: reports pass through it, and a client of its unix socket gets the last one as JSON.
 
     A connection is answered and closed; nothing is read from it. Processes that are confined more than the flight, such
-    as its agents, are only told why they are refused. Where no socket can be made, on Windows or on a full
+    as its agents, only get the reason why they are refused. Where no socket can be made, on Windows or on a full
     disk, the flight goes on without a window.
 
     Args:
         run_dir: The run.
         scenario: What is flown.
         processes: How the run is spread over processes.
-        report: Is told every report, too.
+        report: Receives every report, too.
     """
 
     def __init__(
@@ -151,7 +151,7 @@ class StatusServer:
         self._report(status)
 
     def look(self) -> dict[str, Any]:
-        """Return what somebody who looks now is told."""
+        """Return the status as a client gets it now."""
         status = self._status
         return {
             **self._facts,

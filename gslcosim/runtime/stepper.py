@@ -238,7 +238,7 @@ class Stepper:
         expected = {write.port for write in self.spec.writes if write.announced_in == ONCE}
         self._check(outbox, expected, 0, "reset")
         if self._state_adapter is not None:
-            # What cannot be kept is told now, and not when the first snapshot is due.
+            # What cannot be kept is reported now, and not when the first snapshot is due.
             self._state_of(self._state_adapter)
         return [self._send(port, message) for port, message in outbox.items()]
 

@@ -68,7 +68,7 @@ class TeleopClient(threading.Thread):
             if self._connection is not None:
                 with self._connection:
                     self._fly(self._connection)
-        except Exception as error:  # told by whoever has started the thread, and who may be waiting
+        except Exception as error:  # reported by the caller that has started the thread and may be waiting
             self.failure = error
             _thread.interrupt_main()
 

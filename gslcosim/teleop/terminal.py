@@ -165,7 +165,7 @@ class _History:
 
 @dataclass
 class Dashboard:
-    """Remembers what the agent was told, and lays it out.
+    """Remembers what the agent was sent, and lays it out.
 
     State: curves of all readings with at most three values; the way so far, by cells of the map, with the strongest
     gas reading there.

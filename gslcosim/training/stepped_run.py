@@ -26,7 +26,7 @@ from gslcosim.training.rewards import TaskScale
 
 
 class SteppedTransport:
-    """The link to an agent that is flown by hand; it keeps what the agent has been told, and what it is asked."""
+    """The link to an agent that is flown by hand; it keeps what the agent has been sent, and what it is asked."""
 
     is_lossy = False
 
@@ -110,7 +110,7 @@ class SteppedRun:
         return tuple(name for name, link in self._links.items() if link.questions)
 
     def briefing_of(self, agent: str) -> Briefing:
-        """Return what an agent was told at the start."""
+        """Return the briefing that an agent got at the start."""
         briefing = self._links[agent].briefing
         assert briefing is not None, "a flight that waits for commands has briefed its agents"
         return briefing

@@ -28,7 +28,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 SCENARIO = "warehouse_empty"
 SHORT_S, LONG_S = 20, 200
-# An agent that never finds the source, so that flights last as long as they are told.
+# An agent that never finds the source, so that runs last as long as their limit says.
 SUITE, N_REPETITIONS = "gsl_bench_2023", 10
 BLIND = ["--set", "referee.success.within_m=0.001"]
 LOCKSTEP = [*BLIND, "--set", "agents[0].mode=lockstep"]

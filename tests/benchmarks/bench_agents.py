@@ -41,7 +41,7 @@ def questions() -> Iterator[Observation]:
 
 
 def briefing() -> Briefing:
-    """Return what the agent is told first."""
+    """Return the agent's briefing."""
     return golden_briefing(1).model_copy(update={"agent": AGENT})
 
 

@@ -2,7 +2,7 @@
 
 Each participant is a process of its own and says 200 bytes at each tick to the next one. In the closed loop every tick
 waits for the agent, the last of the five, whom the first one reads; in the open one participants may run ahead. All
-start anew for each figure; starting is left out. gslcosim checks, encodes and digests each message, the others carry
+start again for each figure; starting is left out. gslcosim checks, encodes and digests each message, the others carry
 text as it is. Ratios are medians over the rounds, since only figures of one round have met the same machine.
 
     make bench-peers

@@ -202,7 +202,7 @@ class Vehicle:
         return "flying" if self.targets_m or any(self.velocity_m_s) else "holding"
 
     def is_asked(self, time_s: float) -> bool:
-        """Whether it has done what it was told to."""
+        """Whether it has done what it was asked to."""
         return not self.targets_m and time_s >= self.until_s - 1e-9
 
     def obey(self, command: Command, time_s: float) -> None:

@@ -1,4 +1,4 @@
-"""`make bench-peers`: its own part runs, and what can go wrong is told; HELICS and mosaik are not needed."""
+"""`make bench-peers`: its own part runs, and what can go wrong is reported; HELICS and mosaik are not needed."""
 
 import json
 import subprocess

@@ -241,7 +241,7 @@ def test_random_runs_are_forked(tmp_path, case):
 
 
 def test_both_are_seen_in_one_recording(tmp_path):
-    """Each has its track, its curves and its notes; where they part is told once."""
+    """Each has its track, its curves and its notes; where they part is reported once."""
     from rerun.chunk import RrdReader
 
     past = fly_here(TINY_ROOM, tmp_path / "past", is_recorded=True)

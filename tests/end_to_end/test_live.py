@@ -122,7 +122,7 @@ def test_a_recording_is_served_afterwards(tmp_path):
 
 
 def test_the_page_names_commands_that_work(tmp_path, monkeypatch):
-    """What the page's commands start is served, seen, listed and stopped; windows need a screen, which is told."""
+    """What the page's commands start is served, seen, listed and stopped; windows need a screen, which is reported."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.delenv("DISPLAY", raising=False)

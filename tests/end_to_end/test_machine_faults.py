@@ -136,7 +136,7 @@ def test_a_temporary_directory_that_is_full_is_reported_as_such(tmp_path, monkey
 
 
 def test_a_folder_whose_name_is_no_utf_8_is_a_folder(tmp_path):
-    """As with accents in another locale; Rerun opens no recording there, which is told as such."""
+    """As with accents in another locale; Rerun opens no recording there, which is reported as such."""
     folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/d\xe9"))
     folder.mkdir()
     scenario = folder / "scenario.yaml"
@@ -151,7 +151,7 @@ def test_a_folder_whose_name_is_no_utf_8_is_a_folder(tmp_path):
 
 
 def test_a_working_directory_that_is_gone_is_reported(tmp_path):
-    """Relative paths, such as that of the runs, were told in its place."""
+    """Relative paths, such as that of the runs, came in its place."""
     call = ["sh", "-c", 'mkdir gone; cd gone; rmdir ../gone; "$@"', "sh", *COMMAND, "up", str(TINY_ROOM)]
     ended = subprocess.run(call, capture_output=True, text=True, timeout=PROCESS_S, check=False, cwd=tmp_path)
     assert ended.returncode == 2
@@ -237,7 +237,7 @@ def test_what_a_killed_supervisor_has_left_is_removed_by_the_next_run(tmp_path, 
 
 
 def test_a_suite_whose_recordings_do_not_fit_reports_it(tmp_path):
-    """It was told as another digest."""
+    """It came with another digest."""
     with mounted(tmp_path / "small", "size=700k") as place:
         call = [*COMMAND, "bench", "run", "smoke", "--jobs", "1", "--results", str(place / "results")]
         ended = subprocess.run(call, capture_output=True, text=True, timeout=PROCESS_S, check=False)

@@ -88,7 +88,7 @@ def test_runs_at_the_same_time_never_meet(tmp_path):
 
 
 def test_an_agent_that_fails_at_a_decision_has_one_digest_too(tmp_path):
-    """How a process ended is told in the faults; the run's digest does not depend on it."""
+    """How a process ended is reported in the faults; the run's digest does not depend on it."""
     change = ("--set", f"agents[0].start={{python: {AGENTS / 'giving_up.py'}}}")
     multi = fly(TINY_ROOM, tmp_path / "multi", *change)
     single = fly_here(TINY_ROOM, tmp_path / "single", *change)

@@ -350,7 +350,7 @@ OPENING = "import sys\nkept = [open('/dev/null') for _ in range(100)]"
     ids=["cpu_s", "memory_mb", "n_processes", "n_files"],
 )
 def test_to_reach_a_bound_is_the_agents_fault_with_its_number(tmp_path, program, limits, expected, sandbox):
-    """All that an agent has started counts together; who opens too many files is told so by the system."""
+    """All that an agent has started counts together; who opens too many files is stopped by the system."""
     text = flown_with(tmp_path, program, sandbox, limits)
     if "n_files" in limits:
         text = next(tmp_path.glob("*/logs/agent_beetle.log")).read_text()

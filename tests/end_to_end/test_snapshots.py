@@ -79,7 +79,7 @@ def test_processes_write_snapshots_and_go_on_at_them(tmp_path, scenario, process
 
 @pytest.mark.parametrize("in_process", [True, False])
 def test_the_new_agent_has_lived_through_the_past(past, tmp_path, in_process):
-    """It is told and asked the same as in a fork that repeats the run: so it answers the same."""
+    """It is sent and asked the same as in a fork that repeats the run: so it answers the same."""
     whole = forked(past.run_dir, tmp_path / "whole", 6, "--agent", "infotaxis", "--from-start")
     fork = forked(past.run_dir, tmp_path / "fork", 6, "--agent", "infotaxis", in_process=in_process)
     assert fork.result["fork_of"]["snapshot_tick"] == 60
@@ -97,7 +97,7 @@ def test_programs_get_past_observations_over_both_transports(past, tmp_path, doo
 
 
 def test_what_a_fork_changes_is_not_what_the_snapshot_remembers(past, tmp_path):
-    """The time limit and how it is recorded are the fork's; what it is granted is told in its briefing."""
+    """The time limit and how it is recorded are the fork's; what it is granted is given in its briefing."""
     changes = ("--agent", str(AGENTS / "holding.py"), "--set", "referee.stop.time_limit_s=12")
     more = ("--set", "recording.gas_every_s=0.5", "--set", "agents[0].seed=3")
     whole = forked(past.run_dir, tmp_path / "whole", 9, *changes, *more, "--from-start")

@@ -162,7 +162,7 @@ class Partial:
         self.is_new = not self.done
 
     def begin(self) -> None:
-        """Write the file anew, with what is known."""
+        """Write the file again, with what is known."""
         self._path.parent.mkdir(parents=True, exist_ok=True)
         lines = [json.dumps(vars(done)) for done in self.done.values()]
         self._path.write_text("\n".join([self._key, *lines]) + "\n", encoding="utf-8")
@@ -211,7 +211,7 @@ def prepare_cache(*, is_new: bool) -> None:
 
 
 def compute_all(jobs: Sequence[Job], *, tell: Callable[[Done], None]) -> list[Done]:
-    """Compute jobs with two workers; `tell` is told of each as it ends.
+    """Compute jobs with two workers; `tell` is called for each as it ends.
 
     Raises:
         KeyboardInterrupt: after the jobs under way have ended.

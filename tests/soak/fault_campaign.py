@@ -267,7 +267,7 @@ def _judge(trial: Trial, ended: Ended, allowed: tuple[str, ...], baseline: dict 
     ended.problems += _recording_problems(trial, ended.outcome)
 
 
-# At the end an agent may be gone already, which is told and changes nothing.
+# At the end an agent may be gone already, which is reported and changes nothing.
 def _is_as(result: dict, baseline: dict, exit_code: int, culprit: str, faults: list[dict]) -> bool:
     same = ("valid", "end_reason", "digest", "ticks")
     is_same = exit_code == baseline["exit_code"] and all(result.get(key) == baseline[key] for key in same)

@@ -21,7 +21,7 @@ from gslcosim.bench.execution.preparation import Progress, build_map, prepare_ro
 from gslcosim.bench.execution.trial import EnvironmentCache, record_trial, run_trial
 from gslcosim.runtime.processes.children import StopDetector, describe_stop, is_stopped_itself
 
-# How long to wait before a person is told again how things stand.
+# How long to wait before a person gets the status again.
 POLL_PERIOD_S = 0.5
 
 Failure = Literal["crashed", "hung", "out_of_memory", "fault"]
@@ -119,7 +119,7 @@ _WORKER = "gslcosim.bench.execution.worker"
 
 
 def n_cores() -> int:
-    """Return how many cores this process may use: as many workers as there are unless told otherwise."""
+    """Return how many cores this process may use: as many workers as there are unless set otherwise."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

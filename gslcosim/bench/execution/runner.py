@@ -115,7 +115,7 @@ class SuiteRun:
             start_pool: Starts the workers; not called when there is nothing to fly.
             selection: Which of the plan's trials.
             flies_failures_again: Whether trials without result are flown again.
-            report: Is told how it goes.
+            report: Receives progress reports.
         """
         self._plan = plan
         self._folder = folder

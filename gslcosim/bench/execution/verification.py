@@ -47,7 +47,7 @@ class Verification:
 
 
 class RepeatableResults:
-    """A results folder whose flights can be flown again: its suite planned anew, its rows by trial."""
+    """A results folder whose flights can be flown again: its suite planned again, its rows by trial."""
 
     def __init__(self, folder: ResultsFolder) -> None:
         """Read the folder.
@@ -110,7 +110,7 @@ def verify_trials(
         again: The folder; nothing is written to it.
         trials: Which of its flights.
         pool: Who flies.
-        report: Is told how many of how many are done.
+        report: Receives how many of how many are done.
         is_trusted: Whether programs are started as the suite says; otherwise all of them are in a sandbox.
 
     Raises:

@@ -22,7 +22,7 @@ class LeaderboardRow:
     """An entry's row: its rank, and its figures over the flights with gas.
 
     Attributes:
-        rank: From 1 on; entries that share it have not been told apart.
+        rank: From 1 on; entries that share it cannot be distinguished.
         score: Interquartile mean over cases of the mean q of each: that of single flights is 0 below 25 % success.
         normalised: (score - walker) / (oracle - walker), both anchors taken as they are; undefined without them.
         success: Share of flights.

@@ -36,7 +36,8 @@ class ReportEntry:
     Attributes:
         anchor: `lower` (the oracle), `upper` (the walker) or empty.
         submission: Of merged results, the folder that its flights are of; else empty.
-        is_verified: Of merged results, whether a sample of its flights came out the same here; None where that is told
+        is_verified: Of merged results, whether a sample of its flights came out the same here; None where that is
+        reported
             of all flights together.
     """
 

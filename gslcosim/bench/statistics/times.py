@@ -223,7 +223,7 @@ def expected_running_time(
     seed: Seed = SEED,
     n_draws: int = N_DRAWS,
 ) -> Estimate:
-    """Return the time to the source if one starts anew after each failure [s]; infinite without success.
+    """Return the time to the source if one starts again after each failure [s]; infinite without success.
 
     ERT = sum of all run times, failed ones included / number of successes
 

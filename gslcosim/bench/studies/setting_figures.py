@@ -92,7 +92,7 @@ def paired_p_value(a: SettingRuns, b: SettingRuns) -> float:
     return sign_flip(a.score, b.score, clusters=a.clusters)
 
 
-# Draws from equal values are all equal: that is no certainty, so no interval is told.
+# Draws from equal values are all equal: that is no certainty, so no interval is reported.
 def _with_spread(estimate: Estimate, values: NDArray[np.float64]) -> Estimate:
     return estimate if values.size and np.ptp(values) > 0.0 else replace(estimate, low=math.nan, high=math.nan)
 

@@ -65,7 +65,7 @@ def split_budget(flights: int, per_setting: int | None = None) -> Budget:
 
     Args:
         flights: All flights.
-        per_setting: Flights of each setting, if told.
+        per_setting: Runs of each setting, if given.
 
     Raises:
         UsageError: it is too small for the default, one other setting, and their validation.
@@ -180,7 +180,7 @@ class TuningProgress:
 class Tuner:
     """One call of `gslcosim tune`: asks, flies, tells; then validates.
 
-    It always begins at the first batch. The search is drawn anew by its seed, and flights that are in the folder are
+    It always begins at the first batch. The search is drawn again by its seed, and flights that are in the folder are
     not flown again, so that an interrupted call goes on where it stopped and ends as if it had not been interrupted.
     """
 
@@ -205,8 +205,8 @@ class Tuner:
             seed: Of the search, and part of the seeds of all its flights.
             folder: Where everything is kept.
             start_pool: Starts the workers; not called when there is nothing to fly.
-            report: Is told how flights go.
-            tell: Is told how the search stands, after each batch.
+            report: Receives the status of the run.
+            tell: Receives how the search stands, after each batch.
         """
         self._subject = subject
         self._ranges = tuple(ranges)
@@ -273,7 +273,7 @@ class Tuner:
         )
         return training, validation
 
-    # Batches are of one size and told in order, so that nothing depends on which flight was over first.
+    # Batches are of one size and given in order, so that nothing depends on which flight was over first.
     def _search(self, search: OptunaSearch, runner: SettingRunner) -> int:
         new = [Setting(name=DEFAULT, parameters={})]
         names = {self._default_values(): DEFAULT}

@@ -76,7 +76,7 @@ def get_message_name(port: str) -> str | None:
 def build_check_briefing(
     hello: ParticipantHello, seed: int, parameters: Mapping[str, ParameterValue]
 ) -> ParticipantBriefing:
-    """Return what a participant is told first."""
+    """Return the briefing of a participant."""
     return ParticipantBriefing(
         tick=0,
         participant=PARTICIPANT_NAME,
@@ -358,7 +358,7 @@ class ParticipantSession:
             return answering.failure("encoding", sent, "a frame with ParticipantOutputs", str(error))
         played.slowest_s = max(played.slowest_s, time.monotonic() - asked_s)
         if _read_tick(payload) in played.answers and exchange.comes_within(self._limits.settle_s):
-            # It was on its way when the inputs were told, and their answer comes behind it.
+            # It was on its way when the inputs were sent, and their answer comes behind it.
             return self._one_more(answering, sent)
         answers, failure = find_outputs_failure(answering, payload, message.tick, hello.writes)
         if answers is not None:

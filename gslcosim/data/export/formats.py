@@ -25,7 +25,7 @@ def extract_run(
         folder: Where; a new folder or an empty one.
         to: `parquet` and `csv` write a table for each stream and a dictionary of all columns; `mcap` and `rosbag2`
             write messages of ROS 2.
-        progress: Is told what is being written.
+        progress: Receives what is being written.
 
     Returns:
         The files that were written.

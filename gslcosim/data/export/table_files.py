@@ -27,7 +27,7 @@ def write_tables(
         run: What to write.
         folder: Where; it exists.
         to: The format.
-        progress: Is told the name of each table before it is written.
+        progress: Receives the name of each table before it is written.
 
     Returns:
         What was written.

@@ -36,7 +36,7 @@ def record_from_tick(
 ) -> None:
     """Write a copy of a recording that opens at a tick.
 
-    The viewer has no other way to be told where its cursor stands than to play a selection, or to follow the end.
+    The viewer has no other way to learn where its cursor stands than to play a selection, or to follow the end.
 
     Args:
         recording: A run's recording.
@@ -130,7 +130,7 @@ _AGENT_ENTITIES = (
     entities.RESPONSE_PLOTS, entities.WIND_PLOTS, entities.DISTANCE_PLOTS, entities.BELIEF_PLOTS,
     entities.TRACKING_PLOTS, entities.DECISION_PLOTS, entities.ON_BOARD_PLOTS,
 )  # fmt: skip
-# What stands still and is not drawn anew.
+# What stands still and is not drawn again.
 _COPIED_STATIC_ENTITIES = (entities.BELIEFS, entities.SLICES)
 # Where lines across the curves say that runs part.
 _MARKED_PLOTS = (entities.GAS_PLOTS, entities.DISTANCE_PLOTS)

@@ -170,7 +170,7 @@ class LiveViewer:
 
     Args:
         kind: A window of this machine's screen, or a page for a browser of this machine.
-        on_address: Is told, on a thread of the viewer's, where a browser finds the page; there is one once the viewer
+        on_address: Receives, on a thread of the viewer's, where a browser finds the page; there is one once the viewer
             has something to show.
         prefix: What precedes the viewer's command line, for example so that it ends with this process.
 

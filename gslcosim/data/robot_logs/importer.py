@@ -130,7 +130,7 @@ def _hash_of(source: Path) -> str:
 
 @dataclass
 class _Retold:
-    """A log told again as the messages of a run."""
+    """A log replayed as the messages of a run."""
 
     log: RobotLog
     setup: RunSetup

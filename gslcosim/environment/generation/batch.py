@@ -90,7 +90,7 @@ def generate_many(
     Args:
         orders: What to make.
         jobs: How many processes make them; with 1 it is this one.
-        report: Is told what is being done and how much of it all is over, from 0 to 1.
+        report: Receives what is being done and how much of it all is over, from 0 to 1.
 
     Returns:
         An outcome for each order, in their order.

@@ -26,7 +26,7 @@ def prepare_variants(
     Args:
         scenario: Its `events`, `environment` and `wind`.
         scenario_dir: What relative paths are relative to; the working directory if absent.
-        progress: Is told what is being done; only when there is work.
+        progress: Receives what is being done; only when there is work.
 
     Raises:
         GslCosimError: one cannot be made; see `prepare_environment`.

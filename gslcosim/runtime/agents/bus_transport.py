@@ -39,7 +39,7 @@ class BusTransport:
         self._received_bytes = 0
         self._handled_bytes = 0
         self._has_told = False
-        # While nobody else writes what the agent is told, because it lies before the tick at which the run goes on.
+        # While nobody else writes what the agent is sent, because it lies before the tick at which the run goes on.
         self.is_writer = False
 
     def listen(self) -> None:
@@ -103,7 +103,7 @@ class AgentHost:
     Args:
         session: The agent's session.
         bus: The supervisor's connection.
-        on_resent: Is told, on any thread, an observation that was asked for again.
+        on_resent: Receives, on any thread, an observation that was asked for again.
         more_ticks: For so many ticks more commands are kept for who has missed them.
     """
 

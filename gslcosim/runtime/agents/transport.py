@@ -166,7 +166,7 @@ class WorkerThread:
         self._has_begun = False
 
     def do(self, task: Callable[[], None]) -> None:
-        """Let the thread do something after all that it was told before."""
+        """Let the thread do something after all that it was given before."""
         if not self._has_begun:
             self._has_begun = True
             self._thread.start()

@@ -51,7 +51,7 @@ class SubscriberBarrier:
         self._deadline_s: float | None = None
 
     def watch(self, bus: Bus, on_came: Callable[[str], None]) -> None:
-        """Let `on_came` be told, on any thread, who is there."""
+        """Let `on_came` be called, on any thread, for each one that is there."""
         for name in self._names:
             bus.watch_alive(
                 protocol.build_liveliness_key(name), lambda _, is_alive, name=name: on_came(name) if is_alive else None
@@ -244,7 +244,7 @@ class ParticipantRunner:
 
     # Who has missed how far its readers are, or did not live yet when they told it, would wait for ever.
     def query_readers(self, put: Callable[[bytes], None]) -> None:
-        """Ask those whose credit it lacks how far they are; `put` is told, on any thread."""
+        """Ask those whose credit it lacks how far they are; `put` is called, on any thread."""
         for reader in self.gate.lacking_credit():
             if reader in self.outer_readers:
                 self._bus.ask(protocol.build_finished_key(reader), b"", lambda _, payload: put(payload))

@@ -45,7 +45,7 @@ def run_distributed(
         setup: The run.
         directory: The scenario's folder, where relative paths of agents start.
         network: How processes reach the run's router.
-        report: Is told how the flight goes.
+        report: Receives the status of the run.
         groups: The services of each process.
         fork_server: Forks the services, if there is one already.
     """

@@ -58,9 +58,9 @@ class StatusReporter:
     """Reporter of a run's status: not too often, but each state at once.
 
     Args:
-        report: Is told the status.
+        report: Receives the status.
         tick_ns: How long a tick is.
-        participants: Looks at the participants, for whoever is told the status.
+        participants: Looks at the participants, for the receiver of the status.
     """
 
     def __init__(

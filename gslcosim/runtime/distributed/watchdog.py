@@ -45,7 +45,7 @@ class Watchdog:
         Args:
             process: Its name.
             now_s: The time.
-            begin: Is told the last tick that all its services have finished, and starts it where that is wanted.
+            begin: Receives the last tick that all its services have finished, and starts it where that is wanted.
         """
         services = [name for name, its in self._process_of.items() if its == process]
         if all(name in self._byes for name in services):
@@ -172,7 +172,7 @@ class RestartPolicy:
     Args:
         scenario: Says whether services are started again.
         groups: The services of each process.
-        start: Starts the process of a group, and is told how it ended.
+        start: Starts the process of a group, and gets how it ended.
     """
 
     scenario: Scenario

@@ -280,7 +280,7 @@ class ExternalCore:
         self._answers_hash = b""
 
     def reset(self, episode: Episode) -> Outbox:
-        """Start the program anew, hear its hello and tell it its briefing."""
+        """Start the program again, hear its hello and tell it its briefing."""
         self.close()
         self._wind, self._past, self._answers_hash = None, [], b""
         program = self._program = ParticipantProgram(self._own, self._setup)

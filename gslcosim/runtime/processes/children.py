@@ -80,7 +80,7 @@ class ProcessLog:
 
     def _copy(self) -> None:
         n_kept = n_dropped = 0
-        # A disk without room costs the log, not the flight: what the run needs itself is told by who writes it.
+        # A disk without room costs the log, not the flight: what the run needs itself is reported by its writer.
         with contextlib.suppress(OSError):
             while data := os.read(self._from, _LOG_READ_BYTES):
                 kept = data[: self._most_bytes - n_kept]
@@ -106,7 +106,7 @@ EXIT_TIMEOUT_S = 3.0
 TERM_TIMEOUT_S = 2.0
 # A descendant that has left the process group may hold its output open for ever.
 LOG_TIMEOUT_S = 0.5
-# What a process of a run is told in its environment.
+# What a process of a run gets in its environment.
 JOIN_VARIABLES = (JOIN_VARIABLE, "GSLCOSIM_AGENT", "GSLCOSIM_GATEWAY", "GSLCOSIM_TOKEN")
 
 
@@ -150,7 +150,7 @@ class ChildProcesses:
     """All processes that the supervisor has started; leaving the context ends them.
 
     Args:
-        on_exit: Is told a process that has ended, its exit code, and in words how it ended, on a thread of its own.
+        on_exit: Receives a process that has ended, its exit code, and in words how it ended, on a thread of its own.
     """
 
     def __init__(self, on_exit: Callable[[str, int, str], object]) -> None:
@@ -420,7 +420,7 @@ class StopMonitor:
 
     Args:
         pids: Returns the processes by name; 0 stands for one that has not begun.
-        on_stopped: Is told a name, on the watch's thread.
+        on_stopped: Receives a name, on the watch's thread.
     """
 
     def __init__(self, pids: Callable[[], Mapping[str, int]], on_stopped: Callable[[str], object]) -> None:

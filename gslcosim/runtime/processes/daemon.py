@@ -68,7 +68,7 @@ def serve_daemon(fly: CommandRunner, *, announce: Callable[[Path], None]) -> Non
 
     Args:
         fly: Flies a command line with a fork server, and returns its exit code; called in a fork.
-        announce: Is told the socket as soon as it is listened at.
+        announce: Receives the socket as soon as it is listened at.
 
     Raises:
         UsageError: there is a server already, or its folder belongs to others.

@@ -34,7 +34,7 @@ def get_daemon_socket() -> Path:
 
 
 def get_daemon_secret_file() -> Path:
-    """Return the file with what a caller has to know; it is made anew by each server, and hidden from sandboxes."""
+    """Return the file with what a caller has to know; it is made again by each server, and hidden from sandboxes."""
     return get_daemon_folder() / "secret"
 
 

@@ -49,7 +49,7 @@ class ForkedProcess:
 
     @property
     def pid(self) -> int:
-        """Its number, 0 until the server has told it."""
+        """Its number, 0 until the server has sent it."""
         return self._pid
 
     def poll(self) -> int | None:
@@ -228,7 +228,7 @@ class ForkServer:
             directory: Where its relative paths start.
 
         Returns:
-            The fork; None where the server has ended, which whoever asks for a service is told.
+            The fork; None where the server has ended, which the caller is informed of.
         """
         from gslcosim.runtime.windless_warmup import build_warmup_request
 

@@ -82,7 +82,7 @@ def exit_fork(code: int) -> NoReturn:
     os._exit(code)
 
 
-# A service without a log can fly; what ends it is told over the bus.
+# A service without a log can fly; what ends it is reported over the bus.
 def _redirect_output(log: str) -> None:
     nothing = os.open(os.devnull, os.O_RDWR)
     try:
@@ -152,7 +152,7 @@ def _preforked_main(
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         for fd in unwanted:
             os.close(fd)
-        # What cannot be imported is told by the service that needs it, in its log.
+        # What cannot be imported is reported by the service that needs it, in its log.
         with contextlib.suppress(Exception):
             import_early()
         request = b""

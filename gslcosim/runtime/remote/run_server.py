@@ -37,7 +37,7 @@ class SoftwareVersions(BaseModel):
     """Versions that have to be equal on all hosts of a run, so that it has the digest that it has on one.
 
     `code` is a hash of gslcosim's own code without comments and layout, `contract` that of the messages. `processor`
-    is told and not compared: on another one the last bits of a result may be others.
+    is reported and not compared: on another one the last bits of a result may be others.
     """
 
     model_config = ConfigDict(frozen=True, extra="ignore")
@@ -313,7 +313,7 @@ def fetch_environment(bus: Bus, offer: OfferedEnvironment, say: ProgressHandler)
     Args:
         bus: The connection to the run.
         offer: What it offers.
-        say: Is told how far it has come.
+        say: Receives how far it has come.
 
     Raises:
         RunTimeoutError: a piece does not come.

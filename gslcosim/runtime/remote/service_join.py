@@ -54,7 +54,7 @@ def join_as_services(
         join: How to join the run.
         names: The services.
         runs_dir: Where a folder for what this host writes is made; where the run's own folder is here too, in that.
-        say: Is told how it goes.
+        say: Receives progress reports.
         is_trusted: Whether programs that the run's scenario names are started here, for its own models.
 
     Raises:
@@ -64,7 +64,7 @@ def join_as_services(
         SimulationFault: it cannot be joined.
     """
     keep_memory_private()
-    # Who ends this process otherwise than by Ctrl-C is told of in the same way.
+    # Who ends this process otherwise than by Ctrl-C is reported in the same way.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with ZenohBus.open_member(join) as bus:
         offer = fetch_offer(bus)

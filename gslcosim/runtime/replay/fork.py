@@ -69,7 +69,7 @@ def _list_sources_closed_at_start(scenario: Scenario) -> set[int]:
     return {source for source, is_start in firsts.items() if is_start}
 
 
-# Processes of agents, what they are told and set to, and what is written: none of it is in a message of the past.
+# Processes of agents, what they are sent and set to, and what is written: none of it is in a message of the past.
 _CHANGEABLE_AGENT_KEYS = "start|parameters|knows|seed|answer_within_s|sandbox|limits|may_read|may_write|environment"
 _CHANGEABLE_PATTERN = re.compile(
     rf"agents\[\d+\]\.({_CHANGEABLE_AGENT_KEYS})\b.*|(recording|snapshots|restart|processes)\b.*|pace|name"
@@ -249,7 +249,7 @@ def run_fork(
         runs_dir: Where the new run's folder is made.
         processes: How the run is spread over processes; absent: as the scenario says.
         fork_server: Forks the services; absent: one is started where it is needed.
-        report: Is told how preparation and flight go.
+        report: Receives the status of the run.
 
     Raises:
         GslCosimError: it cannot be flown at all; see `run_scenario`.
@@ -301,7 +301,7 @@ def _check_agents(fork: Fork) -> None:
             )
 
 
-# What agents are told may be other, and what is recorded; everything else was to be the same.
+# What agents are sent may be other, and what is recorded; everything else was to be the same.
 def _find_past_divergence(fork: Fork, run_dir: RunDir) -> Divergence | None:
     if fork.past.digest is None or not run_dir.digest.is_file():
         return None

@@ -291,7 +291,7 @@ class StateReader:
         self._fill(node, value, found)
         return ["n", index]
 
-    # One that was made anew in the same place, of settings alone, does the same.
+    # One that was made again in the same place, of settings alone, does the same.
     def _known_function(self, value: FunctionType) -> str | None:
         found = self._known.at("".join(self._path))
         if found is None or getattr(found.value, "__code__", None) is not value.__code__:
@@ -372,7 +372,7 @@ class StateReader:
         if before is not None and (gone := [name for name in before if name not in attributes]):
             node["g"] = gone
 
-    # Views are told as such: what they share goes on being shared, and kernels are compiled for how they lie.
+    # Views are stored as such: what they share goes on being shared, and kernels are compiled for how they lie.
     def _fill_array(self, node: Node, value: "np.ndarray[Any, Any]", found: BaselineEntry | None) -> None:
         if value.dtype.hasobject:
             raise self._cannot_keep(value)

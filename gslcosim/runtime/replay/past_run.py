@@ -147,7 +147,7 @@ def read_recorded_commands(path: Path) -> dict[str, dict[int, Command]]:
 
 
 def find_environment(past: PastRun, report: Callable[[RunStatus], None]) -> Path:
-    """Return the folder of the room in which a run was flown, made anew where it is gone.
+    """Return the folder of the room in which a run was flown, made again where it is gone.
 
     Raises:
         EnvironmentDataError: the room is not the one that was flown in.
@@ -156,7 +156,7 @@ def find_environment(past: PastRun, report: Callable[[RunStatus], None]) -> Path
     try:
         environment = load_environment(folder)
     except EnvironmentDataError:
-        # It was in the cache, and is made anew.
+        # It was in the cache, and is made again.
         folder = prepare_environment(
             past.scenario,
             scenario_dir=past.run_dir.path,

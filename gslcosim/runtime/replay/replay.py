@@ -72,7 +72,7 @@ class RecordedTransport:
         self._put = put
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
-        """Do nothing: nobody decides anew."""
+        """Do nothing: nobody decides again."""
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
         """Answer where the agent was asked."""
@@ -119,7 +119,7 @@ def replay_run(
         until_s: Where to end [s of simulated time]; absent: where the run ended.
         snapshots_every_s: Take snapshots so often; absent: as the run did.
         uses_snapshots: Whether it may begin at a snapshot before `recording.from_s`, where there is one.
-        report: Is told how preparation and flight go.
+        report: Receives the status of the run.
 
     Raises:
         UsageError: it was flown elsewhere, it cannot be recorded like that, or the end is none of the run's.

@@ -284,7 +284,7 @@ def find_nearest_snapshot(
 
     Args:
         run_dir: The run's folder.
-        scenario: The run's; what its agents were told must be there too.
+        scenario: The run's; what its agents were sent must be there too.
         participants: Those whose parts it takes.
         until_tick: The tick.
     """

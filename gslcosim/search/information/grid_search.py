@@ -145,7 +145,7 @@ class GridSearch:
         """Begin with an even belief over free cells, and rehearse a decision so that nothing compiles in flight.
 
         Args:
-            briefing: What the agent is told.
+            briefing: The agent's briefing.
             settings: The method's settings.
             costs: Cost of each place of an outlook; the least is best.
             dimensions: 2 searches at the briefing's search height, 3 in the volume.

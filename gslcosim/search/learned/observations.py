@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gslcosim.agent_kit import Briefing, Observation, Reading
 from gslcosim.contract.messages import SensorDescription
 
-# Rays of a lidar are told as the nearest range in so many sectors of the same width.
+# Rays of a lidar are reported as the nearest range in so many sectors of the same width.
 N_SECTORS = 16
 
 # Scales: what is shown as 1, or as tanh 1.

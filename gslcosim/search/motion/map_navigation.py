@@ -72,7 +72,7 @@ class StopRecorder:
         """Begin without findings; the first gas sensor and the first anemometer are used.
 
         Args:
-            briefing: What the agent is told.
+            briefing: The agent's briefing.
             threshold_ppm: What counts as gas, for sensors in ppm.
             every_s: How long the span of one finding is [s].
         """
@@ -95,7 +95,7 @@ class StopRecorder:
             self._findings.append(finding)
 
     def stop(self, observation: Observation) -> Stop:
-        """Return what was measured here, and begin anew."""
+        """Return what was measured here, and begin again."""
         self.add(observation)
         findings, self._findings = self._findings, []
         here_m = observation.position_world_m

@@ -91,7 +91,7 @@ class PlumeContactDetector:
             self._hits_m.append(self._last_m)
 
     def contact(self, observation: Observation) -> Contact:
-        """Return what is known now, and begin to collect hits anew."""
+        """Return what is known now, and begin to collect hits again."""
         self.add(observation)
         measured = self._hold.measured()
         if measured is not None and measured.wind is not None:

@@ -122,7 +122,7 @@ def temperature_ladder(n: int, coldest: float, hottest: float) -> tuple[float, .
 
 
 def settle_roles(claimed: Mapping[str, int], n_roles: int) -> dict[str, int]:
-    """Return a role for each robot, no two the same: what it told where that is free, else the lowest that is left.
+    """Return a role for each robot, no two the same: what it reported where that is free, else the lowest that is left.
 
     Args:
         claimed: Which role each robot says it has; names decide in sorted order who keeps one that two claim.
@@ -153,7 +153,8 @@ def swap_roles(
     Args:
         roles: Which rung of the ladder each robot has.
         potentials: The potential at each robot's place.
-        fractions: A number uniform in [0, 1) that each robot has drawn and told; that of the pair's first name decides,
+        fractions: A number uniform in [0, 1) that each robot has drawn and reported; that of the pair's first name
+        decides,
             so all who have heard it come to the same.
         ladder: The temperatures, from cold to hot.
         is_odd: Which pairs it is the turn of.

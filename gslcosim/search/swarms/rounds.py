@@ -54,7 +54,7 @@ class Round:
 
     @property
     def mean_wind_m_s(self) -> tuple[float, float]:
-        """The mean of the winds that were told; zero where none was."""
+        """The mean of the winds that were reported; zero where none was."""
         winds = [report.wind_m_s for report in self.reports.values() if report.wind_m_s is not None]
         if not winds:
             return 0.0, 0.0
@@ -104,14 +104,14 @@ class Rounds:
         """Join the team on the first channel of a briefing.
 
         Args:
-            briefing: What the agent is told.
+            briefing: The agent's briefing.
             nose: What the gas is read with.
             vane: What the wind is read with.
             amount: Gives the gas of a measurement, for the reports; by default its mixing ratio.
             timeout_s: How long a silent robot is waited for [s].
             first_timeout_s: The same in the first round, in which all take off [s].
-            wait_s: How long a wait lasts before the report is told again [s].
-            n_calls: How often a report is told at least.
+            wait_s: How long a wait lasts before the report is sent again [s].
+            n_calls: How often a report is sent at least.
             window_s: Over how long a robot that stays where it is averages what it reads [s].
         """
         self.team = Team(briefing)
@@ -148,7 +148,7 @@ class Rounds:
     def complete(
         self, observation: Observation, numbers: Sequence[float] = (), *, best: ReportedBest | None = None
     ) -> Round | None:
-        """Return the round's reports once all that are not lost have told; None as long as there is to wait.
+        """Return the round's reports once all that are not lost have reported; None as long as there is to wait.
 
         A round is returned once; the next call begins the next one with what the vehicle reads then.
 
@@ -218,7 +218,7 @@ class Rounds:
 
 
 def round_to_sent_digits(report: Report, team: Team) -> Report:
-    """Return a report with the digits in which the others hear it; as it is where it cannot be told.
+    """Return a report with the digits in which the others hear it; as it is where it cannot be sent.
 
     Where not everything fits, the best place goes before the wind: the others know of best places themselves.
     """

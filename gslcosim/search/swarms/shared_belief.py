@@ -138,7 +138,7 @@ class SharedBelief:
             places_m=places, cells_m=self._cells_m, likelihood=likelihood, weight=weight, log_weight=log_weight
         )
 
-    # A late finding moves to its place, and the sums after it are taken anew: the same as if it had come in time.
+    # A late finding moves to its place, and the sums after it are taken again: the same as if it had come in time.
     def _sum_from(self, i: int) -> None:
         places_m = self._places_m()
         for k in range(i, len(self._known)):

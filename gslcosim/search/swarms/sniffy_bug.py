@@ -209,7 +209,7 @@ class Bug:
     waypoint was where it met the wall, and where the wall was last seen.
 
     Source:
-        Duisterhof et al. 2021, as told in words; the details of wall following are ours.
+        Duisterhof et al. 2021, as described in words; the details of wall following are ours.
     Held by:
         tests/unit/search/swarms/test_sniffy_bug.py
     """

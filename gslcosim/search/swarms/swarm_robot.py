@@ -153,13 +153,13 @@ class SwarmMember:
             self.own_best = better(self.own_best, self._here(), fades_s=self.settings.fades_s)
 
     def forget(self) -> None:
-        """Forget all bests, its own and those that the others told."""
+        """Forget all bests, its own and those that the others reported."""
         self.own_best = None
         for name in self.team.reports:
             self.forget_best_of(name)
 
     def forget_best_of(self, name: str) -> None:
-        """Forget what another robot told of gas, but not where it is."""
+        """Forget what another robot reported of gas, but not where it is."""
         self.team.reports[name] = replace(self.team.reports[name], amount=0.0, best=None)
 
     def swarm_best(self) -> Sighting | None:
@@ -207,7 +207,7 @@ class SwarmMember:
         )
         return self.team.call(report)
 
-    # In centimetres, as the others are told it: the same best has the same place for all.
+    # In centimetres, as the others get it: the same best has the same place for all.
     def _here(self) -> Sighting:
         x_m, y_m = self._place()
         return Sighting((round(x_m, 2), round(y_m, 2)), self.amount, self.now_s)
@@ -252,7 +252,7 @@ class SwarmRobot(SwarmMember):
         return self.declared(observation, best) or self.leg(observation, self.random_step() if was_refused else step_m)
 
     def give_up(self) -> None:
-        """Begin anew from rest: the last leg could not be flown."""
+        """Begin again from rest: the last leg could not be flown."""
         self.step_m = _NO_STEP
 
     def random_step(self) -> Vector:
@@ -296,7 +296,7 @@ class Particle(SwarmRobot):
         )  # fmt: skip
 
     def give_up(self) -> None:
-        """Begin anew from rest, and with another waypoint."""
+        """Begin again from rest, and with another waypoint."""
         super().give_up()
         self.explorer.forget()
 

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-# Where arrays of different shapes are told by their address, the Python side keeps them alive.
+# Where arrays of different shapes are given by their address, the Python side keeps them alive.
 ROOM = np.dtype(
     [
         ("origin_m", np.float64, (3,)),

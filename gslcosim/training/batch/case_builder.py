@@ -259,7 +259,7 @@ def prepare_cases(
         loaded: At least one scenario, places drawn.
         hold_s: How long a waypoint is held and a velocity kept [s]; absent: as each scenario says.
         flying: One of `FLYING`.
-        report: Is told how many of how many are prepared.
+        report: Receives how many of how many are prepared.
 
     Raises:
         UsageError: a scenario cannot be batched, or its observations are not those of the first.

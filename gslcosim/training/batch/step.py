@@ -223,7 +223,7 @@ def _reset(search, path, gauges, memory, wanders, cases, i_case, seed):
 def fly(rows, how, case_of, seed_of, tasks, vectors, touch, all_cases, searches, works, observations):
     """Fly searches to their next questions or ends, or to where they touch something.
 
-    BEGIN begins them anew, in a case and with a seed; STEP gives those that are asked a task; FINISH ends the tick in
+    BEGIN begins them again, in a case and with a seed; STEP gives those that are asked a task; FINISH ends the tick in
     which one has touched something, when its pose and motion are those of the tick's end, and goes on.
 
     Args:

@@ -15,7 +15,8 @@ from gslcosim.training.trainers.trainer import check_state
 class Evolution:
     """A population whose distribution moves to where costs are low: equal costs, equal generations.
 
-    Its state is the costs that it was told. To resume it asks and is told again, so that it goes on to the same bits.
+    Its state is the costs that it was given. To resume it asks and is given them again, so that it goes on to the same
+    bits.
 
     Args:
         n: How many numbers an individual has.
@@ -65,7 +66,7 @@ class Evolution:
         self._asked = None
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return all costs that were told, (generations, population)."""
+        """Return all costs that were given, (generations, population)."""
         return {"told": np.array(self._costs, np.float64).reshape(-1, self._population)}
 
     def resume(self, state: Mapping[str, NDArray[Any]]) -> None:

@@ -325,7 +325,7 @@ class FarrellWind:
 
 
 class OpenFieldPlume:
-    """Filaments in Farrell's wind, which begins anew with them; see `FilamentSource`."""
+    """Filaments in Farrell's wind, which begins again with them; see `FilamentSource`."""
 
     def __init__(self, plume: FilamentPlume, wind: FarrellWind) -> None:
         self._plume = plume

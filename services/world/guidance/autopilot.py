@@ -89,7 +89,7 @@ class FlightStateMachine:
         """True while the vehicle yields to others where that is needed."""
         return self._vehicle.separation_m > 0 and self.phase == "flying" and self.follower.setpoint is None
 
-    # ------------------------------------------------------------ what it is told to do
+    # ------------------------------------------------------------ commands
 
     def set_goal(self, goal: Task | None) -> None:
         """Set the task that the following calls carry out."""

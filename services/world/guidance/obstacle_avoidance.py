@@ -22,7 +22,7 @@ _CORNER_SPEED_FRACTIONS = (1.0, 0.5, 0.25)
 # Corners sharper than this are stopped at [rad].
 _MAX_PASSED_TURN_RAD = 2.0
 _MIN_MOVING_SPEED_M_S = 1e-3
-# How many moved places of a mission are told one by one.
+# How many moved places of a mission are reported one by one.
 _MAX_NOTICES = 3
 # Nearer than this two places are the same [m].
 _MIN_DISTANCE_M = 1e-6

@@ -154,7 +154,7 @@ class PathFollower:
     def stop(self, tick: int) -> None:
         """Come to rest as quickly as the limits allow.
 
-        A stop under way is kept: planned anew at every tick it would never end.
+        A stop under way is kept: planned again at every tick it would never end.
         """
         is_stopping = (
             self.target_world_m is None and self.trajectory.end_velocity_world_m_s == AT_REST and self.setpoint is None

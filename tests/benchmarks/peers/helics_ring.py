@@ -29,7 +29,7 @@ def broker_port() -> int:
 
 
 def address(core: str, folder: Path) -> tuple[str, str]:
-    """Return what the broker and what a core is told about where the broker is."""
+    """Return what the broker and what a core are given about where the broker is."""
     if core == "ipc":
         name = f"broker_{folder.name}"
         return f"--local_interface={name}", f"--broker_address={name}"

@@ -16,7 +16,7 @@ from gslcosim.contract import codec
 from gslcosim.training.registration import SEARCH
 from gslcosim.training.search_env import SearchEnv
 
-# Says what it is told by a list of commands, by the tick of the observation.
+# Sends what a list of commands holds, by the tick of the observation.
 SAYER = """
 import json, pathlib
 from gslcosim.agent_kit import Agent, Command, run

@@ -1,4 +1,4 @@
-"""Trainings: the same seed makes the same policy to the bit, interrupted or not; bad input is told at once."""
+"""Trainings: the same seed makes the same policy to the bit, interrupted or not; bad input is reported at once."""
 
 import json
 import shutil

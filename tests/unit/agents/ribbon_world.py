@@ -61,7 +61,7 @@ class Cloud:
 
     def gas_ppm(self, x_m: float, y_m: float, z_m: float, time_s: float) -> float:
         near = 1.0 / (1.0 + (math.hypot(x_m - self.source_m[0], y_m - self.source_m[1]) / self.half_m) ** 2)
-        # A number in [0, 1) that a change of a second or a decimetre makes anew.
+        # A number in [0, 1) that a change of a second or a decimetre makes again.
         chance = math.modf(
             abs(math.sin(12.9898 * round(time_s) + 78.233 * round(10 * x_m) + round(10 * y_m))) * 43758.5
         )

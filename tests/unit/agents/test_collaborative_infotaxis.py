@@ -26,7 +26,7 @@ def findings_of(agent):
 
 @pytest.mark.parametrize("loss_frac", [0.0, 0.3])
 def test_who_knows_the_same_findings_holds_the_same_belief_to_the_bit(loss_frac):
-    """Each has heard them in an order of its own; what one still lacks is told to it at last."""
+    """Each has heard them in an order of its own; what one still lacks is sent to it at last."""
     flight = team(loss_frac=loss_frac)
     flight.fly(25.0)
     agents = agents_of(flight)

@@ -31,7 +31,7 @@ def restarts_told(command) -> float:
 def test_it_begins_again_after_so_many_legs_with_the_same_best():
     agent = made(patience=5, declares=False)
     restarts = [restarts_told(answer(agent, i, ppm=9.0 if i == 0 else 1.0)) for i in range(8)]
-    # The best of the first leg is the same for five legs more; at the sixth all begins anew.
+    # The best of the first leg is the same for five legs more; at the sixth all begins again.
     assert restarts == [0.0] * 5 + [1.0] * 3
 
 

@@ -18,7 +18,7 @@ def made(**parameters) -> Gso:
 
 
 def leg(agent, *, ppm=0.0, heard=(), wind=FROM_WEST, tick=40, place_m=(7.0, 5.0)):
-    """The commanded leg [m], measured after another one, and the luciferin that is told."""
+    """The commanded leg [m], measured after another one, and the luciferin that is sent."""
     question = observation(tick=tick, position_m=(*place_m, 2.0), readings={"nose": ppm, "vane": wind}, heard=heard)
     agent.observe(question.model_copy(update={"tick": tick - 1, "status": "flying", "incoming": ()}))
     agent.observe(question)

@@ -105,7 +105,7 @@ def test_the_trainers_recoveries_are_those_of_the_agent():
     spec.loader.exec_module(kernels)
 
     class Chosen:
-        """Draws that give what they are told."""
+        """Draws that give what they are set to."""
 
         def __init__(self, index, fraction):
             self.index, self.fraction = (lambda n: index), (lambda: fraction)

@@ -39,7 +39,7 @@ def test_more_gas_begins_the_spiral_again_and_less_lets_it_grow():
 
 
 def test_after_more_than_three_misses_half_as_much_gas_is_better():
-    # Misses at 2, 3, 4, 5: at the fourth the best is halved, so that 0.6 is better than 0.5 and the spiral anew.
+    # Misses at 2, 3, 4, 5: at the fourth the best is halved, so that 0.6 is better than 0.5 and the spiral again.
     places = [START_M, *flown(made(), [1.0, 0.0, 0.0, 0.0, 0.0, 0.6])]
     assert legs_m(places)[-1] == pytest.approx(1.0, abs=0.002)
     without = [START_M, *flown(made(parameters={"n_misses": 50}), [1.0, 0.0, 0.0, 0.0, 0.0, 0.6])]

@@ -73,7 +73,7 @@ def test_a_place_that_cannot_be_written_is_reported(tmp_path):
 
 
 def test_where_the_temporary_directory_has_a_long_name_sockets_go_elsewhere(tmp_path, monkeypatch):
-    """Where nothing shorter can be written, that is told in one sentence."""
+    """Where nothing shorter can be written, that is reported in one sentence."""
     long, of_the_user = tmp_path / ("l" * 100), Path(tempfile.mkdtemp(prefix="gsl-test-", dir="/tmp"))
     long.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(long))

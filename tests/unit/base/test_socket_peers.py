@@ -107,7 +107,7 @@ def caller(path, program, **options):
 
 
 def refusal(listener, path, program, *, waits=False, **options):
-    """Return what a caller is told."""
+    """Return what a caller gets."""
     with caller(path, program, **options) as process:
         if waits:
             assert process.stdout.readline() == "ended\n"

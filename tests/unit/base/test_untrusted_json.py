@@ -1,4 +1,4 @@
-"""JSON of others is of the types that were asked for, or is told in one sentence with its place."""
+"""JSON of others is of the types that were asked for, or is reported in one sentence with its place."""
 
 import json
 import os

@@ -26,7 +26,7 @@ def test_keys_match_as_zenohs_do(pattern, key, expected):
 
 
 def test_watchers_learn_of_tokens_old_and_new():
-    """Who watches late is told of who is there, and of everyone who goes."""
+    """A late watcher gets all that are there, and each that goes."""
     hub, seen = InMemoryHub(), []
     early = hub.open()
     early.declare_alive("alive/world")

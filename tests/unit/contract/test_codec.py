@@ -1,4 +1,4 @@
-"""What a participant must not get away with, and what it is told."""
+"""What a participant must not get away with, and what it is sent."""
 
 import msgpack
 import pytest

@@ -1,4 +1,4 @@
-"""However deep an agent nests, it is told what was expected."""
+"""However deep an agent nests, the fault says what was expected."""
 
 import msgpack
 import pytest

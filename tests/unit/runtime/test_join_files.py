@@ -1,4 +1,4 @@
-"""Join files: what is wrong with one is told with the file's name."""
+"""Join files: what is wrong with one is reported with the file's name."""
 
 import json
 

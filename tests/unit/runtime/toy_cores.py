@@ -52,7 +52,7 @@ class ToyCore:
 
 
 class ToyWorld(ToyCore):
-    """Asks at every seventh tick and moves by what it is told."""
+    """Asks at every seventh tick and moves by what it is set to."""
 
     def step(self, tick: int, inbox: Mapping[str, Message]) -> Mapping[str, Message]:
         command = inbox.get(COMMAND)

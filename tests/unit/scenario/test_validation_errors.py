@@ -1,4 +1,4 @@
-"""Wrong values and keys: each is told once, with place, expected, found and remedy."""
+"""Wrong values and keys: each is reported once, with place, expected, found and remedy."""
 
 import pytest
 

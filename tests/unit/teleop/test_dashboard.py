@@ -1,4 +1,4 @@
-"""What a person sees of what the agent was told."""
+"""What a person sees of what the agent got."""
 
 import math
 

@@ -172,7 +172,7 @@ def find_sectors(sines: Floats, cosines: Floats, n_sectors: int) -> States:
 def nth_best_choices(values: Floats, ranks: Floats) -> States:
     """Return the best choices, (n,), of values (n, choices), but for so many better ones, ranks (n,); the first wins.
 
-    Ranks begin anew when all choices are through.
+    Ranks begin again when all choices are through.
     """
     if not ranks.any():
         return np.argmax(values, axis=1)

@@ -138,7 +138,7 @@ def test_all_methods_are_bundled_and_their_parameters_allowed(name: str) -> None
 
 def test_methods_holds_all_that_run_alone_without_a_camera() -> None:
     alone = {name for name, card in cards().items() if card.robots == 1 and "camera" not in card.needs.sensors}
-    # It flies the policy of whichever file it is told; bundled policies are entries by their own names.
+    # It flies the policy of whichever file it is given; bundled policies are entries by their own names.
     alone.remove("learned")
     assert {entry.name for entry in loaded("methods").suite.entries} == alone
 

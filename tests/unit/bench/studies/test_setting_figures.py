@@ -1,4 +1,4 @@
-"""Figures of a setting: failures count, pairs are pairs, and no interval is told where no spread is seen."""
+"""Figures of a setting: failures count, pairs are pairs, and no interval is reported where no spread is seen."""
 
 import importlib.util
 import math

@@ -1,4 +1,4 @@
-"""`gslcosim cache`: what it lists, and what it removes only when it was told to."""
+"""`gslcosim cache`: what it lists, and what it removes only when it was asked to."""
 
 import json
 import os

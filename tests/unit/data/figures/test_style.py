@@ -1,4 +1,4 @@
-"""Colours of figures are told apart by colour-blind readers and in grey print: computed, not looked at."""
+"""Colours of figures are distinguished by colour-blind readers and in grey print: computed, not looked at."""
 
 import itertools
 import sys

@@ -1,4 +1,4 @@
-"""Wind of other programs: each format is recognised and read in its order, gaps are told, faults are refused."""
+"""Wind of other programs: each format is recognised and read in its order, gaps are reported, faults are refused."""
 
 import struct
 

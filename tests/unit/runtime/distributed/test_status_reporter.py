@@ -1,4 +1,4 @@
-"""A state is told at once, what changes within it a few times a second, and who is late is said to be."""
+"""A state is reported at once, what changes within it a few times a second, and lateness is reported."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What a host has otherwise than the run is told in one sentence."""
+"""What a host has otherwise than the run is reported in one sentence."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Events that cannot be are told with their place, what is expected, and a remedy."""
+"""Events that cannot be are reported with their place, what is expected, and a remedy."""
 
 import pytest
 

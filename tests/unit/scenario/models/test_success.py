@@ -1,4 +1,4 @@
-"""Blocks of success: what each accepts, and what is told of it."""
+"""Blocks of success: what each accepts, and what is reported of it."""
 
 import pytest
 

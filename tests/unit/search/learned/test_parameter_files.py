@@ -1,4 +1,4 @@
-"""Learned parameters come back as they were written, and a wrong file is told."""
+"""Learned parameters come back as they were written, and a wrong file is reported."""
 
 import json
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""The recorder keeps what it is told, all of it, up to the verdict."""
+"""The recorder keeps all that it gets, up to the verdict."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""A file behind a pipe: complete when it is closed, and the first write that fails is told and stops nobody."""
+"""A file behind a pipe: complete when it is closed, and the first write that fails is reported and stops nobody."""
 
 import os
 from pathlib import Path

@@ -254,7 +254,7 @@ def test_a_gas_of_ones_own_is_noticed_as_the_scenario_says(scenario, make_room):
 
 
 def test_on_board_sensors_need_no_samples_and_a_pose_is_what_the_agent_gets(make_room):
-    """An agent with a noisy pose sensor is told that pose; arrays come when they are new or a command is awaited."""
+    """An agent with a noisy pose sensor gets that pose; arrays come when new or when a command is awaited."""
     sensors = [
         {"model": "pose", "name": "pose", "pose": {"position_noise_m": 0.5}},
         {"model": "lidar_2d", "name": "scan", "period_s": 0.2},

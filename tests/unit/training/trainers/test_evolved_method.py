@@ -1,4 +1,4 @@
-"""Evolution of a method's parameters: within their ranges, from the defaults on; wrong settings are told."""
+"""Evolution of a method's parameters: within their ranges, from the defaults on; wrong settings are reported."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A model that another program trained flies without an agent of its own, and whatever does not fit is told."""
+"""A model that another program trained flies without an agent of its own, and whatever does not fit is reported."""
 
 import builtins
 import json

@@ -1,4 +1,4 @@
-"""A policy's file holds all of it, and whatever is wrong with a file is told with its name and entry."""
+"""A policy's file holds all of it, and whatever is wrong with a file is reported with its name and entry."""
 
 import json
 

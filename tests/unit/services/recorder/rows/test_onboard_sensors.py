@@ -1,4 +1,4 @@
-"""Rows of lidars and cameras when a reading is told again."""
+"""Rows of lidars and cameras when a reading is sent again."""
 
 import numpy as np
 import pytest
