@@ -26,7 +26,7 @@ def test_every_fault_on_the_page_is_one_that_is_reported():
     """Each stands, but for numbers and ports, in a test of the program's faults."""
     rows = re.findall(r"^\| [a-z][^`]*\| `([^`]+)`", PAGE.partition("what `result.json` says |")[2], re.MULTILINE)
     tests = (ROOT / "tests" / "integration" / "test_foreign_programs.py").read_text()
-    tests += (ROOT / "tests" / "unit" / "runtime" / "external" / "test_hearing.py").read_text()
+    tests += (ROOT / "tests" / "unit" / "runtime" / "external" / "test_protocol.py").read_text()
     parts = [part for row in rows for part in re.split(r"tick \d+\W*|\d[\d.]*|truth/\w+|Participant\w+: ", row)]
     assert len(rows) >= 8
     assert [part for part in parts if part.strip() not in tests] == []
