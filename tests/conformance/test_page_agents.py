@@ -13,10 +13,10 @@ DOCS = Path(__file__).parents[2] / "docs"
 SHOWN = re.compile(r"<!-- from docs/examples/(\S+\.py) -->\n```python\n(.*?)```", re.DOTALL)
 # Which page shows which agent, and through which doors the page flies it.
 AGENTS = {
-    ("zenoh-door.md", "zenoh_client.py"): [{"door": "zenoh"}],
-    ("gateway.md", "lines.py"): [{"door": "stdio", "format": "json"}],
-    ("gateway.md", "frames.py"): [{"door": "tcp"}, {"door": "unix"}],
-    ("agents/python.md", "upwind.py"): [{"door": "zenoh"}],
+    ("zenoh-door.md", "zenoh_client.py"): [{"transport": "zenoh"}],
+    ("gateway.md", "lines.py"): [{"transport": "stdio", "format": "json"}],
+    ("gateway.md", "frames.py"): [{"transport": "tcp"}, {"transport": "unix"}],
+    ("agents/python.md", "upwind.py"): [{"transport": "zenoh"}],
 }
 # It flies with instruments that the kit's room lacks.
 OTHER_INSTRUMENTS = {("agents/python.md", "beams.py")}
@@ -49,7 +49,7 @@ def reports(tmp_path_factory):
         yield futures
 
 
-@pytest.mark.parametrize("i", range(len(CASES)), ids=[f"{name}-{options['door']}" for _, name, options in CASES])
+@pytest.mark.parametrize("i", range(len(CASES)), ids=[f"{name}-{options['transport']}" for _, name, options in CASES])
 def test_an_agent_on_a_page_keeps_every_rule(i, reports):
     report = reports[i].result()
     assert report.has_passed, report.as_text()

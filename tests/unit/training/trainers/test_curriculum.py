@@ -25,7 +25,7 @@ def costs():
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("infos", [infos(), {"success": None, "final_info": infos()}], ids=["next_step", "same_step"])
+@pytest.mark.parametrize("ended", [infos(), {"success": None, "final_info": infos()}], ids=["next_step", "same_step"])
 def test_the_newest_search_of_a_case_counts_a_half(ended):
     mine = costs()
     mine.count(ended, ENDS)
