@@ -66,7 +66,7 @@ class AgentGroup:
     """One or several agents of a run in one process, created from their briefings and asked in a fixed order.
 
     Observations are handed out tick by tick, and within a tick in the order of the names, so that agents which share
-    what they know inside their process fly the same flight again. For that, an observation waits until each of the
+    what they know inside their process fly the same run again. For that, an observation waits until each of the
     others has come as far; they are sent together, so it does not wait long. A question that comes a second time does
     not wait: what it waited for was lost.
 
@@ -81,7 +81,7 @@ class AgentGroup:
         send: Callable[[str, bytes], None],
         leave: Callable[[str], None] = lambda _: None,
     ) -> None:
-        """Prepare a crew.
+        """Prepare a group.
 
         Args:
             agent_type: Makes an agent of its briefing.

@@ -51,7 +51,7 @@ MIN_ADDRESS_SPACE_MB = 1200
 
 
 def check_address_space() -> None:
-    """Refuse a limit on addresses below which no flight works.
+    """Refuse a limit on addresses below which no run works.
 
     Raises:
         MachineError: it is as low.

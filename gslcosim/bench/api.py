@@ -33,7 +33,7 @@ def run(
     Raises:
         ScenarioError: the suite is wrong.
         UsageError: the folder cannot be used or written, or the suite demands a sandbox that is not here.
-        KeyboardInterrupt: it was interrupted; what was flown is kept.
+        KeyboardInterrupt: it was interrupted; what was run is kept.
     """
     loaded = suite if isinstance(suite, LoadedSuite) else load_suite(suite)
     n_workers = jobs or n_cores()

@@ -26,8 +26,8 @@ LEADERBOARD = "leaderboard.json"
 class Ranking:
     """A merged leaderboard: as `leaderboard.json` has it, and how each entry stands with verification.
 
-    `submissions` gives the folder of each entry, `verified` how many of how many sampled flights came out the same, or
-    None where this user has flown none again.
+    `submissions` gives the folder of each entry, `verified` how many of how many sampled runs came out the same, or
+    None where this user has run none again.
     """
 
     leaderboard: dict[str, Any]
@@ -38,18 +38,18 @@ class Ranking:
 def merge(folders: Sequence[Path], out: Path | None = None, *, demands_sandbox: bool = False) -> Ranking:
     """Return one table of several results folders.
 
-    An entry that several folders have is one where its program, parameters and flights are the same, such as the
+    An entry that several folders have is one where its program, parameters and runs are the same, such as the
     anchors; otherwise each is named after its folder.
 
     Args:
         folders: Of results of the same cases.
         out: Where merged results with their report are written; nowhere if absent.
-        demands_sandbox: Whether all flights must be of agents in a sandbox; so they must where the suite of one of the
+        demands_sandbox: Whether all runs must be of agents in a sandbox; so they must where the suite of one of the
             folders demands it.
 
     Raises:
-        UsageError: the folders are of other cases, the same flight came out differently in two of them, so that they
-            were flown by different software, or agents were not in the sandbox that is demanded.
+        UsageError: the folders are of other cases, the same run came out differently in two of them, so that they
+            were run by different software, or agents were not in the sandbox that is demanded.
     """
     names_alone = [folder.resolve().name for folder in folders]
     submissions = [
@@ -138,7 +138,7 @@ def _check_sandboxes(submissions: Sequence[_Submission], *, is_asked: bool) -> N
             )
 
 
-# Flights of one program in one case have one digest; where two folders disagree, their software did.
+# Runs of one program in one case have one digest; where two folders disagree, their software did.
 def _check_same_flights(submissions: Sequence[_Submission]) -> None:
     digests: dict[tuple[Any, ...], tuple[str, str]] = {}
     for submission in submissions:

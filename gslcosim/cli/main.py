@@ -90,7 +90,7 @@ COMMANDS = (
     schema.COMMAND,
     doctor.COMMAND,
 )
-# What loads all that a flight needs.
+# What loads all that a run needs.
 _COMPUTING = ("up", "fork", "replay", "bench", "sweep", "tune", "train", "generate", "sample")
 
 

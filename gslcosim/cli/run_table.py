@@ -74,7 +74,7 @@ def _as_row(facts: RunSummary) -> dict[str, Any]:
     return {name: getattr(facts, name) for name in COLUMNS}
 
 
-# A run without a result is asked for at the windows of flights.
+# A run without a result is asked for at the windows of runs.
 def _mark_running(rows: Sequence[dict[str, Any]]) -> None:
     from gslcosim.runtime.status import list_active_runs
 

@@ -16,7 +16,7 @@ def record_runs(recordings: Sequence[Path], path: Path, *, is_by_contact: bool =
     """Write one recording of the runs of some recordings, by simulated time or moved to one first contact with gas.
 
     Raises:
-        UsageError: they were not flown in one room with one tick, or one of them has come to no result.
+        UsageError: they were not run in one room with one tick, or one of them has come to no result.
         RecordingError: a recording cannot be read.
     """
     pasts = [PastRun.load(recording.parent) for recording in recordings]

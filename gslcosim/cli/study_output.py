@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 RESULTS_DIR = Path("results")
 _BEST_SHOWN = 5
-# Bootstrap intervals of the mean of fewer flights than this cover clearly less than they say.
+# Bootstrap intervals of the mean of fewer runs than this cover clearly less than they say.
 _FEW = 10
 
 
 def add_target_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is flown by whom, and where it is kept."""
+    """Add what is run by whom, and where it is kept."""
     parser.add_argument("suite", metavar="SUITE", help="a suite or a scenario: a file, or the name of a bundled one")
     parser.add_argument(
         "--entry", required=True, metavar="NAME", help="the method: an entry of the suite, a bundled one, or a .py file"

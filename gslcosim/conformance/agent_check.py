@@ -44,7 +44,7 @@ STOPPING_RULES = frozenset(
 
 
 def find_session_failures(transcript: Transcript, limits: SessionLimits) -> dict[str, Failure]:
-    """Return the rules broken in one flight, each with its first break; how the agent ends is not part of it."""
+    """Return the rules broken in one run, each with its first break; how the agent ends is not part of it."""
     found: dict[str, Failure] = {}
     for failure in _iter_failures(transcript, limits):
         found.setdefault(failure.rule, failure)
@@ -79,7 +79,7 @@ def relabel_failure(rule: str, failures: dict[str, Failure]) -> dict[str, Failur
 
 
 def find_difference(rule: str, first: Transcript, second: Transcript, *, sent: str) -> dict[str, Failure]:
-    """Return where the commands of two flights begin to differ, as the break of a rule."""
+    """Return where the commands of two runs begin to differ, as the break of a rule."""
     before, after = first.commands(), second.commands()
     for tick in sorted({*before, *after}):
         if not are_commands_equal(before.get(tick), after.get(tick)):
@@ -337,7 +337,7 @@ def check_agent(
     Args:
         connection: How it is started and spoken to.
         limits: How long it is waited for.
-        report_progress: Gets the name of each flight before it begins.
+        report_progress: Gets the name of each run before it begins.
 
     Raises:
         UsageError: there is no such program.
@@ -361,7 +361,7 @@ class AgentCheck:
     _start_s: float = 0.0
 
     def run(self) -> CheckReport:
-        """Play all flights that still can say something; return the report."""
+        """Play all runs that still can say something; return the report."""
         first = self._play("first", "plain")
         found = find_session_failures(first, self.limits)
         self._add(found, {} if "listens-first" in found else find_ending_failures(first, self.limits))

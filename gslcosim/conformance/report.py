@@ -17,7 +17,7 @@ _INDENT = " " * 16
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """One break of a rule: in which flight, what was sent to the agent, what was expected of it, and what came.
+    """One break of a rule: in which run, what was sent to the agent, what was expected of it, and what came.
 
     `remedy` is what to change, where more is known than what the rule says of all its breaks.
     """

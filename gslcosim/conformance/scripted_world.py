@@ -90,7 +90,7 @@ OTHER_TICKS = (*range(4), *range(5, 9), *range(12, 40), *range(120, 127), 129, 2
 
 
 def iter_ticks() -> Iterator[tuple[int, bool]]:
-    """Yield all ticks of a flight in order, and whether the agent is asked."""
+    """Yield all ticks of a run in order, and whether the agent is asked."""
     for tick in sorted({*QUESTION_TICKS, *OTHER_TICKS}):
         yield tick, tick in QUESTION_TICKS
 
@@ -139,7 +139,7 @@ def build_sensors(needs: Needs) -> tuple[SensorDescription, ...]:
 
 @dataclass
 class ScriptedWorld:
-    """One flight's world. The same seed and the same commands give the same observations."""
+    """One run's world. The same seed and the same commands give the same observations."""
 
     seed: int
     needs: Needs = field(default_factory=Needs)

@@ -91,7 +91,7 @@ class ReceivedAnswer:
 
 @dataclass
 class Transcript:
-    """All that happened in one flight; times are seconds since its start, None where something did not happen."""
+    """All that happened in one run; times are seconds since its start, None where something did not happen."""
 
     script: SessionScript
     joined_at_s: float | None = None

@@ -252,7 +252,7 @@ class RunData:
         `later_rooms` are those that events make of it.
 
         Raises:
-            EnvironmentDataError: it is not the one that was flown in.
+            EnvironmentDataError: it is not the one that was run in.
         """
         environment = load_environment(find_environment(self._past, lambda _: None))
         return with_variants(environment, prepare_variants(self.scenario, scenario_dir=self.folder))

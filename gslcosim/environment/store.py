@@ -265,7 +265,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-# Renaming a folder onto one that is not empty fails, on every system; whoever comes second then looks at what the
+# Renaming a folder onto one that is not empty fails, on every system; the second one then looks at what the
 # first has put there.
 def _move_into_place(beside: Path, folder: Path, content_hash: str) -> None:
     for _ in range(100):

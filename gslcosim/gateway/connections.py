@@ -161,8 +161,8 @@ class ThreadedConnection:
 
     `on_event` is called on a thread of the link; it only enqueues. Whoever handles a `command` or `refused` event then
     calls `handled`: no more than `MAX_UNHANDLED` of them wait, after that the agent does. The events are
-    `command`, bytes for the door; `refused`, why a frame cannot be one; `closed`, why this side has given the agent
-    up; `ended`, what is wrong with how the agent's stream ended. One of the last two comes last.
+    `command`, bytes for the validator; `refused`, why a frame cannot be one; `closed`, why this side has given the
+    agent up; `ended`, what is wrong with how the agent's stream ended. One of the last two comes last.
 
     What the agent does not read yet is kept, up to `MAX_BACKLOG_BYTES`; then the agent is given up.
     """

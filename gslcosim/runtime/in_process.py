@@ -52,7 +52,7 @@ class InProcessRun:
     """Run of a scenario in this thread; the order of steps is that of the dataflow, tick by tick.
 
     Agents behind the gateway are processes; simulated time goes on until it needs their answer, and then waits.
-    The flight ends with the verdict, or after `until_tick` if that comes first.
+    The run ends with the verdict, or after `until_tick` if that comes first.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class InProcessRun:
         Whoever flies an agent by hand answers in the pause.
 
         Args:
-            outcome: What the flight has brought in is put into it, in the end.
+            outcome: What the run has brought in is put into it, in the end.
             is_interrupted: Is asked again and again whether to go on.
         """
         started = flying_since = time.perf_counter()
@@ -117,7 +117,7 @@ class InProcessRun:
             outcome.start_up_s = flying_since - started
             yield from self._step_all(is_interrupted, flying_since)
         except Exception as error:  # a fault of any core ends the run with its name
-            # The journal of commands is the runtime's own, whoever asked the agent.
+            # The journal of commands is the runtime's own, whatever the transport.
             culprit = "supervisor" if isinstance(error, RunFolderError) else self._culprit
             text = format_fault(error, traceback.format_exc())
             outcome.fault = ServiceFault(participant=culprit, tick=self._tick, text=text)
@@ -224,7 +224,7 @@ class InProcessRun:
             )
         )
 
-    # On the thread of whoever looks.
+    # On the caller's thread.
     def _participants(self) -> list[ParticipantStatus]:
         taken_s, held_bytes = read_cpu_s(), read_memory_bytes()
         services = [
@@ -293,14 +293,14 @@ def run_in_process(
     report: Callable[[RunStatus], None],
     watch: MessageObserver | None = None,
 ) -> RunOutcome:
-    """Fly a scenario in this process: Python agents as objects in it, agents behind the gateway as processes.
+    """Run a scenario in this process: Python agents as objects in it, agents behind the gateway as processes.
 
     Args:
         setup: The run.
         directory: The scenario's folder, where relative paths of agents start.
         network: Where agents that attach themselves find their join data.
         report: Receives the status of the run.
-        watch: Receives every message, for figures of the flight; it must change none.
+        watch: Receives every message, for figures of the run; it must change none.
 
     Raises:
         UsageError: an agent is neither, or cannot be loaded or started.

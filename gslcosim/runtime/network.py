@@ -59,7 +59,7 @@ class Network:
 
         Args:
             services: Those of the run.
-            is_one_process: Whether the run is flown in one process.
+            is_one_process: Whether the run is run in one process.
 
         Raises:
             UsageError: not a Zenoh endpoint, TLS without a certificate, a certificate that is not there, no TLS beyond

@@ -40,7 +40,7 @@ class RunOutcome:
     digest: RunDigest | None = None
     fault: ServiceFault | None = None
     is_interrupted: bool = False
-    # Whether the flight ended where it was asked to, before its verdict.
+    # Whether the run ended where it was asked to, before its verdict.
     is_cut: bool = False
     agent_faults: list[AgentFault] = field(default_factory=list[AgentFault])
     timing: dict[str, Mapping[str, int]] = field(default_factory=dict[str, Mapping[str, int]])

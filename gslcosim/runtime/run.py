@@ -74,7 +74,7 @@ def run_scenario(
         repetition: What is taken over from another run; absent: nothing.
 
     Raises:
-        GslCosimError: the scenario cannot be flown at all (its environment or dataflow is wrong).
+        GslCosimError: the scenario cannot be run at all (its environment or dataflow is wrong).
         MachineError: no run directory can be made.
     """
     began = time.perf_counter()
@@ -167,7 +167,7 @@ def run_into_directory(
     """Make the folder of a run with all that decides its result, fly, and write what has come of it, whatever it is.
 
     Args:
-        scenario: What is flown.
+        scenario: What is run.
         environment_dir: Where its room is.
         fly_it: Flies, and tells how that goes to the report that it is given.
         runs_dir: Where the folder is made.
@@ -175,7 +175,7 @@ def run_into_directory(
         began: When it began, by `time.perf_counter` [s].
         report: Receives the status of the run.
         directory: Where relative paths of agents start.
-        origin: What the manifest says of the run that is flown again.
+        origin: What the manifest says of the run that is run again.
         paced_from_tick: The first tick that keeps the scenario's pace; absent: none.
         snapshot: Where it goes on; absent: it begins at tick 0.
         sources: The files from which the scenario was resolved.

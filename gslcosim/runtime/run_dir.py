@@ -36,7 +36,7 @@ from gslcosim.scenario.models.scenario import Processes, Scenario
 RESERVE_FILE = ".reserve"
 INPUTS_FILE = "inputs.log"
 RESERVE_BYTES = 32 * 1024
-# What computes a flight, and what carries and records it.
+# What computes a run, and what carries and records it.
 MANIFEST_PACKAGES = (*COMPUTING_PACKAGES, "eclipse-zenoh", "rerun-sdk", "pyyaml")
 
 

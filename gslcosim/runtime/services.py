@@ -1,6 +1,6 @@
 """Registry of services: when a run needs each, how its core is built, its dataflow, and shared processes.
 
-They come from entry points, so that nothing here imports one of them. Assembly, the order of digests, rehearsals and
+They come from entry points, so that nothing here imports one of them. Assembly, the order of digests, warm-ups and
 the processes of a run come from here; compose.yaml and the pages are held to it by tests. Agents are the other
 participants of a run; each has a session.
 """
@@ -219,7 +219,7 @@ def build_dataflow(scenario: Scenario, *, window_ticks: int | None = None) -> Da
     """Return the checked dataflow of a run.
 
     Args:
-        scenario: What is flown.
+        scenario: What is run.
         window_ticks: How far a writer may run ahead of an ordinary reader; the windows of others, which are larger or
             smaller, change in proportion. Absent: as each reader says.
 

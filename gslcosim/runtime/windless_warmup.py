@@ -16,7 +16,7 @@ from gslcosim.runtime.services import build_core, list_services
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import Scenario, dump_resolved
 
-# By far the most kernels; the others are compiled while the flight waits for these.
+# By far the most kernels; the others are compiled while the run waits for these.
 _FIRST_SERVICE = "fields"
 
 
@@ -31,7 +31,7 @@ def run_warmup_request(request: dict[str, Any]) -> None:
 
 
 def warm_up_without_wind(scenario: Scenario, directory: Path) -> None:
-    """Build and rehearse the services of a scenario in its room; what they compile is kept in the cache.
+    """Build and warm up the services of a scenario in its room; what they compile is kept in the cache.
 
     Args:
         scenario: Its environment is any but one with a `path`.

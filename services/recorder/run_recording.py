@@ -56,7 +56,7 @@ class RunRecording:
 
         Args:
             file: An empty file; it belongs to this object from now on.
-            scenario: What is flown.
+            scenario: What is run.
             environment: Where.
             wind_layer: The environment's wind at the slice's height.
             folder: Where the machine's notes of the run are, if there are any.

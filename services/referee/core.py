@@ -232,6 +232,6 @@ def _build_rules(scenario: Scenario, environment: Environment) -> EvaluationRule
     )
 
 
-# What the door of an agent in free mode lets through where nothing has come.
+# What the validator of an agent in free mode lets through where nothing has come.
 def _is_empty_noop(command: Command) -> bool:
     return command.kind == "noop" and command.belief is None

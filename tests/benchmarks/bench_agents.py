@@ -1,6 +1,6 @@
-"""Print how many decisions per second agents give through each door, and how long a question and its answer take.
+"""Print how many decisions per second agents give over each transport, and how long a question and its answer take.
 
-A scripted world asks the same questions again and again, so what is measured is the door, the link and the agent.
+A scripted world asks the same questions again and again, so what is measured is the validator, the link and the agent.
 Run with `make bench-agents`, or `python tests/benchmarks/bench_agents.py [N_DECISIONS] [AGENT…]`, where an agent is
 `python` or the name of a folder in `agents/`.
 """
@@ -46,7 +46,7 @@ def briefing() -> Briefing:
 
 
 def through_transport(connection: ConnectionSpec, n_decisions: int) -> list[float]:
-    """Return the time of each question and its answer, checked by a run's own door [us]."""
+    """Return the time of each question and its answer, checked by a run's own validator [us]."""
     wire = connection.open()
     wire.start()
     try:
@@ -108,7 +108,7 @@ def show(name: str, transport: str, times_us: list[float], baseline_us: float | 
 
 
 def bench_python(n_decisions: int) -> None:
-    """Print one line for each door of the Python dung beetle, and how much the gateway adds to bare pipes."""
+    """Print one line for each transport of the Python dung beetle, and how much the gateway adds to bare pipes."""
     show("python, agent_kit", "zenoh", through_transport(ConnectionSpec(command=(sys.executable, BEETLE)), n_decisions))
     for frame_format in ("msgpack", "json"):
         bare_us = show("python, no gateway", f"pipes {frame_format}", through_bare_pipes(frame_format, n_decisions))

@@ -17,7 +17,7 @@ STARTS: dict[str, list[str]] = {"cold": [], "warm": ["--warm"]}
 
 
 def begin(runs_dir, arguments):
-    """Fly one tick; return when it was flown, when the command ended [s], and the processor's time of the command."""
+    """Fly one tick; return when it was run, when the command ended [s], and the processor's time of the command."""
     began = time.perf_counter()
     call = [*COMMAND, *FLIGHT, "--runs-dir", runs_dir, *arguments]
     process = subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)

@@ -1,9 +1,9 @@
 """What a suite costs: time per trial and its parts, how busy the workers are, and whether their memory stays flat.
 
-    python tests/benchmarks/bench_suite.py                    # 500 short flights by one worker, then by all cores
+    python tests/benchmarks/bench_suite.py                    # 500 short runs by one worker, then by all cores
     python tests/benchmarks/bench_suite.py --suite gsl_bench_2023 --only repetition=0
 
-Times are given beside a loop of plain Python that is run between the flights, so that machines can be compared.
+Times are given beside a loop of plain Python that is run between the runs, so that machines can be compared.
 """
 
 import argparse
@@ -50,7 +50,7 @@ class Memory:
         self.samples_mb.append((progress.done, max(sizes, default=0.0)))
 
     def after(self, share: float, total: int) -> float:
-        """Return the largest worker's memory when so much of the flights was over [MB]."""
+        """Return the largest worker's memory when so much of the runs was over [MB]."""
         return next((size for done, size in self.samples_mb if done >= share * total), self.samples_mb[-1][1])
 
 

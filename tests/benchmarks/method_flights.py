@@ -1,4 +1,4 @@
-"""Flights of agent objects through a scripted room, for timing: no processes, no physics, the same for every method.
+"""Runs of agent objects through a scripted room, for timing: no processes, no physics, the same for every method.
 
 The room is 15 x 15 x 8 m with a map of 75 x 75 cells, a box in its middle, a wind that turns a little, and a patchy
 plume. Vehicles fly straight at 1 m/s and hold; they observe at 10 Hz, all of them in turn, and hear each other.

@@ -1,4 +1,4 @@
-"""Every agent that ships keeps every rule, through every door that it speaks."""
+"""Every agent that ships keeps every rule, over every transport that it speaks."""
 
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -26,7 +26,7 @@ N_AT_ONCE = 3
 
 
 def python_wirings():
-    """Yield the Python agents over Zenoh, and one through each door and format of the gateway."""
+    """Yield the Python agents over Zenoh, and one over each transport and format of the gateway."""
     for name, command in PYTHON.items():
         yield name, ConnectionSpec(command=command)
     for transport, frame_format in WAYS:

@@ -11,7 +11,7 @@ from gslcosim.conformance import ConnectionSpec, check_agent
 
 DOCS = Path(__file__).parents[2] / "docs"
 SHOWN = re.compile(r"<!-- from docs/examples/(\S+\.py) -->\n```python\n(.*?)```", re.DOTALL)
-# Which page shows which agent, and through which doors the page flies it.
+# Which page shows which agent, and through which transports the page flies it.
 AGENTS = {
     ("zenoh-door.md", "zenoh_client.py"): [{"transport": "zenoh"}],
     ("gateway.md", "lines.py"): [{"transport": "stdio", "format": "json"}],
@@ -27,7 +27,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
 
 
 def test_every_agent_on_a_page_is_among_them():
-    """A program on a page about doors is a whole agent where it is shown from its first line."""
+    """A program on a page about transports is a whole agent where it is shown from its first line."""
     shown = {(page, name) for page in {page for page, _ in AGENTS} for name, _ in programs_of(page)}
     assert shown == AGENTS.keys() | OTHER_INSTRUMENTS
 

@@ -1,4 +1,4 @@
-"""Each bundled scenario with events: what happens, one digest however it is flown, and the marks in its recording."""
+"""Each bundled scenario with events: what happens, one digest however it is run, and the marks in its recording."""
 
 import pytest
 from real_runs import ROOT, fly, fly_here

@@ -52,7 +52,7 @@ def past(tmp_path_factory):
 
 @pytest.mark.tour
 def test_another_method_goes_on_where_the_run_is_forked(past, tmp_path):
-    """Up to the tick nothing differs, and what differs first is the new agent's command; it can be flown again."""
+    """Up to the tick nothing differs, and what differs first is the new agent's command; it can be run again."""
     fork = forked(past.run_dir, tmp_path, 5, "--agent", "infotaxis", in_process=False)
     assert fork.exit_code in (0, 1), fork.errors
     found = compared(past.run_dir, fork.run_dir)
@@ -87,7 +87,7 @@ def test_agents_that_are_asked_every_tick_are_forked(tmp_path, mode):
 
 @pytest.mark.parametrize("door", ["zenoh", "stdio"])
 def test_a_program_of_its_own_lives_through_the_past(past, tmp_path, door):
-    """Whatever door it comes by, it answers from tick 0 on, and the log has the past agent's commands before."""
+    """Whatever transport it comes by, it answers from tick 0 on, and the log has the past agent's commands before."""
     program = {"zenoh": "holding.py", "stdio": "framed.py"}[door]
     start_block = f"{{command: [{sys.executable}, {AGENTS / program}], door: {door}}}"
     fork = forked(past.run_dir, tmp_path, 5, "--agent", start_block, in_process=False)

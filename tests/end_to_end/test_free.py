@@ -58,7 +58,7 @@ def test_agents_of_one_process_may_be_free(tmp_path):
 
 
 def test_time_does_not_wait_for_a_slow_agent(tmp_path):
-    """Half a second for a decision is ten seconds of flight at this pace: most ticks go by unanswered."""
+    """Half a second for a decision is ten seconds of run at this pace: most ticks go by unanswered."""
     slow = ("--set", f"agents[0].start={{python: {AGENTS / 'slow_listener.py'}}}")
     past = fly_here(TINY_ROOM, tmp_path / "past", *FREE, *slow)
     assert past.exit_code == 1, past.errors

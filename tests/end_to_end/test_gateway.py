@@ -1,4 +1,4 @@
-"""Agents behind the gateway: the same digest through every door, and every wrong byte attributed."""
+"""Agents behind the gateway: the same digest over every transport, and every wrong byte attributed."""
 
 import json
 import os
@@ -15,7 +15,7 @@ DOORS = [(door, form) for door in ("stdio", "tcp", "unix") for form in ("msgpack
 
 
 def through(door, frame_format, **more):
-    """Return the override that flies the dung beetle through a door of the gateway."""
+    """Return the override that flies the dung beetle through a transport of the gateway."""
     streams = "stdio" if door == "stdio" else "socket"
     return overriding([sys.executable, str(AGENTS / "framed.py"), streams, frame_format], door, frame_format, **more)
 
@@ -60,7 +60,7 @@ def test_only_what_is_asked_gives_the_same_digest(tmp_path, digest_over_zenoh):
 
 
 def test_a_temporary_directory_with_a_long_name_changes_nothing(tmp_path, monkeypatch, digest_over_zenoh):
-    """Addresses of unix sockets are short: the router's, a door's, and those of `agent check` and `doctor`."""
+    """Addresses of unix sockets are short: the router's, a transport's, and those of `agent check` and `doctor`."""
     long = tmp_path / ("l" * 100)
     long.mkdir()
     monkeypatch.setenv("TMPDIR", str(long))

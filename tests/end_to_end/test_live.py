@@ -1,4 +1,4 @@
-"""A flight is shown while it goes on, whole, and flies as it does when nobody looks."""
+"""A run is shown while it goes on, whole, and flies as it does when nobody looks."""
 
 import os
 import re
@@ -31,7 +31,7 @@ A_MINUTE = ("--set", "referee.success.within_m=0.001", "--set", "referee.stop.ti
 
 
 class Said:
-    """What a flight says on standard error, line by line as it comes."""
+    """What a run says on standard error, line by line as it comes."""
 
     def __init__(self, flight):
         self._errors = flight.process.stderr
@@ -47,7 +47,7 @@ class Said:
 
 
 def ended(flight, said):
-    """Return exit code and the rest of what was said, once the flight has ended and left no process."""
+    """Return exit code and the rest of what was said, once the run has ended and left no process."""
     started = children_of(flight.process.pid)
     with flight.process as process:
         process.stdout.read()
@@ -68,7 +68,7 @@ def rows_of(recording):
 
 
 def viewer_of(flight):
-    """Return the process of the viewer beside a flight."""
+    """Return the process of the viewer beside a run."""
     found = [pid for pid in children_of(flight.process.pid) if is_viewer(pid)]
     assert len(found) == 1, found
     return found[0]

@@ -1,4 +1,4 @@
-"""A run is its inputs: flown again without its agents it is the same to the bit, however it was flown."""
+"""A run is its inputs: run again without its agents it is the same to the bit, however it was run."""
 
 import contextlib
 import io

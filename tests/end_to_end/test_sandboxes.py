@@ -61,7 +61,7 @@ ONLY_ROOT = {"use_rights_of_root", "change_settings_of_the_kernel"}
 
 @dataclass
 class Attacked:
-    """What is left after a flight with the attacker."""
+    """What is left after a run with the attacker."""
 
     reached: dict[str, str]
     other: dict

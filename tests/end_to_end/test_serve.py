@@ -1,4 +1,4 @@
-"""A warm server: flights from it are those without it, it forks with one thread, and says what it cannot do."""
+"""A warm server: runs from it are those without it, it forks with one thread, and says what it cannot do."""
 
 import contextlib
 import io

@@ -67,7 +67,7 @@ def test_a_fork_begins_at_the_last_snapshot_before_it(past, tmp_path):
 
 @pytest.mark.parametrize(("scenario", "processes"), [(TINY_ROOM, "separate"), (SWARM, "grouped")])
 def test_processes_write_snapshots_and_go_on_at_them(tmp_path, scenario, processes):
-    """Each service writes its own part, and all are of one run whoever wrote them and goes on with them."""
+    """Each service writes its own part, and all are of one run anyone who wrote them and goes on with them."""
     options = ("--set", "snapshots.every_s=3", "--processes", processes)
     run = fly(scenario, tmp_path / "a", *options)
     here = forked(run.run_dir, tmp_path / "here", 8)

@@ -1,4 +1,4 @@
-"""Flights that go on are listed, looked at and stopped from another shell, and are the same whether or not."""
+"""Runs that go on are listed, looked at and stopped from another shell, and are the same whether or not."""
 
 import contextlib
 import io
@@ -29,7 +29,7 @@ def call(*words):
 
 @pytest.fixture(autouse=True)
 def windows(monkeypatch, tmp_path_factory):
-    """Flights of other tests have their windows elsewhere; a router's socket needs a folder with a short name."""
+    """Runs of other tests have their windows elsewhere; a router's socket needs a folder with a short name."""
     # Pytest's own temporary files stay where they are.
     tmp_path_factory.getbasetemp()
     with tempfile.TemporaryDirectory(prefix="seen-") as folder:
@@ -47,7 +47,7 @@ def listed():
 
 
 def started(tmp_path, *arguments):
-    """Start a flight that goes on until it is stopped, and wait until it flies."""
+    """Start a run that goes on until it is stopped, and wait until it flies."""
     flight = start(TINY_ROOM, tmp_path / "runs", *LONG, *arguments)
     flight.wait_for(lambda: any(facts["sim_time_s"] > 0 for facts in listed()))
     return flight
@@ -92,7 +92,7 @@ def test_a_run_is_seen_where_the_temporary_directory_has_a_long_name(tmp_path, m
 
 
 def test_being_looked_at_changes_nothing(tmp_path):
-    """A hundred looks while it flies: the digest of a flight that nobody saw."""
+    """A hundred looks while it flies: the digest of a run that nobody saw."""
     limit = ("--set", "referee.success.within_m=0.001", "--set", "referee.stop.time_limit_s=60")
     alone = fly(TINY_ROOM, tmp_path / "alone", *limit)
     flight = start(TINY_ROOM, tmp_path / "seen", *limit)
@@ -174,7 +174,7 @@ def test_the_page_of_top_shows_the_end(tmp_path):
 
 
 def test_a_folder_of_somebody_else_is_no_place_for_windows(tmp_path, windows):
-    """Whoever may write there could stand in for a flight; the flight itself goes on without a window."""
+    """Whoever may write there could stand in for a run; the run itself goes on without a window."""
     folder = windows / f".gslcosim-flights-{os.getuid()}"
     folder.mkdir(mode=0o777)
     folder.chmod(0o777)

@@ -1,4 +1,4 @@
-"""The pages of the doors and of Python are followed literally, and their programs all fly the same flight."""
+"""The pages of the transports and of Python are followed literally, and their programs all fly the same run."""
 
 import os
 import re

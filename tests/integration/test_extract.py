@@ -19,7 +19,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "extract.md"
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):
-    """A flight with every on-board sensor that needs no pictures, of a method with beliefs; its folder."""
+    """A run with every on-board sensor that needs no pictures, of a method with beliefs; its folder."""
     runs = tmp_path_factory.mktemp("runs")
     method = "agents[0].start.python=infotaxis"
     limit = "referee.stop.time_limit_s=8"

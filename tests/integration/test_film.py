@@ -20,7 +20,7 @@ WHITE = (255, 255, 255)
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Two flights in the small room; their folders."""
+    """Two runs in the small room; their folders."""
     folder = tmp_path_factory.mktemp("runs")
     words = ["up", "tiny_room", "--in-process", "--quiet", "--runs-dir", str(folder)]
     for seed in ("1", "2"):

@@ -1,4 +1,4 @@
-"""A participant's program behind its core, without a run around it: every door, every fault, and what is refused."""
+"""A participant's program behind its core, without a run around it: transports, faults, and what is refused."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""`gslcosim plot`: figures of flights hold their data, and the same data give the same bytes."""
+"""`gslcosim plot`: figures of runs hold their data, and the same data give the same bytes."""
 
 import re
 import sys

@@ -1,4 +1,4 @@
-"""Logs of flights from elsewhere become runs: what was logged is what is read back, and the referee judges it."""
+"""Logs of runs from elsewhere become runs: what was logged is what is read back, and the referee judges it."""
 
 import json
 import math

@@ -82,7 +82,7 @@ def test_a_member_that_began_to_join_at_a_stopped_router_joins_when_it_continues
     os.kill(process.pid, signal.SIGSTOP)
     with ThreadPoolExecutor(1) as pool:
         joining = pool.submit(ZenohBus.open_member, join)
-        # The failed attempt's, and that of whoever waits for an answer.
+        # The failed attempt's, and that of anyone who waits for an answer.
         wait_until(lambda: count_connections(endpoint) == 2 or joining.done())
         is_waiting = not joining.done()
         os.kill(process.pid, signal.SIGCONT)

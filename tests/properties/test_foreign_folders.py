@@ -309,7 +309,7 @@ def test_active_runs_report_anything(status_socket, data):
 
 
 class StatusSocket:
-    """A socket that answers whoever connects, where flights are looked for."""
+    """A socket that answers anyone who connects, where flights are looked for."""
 
     def __init__(self, path):
         self.answer = b""

@@ -45,7 +45,7 @@ def whole(scenario: str, folder: Path) -> str:
 
 
 def trial(scenario: str, digest: str, folder: Path, rng: random.Random) -> Trial:
-    """Fly a scenario, kill one of its services at a random moment, and compare."""
+    """Run a scenario, kill one of its services at a random moment, and compare."""
     service = rng.choice(SCENARIOS[scenario])
     flight = start(ROOT / "scenarios" / f"{scenario}.yaml", folder, *OPTIONS)
     pid = flight.child(f"gslcosim_services {service}")

@@ -1,4 +1,4 @@
-"""Whatever bytes an agent sends, the codec says what is wrong, and the door lets through one valid command a question.
+"""Whatever bytes an agent sends, the codec says what is wrong, and one valid command a question passes.
 
 The inputs are random but named by a seed: a failure prints the seed and the bytes that caused it. A few seconds of it
 are part of every test run; `make soak` fuzzes for ten minutes.

@@ -69,7 +69,7 @@ class BundleBuilder:
         self._known: dict[str, FileBundle] = {}
 
     def build_bundle(self, trial: Trial) -> FileBundle:
-        """Return the luggage of a trial."""
+        """Return the file bundle of a trial."""
         values = json.loads(trial.scenario_json)
         starts = [agent["start"] for agent in values["agents"]]
         decides = [values["environment"], values["wind"].get("solver"), values["gas"].get("playback"), starts]

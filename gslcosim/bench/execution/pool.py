@@ -80,7 +80,7 @@ class Pool(Protocol):
 
     @property
     def reference_loops_s(self) -> list[float]:
-        """Times of the reference loop between flights [s]."""
+        """Times of the reference loop between runs [s]."""
         ...
 
     def submit(self, job: Job) -> None:
@@ -250,7 +250,7 @@ class LocalPool:
 
     def _look_after(self) -> None:
         now = time.monotonic()
-        # What a worker has started, its own flight watches.
+        # What a worker has started, its own run watches.
         stopped = self._stops.look([w.name for w in self._workers if is_stopped_itself(w.process.pid)], now)
         for worker in list(self._workers):
             if worker.name in stopped:

@@ -102,7 +102,7 @@ def shorten_error(error: BaseException) -> str:
     return " ".join(lines[-3:] if isinstance(error, GslCosimError) else lines[:3])[:600]
 
 
-# As in `LocalPool`: the next flight waits at the worker.
+# As in `LocalPool`: the next run waits at the worker.
 _AHEAD = 2
 _LOOK_EVERY_S = 0.5
 _START_S = 60.0
@@ -136,7 +136,7 @@ class _Order:
 
 @dataclass(eq=False)
 class _Task:
-    """A part of an order: for one node, or for whoever is free."""
+    """A part of an order: for one node, or for any that is free."""
 
     order: _Order
     node: _Node | None

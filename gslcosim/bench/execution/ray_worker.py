@@ -34,7 +34,7 @@ class NodeEnvironment:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedTrial:
-    """A flight with a recording: its result, and the files of its run directory by their relative paths."""
+    """A run with a recording: its result, and the files of its run directory by their relative paths."""
 
     flight: RunResult
     files: dict[str, bytes]
@@ -53,7 +53,7 @@ class NodeJobResult:
 
 
 def installed_software() -> dict[str, str]:
-    """Return which software this machine flies with; flights of machines that differ in it cannot be compared."""
+    """Return which software this machine flies with; runs of machines that differ in it cannot be compared."""
     return {"version": gslcosim.__version__, "software": software_hash(), "agents": _agents_hash()}
 
 
@@ -68,7 +68,7 @@ class RayWorker:
 
         Args:
             limits: What a job may take.
-            fetch: Gets the files of a luggage from the cluster.
+            fetch: Gets the files of a bundle from the cluster.
         """
         self._pool = LocalPool(1, limits)
         self._fetch = fetch

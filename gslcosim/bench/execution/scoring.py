@@ -78,7 +78,7 @@ def row_without_result(trial: Trial, environment_hash: str, *, status: str, faul
 
 
 def build_row(trial: Trial, environment_hash: str, outcome: RunOutcome, watch: SeriesCollector) -> Row:
-    """Return the row of a flight; one that ended with a fault of the simulation has no result."""
+    """Return the row of a run; one that ended with a fault of the simulation has no result."""
     sandbox = "; ".join(sorted(set(outcome.sandboxes.values())))
     faults = "\n".join(f"{fault.agent}: {fault.text}" for fault in outcome.agent_faults)
     if outcome.fault is not None or outcome.verdict is None or outcome.digest is None:

@@ -25,7 +25,7 @@ from gslcosim.runtime.processes.sandbox.selection import NONE_IN_THIS_PROCESS
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """A flight that came out differently: the columns, with what was in the row and what came now."""
+    """A run that came out differently: the columns, with what was in the row and what came now."""
 
     trial: str
     case: str
@@ -47,7 +47,7 @@ class Verification:
 
 
 class RepeatableResults:
-    """A results folder whose flights can be flown again: its suite planned again, its rows by trial."""
+    """A results folder whose runs can be run again: its suite planned again, its rows by trial."""
 
     def __init__(self, folder: ResultsFolder) -> None:
         """Read the folder.
@@ -90,7 +90,7 @@ class RepeatableResults:
         return found[0]
 
     def sample(self, n: int, *, seed: int) -> list[Trial]:
-        """Return n of the flights with a result, drawn at random, in the order of the suite."""
+        """Return n of the runs with a result, drawn at random, in the order of the suite."""
         flown = [trial for trial in self.trials.values() if self.rows[trial.id]["status"] == "flown"]
         chosen = stream(seed, "benchmark.verify").permutation(len(flown))[:n]
         return [flown[i] for i in sorted(chosen)]
@@ -104,11 +104,11 @@ def verify_trials(
     *,
     is_trusted: bool = False,
 ) -> Verification:
-    """Fly trials again, compare all columns but those of the clock, and keep the result in this user's state.
+    """Run trials again, compare all columns but those of the clock, and keep the result in this user's state.
 
     Args:
         again: The folder; nothing is written to it.
-        trials: Which of its flights.
+        trials: Which of its runs.
         pool: Who flies.
         report: Receives how many of how many are done.
         is_trusted: Whether programs are started as the suite says; otherwise all of them are in a sandbox.
@@ -154,11 +154,11 @@ def verify_trials(
 def record_trial_again(
     again: RepeatableResults, trial: Trial, pool: Pool, *, is_trusted: bool = False
 ) -> tuple[Path, str | None]:
-    """Fly a trial again with a recording; return its run directory and its digest.
+    """Run a trial again with a recording; return its run directory and its digest.
 
     Args:
         again: The folder.
-        trial: Which of its flights.
+        trial: Which of its runs.
         pool: Who flies.
         is_trusted: Whether its programs are started as the suite says, and a recording that is there is taken for its
             own; otherwise they are in a sandbox, and what is there is replaced.

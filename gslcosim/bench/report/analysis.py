@@ -91,7 +91,7 @@ class ReportView:
 
 @dataclass(frozen=True, kw_only=True)
 class Analysis:
-    """All that the report tells. `draws_plumes` says whether intervals draw whole plumes or single flights."""
+    """All that the report tells. `draws_plumes` says whether intervals draw whole plumes or single runs."""
 
     material: ReportData
     views: tuple[ReportView, ...]
@@ -109,7 +109,7 @@ class Analysis:
 
 
 def analyse(material: ReportData) -> Analysis:
-    """Return everything that the report tells about what was flown."""
+    """Return everything that the report tells about what was run."""
     tracks = belief_tracks(material)
     rooms = build_plan_drawings(material)
     return Analysis(
@@ -212,6 +212,6 @@ def _verdict(difference: Estimate, p: float) -> int:
 
 
 def count_runs(material: ReportData) -> tuple[int, int]:
-    """Return the numbers of flights with gas and without."""
+    """Return the numbers of runs with gas and without."""
     n = sum(len(some) for _, some in rows_by_entry(material, np.ones(len(material.rows), dtype=bool)))
     return n, len(material.rows) - n

@@ -107,7 +107,7 @@ def _script_safe(text: str) -> str:
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
-# A cell of a table: figure, interval, and how many flights it stands on.
+# A cell of a table: figure, interval, and how many runs it stands on.
 def _figure(estimate: Estimate, form: number_formats.Format, n: int | None = None) -> Markup:
     if math.isnan(estimate.value):
         return Markup('<td data-v=""><span class="none">{}</span></td>').format(number_formats.ABSENT)

@@ -21,7 +21,7 @@ class Provenance:
     Attributes:
         title: Of the suite.
         question: That it asks; may be empty.
-        flown: One line of what was flown.
+        flown: One line of what was run.
         warnings: What the reader has to know before the figures.
         made: Pairs of what and how, for the last section.
         split_s: Time by the clock of all trials together, by part [s].

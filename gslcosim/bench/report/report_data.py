@@ -35,10 +35,10 @@ class ReportEntry:
 
     Attributes:
         anchor: `lower` (the oracle), `upper` (the walker) or empty.
-        submission: Of merged results, the folder that its flights are of; else empty.
-        is_verified: Of merged results, whether a sample of its flights came out the same here; None where that is
+        submission: Of merged results, the folder that its runs are of; else empty.
+        is_verified: Of merged results, whether a sample of its runs came out the same here; None where that is
         reported
-            of all flights together.
+            of all runs together.
     """
 
     name: str
@@ -149,12 +149,12 @@ class ReportData:
         return planned if isinstance(planned, int) and "merged_from" not in self.manifest else None
 
     def command_of(self, entry: int) -> str:
-        """Return what stands before a trial's id in the command that flies it again."""
+        """Return what stands before a trial's id in the command that runs it again."""
         folder = self.entries[entry].submission or str(self.folder)
         return f"gslcosim bench show {shlex.quote(folder)} --trial "
 
     def index_of_anchor(self, which: str) -> int | None:
-        """Return the entry that bounds from below (`lower`) or above (`upper`); None where it has not flown."""
+        """Return the entry that bounds from below (`lower`) or above (`upper`); None where it has not run."""
         return next((i for i, entry in enumerate(self.entries) if entry.anchor == which), None)
 
 

@@ -258,7 +258,7 @@ def _json_figure(estimate: Estimate) -> dict[str, float | int | None] | None:
 
 
 def write_summary(analysis: Analysis) -> str:
-    """Return the summary as Markdown: the question, what was flown, the leaderboard, and who beats whom."""
+    """Return the summary as Markdown: the question, what was run, the leaderboard, and who beats whom."""
     facts, view = describe_provenance(analysis), analysis.everything
     lines = [f"# {_plain(facts.title)}", ""]
     lines += [f"> {_plain(facts.question)}", ""] if facts.question else []

@@ -26,7 +26,7 @@ class EvaluationPlan:
     Attributes:
         subject: The method, in a suite with these seeds.
         name: What the suite is called.
-        slots: Case and repetition of each flight.
+        slots: Case and repetition of each run.
         seeds: All seeds of it, see `disjoint_seeds.collect_seeds`.
     """
 
@@ -40,7 +40,7 @@ class EvaluationPlan:
         return self.subject.loaded.suite.seed
 
     def plan(self, settings: Sequence[Setting], *, after: Plan | None = None) -> Plan:
-        """Return the flights of some settings behind those of an earlier plan, in the order of a suite of them all."""
+        """Return the runs of some settings behind those of an earlier plan, in the order of a suite of them all."""
         plan = build_plan(build_setting_suite(self.subject, settings, name=self.name))
         slots = set(self.slots)
         trials = [trial for trial in plan.trials if (trial.case, trial.repetition) in slots]
@@ -66,13 +66,13 @@ def build_evaluation_plan(
 ) -> EvaluationPlan:
     """Return a plan of n runs.
 
-    All cases are flown equally often. What is left over goes to cases of all scenarios in turn, at random within each.
+    All cases are run equally often. What is left over goes to cases of all scenarios in turn, at random within each.
 
     Args:
         subject: The method and its cases.
         purpose: `training` or `validation`; part of the seeds.
         number: Seed of the tuning; part of the seeds, and of the lot.
-        n: Flights of each setting.
+        n: Runs of each setting.
         taken: Seeds that may not occur.
     """
     rounds = 1
@@ -191,7 +191,7 @@ class SettingRunner:
         """Return the rows of each setting by its name, flying what is missing.
 
         Raises:
-            KeyboardInterrupt: it was interrupted; what was flown is kept.
+            KeyboardInterrupt: it was interrupted; what was run is kept.
             GslCosimError: see `SuiteRun.fly`.
         """
         self._plan = self.evaluation.plan(settings, after=self._plan)
@@ -205,7 +205,7 @@ class SettingRunner:
         return found
 
     def finish(self) -> None:
-        """Leave whole tables, also where a call before this one was killed after its last flight."""
+        """Leave whole tables, also where a call before this one was killed after its last run."""
         if self._plan is not None and self._folder.journal.is_file():
             self._run(self._plan)
 

@@ -15,7 +15,7 @@ class OptunaSearch:
     """A study that asks for settings in batches and gets their scores in order: equal calls, equal settings.
 
     Nothing of it depends on who flew, or when: settings are drawn by the seed and by the scores given so far.
-    The study is kept in a file that Optuna's own tools read; it is written again each time, from flights that are
+    The study is kept in a file that Optuna's own tools read; it is written again each time, from runs that are
     there.
 
     Source:

@@ -34,7 +34,7 @@ from gslcosim.bench.studies.target import StudyTarget
 
 @dataclass(frozen=True, kw_only=True)
 class Budget:
-    """Flights in all, for each setting in training, and for each of the two that are flown in validation."""
+    """Runs in all, for each setting in training, and for each of the two that are run in validation."""
 
     flights: int
     per_setting: int
@@ -47,12 +47,12 @@ class Budget:
 
     @property
     def validation(self) -> int:
-        """Flights that are kept for the validation of the best setting and the default."""
+        """Runs that are kept for the validation of the best setting and the default."""
         return 2 * self.per_validation
 
     @property
     def search(self) -> int:
-        """Flights of the search."""
+        """Runs of the search."""
         return self.n_settings * self.per_setting
 
 
@@ -64,7 +64,7 @@ def split_budget(flights: int, per_setting: int | None = None) -> Budget:
     setting at least.
 
     Args:
-        flights: All flights.
+        runs: All runs.
         per_setting: Runs of each setting, if given.
 
     Raises:
@@ -91,7 +91,7 @@ TRAINING, VALIDATION, STUDY = "training", "validation", "study.log"
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluatedSetting:
-    """A setting and what its flights came to."""
+    """A setting and what its runs came to."""
 
     setting: Setting
     figures: SettingFigures
@@ -101,7 +101,7 @@ class EvaluatedSetting:
 class Validation:
     """The best setting and the default on seeds that neither the search nor a test suite has.
 
-    `difference` is of mean scores over the same flights, `p` of the paired permutation test that there is none.
+    `difference` is of mean scores over the same runs, `p` of the paired permutation test that there is none.
     """
 
     seed: int
@@ -126,14 +126,14 @@ class TuningResult:
         parameters: Those of the entry as it was entered.
         ranges: What was searched.
         seed: Of the search.
-        budget: How the flights were shared.
-        training_seed: Of the flights of the search.
-        tried: All settings that were flown, the default first, then in the order in which they were asked for.
-        n_asked: How many settings were asked for; of equal ones only the first was flown.
+        budget: How the runs were shared.
+        training_seed: Of the runs of the search.
+        tried: All settings that were run, the default first, then in the order in which they were asked for.
+        n_asked: How many settings were asked for; of equal ones only the first was run.
         best: The one with the highest mean score in training; of equal ones the first.
         difference: Its mean score over the default's in training; None where it is the default.
         validation: None where the best is the default.
-        n_flown_before: Flights that were there already.
+        n_flown_before: Runs that were there already.
     """
 
     suite: str
@@ -157,12 +157,12 @@ class TuningResult:
 
     @property
     def n_search(self) -> int:
-        """Flights of the search."""
+        """Runs of the search."""
         return len(self.tried) * self.budget.per_setting
 
     @property
     def n_validation(self) -> int:
-        """Flights of the validation."""
+        """Runs of the validation."""
         return self.budget.validation if self.validation is not None else 0
 
 
@@ -180,8 +180,8 @@ class TuningProgress:
 class Tuner:
     """One call of `gslcosim tune`: asks, flies, tells; then validates.
 
-    It always begins at the first batch. The search is drawn again by its seed, and flights that are in the folder are
-    not flown again, so that an interrupted call goes on where it stopped and ends as if it had not been interrupted.
+    It always begins at the first batch. The search is drawn again by its seed, and runs that are in the folder are
+    not run again, so that an interrupted call goes on where it stopped and ends as if it had not been interrupted.
     """
 
     def __init__(
@@ -201,8 +201,8 @@ class Tuner:
         Args:
             subject: The method and its cases.
             ranges: What is searched.
-            budget: How many flights.
-            seed: Of the search, and part of the seeds of all its flights.
+            budget: How many runs.
+            seed: Of the search, and part of the seeds of all its runs.
             folder: Where everything is kept.
             start_pool: Starts the workers; not called when there is nothing to fly.
             report: Receives the status of the run.
@@ -224,7 +224,7 @@ class Tuner:
 
         Raises:
             KeyboardInterrupt: it was interrupted; the same call goes on.
-            GslCosimError: Optuna is not there, the folder cannot be used, or nothing can be flown.
+            GslCosimError: Optuna is not there, the folder cannot be used, or nothing can be run.
         """
         load_optuna()
         with ResultsFolder(self._folder).locked():
@@ -262,7 +262,7 @@ class Tuner:
         )
 
     def evaluations(self) -> tuple[EvaluationPlan, EvaluationPlan]:
-        """Return the flights of training and of validation: no seed is one of the other's or of a suite's."""
+        """Return the runs of training and of validation: no seed is one of the other's or of a suite's."""
         self._report(Progress(phase="planning", done=0, total=2, elapsed_s=0.0))
         tests = collect_test_seeds(self._subject.loaded)
         training = build_evaluation_plan(self._subject, TRAINING, self._seed, n=self._budget.per_setting, taken=tests)
@@ -273,7 +273,7 @@ class Tuner:
         )
         return training, validation
 
-    # Batches are of one size and given in order, so that nothing depends on which flight was over first.
+    # Batches are of one size and given in order, so that nothing depends on which run was over first.
     def _search(self, search: OptunaSearch, runner: SettingRunner) -> int:
         new = [Setting(name=DEFAULT, parameters={})]
         names = {self._default_values(): DEFAULT}

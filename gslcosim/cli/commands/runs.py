@@ -30,7 +30,7 @@ EXAMPLES = """  gslcosim runs
 _SHOWN = ("run", "scenario", "method", "seed", "outcome", "time_s", "speed", "faults", "size_mb", "age_h")
 _HEADINGS = ("run", "scenario", "method", "seed", "outcome", "time", "speed", "faults", "size", "age")
 _ACTIONS = ("remove", "repair")
-# What has no result and was written to so lately may be flown by another user, or on another host.
+# What has no result and was written to so lately may be run by another user, or on another host.
 _QUIET_H = 10 / 60
 _UNITS = ((1 / 60, 3600, "s"), (1.0, 60, "min"), (48.0, 1, "h"), (float("inf"), 1 / 24, "d"))
 

@@ -1,4 +1,4 @@
-"""`gslcosim train`: learn what a train file says, with checkpoints, curves and evaluation flights."""
+"""`gslcosim train`: learn what a train file says, with checkpoints, curves and evaluation runs."""
 
 import argparse
 import contextlib

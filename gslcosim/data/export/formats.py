@@ -32,7 +32,7 @@ def extract_run(
 
     Raises:
         UsageError: the folder holds something, or the extra `ros` is not installed.
-        EnvironmentDataError: the room is needed and is not the one that was flown in.
+        EnvironmentDataError: the room is needed and is not the one that was run in.
         OSError: the machine refuses.
     """
     if folder.exists() and any(folder.iterdir()):

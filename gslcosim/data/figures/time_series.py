@@ -42,13 +42,13 @@ def distance_bundle(
     radius_m: float | None = None,
     looks: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> None:
-    """Draw the distances of many flights: thin lines, their median bold, and a band from the 25th to 75th percentile.
+    """Draw the distances of many runs: thin lines, their median bold, and a band from the 25th to 75th percentile.
 
-    A flight that has ended keeps its last distance.
+    A run that has ended keeps its last distance.
 
     Args:
         axes: Where to draw.
-        bundles: By label the flights: times [s] and distances [m] of each.
+        bundles: By label the runs: times [s] and distances [m] of each.
         radius_m: The success radius [m].
         looks: By label colour and line style, where they are not those of `style.get_line_style`.
     """

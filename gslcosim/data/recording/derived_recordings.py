@@ -40,7 +40,7 @@ def record_from_tick(
 
     Args:
         recording: A run's recording.
-        scenario: What was flown.
+        scenario: What was run.
         environment: Where.
         path: The file to write.
         tick: Where it opens.

@@ -47,7 +47,7 @@ def import_log(log: RobotLog, source: Path, loaded: LoadedScenario, runs_dir: Pa
     before, where the referee sees success; collisions are not judged.
 
     Args:
-        log: What was flown.
+        log: What was run.
         source: The file it comes from; the manifest has its name and hash.
         loaded: Room, source, vehicle and sensors; its only agent is who flew.
         runs_dir: Where the run's folder is made.

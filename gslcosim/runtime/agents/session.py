@@ -131,7 +131,7 @@ class AgentSession:
         if self._asked_at_s is not None:
             waited_s = time.monotonic() - self._asked_at_s
             self.decisions_s.append(waited_s if decided_in_s is None else decided_in_s)
-            # What is flown again was decided before.
+            # What is run again was decided before.
             if decided_in_s != 0.0:
                 asked_tick = commands[0].tick if commands else self.last_tick
                 self.machine.decided(self.agent, asked_tick, self.decisions_s[-1])

@@ -329,7 +329,7 @@ class Host:
             bus: The process's connection.
             cores: From upstream to downstream.
             dataflow: Of the whole run.
-            episode: What is flown.
+            episode: What is run.
             pace: Holds the ticks of `PACED_PARTICIPANT` back, if anything does.
             keeping: What is kept of the run's state; absent: nothing.
         """
@@ -505,7 +505,7 @@ class Host:
         patience_s = MIN_RESEND_AFTER_S
         self._asked.clear()
         if self._was_resent:
-            # Where one was missing the next most likely is, too: whoever catches up waits for nothing else.
+            # Where one was missing the next most likely is, too: a participant that catches up waits for nothing else.
             self._was_resent = False
             for runner in self._runners:
                 self._ask_again(runner, only_lost=False)

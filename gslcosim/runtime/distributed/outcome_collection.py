@@ -24,7 +24,7 @@ def collect_outcome(
 
     Args:
         outcome: Is added to.
-        watchdog: Has the goodbyes of the services.
+        watchdog: Has the final reports of the services.
         hosts: Of the agents.
         verdict: The run's, if it came to one.
         dataflow: Of the run.

@@ -74,7 +74,7 @@ def build_incoming_bundles_key(reader: str) -> str:
 
 
 def build_outgoing_bundles_key(writer: str) -> str:
-    """Return the keys on which a participant sends bundles, whoever reads them."""
+    """Return the keys on which a participant sends bundles, to any reader."""
     return f"{BUNDLE_PREFIX}{writer}/*"
 
 
@@ -84,7 +84,7 @@ def is_read_by_agents(port: str) -> bool:
 
 
 def is_always_published(port: str) -> bool:
-    """Return whether a port is sent whoever shares the writer's process: agents read it, or the supervisor."""
+    """Return whether a port is sent even within the writer's process: agents read it, or the supervisor."""
     return is_read_by_agents(port) or port == keys.VERDICT
 
 

@@ -83,7 +83,7 @@ class StatusReporter:
             self._tell(RunStatus(state="starting", text=f"{text}, not here after {waited_s:.0f} s", is_late=True))
 
     def report_run(self, state: str, tick: int, wall_s: float, text: str = "") -> None:
-        """Tell how far the flight has come, and what else there is to tell."""
+        """Tell how far the run has come, and what else there is to tell."""
         sim_time_s = seconds_from_ticks(tick, self._tick_ns)
         factor = sim_time_s / wall_s if wall_s > 0 else 0.0
         self._tell(RunStatus(state=state, text=text, sim_time_s=sim_time_s, real_time_factor=factor))
@@ -105,7 +105,7 @@ class ParticipantInspector:
     Args:
         bus: The supervisor's connection.
         services: Those of the run.
-        watchdog: Knows who has said goodbye.
+        watchdog: Knows which services have sent their final reports.
         sessions: Of the agents.
     """
 

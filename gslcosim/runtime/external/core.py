@@ -81,7 +81,7 @@ def _find_file(command: tuple[str, ...], i: int, directory: Path) -> Path | None
         return None
 
 
-# Beside the time that a run waits for whoever joins; a program that has to load much first says hello before that.
+# Beside the time that a run waits for joining hosts; a program that has to load much first sends its hello before that.
 HELLO_TIMEOUT_S = 60.0
 EXIT_TIMEOUT_S = 2.0
 PARTICIPANT_VARIABLE = "GSLCOSIM_PARTICIPANT"

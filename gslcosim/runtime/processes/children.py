@@ -80,7 +80,7 @@ class ProcessLog:
 
     def _copy(self) -> None:
         n_kept = n_dropped = 0
-        # A disk without room costs the log, not the flight: what the run needs itself is reported by its writer.
+        # A disk without room costs the log, not the run: what the run needs itself is reported by its writer.
         with contextlib.suppress(OSError):
             while data := os.read(self._from, _LOG_READ_BYTES):
                 kept = data[: self._most_bytes - n_kept]
@@ -351,7 +351,7 @@ MIN_PAUSE_S = 1.0
 class PauseDetector:
     """Tells from looks that come many times a second which time nobody has lived through.
 
-    What has been waited for meanwhile is not late: whoever keeps deadlines moves them by that time. It reads no clock:
+    What has been waited for meanwhile is not late: holders of deadlines move them by that time. It reads no clock:
     times [s] of a monotonic one are handed in. That clock does not run while a machine is suspended.
     """
 

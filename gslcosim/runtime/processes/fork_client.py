@@ -224,7 +224,7 @@ class ForkServer:
         """Let a fork compile the kernels of a scenario's services while its environment is made, as far as it comes.
 
         Args:
-            scenario: What will be flown; its environment is any but one with a `path`.
+            scenario: What will be run; its environment is any but one with a `path`.
             directory: Where its relative paths start.
 
         Returns:

@@ -41,9 +41,9 @@ RECORDER_ONLY_PORTS = frozenset({keys.FILAMENTS})
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayResult:
-    """A run flown again: the flight, and where it differs from the past one; `n_ticks` of both were compared.
+    """A run run again: the run, and where it differs from the past one; `n_ticks` of both were compared.
 
-    `snapshot` is where it was flown from, absent where from the start; `note` says why one that is there was not used.
+    `snapshot` is where it was run from, absent where from the start; `note` says why one that is there was not used.
     """
 
     flight: RunResult
@@ -110,7 +110,7 @@ def replay_run(
 ) -> ReplayResult:
     """Repeat a run in this process, without its agents, and compare it with the past one to the bit.
 
-    A run that came to no verdict is flown as far as all its services had come.
+    A run that came to no verdict is run as far as all its services had come.
 
     Args:
         past: The run.
@@ -122,8 +122,8 @@ def replay_run(
         report: Receives the status of the run.
 
     Raises:
-        UsageError: it was flown elsewhere, it cannot be recorded like that, or the end is none of the run's.
-        EnvironmentDataError: the room is not the one that was flown in.
+        UsageError: it was run elsewhere, it cannot be recorded like that, or the end is none of the run's.
+        EnvironmentDataError: the room is not the one that was run in.
     """
     past.check_flown_here()
     began = time.perf_counter()

@@ -142,7 +142,7 @@ class GridSearch:
         *,
         dimensions: Literal[2, 3] = 2,
     ) -> None:
-        """Begin with an even belief over free cells, and rehearse a decision so that nothing compiles in flight.
+        """Begin with an even belief over free cells, and warm up a decision so that nothing compiles in flight.
 
         Args:
             briefing: The agent's briefing.

@@ -102,7 +102,7 @@ class ReactiveSearcher:
     At a question `ask` returns the command while a leg is under way, or when the source is to be declared. Otherwise it
     returns what is known, and the method answers with `fly_to`, `follow` or `explore`.
 
-    State: that of its parts, and for how many more legs the leash sends it away.
+    State: that of its parts, and for how many more legs the stuck detector sends it away.
 
     Held by:
         tests/unit/search/reactive/test_reactive_searcher.py

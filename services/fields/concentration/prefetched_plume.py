@@ -20,7 +20,7 @@ class PrefetchedPlume:
     Args:
         plume: What moves. Its wind must not depend on what happens in the run.
         step_s: Length of its steps [s].
-        steps_per_frame: Frames are kept that many steps apart: whoever reads advances by as many.
+        steps_per_frame: Frames are kept that many steps apart: a reader advances by as many.
     """
 
     def __init__(self, plume: FilamentPlume, *, step_s: float, steps_per_frame: int) -> None:

@@ -292,7 +292,7 @@ class FlightStateMachine:
         if leg is not None and self._abilities.has_wheels and leg.heading.yaw_rad is not None:
             self.follower.look(leg.heading)
 
-    # Rotors or wheels stop, and the agent is asked; whoever has landed can take off again.
+    # Rotors or wheels stop, and the agent is asked; a landed vehicle can take off again.
     def _stand(self, tick: int) -> None:
         self.follower.stand(tick)
         self.is_armed = False

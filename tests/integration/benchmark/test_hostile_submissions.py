@@ -159,7 +159,7 @@ def test_without_a_sandbox_nothing_is_started(here, monkeypatch, capsys):
 
 
 def test_a_python_agent_that_does_nothing_as_a_program_is_refused(here):
-    """In a worker its class is enough; as a process it would end at once, and its flights differ."""
+    """In a worker its class is enough; as a process it would end at once, and its runs differ."""
     folder, outside = here
     program = folder / "alone.py"
     program.write_text(AGENT.partition("if __name__")[0])

@@ -1,4 +1,4 @@
-"""Sweeps and tunings flown by real workers: the same however they are flown, and resumed where they stopped."""
+"""Sweeps and tunings flown by real workers: the same however they are run, and resumed where they stopped."""
 
 import contextlib
 import io
@@ -70,7 +70,7 @@ def test_a_sweep_on_the_page_is_run_once_and_reported_again(
 
 @pytest.fixture(scope="module")
 def tuned(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The tuning on the page: ten settings with a flight each, by one worker, without an interruption."""
+    """The tuning on the page: ten settings with a run each, by one worker, without an interruption."""
     folder = tmp_path_factory.mktemp("tuned") / "results"
     with contextlib.redirect_stdout(io.StringIO()) as output:
         assert main([*TUNE, "--jobs", "1", "--results", str(folder)]) == 0

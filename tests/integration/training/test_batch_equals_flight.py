@@ -1,4 +1,4 @@
-"""Searches of a batch are single flights with the same case, seed and actions, to the bit."""
+"""Searches of a batch are single runs with the same case, seed and actions, to the bit."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ TWO_GASES = (
     "gas.sources=[{position_m: [1.5, 2, 1], filaments_per_s: 10},"
     "{position_m: [2.5, 4, 1.2], filaments_per_s: 5, gas: methane}]"
 )
-# A search is flown thrice in a batch: at the beginning, in the middle and at the end.
+# A search is run thrice in a batch: at the beginning, in the middle and at the end.
 COPIES = 3
 
 

@@ -1,4 +1,4 @@
-"""A search as an environment of Gymnasium is the flight that `gslcosim up` makes of the same commands."""
+"""A search as an environment of Gymnasium is the run that `gslcosim up` makes of the same commands."""
 
 import json
 import sys

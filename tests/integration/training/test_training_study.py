@@ -1,4 +1,4 @@
-"""The study of what is lost from training to flight runs, and its batch is what single flights are."""
+"""The study of what is lost from training to run runs, and its batch is what single runs are."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is shown while a flight goes on."""
+"""What is shown while a run goes on."""
 
 import io
 

@@ -25,7 +25,7 @@ def sent(tick, at_s, open_tick=None, **changes):
 
 @pytest.fixture
 def flight():
-    """A flight in which all is right: observations 0 to 3, of which 2 and 3 ask, and a clean end."""
+    """A run in which all is right: observations 0 to 3, of which 2 and 3 ask, and a clean end."""
     return Transcript(
         SessionScript(name="first", seed=1),
         joined_at_s=0.5,

@@ -154,7 +154,7 @@ class _ProcessTreeMonitor:
             return
         is_alone = os.getppid() != self._supervisor
         self._killed_at_s = time.monotonic() + (0.0 if is_alone else TERM_TIMEOUT_S)
-        # A sandbox would end at once, and its agent with it, before that can say goodbye.
+        # A sandbox would end at once, and its agent with it, before that can end in order.
         for pid in _list_descendants(os.getpid(), leave_out=2 if self._plan["is_bubblewrap"] else 0):
             _send_signal(pid, number)
 

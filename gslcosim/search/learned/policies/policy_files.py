@@ -42,7 +42,7 @@ def save_policy(path: str | Path, policy: Policy, card: Mapping[str, Any]) -> No
     The same policy and card make the same bytes.
 
     Args:
-        path: The file, `.npz`; whoever looks sees the old one or the new one, never a part.
+        path: The file, `.npz`; a reader sees the old one or the new one, never a part.
         policy: The policy.
         card: Plain values under names of their own.
 

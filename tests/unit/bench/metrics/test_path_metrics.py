@@ -86,14 +86,14 @@ def test_the_first_to_succeed_stands_for_a_swarm_or_else_the_nearest():
 
 
 def test_spl_of_three_runs_by_hand():
-    """Twice the shortest way is worth a half, the shortest way 1, a failure nothing."""
+    """Twice the shortest path is worth a half, the shortest path 1, a failure nothing."""
     assert spl(20.0, 10.0, success=True) == 0.5
     assert spl(10.0, 10.0, success=True) == 1.0
     assert spl(1.0, 10.0, success=False) == 0.0
 
 
 def test_spl_at_its_edges():
-    # Ways on cells are a little too long: a flight may be shorter, which is not worth more than 1.
+    # Ways on cells are a little too long: a run may be shorter, which is not worth more than 1.
     assert spl(9.9, 10.0, success=True) == 1.0
     assert spl(0.0, 0.0, success=True) == 1.0
     assert spl(5.0, None, success=True) is None

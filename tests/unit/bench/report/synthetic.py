@@ -1,4 +1,4 @@
-"""Folders of results of any size with known truths, drawn by a seed: nothing is flown."""
+"""Folders of results of any size with known truths, drawn by a seed: nothing is run."""
 
 import base64
 import hashlib

@@ -125,7 +125,7 @@ entries: [{name: beetle, start: {python: dung_beetle}}]
 
 
 def test_some_cases_of_a_suite_are_the_same_runs_as_in_all_of_it(tmp_path):
-    """To the id, which is a hash of all that decides a flight; also when the restricted suite is read from its file."""
+    """To the id, which is a hash of all that decides a run; also when the restricted suite is read from its file."""
     (tmp_path / "suite.yaml").write_text(SUITE)
     loaded = load_suite(tmp_path / "suite.yaml")
     every = build_plan(loaded)

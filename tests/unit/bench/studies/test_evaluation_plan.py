@@ -1,4 +1,4 @@
-"""Courses: the same flights for every setting, on seeds that no suite has."""
+"""Courses: the same runs for every setting, on seeds that no suite has."""
 
 import dataclasses
 

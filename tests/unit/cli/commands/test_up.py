@@ -1,4 +1,4 @@
-"""`gslcosim up`, with a flight that is only told."""
+"""`gslcosim up`, with a run that is only told."""
 
 import json
 
@@ -29,7 +29,7 @@ RESULT = {
 
 @pytest.fixture
 def flight(monkeypatch, tmp_path):
-    """A flight that takes no time: keeps its arguments, reports three states, and ends as it is set to."""
+    """A run that takes no time: keeps its arguments, reports three states, and ends as it is set to."""
     result = {"result": RESULT, "exit_code": 0}
     run_dir = tmp_path / "runs" / "tiny_room-seed1-now"
     run_dir.mkdir(parents=True)

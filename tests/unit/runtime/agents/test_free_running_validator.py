@@ -1,4 +1,4 @@
-"""The door of an agent in free mode: one command at each tick, the last that has come, whenever it came."""
+"""The validator of an agent in free mode: one command at each tick, the last that has come, whenever it came."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The door of a fork: before the fork the commands of the past pass, whatever the agent says."""
+"""The validator of a fork: before the fork the commands of the past pass, whatever the agent says."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""A desk lets commands pass, keeps what they leave, and gives up whoever owes an answer for too long."""
+"""A session lets commands pass, keeps what they leave, and gives up an agent that owes an answer for too long."""
 
 import pytest
 

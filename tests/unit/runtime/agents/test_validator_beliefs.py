@@ -1,4 +1,4 @@
-"""Which beliefs pass an agent's door: at most one in a second of simulated time."""
+"""Which beliefs pass an agent's validator: at most one in a second of simulated time."""
 
 import numpy as np
 
@@ -27,7 +27,7 @@ def question(tick):
 
 
 def passed(ticks, *, every_ticks=10):
-    """Return the door, and for each tick whether the belief passed with its command."""
+    """Return the validator, and for each tick whether the belief passed with its command."""
     validator, have_belief = CommandValidator("beetle", belief_every_ticks=every_ticks), []
     for tick in ticks:
         validator.on_observation(question(tick))

@@ -1,4 +1,4 @@
-"""What the door does with an agent's word about its contract."""
+"""What the validator does with an agent's word about its contract."""
 
 import msgpack
 
@@ -33,7 +33,7 @@ def asked_validator(tick=0):
 
 
 def test_what_fits_passes_without_a_trace():
-    """The same flight leaves the same commands, whether or not the agent says what it speaks."""
+    """The same run leaves the same commands, whether or not the agent says what it speaks."""
     stated, silent = asked_validator(), asked_validator()
     assert stated.on_answer(answer(0, format_own_contract())) == silent.on_answer(answer(0, None))
     assert stated.faults == silent.faults == []

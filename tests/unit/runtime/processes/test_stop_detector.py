@@ -1,4 +1,4 @@
-"""A stopped process is seen, given some time, and ended; whoever looked away himself blames nobody for it."""
+"""A stopped process is seen, given some time, and ended; anyone who looked away himself blames nobody for it."""
 
 import os
 import signal

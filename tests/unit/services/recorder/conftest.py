@@ -9,7 +9,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 @pytest.fixture
 def record(make_room, tmp_path):
-    """Record a scripted flight into a folder of that name and return the file; see `ScriptedFlight`."""
+    """Record a scripted run into a folder of that name and return the file; see `ScriptedFlight`."""
     from scripted_flight import ScriptedFlight
 
     from gslcosim.contract.participant import Episode

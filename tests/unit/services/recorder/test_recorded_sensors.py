@@ -1,4 +1,4 @@
-"""What the sensors of a flight report is in its recording, number by number."""
+"""What the sensors of a run report is in its recording, number by number."""
 
 import io
 

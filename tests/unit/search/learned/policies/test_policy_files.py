@@ -11,12 +11,12 @@ from gslcosim.search.learned.policies.policy import PolicyError
 from gslcosim.search.learned.policies.policy_files import CARD, load_policy, read_policy_card, save_policy
 
 
-def changed(path, *, card_changes=None, drop=(), **arrays):
+def changed(path, *, new_card=None, drop=(), **arrays):
     """Write a file again with changes."""
     with np.load(path) as file:
         entries = {name: file[name] for name in file.files if name not in drop}
-    if card_changes is not None:
-        entries[CARD] = np.array(json.dumps({**json.loads(str(entries[CARD])), **card_changes}))
+    if new_card is not None:
+        entries[CARD] = np.array(json.dumps({**json.loads(str(entries[CARD])), **new_card}))
     np.savez(path, **{**entries, **arrays})
     return path
 
@@ -67,13 +67,16 @@ def test_a_corrupt_file_is_reported_and_runs_nothing(tmp_path):
         ({"gates": np.zeros((15, 7))}, r"gates: expected numbers of shape \(15, 8\), was float64 of shape \(15, 7\)"),
         ({"gates": np.full((15, 8), np.nan)}, "gates: expected finite numbers, was 120 that are not"),
         ({"gates": np.full((15, 8), "a")}, "gates: expected numbers"),
-        ({"card_changes": {"schema": "gslcosim/policy/9"}}, "card.schema: expected gslcosim/policy/1, was 'gslcosim/policy/9'"),
-        ({"card_changes": {"kind": "lstm"}}, "card.kind: expected one of ctrnn, gru, table, was 'lstm'"),
-        ({"card_changes": {"observation_names": ["x"]}}, r"encoder: expected numbers of shape \(any, 1\)"),
-        ({"card_changes": {"observation_names": ["x", "x"]}}, "expected each name once"),
-        ({"card_changes": {"observation_names": "x"}}, "observation_names: expected a list of names"),
-        ({"card_changes": {"action": None}}, "action: expected a map with kind, was None"),
-        ({"card_changes": {"action": {"kind": "velocity_3d"}}}, r"outputs: expected numbers of shape \(3, any\)"),
+        (
+            {"new_card": {"schema": "gslcosim/policy/9"}},
+            "card.schema: expected gslcosim/policy/1, was 'gslcosim/policy/9'",
+        ),
+        ({"new_card": {"kind": "lstm"}}, "card.kind: expected one of ctrnn, gru, table, was 'lstm'"),
+        ({"new_card": {"observation_names": ["x"]}}, r"encoder: expected numbers of shape \(any, 1\)"),
+        ({"new_card": {"observation_names": ["x", "x"]}}, "expected each name once"),
+        ({"new_card": {"observation_names": "x"}}, "observation_names: expected a list of names"),
+        ({"new_card": {"action": None}}, "action: expected a map with kind, was None"),
+        ({"new_card": {"action": {"kind": "velocity_3d"}}}, r"outputs: expected numbers of shape \(3, any\)"),
         ({CARD: np.array("{")}, "card: expected JSON"),
         ({CARD: np.array("[]")}, "card: expected a block, was a list"),
     ],
@@ -97,7 +100,7 @@ def test_what_is_wrong_with_an_entry_is_reported(tmp_path, changes, words):
 def test_wrong_settings_of_a_kind_are_reported(tmp_path, make, settings, words):
     save_policy(tmp_path / "p.npz", make(), {})
     with pytest.raises(PolicyError, match=words):
-        load_policy(changed(tmp_path / "p.npz", card_changes={"settings": settings}))
+        load_policy(changed(tmp_path / "p.npz", new_card={"settings": settings}))
 
 
 def test_what_cannot_be_saved_is_reported(tmp_path):
