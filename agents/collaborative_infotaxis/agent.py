@@ -72,7 +72,7 @@ class CollaborativeInfotaxis(Agent):
             self.take(name, report)
 
     def decide(self, observation: Observation) -> Command:
-        """Return the next stop, or a declaration, and tell the last findings."""
+        """Return the next stop, or a declaration, and send the last findings."""
         self.observe(observation)
         if self.pilot.is_busy(observation):
             return self.pilot.stay(observation)
@@ -90,7 +90,7 @@ class CollaborativeInfotaxis(Agent):
         return command.model_copy(update={"outgoing": self.calls(), "belief": message})
 
     def choose(self, here_m: Place, time_s: float) -> Place:
-        """Return the place that adds most to what the others will tell; not one that another robot is going to."""
+        """Return the place that adds most to what the others will find; not one that another robot is going to."""
         plans_m = self.plans_m(here_m, time_s)
         places_m = self.places_m(here_m)
         places_m = [p for p in places_m if all(math.dist(p, q) > self.settings.apart_m for q in plans_m)] or places_m

@@ -26,7 +26,7 @@ class ModifiedGso(Agent):
         self.zigzag_side = self.robot.side
 
     def observe(self, observation: Observation) -> None:
-        """Measure and listen: the others tell what they have declared."""
+        """Measure and listen: the others send what they have declared."""
         for _, report in self.robot.observe(observation):
             if len(report.numbers) >= 3:
                 self.forbid((report.numbers[1] / 100.0, report.numbers[2] / 100.0))

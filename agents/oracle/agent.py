@@ -1,4 +1,4 @@
-"""The oracle: it knows where the source is, flies there and declares it. README.md beside this file has the rules."""
+"""The oracle: it is told where the source is, flies there and declares it. README.md beside this file has the rules."""
 
 import math
 

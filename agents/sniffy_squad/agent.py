@@ -81,7 +81,7 @@ class SniffySquad(Agent):
         return self.step(observation, now).model_copy(update={"outgoing": self.rounds.call(), "belief": belief})
 
     def verdict(self, _: Measurement) -> float:
-        """Return what the reports tell of the gas at a stop: there was some, none, or the sensor cannot tell."""
+        """Return what the reports say of the gas at a stop: there was some, none, or the sensor cannot tell."""
         assert self.asked is not None
         return {True: HIT, False: CLEAN, None: UNCLEAR}[self.watch.stop(self.asked).is_hit]
 

@@ -1,4 +1,4 @@
-"""Spiral: a square spiral of stops that begins again wherever the source seems nearer than before; it needs no wind.
+"""Spiral: a square spiral of stops that begins anew wherever the source seems nearer than before; it needs no wind.
 
 After Ferri et al. 2009. README.md beside this file has the rules.
 """

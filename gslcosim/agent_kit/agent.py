@@ -130,7 +130,7 @@ class AgentGroup:
         self._hand_out(at_once_until=tick if has_come_twice else -1)
 
     def end(self, reason: str) -> None:
-        """Tell all agents that the run is over."""
+        """Send all agents the end of the run."""
         for member in self._flying():
             if member.agent is not None:
                 self._try(member, lambda agent=member.agent: agent.end(reason))

@@ -581,7 +581,7 @@ def build_session_config(namespace: str | None, *, lease_ms: int = LEASE_MS) -> 
 
     Args:
         namespace: Comes before all keys.
-        lease_ms: How long the session may be silent before the other side gives it up; each side tells its own.
+        lease_ms: How long the session may be silent before the other side gives it up; each side states its own.
     """
     # Multicast and gossip off: runs never meet. Shared memory off: it drops messages on a loaded machine.
     config = zenoh.Config()

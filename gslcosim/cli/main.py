@@ -115,7 +115,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def run_command(words: Sequence[str], call: Callable[[argparse.Namespace], int] | None = None) -> int:
-    """Run one command, tell what goes wrong, and return the exit code.
+    """Run one command, report what goes wrong, and return the exit code.
 
     Args:
         words: The command line without the program's name.

@@ -256,7 +256,7 @@ def _get_value(payload: bytes) -> object:
 def _find_contract_problem(fields: dict[str, Any]) -> Problem | None:
     contract = fields.get("contract")
     if not isinstance(contract, str):
-        return None  # nothing, or of a wrong type, which the schema tells
+        return None  # nothing, or of a wrong type, which the schema reports
     try:
         check_contract(contract)
     except ContractError as error:

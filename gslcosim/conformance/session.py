@@ -224,7 +224,8 @@ class ScriptedSession:
         self._transcript.questions[-1].n_sent += 1
         self._transport.repeat()
 
-    # Twice the limit, to tell a late answer from none. Where something wrong has come instead, a run does not wait
+    # Twice the limit, to distinguish a late answer from none. Where something wrong has come instead, a run does not
+    # wait
     # either; the right answer might still follow at once.
     def _await_answer(self, question: Question) -> None:
         transcript, settle_s = self._transcript, self._limits.settle_s

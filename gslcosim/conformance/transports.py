@@ -49,7 +49,7 @@ class OrphanProcesses:
     """Processes that one start of an agent leaves behind.
 
     A process whose parent ends becomes a child of the nearest ancestor that asks for such. While an agent lives this
-    process asks. A mark in the agent's environment, which its descendants inherit, tells them from others.
+    process asks. A mark in the agent's environment, which its descendants inherit, distinguishes them from others.
     """
 
     def __init__(self, mark: str) -> None:
@@ -59,7 +59,7 @@ class OrphanProcesses:
 
     @staticmethod
     def is_possible() -> bool:
-        """Return whether this system tells."""
+        """Return whether this system shows it."""
         return sys.platform == "linux"
 
     def begin(self) -> None:
@@ -433,21 +433,21 @@ class GatewayCheckTransport(CheckedProcess):
         self.children.start_without_bus(AGENT, self.command(), variables=variables, log=log, cwd=cwd)
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
-        """Tell the agent its briefing; see `AgentTransport`."""
+        """Send the agent its briefing; see `AgentTransport`."""
         self._tell(type(briefing), payload)
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Tell the agent an observation, if it wants that kind; see `AgentTransport`."""
+        """Send the agent an observation, if it wants that kind; see `AgentTransport`."""
         if self.connection.observations == "all" or observation.awaiting_command:
             self._tell(Observation, payload)
 
     def repeat(self) -> None:
-        """Tell briefing and last observation again; see `CheckTransport`."""
+        """Send briefing and last observation again; see `CheckTransport`."""
         for message_type in (Briefing, Observation):
             self._tell(message_type, self._sent[message_type.__name__])
 
     def end(self, ending: Ending, payload: bytes) -> None:
-        """Tell the agent the end, and go on listening; see `AgentTransport`."""
+        """Send the agent the end of the run, and go on listening; see `AgentTransport`."""
         self._tell(type(ending), payload)
 
     def unsubscribed_keys(self) -> tuple[str, ...]:

@@ -44,7 +44,7 @@ class RunSummary:
         outcome: The referee's end reason or why there is none; of other states what is wrong.
         time_s: Simulated time flown [s].
         speed: Simulated time by wall time of the run.
-        faults: How many the result tells.
+        faults: How many the result lists.
         time_to_source_s: First success of any agent [s].
         distance_m: Of the nearest agent to a source at the end [m].
         path_m: Length flown by all agents [m].

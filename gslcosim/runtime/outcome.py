@@ -44,7 +44,7 @@ class RunOutcome:
     is_cut: bool = False
     agent_faults: list[AgentFault] = field(default_factory=list[AgentFault])
     timing: dict[str, Mapping[str, int]] = field(default_factory=dict[str, Mapping[str, int]])
-    # What participants have to tell besides, by key of the result.
+    # Summaries of participants, by key of the result.
     summary: Mapping[str, Any] = field(default_factory=dict[str, Any])
     # What each decision of an agent took by the clock; only where the agents fly in this process.
     decisions_s: list[float] = field(default_factory=list[float])

@@ -169,7 +169,7 @@ def run_into_directory(
     Args:
         scenario: What is run.
         environment_dir: Where its room is.
-        fly_it: Flies, and tells how that goes to the report that it is given.
+        fly_it: Runs it, and reports to the receiver that it is given.
         runs_dir: Where the folder is made.
         processes: How the run is spread over processes.
         began: When it began, by `time.perf_counter` [s].

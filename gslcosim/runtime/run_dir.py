@@ -356,7 +356,7 @@ def _read_git_revision() -> str | None:
 
 
 def read_cpu_flags() -> str:
-    """Return what the processor can do, as the kernel tells it."""
+    """Return what the processor can do, as the kernel reports it."""
     info = Path("/proc/cpuinfo")
     if not info.exists():
         return platform.processor()

@@ -64,7 +64,7 @@ def get_process_name(group: ServiceGroup) -> str:
 class ServiceKind:
     """A participant that is a process of its own where a run has processes.
 
-    `name` is that of the participant, its folder and its part of keys. `build_spec` tells its reads and writes without
+    `name` is that of the participant, its folder and its part of keys. `build_spec`` gives its reads and writes without
     building it; `build` imports and builds its core, and nothing of another service. `is_needed` says whether a
     scenario has it. `is_warmed_up` ones have kernels to load before time passes; `preloads` are modules that a process
     may import before it is forked, as they start no threads; `import_early` imports what takes long and may start some,

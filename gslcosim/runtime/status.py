@@ -220,7 +220,7 @@ QUERY_TIMEOUT_S = 2.0
 STOP_TIMEOUT_S = 20.0
 _POLL_PERIOD_S = 0.05
 
-# What a status socket tells is a few hundred bytes for each participant.
+# The status on a socket takes a few hundred bytes for each participant.
 _MAX_STATUS_BYTES = 4_000_000
 
 
@@ -294,8 +294,8 @@ def list_active_runs() -> list[ActiveRun]:
 def query_status(window: Path) -> ActiveRun | None:
     """Return the run behind a window; None where it has ended.
 
-    It is `silent` where it tells nothing in time, `refused`, with the reason as its `text`, where it and this process
-    are not confined alike, and `unreadable` where it tells something else than runs do.
+    It is `silent` where it answers nothing in time, `refused`, with the reason as its `text`, where it and this process
+    are not confined alike, and `unreadable` where it answers something else than runs do.
     """
     if sys.platform == "win32":
         return None

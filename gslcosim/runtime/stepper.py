@@ -129,7 +129,7 @@ class Gate:
         return tick, inbox
 
     def memory(self) -> dict[str, Any]:
-        """Return what the next steps depend on and no later message tells: announcements, and ports that are closed."""
+        """Return what the next steps depend on and no later message holds: announcements, and ports that are closed."""
         announced = {
             port: [[tick, sorted(ports)] for tick, ports in ticks.items() if tick < self.next_tick]
             for port, ticks in self._announced.items()

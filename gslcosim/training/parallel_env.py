@@ -31,7 +31,7 @@ class RadioCodec:
 
     Args:
         briefing: Of the agent.
-        n_numbers: How many numbers an agent tells.
+        n_numbers: How many numbers an agent sends.
 
     Raises:
         UsageError: the agent has no channel.
@@ -55,7 +55,7 @@ class RadioCodec:
         return self.n_numbers * len(self.others)
 
     def message(self, numbers: Sequence[float]) -> tuple[RadioMessage, ...]:
-        """Return the text that tells numbers."""
+        """Return the text that carries numbers."""
         if not self.n_numbers:
             return ()
         text = json.dumps([round(float(number), _DECIMALS) for number in numbers])
@@ -109,7 +109,7 @@ class ParallelSearchEnv(ParallelEnv[str, _Numbers, _Numbers]):
         action: `velocity`, `velocity_3d`, `waypoint`, `waypoint_3d` or `drive`.
         step_m: The longest leg [m].
         speed_m_s: The highest speed [m/s].
-        radio_numbers: How many numbers an agent tells with each action.
+        radio_numbers: How many numbers an agent sends with each action.
         reward: As for `SearchEnv`.
         discount: Of the shaping of `potential`.
 

@@ -62,7 +62,7 @@ class SteppedTransport:
 class SteppedRun:
     """One flight in this process, with the same messages and digest as `gslcosim up` with the same commands.
 
-    `asked` names the agents whose command is awaited, `seen_by` tells what they are asked upon, `scores` how each
+    `asked` names the agents whose command is awaited, `seen_by`` holds what they are asked upon, `scores` how each
     stood when the referee looked last, at the tick before.
     When `is_over`, `outcome` has the verdict and the digest. Nothing of it is recorded.
 

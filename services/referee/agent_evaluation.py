@@ -24,7 +24,7 @@ from gslcosim_services.referee.success import Evidence, build_criterion
 Outcome = Literal["success", "time_limit", "collision", "agent_failed", "declared", "out_of_bounds"]
 
 # What a TGS2600 needs to respond to ethanol is 0.2986 ppm, (air / A)^(1/B) of its power law: the weakest gas that
-# any of the sensors' models tells from clean air.
+# any of the sensors' models distinguishes from clean air.
 GAS_CONTACT_PPM = 0.3
 # What floors and walls give way where a vehicle hits them: it has not left the room [m].
 CONTACT_PENETRATION_M = 0.05

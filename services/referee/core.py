@@ -42,7 +42,7 @@ class _RunEvaluation:
     """State of the evaluation of one run.
 
     `shortest_m` are the shortest ways from the starts to the sources, which are at `sources_m` now; `happened` are the
-    scenario's events as `result.json` tells them.
+    scenario's events as `result.json`` lists them.
     """
 
     cases: list[AgentEvaluation]
@@ -70,7 +70,7 @@ class RefereeCore:
     one agent's end does not end the others. The reason is `success` if any agent succeeded, otherwise that of the
     agent that ended last (of several in one tick: the last in the scenario).
 
-    Where a scenario has events it reads `truth/events` of the last tick too: it tells each, and follows sources that
+    Where a scenario has events it reads `truth/events` of the last tick too: it reads each, and follows sources that
     move and doors. Distances are to where the sources are; in the result to where they were when the agent ended.
 
     Raises ModelError when the truth lacks an agent; the runtime then stops the run.

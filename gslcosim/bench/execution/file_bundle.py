@@ -23,7 +23,7 @@ from gslcosim.scenario.models.scenario import StartSpec
 
 # Programs of the system are the node's own.
 _OF_THE_SYSTEM = tuple(Path(each) for each in ("/usr", "/bin", "/sbin", "/lib", "/opt", sys.prefix, sys.base_prefix))
-# What is larger is put on the nodes by hand; and of such files the beginning tells them apart.
+# What is larger is put on the nodes by hand; and of such files their beginnings distinguish them.
 _MOST_BYTES = 1 << 30
 _READ_BYTES = 1 << 26
 # What a file of geometry draws in from beside it.

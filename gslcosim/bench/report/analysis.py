@@ -91,7 +91,7 @@ class ReportView:
 
 @dataclass(frozen=True, kw_only=True)
 class Analysis:
-    """All that the report tells. `draws_plumes` says whether intervals draw whole plumes or single runs."""
+    """All figures of the report. `draws_plumes` says whether intervals draw whole plumes or single runs."""
 
     material: ReportData
     views: tuple[ReportView, ...]
@@ -109,7 +109,7 @@ class Analysis:
 
 
 def analyse(material: ReportData) -> Analysis:
-    """Return everything that the report tells about what was run."""
+    """Return all figures of a report."""
     tracks = belief_tracks(material)
     rooms = build_plan_drawings(material)
     return Analysis(

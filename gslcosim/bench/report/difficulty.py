@@ -170,7 +170,7 @@ class CaseDifficulty:
     """Difficulty of a case.
 
     Attributes:
-        grade: easy, medium or hard: thirds of the suite's cases; empty where nothing tells cases apart.
+        grade: easy, medium or hard: thirds of the suite's cases; empty where nothing distinguishes cases.
         difficulty: Of the Rasch model [logit], mean 0; higher is harder; the anchors that know the source left out.
         is_informative: Whether some runs succeeded and some did not.
         success: Share of all entries' runs, the oracle's left out.

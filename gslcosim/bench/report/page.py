@@ -46,7 +46,7 @@ def render_page(analysis: Analysis) -> str:
     """Return the page as HTML.
 
     Args:
-        analysis: What it tells.
+        analysis: The figures that it shows.
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(FOLDER), autoescape=True, trim_blocks=True, lstrip_blocks=True,

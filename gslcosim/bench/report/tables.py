@@ -47,7 +47,7 @@ def write_tables(analysis: Analysis, folder: Path) -> None:
     """Write the CSV tables: numbers in full, a row of names first, empty where there is no value.
 
     Args:
-        analysis: What they tell.
+        analysis: The figures that they hold.
         folder: Where to; made if need be.
     """
     folder.mkdir(exist_ok=True)

@@ -157,7 +157,7 @@ def with_disjoint_seeds(
     Args:
         subject: The method and its cases.
         purpose: For example `training`.
-        number: Tells several of one purpose apart.
+        number: Distinguishes several of one purpose.
         repetitions: Of each case.
         taken: Seeds that may not occur, see `collect_seeds`.
     """

@@ -77,7 +77,7 @@ class OptunaSearch:
 
 
 def load_optuna() -> Any:
-    """Return Optuna, which then tells nothing by itself.
+    """Return Optuna, which then prints nothing by itself.
 
     Raises:
         UsageError: it is not installed.

@@ -125,7 +125,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def run_scenario(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int:
-    """Run the scenario of parsed words, tell how it went, and return the exit code.
+    """Run the scenario of parsed words, report how it went, and return the exit code.
 
     Args:
         arguments: Of `gslcosim up`.

@@ -136,7 +136,7 @@ class _Retold:
     setup: RunSetup
 
     def outcome(self) -> RunOutcome:
-        """Tell it to referee and recorder, and return what has come of it."""
+        """Send it to referee and recorder, and return what has come of it."""
         setup, scenario = self.setup, self.setup.scenario
         referee = RefereeCore(scenario, setup.environment)
         recorder = RecorderCore(scenario, setup.environment, setup.run_dir.recording)

@@ -51,7 +51,7 @@ def draw_positions(
     return places
 
 
-# Nothing when the room has problems, which others tell.
+# Nothing when the room has problems, which other checks report.
 def _room(spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path) -> EnvironmentGeometry | Environment | None:
     if spec.path is None:
         has_problems = bool(find_source_problems(spec, wind, scenario_dir=scenario_dir))

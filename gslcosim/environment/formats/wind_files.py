@@ -60,7 +60,7 @@ class WindGapsWarning(UserWarning):
 
 @dataclass(frozen=True, kw_only=True)
 class _Series:
-    # Frames of one kind, in order; `period_s` where the names tell it.
+    # Frames of one kind, in order; `period_s` where the names say it.
     kind: str
     paths: tuple[Path, ...]
     period_s: float | None = None

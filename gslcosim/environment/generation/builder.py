@@ -93,7 +93,7 @@ def save_with_scene_and_picture(
         environment: What to save.
         folder: Where; an environment that stands there is replaced.
         made_from: How it was made.
-        notices: What to tell of it.
+        notices: Notices about it.
         sources_m: Sources of gas to show in the picture, world frame [m].
         extras: Further files by name.
 

@@ -39,7 +39,7 @@ class SolvedWind:
 
 
 def no_progress(_text: str, _fraction: float) -> None:
-    """Tell nobody."""
+    """Report to no one."""
 
 
 @dataclass(frozen=True, kw_only=True)

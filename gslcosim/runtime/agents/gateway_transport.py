@@ -135,7 +135,7 @@ class GatewayTransport:
         self._process.link.acknowledge()
 
     def end(self, ending: Ending, payload: bytes) -> None:
-        """Tell the process the end of the run, and end its stream; see `AgentTransport`."""
+        """Send the process the end of the run, and end its stream; see `AgentTransport`."""
         del ending
         self._process.link.send("Ending", payload)
         self._process.link.end()

@@ -87,7 +87,7 @@ class AgentTransport(Protocol):
         ...
 
     def end(self, ending: Ending, payload: bytes) -> None:
-        """Tell the agent that the run is over."""
+        """Send the agent the end of the run."""
         ...
 
 
@@ -131,7 +131,7 @@ class ObjectTransport:
         """Do nothing: an object waits until it is asked; see `AgentTransport`."""
 
     def end(self, ending: Ending, payload: bytes) -> None:
-        """Tell the agent; see `AgentTransport`."""
+        """Send it to the agent; see `AgentTransport`."""
         del payload
         if self._agent is None:
             return
@@ -214,7 +214,7 @@ class ThreadedTransport:
         """Do nothing: it says at most one thing to each observation; see `AgentTransport`."""
 
     def end(self, ending: Ending, payload: bytes) -> None:
-        """Tell the agent when it is done with what it does now, and wait a moment for that; see `AgentTransport`."""
+        """Send the agent the end after its present work, and wait a moment for that; see `AgentTransport`."""
         self._is_over = True
         self._worker.do(lambda: self._link.end(ending, payload))
         self._worker.finish()

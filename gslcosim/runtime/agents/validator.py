@@ -40,7 +40,7 @@ BELIEF_PERIOD_S = 1
 MAX_EARLY_ANSWERS = 16
 MAX_EARLY_TICKS = 64
 MAX_FAULTS = 50
-# How a process ended differs from run to run; the fault tells it, the run's digest must not depend on it.
+# How a process ended differs from run to run; the fault names it, the run's digest must not depend on it.
 AGENT_LOST_REASON = "the agent is gone"
 FAILED_KIND_FAULT = f"Command: kind: expected one of {', '.join(AGENT_KINDS)}, was 'failed'."
 

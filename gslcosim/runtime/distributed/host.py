@@ -220,13 +220,13 @@ class ParticipantRunner:
             self._bus.publish(protocol.build_question_key(sent.port), sent.payload, encoding=encoding, urgent=True)
 
     def report_progress_if_due(self) -> None:
-        """Tell now and then which tick is finished: writers count on it, and the supervisor."""
+        """Report now and then which tick is finished: writers count on it, and the supervisor."""
         n_ticks = self.last_tick - self._told_tick
         if n_ticks >= self._progress_every_ticks or time.monotonic() - self._told_at_s > PROGRESS_PERIOD_S:
             self.report_progress()
 
     def report_progress(self) -> None:
-        """Tell which tick is finished, unless that is known."""
+        """Report which tick is finished, unless that is known."""
         if self.last_tick > self._told_tick:
             self._told_tick, self._told_at_s = self.last_tick, time.monotonic()
             self._bus.publish(
@@ -234,7 +234,7 @@ class ParticipantRunner:
             )
 
     def report_waiting(self) -> None:
-        """Tell what it waits for."""
+        """Report what it waits for."""
         note = protocol.WaitingReport(
             tick=self.gate.next_tick,
             missing=[(missing.port, missing.tick) for missing in self.gate.missing()],
@@ -310,8 +310,8 @@ class Host:
     """Host of the participants of a process on a bus, from joining to the final report: mostly one, or a group.
 
     What they write for each other is handed over as it is; the rest travels. `run` returns when the supervisor has
-    dismissed them. It raises what a core raises, after telling the supervisor, and `RunTimeoutError` when the link to
-    the router is lost.
+    dismissed them. It raises what a core raises, after reporting to the supervisor, and `RunTimeoutError` when the
+    link to the router is lost.
     """
 
     def __init__(
@@ -406,7 +406,7 @@ class Host:
         self._reset([runner for runner in self._runners if runner not in awaited])
 
     def on_link_lost(self) -> None:
-        """Tell the host, from any thread, that the link to the router is gone."""
+        """Notify the host, from any thread, that the link to the router is gone."""
         self._events.put(_LINK_LOST, b"")
 
     def run(self) -> None:

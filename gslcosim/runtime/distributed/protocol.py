@@ -46,12 +46,12 @@ def build_liveliness_key(name: str) -> str:
 
 
 def build_progress_key(name: str) -> str:
-    """Return the key on which a participant tells which tick it has finished."""
+    """Return the key on which a participant reports which tick it has finished."""
     return f"ctl/progress/{name}"
 
 
 def build_waiting_key(name: str) -> str:
-    """Return the key on which a participant tells what it has been waiting for."""
+    """Return the key on which a participant reports what it has been waiting for."""
     return f"ctl/waiting/{name}"
 
 
@@ -296,7 +296,7 @@ class VerdictReceived:
 
 @dataclass(frozen=True)
 class ProgressReported:
-    """A participant tells which tick it has finished."""
+    """A participant reports which tick it has finished."""
 
     name: str
     payload: bytes
@@ -304,7 +304,7 @@ class ProgressReported:
 
 @dataclass(frozen=True)
 class WaitingReported:
-    """A participant tells what it waits for."""
+    """A participant reports what it waits for."""
 
     name: str
     payload: bytes

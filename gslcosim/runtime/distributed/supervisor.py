@@ -75,7 +75,7 @@ class StatusReporter:
         self._told_at_s, self._told_state = 0.0, ""
 
     def report_awaited(self, names: Sequence[str], waited_s: float) -> None:
-        """Tell who has not joined yet, and after a while for how long."""
+        """Report who has not joined yet, and after a while for how long."""
         text = f"waiting for {', '.join(names)}"
         if waited_s <= LATE_AFTER_S:
             self._tell(RunStatus(state="starting", text=text))
@@ -83,7 +83,7 @@ class StatusReporter:
             self._tell(RunStatus(state="starting", text=f"{text}, not here after {waited_s:.0f} s", is_late=True))
 
     def report_run(self, state: str, tick: int, wall_s: float, text: str = "") -> None:
-        """Tell how far the run has come, and what else there is to tell."""
+        """Report how far the run has come, and notes besides."""
         sim_time_s = seconds_from_ticks(tick, self._tick_ns)
         factor = sim_time_s / wall_s if wall_s > 0 else 0.0
         self._tell(RunStatus(state=state, text=text, sim_time_s=sim_time_s, real_time_factor=factor))

@@ -206,7 +206,7 @@ class RestartPolicy:
         spec = self.scenario.restart
         if spec is None or not self.covers(process):
             return False
-        # Who tells of an error knows its tick; of others the last that they have told is known.
+        # Who reports an error knows its tick; of others the last reported tick is known.
         fault = self._faults.get(process)
         if fault is not None:
             tick = max(tick, fault.tick)

@@ -193,7 +193,7 @@ class ParticipantProgram:
         return SimulationFault(f"{text} The end of its log:\n{words}" if words else text)
 
     def end(self, reason: str) -> None:
-        """Tell the program that the run is over, and end it where it does not; nothing of it is left.
+        """Send the program the end of the run, and end it where it does not; nothing of it is left.
 
         One that has failed is not waited for.
         """
@@ -280,7 +280,7 @@ class ExternalCore:
         self._answers_hash = b""
 
     def reset(self, episode: Episode) -> Outbox:
-        """Start the program again, hear its hello and tell it its briefing."""
+        """Start the program again, receive its hello and send it its briefing."""
         self.close()
         self._wind, self._past, self._answers_hash = None, [], b""
         program = self._program = ParticipantProgram(self._own, self._setup)
@@ -322,7 +322,7 @@ class ExternalCore:
             )
 
     def close(self) -> None:
-        """Tell the program the end, and end it."""
+        """Send the program the end of the run, and end it."""
         program, self._program = self._program, None
         if program is not None:
             program.end(END_REASON)

@@ -318,7 +318,7 @@ class ChildProcesses:
             self.wait(TERM_TIMEOUT_S)
         for child in self._children.values():
             child.signal_group(signal.SIGKILL)
-        # Who forked one may be stopped and not tell its end; it is ended next, and Linux ends the forks with it.
+        # Who forked one may be stopped and not report its end; it is ended next, and Linux ends the forks with it.
         self.wait(TERM_TIMEOUT_S)
         for log in self._logs:
             log.wait(LOG_TIMEOUT_S)
@@ -349,7 +349,7 @@ MIN_PAUSE_S = 1.0
 
 
 class PauseDetector:
-    """Tells from looks that come many times a second which time nobody has lived through.
+    """Finds from looks that come many times a second which time nobody has lived through.
 
     What has been waited for meanwhile is not late: holders of deadlines move them by that time. It reads no clock:
     times [s] of a monotonic one are handed in. That clock does not run while a machine is suspended.
@@ -373,7 +373,7 @@ _MAX_LAUNCHER_DEPTH = 8
 
 
 def can_detect_stops() -> bool:
-    """Return whether this machine tells which processes are stopped."""
+    """Return whether this machine shows which processes are stopped."""
     return sys.platform == "linux" and _read_state(os.getpid()) is not None
 
 

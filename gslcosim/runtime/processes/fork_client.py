@@ -262,7 +262,7 @@ class ForkServer:
         return "\n" + "\n".join(lines) if lines else ""
 
     def wake(self) -> None:
-        """Let the server go on where it has been stopped: it tells how its forks end."""
+        """Let the server go on where it has been stopped: it reports how its forks end."""
         with contextlib.suppress(ProcessLookupError):
             os.kill(self._process.pid, signal.SIGCONT)
 

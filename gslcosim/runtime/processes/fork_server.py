@@ -223,7 +223,7 @@ def import_shared_modules() -> None:
                 importlib.import_module(module)
     # The first kernel that a process calls loads numba's compiler, a fifth of a second: once here, not in each fork.
     importlib.import_module("gslcosim.environment.ray_kernels").to_next_border(0.5, 0, 1.0)
-    # Each service tells it; it is made from the descriptions of all messages.
+    # Each service states it; it is made from the descriptions of all messages.
     importlib.import_module("gslcosim.contract.schema").get_contract_hash()
 
 

@@ -254,7 +254,7 @@ ProgressHandler = Callable[[str], None]
 
 
 def fetch_offer(bus: Bus) -> RunOffer:
-    """Return what the run's own host tells of it.
+    """Return what the run's own host offers.
 
     Raises:
         RunTimeoutError: it does not answer.

@@ -101,7 +101,7 @@ def check_offer(offer: RunOffer, names: Sequence[str], here: SoftwareVersions) -
     """Refuse to take part where the run does not want it, or its digest would not be what it is on one host.
 
     Args:
-        offer: What the run tells of itself.
+        offer: The offer of the run.
         names: The services that would be served.
         here: What this host has.
 

@@ -41,7 +41,7 @@ def mass_around(p: Array, reach_cells: int) -> Array:
 
 
 def expected_information_bits(p: Array, chance: Array) -> Array:
-    """Return how much the next finding, gas or none, is expected to tell of the source, for a sensor in each cell.
+    """Return how much the next finding, gas or none, is expected to yield about the source, for a sensor in each cell.
 
     I(x) = h(sum over s of p(s) F(s - x)) - sum over s of p(s) h(F(s - x)),  h(q) = -q log2 q - (1 - q) log2(1 - q)
     [bit]; F(o) chance that gas is detected of a source at the offset o from the sensor
@@ -146,7 +146,7 @@ class GoalNavigator:
         return cell is not None and bool(self.goals[cell])
 
     def note_refusal(self, observation: Observation) -> None:
-        """Give up the last goal if the vehicle tells that it could not go on; call it before the next is chosen."""
+        """Give up the last goal if the notice says that it could not go on; call it before the next is chosen."""
         if self._goal_m is None or not self.flights.pilot.was_refused(observation):
             return
         left = self.goals & (distances_m(self.flights.grid, self._goal_m) > self._radius_m)
@@ -177,11 +177,11 @@ _SURGE_WIND_S = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class BeliefSearchSettings:
-    """Settings that searches with a belief share; each card tells their values and where they come from. Those with a
+    """Settings that searches with a belief share; each card gives their values and where they come from. Those with a
     default here are not in the card of every method.
 
     `cell_m` and `max_cells` make the grid, `wall_margin_m` and `clearance_m` say where to fly, `step_m` is the longest
-    leg. `planner` is `maximum` (the likeliest place), `information` (what tells most and where the source is likely,
+    leg. `planner` is `maximum` (the likeliest place), `information` (what yields most and where the source is likely,
     for the way there) or `moth` (a surge upwind for `surge_s` after gas, else as `information`). A visit tells of a
     square with half the edge `visit_m`, and every way costs `near_m` more than its length. After gas in the last
     `surge_s` legs end with `hold_s` (absent: the briefing's), else with `explore_hold_s`. `finding_s` is the span of a

@@ -195,7 +195,7 @@ def sampled_reading(amount, uniform, normal, threshold, noise_frac, noise_floor,
 
 @numba.njit(cache=True)
 def expected_gain_bits(terms, place_m, wind, truth, uniform, normal, plume, sensor, figures):
-    """Return how many bits a reading at each of several places is expected to tell of the source terms.
+    """Return how many bits a reading at each of several places is expected to yield about the source terms.
 
     gain(x) = mean over t of KL(w | z_t),  z_t a reading at x if terms t were true,  w_i ~ p(z_t | terms i)
     KL = sum over i of w_i log2(n w_i)        [bit]
@@ -487,7 +487,7 @@ class SourceTermFilter:
         n_particles: int = 200,
         n_truths: int = 25,
     ) -> Array:
-        """Return how many bits a reading at each place is expected to tell; see `expected_gain_bits`.
+        """Return how many bits a reading at each place is expected to yield; see `expected_gain_bits`.
 
         Args:
             places_m: (k, 3) candidate places, world frame [m].

@@ -51,7 +51,7 @@ _ARRIVAL = re.compile(r"come within ([0-9.]+) m of it")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanningContext:
-    """Planning context before a step: belief, reachable places, and what stops there would tell.
+    """Planning context before a step: belief, reachable places, and what stops there would find.
 
     Args:
         p: (c,) the belief, flat.
@@ -61,7 +61,7 @@ class PlanningContext:
         places_m: (m, d) where the next stop may be [m].
         novelty: (m,) 1 where nothing was found out near a place yet, and 1 / (1 + n) after n findings.
         step_m: Length of a step [m].
-        survey: Returns what stops at places would tell: a hit, or none.
+        survey: Returns what stops at places would find: a hit, or none.
         neighbours: Returns where a step from a place may end, the place itself first.
     """
 
@@ -234,7 +234,7 @@ class GridSearch:
         return ends or [self._room.nearest(here_m)]
 
     def survey(self, places: Sequence[Place]) -> Candidates:
-        """Return what stops at places would tell; where arrival ends the run, cells within reach count as found."""
+        """Return what stops at places would find; where arrival ends the run, cells within reach count as found."""
         places_m = np.array(places)
         likelihood, weight, log_weight = likelihoods(
             self.model().log_mean_hits(places_m, self._cells_m),

@@ -68,7 +68,7 @@ def _along_m(place_m: Sequence[float], upwind_rad: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class ReactiveSettings:
-    """Settings that every reactive method has; its card tells their values and where they come from.
+    """Settings that every reactive method has; its card gives their values and where they come from.
 
     `margin_m` is kept to the walls; `hold_s` is held after a leg (absent: the briefing's) and `explore_hold_s` after
     one that only explores or casts; `explore_step_m` is the edge of the squares of `coverage_grid.CoverageGrid`;

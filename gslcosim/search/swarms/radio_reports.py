@@ -133,7 +133,7 @@ class Team:
         return {name: self.reports[name] for name in names if self.age_s(name, now_s) <= max_age_s}
 
     def call(self, report: Report, to: str = "all") -> tuple[RadioMessage, ...]:
-        """Return what goes into `outgoing` to tell the others; nothing without a channel or where it does not fit."""
+        """Return the `outgoing` texts for the others; nothing without a channel or where it does not fit."""
         if self.channel is None:
             return ()
         text = encode(report, max_bytes=self.channel.max_bytes)

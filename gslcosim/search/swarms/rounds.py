@@ -49,7 +49,7 @@ class Round:
 
     @property
     def winds_m_s(self) -> NDArray[np.float64]:
-        """The (n, 2) winds, where the air goes [m/s]; NaN for a robot that did not tell."""
+        """The (n, 2) winds, where the air goes [m/s]; NaN for a robot that did not send any."""
         return np.array([report.wind_m_s or (np.nan, np.nan) for report in self.reports.values()], dtype=np.float64)
 
     @property
@@ -69,7 +69,7 @@ class Round:
 class Rounds:
     """Keeps a team in step: a robot that has read waits until the others have read too, and only then steps.
 
-    Each tells its report when it has read, and again with every wait and with its step, so that a text may be lost.
+    Each sends its report when it has read, and again with every wait and with its step, so that a text may be lost.
     A robot that is silent for `timeout_s` counts as lost and is not waited for until it is heard again. Who hears that
     others are a round ahead has missed them: it steps at once and counts on from their number. All compute with the
     reports as they are heard, its own included, so those who have heard the same come to the same.
@@ -174,7 +174,7 @@ class Rounds:
         return self._close()
 
     def wait(self, observation: Observation) -> Command:
-        """Return the command that waits for the others, and tells them the own report again."""
+        """Return the command that waits for the others, and sends them the own report again."""
         return Command(tick=observation.tick, kind="hold", hold_s=self._wait_s, outgoing=self.call())
 
     def call(self) -> tuple[RadioMessage, ...]:

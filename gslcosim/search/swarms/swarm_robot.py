@@ -106,12 +106,12 @@ class Explorer:
 
 
 class SwarmMember:
-    """One of a swarm: it measures, remembers its own best, hears what the others know, tells them, and declares.
+    """One of a swarm: it measures, remembers its own best, receives what the others know, reports, and declares.
 
     Its settings: `gas_floor`, `mox_band_frac`, `fades_s`, `declares`, `near_m`, `near_s`, `unchanged_s`.
 
     State: where and when it is, what it smells, its own best, what the others said, and its declaration. A method may
-    set `numbers`, what it tells the others besides, and `is_ignored`, the places whose gas does not count.
+    set `numbers`, what it sends the others besides, and `is_ignored`, the places whose gas does not count.
 
     Held by:
         tests/unit/search/swarms/test_swarm_robot.py
@@ -235,7 +235,7 @@ class SwarmRobot(SwarmMember):
         self.pilot = LegPlanner(briefing, self.draws, margin_m=settings.wall_margin_m)
 
     def decide(self, observation: Observation, step: Callable[[Sighting | None], Vector]) -> Command:
-        """Return the next leg, or a declaration, and tell the others; after a refused leg one in a random direction.
+        """Return the next leg, or a declaration, and report it; after a refused leg one in a random direction.
 
         Args:
             observation: The question.

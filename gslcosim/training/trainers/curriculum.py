@@ -40,11 +40,11 @@ class Curriculum:
         """Remember the searches that have ended, in their order.
 
         Args:
-            infos: What a batch tells of a step, or its `final_info` where searches begin again at once.
+            infos: What a batch returns of a step, or its `final_info` where searches begin again at once.
             ends: Which searches have ended.
 
         Raises:
-            UsageError: the environment does not tell which case a search flew, or how it went.
+            UsageError: the environment does not say which case a search flew, or how it went.
         """
         ended = infos.get("final_info", infos)
         if missing := [name for name in _NEEDED if name not in ended]:

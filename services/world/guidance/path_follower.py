@@ -231,7 +231,7 @@ def back_off(tick: int, follower: PathFollower, space: FlightSpace) -> str:
         space: Where it may be.
 
     Returns:
-        What to tell the agent.
+        The notice for the agent.
     """
     end_m = follower.trajectory.end_world_m
     distance_m = math.dist(follower.position_m, end_m)

@@ -21,7 +21,7 @@ from gslcosim.search.learned.policies.value_table import ValueTable
 
 SCHEMA = "gslcosim/policy/1"
 CARD = "card"
-# What `gslcosim` writes itself; all else of a card tells how the policy came to be.
+# What `gslcosim` writes itself; all else of a card says how the policy came to be.
 OWN_KEYS = ("schema", "kind", "observation_names", "action", "settings")
 KINDS: dict[str, type[Policy]] = {kind.kind: kind for kind in (CtrnnPolicy, GruPolicy, ValueTable)}
 _NOT_READABLE = (
