@@ -44,8 +44,8 @@ class CPso(Agent):
         team = self.robot.team
         if team.name not in self.charged:
             return np.zeros(2)
-        heard = team.recent(self.robot.now_s)
-        others_m = [report.position_m[:2] for name, report in heard.items() if name in self.charged]
+        recent = team.recent(self.robot.now_s)
+        others_m = [report.position_m[:2] for name, report in recent.items() if name in self.charged]
         return charge_velocity(self.robot.place_m, np.array(others_m).reshape(-1, 2), self.charge)
 
 

@@ -30,8 +30,8 @@ class CallingBeetle(Agent):
 
     def observe(self, observation: Observation) -> None:
         """Listen: a call may come with any observation, not only with those that ask for a command."""
-        for heard in observation.incoming:
-            x_m, y_m = heard.text.split()
+        for reception in observation.incoming:
+            x_m, y_m = reception.text.split()
             self.call_m = (float(x_m), float(y_m))
 
     def decide(self, observation: Observation) -> Command:

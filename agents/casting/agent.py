@@ -22,7 +22,7 @@ class Casting(Agent):
     def __init__(self, briefing: Briefing) -> None:
         self.settings = load_settings(briefing, __file__)
         self.draws = RandomStream(briefing.seed)
-        self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
+        self.searcher = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
         self.beta_rad = math.radians(self.settings.beta_deg)
         self.side = random_side(self.draws)
         self.upwind_rad = 0.0
@@ -32,25 +32,25 @@ class Casting(Agent):
 
     def observe(self, observation: Observation) -> None:
         """Watch for gas on the way too."""
-        self.scout.observe(observation)
+        self.searcher.observe(observation)
 
     def decide(self, observation: Observation) -> Command:
         """Return the next leg: cross the plume, cast back, or explore."""
-        contact = self.scout.ask(observation, aborts=not self.is_crossing)
+        contact = self.searcher.ask(observation, aborts=not self.is_crossing)
         if isinstance(contact, Command):
             return contact
-        if contact.upwind_rad is None or self.scout.is_away:
+        if contact.upwind_rad is None or self.searcher.is_away:
             self.is_crossing, self.cast = False, None
-            return self.scout.explore(observation)
+            return self.searcher.explore(observation)
         if contact.has_gas:
             return self.cross(observation, contact)
-        left_m = contact.way_left_m(observation.position_world_m, self.settings.lost_m)
+        left_m = contact.remaining_m(observation.position_world_m, self.settings.lost_m)
         if self.is_crossing and left_m > LEAST_LEG_M:
-            return self.scout.fly_to(observation, self.place_ahead_m(observation, None))
+            return self.searcher.fly_to(observation, self.place_ahead_m(observation, None))
         if self.is_crossing:
             self.is_crossing, self.n_returns_left = False, self.settings.n_returns
             self.cast = self.cast_back(observation.position_world_m)
-            answer = self.scout.lose(observation, contact, self.upwind_rad)
+            answer = self.searcher.lose(observation, contact, self.upwind_rad)
             if answer is not None:
                 return answer
         return self.cast_or_explore(observation, contact)
@@ -62,7 +62,7 @@ class Casting(Agent):
         if self.cast is not None:
             self.side = -self.side
         self.is_crossing, self.cast, self.upwind_rad = True, None, contact.upwind_rad
-        return self.scout.fly_to(observation, self.place_ahead_m(observation, gas_m))
+        return self.searcher.fly_to(observation, self.place_ahead_m(observation, gas_m))
 
     def place_ahead_m(self, observation: Observation, gas_m: tuple[float, ...] | None) -> tuple[float, float]:
         """Return the end of a leg aslant to the wind, from the line upwind through gas where there is some."""
@@ -73,12 +73,12 @@ class Casting(Agent):
     def cast_or_explore(self, observation: Observation, contact: Contact) -> Command:
         """Return the next leg of the cast; after it go back to the last gas and cast there; then explore."""
         while self.cast is not None:
-            command = self.scout.follow(observation, self.cast.next_turn_m)
+            command = self.searcher.follow(observation, self.cast.next_turn_m)
             if command is not None:
                 return command
             self.cast = self.cast_back(contact.last_m) if self.n_returns_left > 0 and contact.last_m else None
             self.n_returns_left -= 1
-        return self.scout.explore(observation)
+        return self.searcher.explore(observation)
 
     def cast_back(self, here_m: tuple[float, ...]) -> CastSequence:
         """Return a cast whose first leg leads back over the edge that was passed."""

@@ -21,12 +21,12 @@ class CognitiveSearch(Agent):
         """Return the next stop, or a declaration."""
         return self.search.decide(observation)
 
-    def costs(self, outlook: PlanningContext) -> Array:
+    def costs(self, context: PlanningContext) -> Array:
         """Return the cost of each stop by the chosen reward."""
         settings = self.settings
         if settings.reward == "renyi":
-            return renyi_cost(outlook.foresight(alpha=settings.alpha))
-        return free_energy_cost(outlook.foresight(), step_m=outlook.step_m, temperature=settings.temperature)
+            return renyi_cost(context.predict(alpha=settings.alpha))
+        return free_energy_cost(context.predict(), step_m=context.step_m, temperature=settings.temperature)
 
 
 if __name__ == "__main__":

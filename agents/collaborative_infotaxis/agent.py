@@ -55,7 +55,7 @@ class CollaborativeInfotaxis(Agent):
             near_m=0.5 * s.step_m,
             reach_m=arrival_radius_m(briefing) if s.arrival == "by_mission" else 0.0,
         )
-        self.told: list[Report] = []
+        self.reports: list[Report] = []
         self.aimed_m: Place | None = None
         self.publisher, self.declared = BeliefPublisher(), DeclarationGuard()
         self.height_m = briefing.search_height_m
@@ -66,13 +66,13 @@ class CollaborativeInfotaxis(Agent):
         self.winds.add(observation)
         finding = self.evidence.add(observation)
         if finding is not None:
-            self.told.append(self.report(finding, observation.time_s))
-            self.take(self.team.name, self.told[-1])
-        for name, report in self.team.hear(observation):
+            self.reports.append(self.report(finding, observation.time_s))
+            self.take(self.team.name, self.reports[-1])
+        for name, report in self.team.receive(observation):
             self.take(name, report)
 
     def decide(self, observation: Observation) -> Command:
-        """Return the next stop, or a declaration, and tell the last findings."""
+        """Return the next stop, or a declaration, and send the last findings."""
         self.observe(observation)
         if self.pilot.is_busy(observation):
             return self.pilot.stay(observation)
@@ -90,13 +90,13 @@ class CollaborativeInfotaxis(Agent):
         return command.model_copy(update={"outgoing": self.calls(), "belief": message})
 
     def choose(self, here_m: Place, time_s: float) -> Place:
-        """Return the place that adds most to what the others will tell; not one that another robot is going to."""
+        """Return the place that adds most to what the others will find; not one that another robot is going to."""
         plans_m = self.plans_m(here_m, time_s)
         places_m = self.places_m(here_m)
         places_m = [p for p in places_m if all(math.dist(p, q) > self.settings.apart_m for q in plans_m)] or places_m
         wind_m_s, spread_rad = self.wind()
-        own = self.belief.prospect(places_m, wind_m_s, spread_rad)
-        planned = [self.belief.prospect([place_m], wind_m_s, spread_rad) for place_m in plans_m[:N_PLANNED]]
+        own = self.belief.candidates(places_m, wind_m_s, spread_rad)
+        planned = [self.belief.candidates([place_m], wind_m_s, spread_rad) for place_m in plans_m[:N_PLANNED]]
         return places_m[find_min_cost_index(assigned_costs(self.belief.p.reshape(-1), own, planned))]
 
     def places_m(self, here_m: Place) -> list[Place]:
@@ -106,7 +106,7 @@ class CollaborativeInfotaxis(Agent):
         return [(end[0], end[1]) for end in ends if end is not None] or [here_m]
 
     def plans_m(self, here_m: Place, time_s: float) -> list[Place]:
-        """Return where the others are going, by what they told last, the nearest first."""
+        """Return where the others are going, by what they reported last, the nearest first."""
         recent = self.team.recent(time_s, PLAN_LASTS_S).values()
         plans_m = [(report.numbers[2], report.numbers[3]) for report in recent if len(report.numbers) >= 4]
         return sorted(plans_m, key=lambda plan_m: math.dist(plan_m, here_m))
@@ -127,7 +127,7 @@ class CollaborativeInfotaxis(Agent):
             position_m=finding.sensor_m,
             amount=float(finding.is_hit),
             wind_m_s=wind_m_s,
-            numbers=(float(len(self.told) + 1), spread_rad, *(self.aimed_m or ())),
+            numbers=(float(len(self.reports) + 1), spread_rad, *(self.aimed_m or ())),
         )
         return round_to_sent_digits(report, self.team)
 
@@ -144,7 +144,9 @@ class CollaborativeInfotaxis(Agent):
 
     def calls(self) -> tuple[RadioMessage, ...]:
         """Return the last findings, the oldest first: who missed one hears it the next time."""
-        return tuple(message for report in self.told[-self.settings.n_repeats :] for message in self.team.call(report))
+        return tuple(
+            message for report in self.reports[-self.settings.n_repeats :] for message in self.team.call(report)
+        )
 
 
 if __name__ == "__main__":

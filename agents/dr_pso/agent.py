@@ -10,7 +10,7 @@ from gslcosim.search.swarms.swarm_robot import Particle, Vector
 
 
 class DrPso(Agent):
-    """One particle; it counts how often the swarm has begun anew, and hears no bests of before."""
+    """One particle; it counts how often the swarm has begun again, and hears no bests of before."""
 
     def __init__(self, briefing: Briefing) -> None:
         self.settings = load_settings(briefing, __file__)
@@ -21,13 +21,13 @@ class DrPso(Agent):
         self.n_spreading = 0
 
     def observe(self, observation: Observation) -> None:
-        """Measure and listen; who hears that another one has begun anew does so too."""
+        """Measure and listen; who hears that another one has begun again does so too."""
         for name, report in self.robot.observe(observation):
             n_restarts = int(report.numbers[0]) if report.numbers else 0
             if n_restarts > self.n_restarts:
-                told = self.robot.team.reports[name]
+                last = self.robot.team.reports[name]
                 self.respond(n_restarts)
-                self.robot.team.reports[name] = told
+                self.robot.team.reports[name] = last
             elif n_restarts < self.n_restarts:
                 self.robot.forget_best_of(name)
 
@@ -36,7 +36,7 @@ class DrPso(Agent):
         return self.robot.decide(observation, self.step)
 
     def step(self, best: Sighting | None) -> Vector:
-        """Return the next step; where the best has been the same for too long, begin anew first."""
+        """Return the next step; where the best has been the same for too long, begin again first."""
         if self.stagnation.note(best):
             self.respond(self.n_restarts + 1)
         if self.n_spreading > 0:

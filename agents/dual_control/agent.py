@@ -21,12 +21,12 @@ class DualControl(Agent):
         """Return the next stop, or a declaration."""
         return self.search.decide(observation)
 
-    def costs(self, outlook: PlanningContext) -> Array:
+    def costs(self, context: PlanningContext) -> Array:
         """Return squared distance to the estimate plus weighed variance [m2], more where findings were made already."""
         cost = dual_control_cost(
-            outlook.foresight(), outlook.places_m, outlook.mean_m, exploration=self.settings.exploration
+            context.predict(), context.places_m, context.mean_m, exploration=self.settings.exploration
         )
-        return cost / outlook.novelty
+        return cost / context.novelty
 
 
 if __name__ == "__main__":

@@ -21,9 +21,9 @@ class Entrotaxis(Agent):
         """Return the next stop, or a declaration."""
         return self.search.decide(observation)
 
-    def costs(self, outlook: PlanningContext) -> Array:
+    def costs(self, context: PlanningContext) -> Array:
         """Return minus the entropy of the next reading at each stop [bit], less where one was made already."""
-        return outlook.novelty * entrotaxis_cost(outlook.foresight())
+        return context.novelty * entrotaxis_cost(context.predict())
 
 
 if __name__ == "__main__":

@@ -21,9 +21,9 @@ class InformationGain(Agent):
         """Return the next stop, or a declaration."""
         return self.search.decide(observation)
 
-    def costs(self, outlook: PlanningContext) -> Array:
+    def costs(self, context: PlanningContext) -> Array:
         """Return minus the divergence that each stop is expected to cause [bit]."""
-        return information_gain_cost(outlook.foresight())
+        return information_gain_cost(context.predict())
 
 
 if __name__ == "__main__":

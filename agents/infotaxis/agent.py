@@ -21,9 +21,9 @@ class Infotaxis(Agent):
         """Return the next stop, or a declaration."""
         return self.search.decide(observation)
 
-    def costs(self, outlook: PlanningContext) -> Array:
+    def costs(self, context: PlanningContext) -> Array:
         """Return the expected entropy after each stop [bit]."""
-        return infotaxis_cost(outlook.foresight())
+        return infotaxis_cost(context.predict())
 
 
 if __name__ == "__main__":

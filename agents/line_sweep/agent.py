@@ -26,7 +26,7 @@ class LineSweep(Agent):
         self.flight = FormationFlight(briefing, self.settings)
         self.line = diagonal_line(self.flight.n_members, 1.0)
         self.axis_rad = 0.0
-        self.course_m: np.ndarray | None = None
+        self.lanes_m: np.ndarray | None = None
         self.n_swept = 0
         self.spacing_m = self.settings.spacing_m
         self.failed_m = NOWHERE_M
@@ -61,22 +61,22 @@ class LineSweep(Agent):
 
     def swept_place_m(self, now: Round) -> np.ndarray:
         """Return the next place along the sweep: all go on from how far any of them has come."""
-        if self.course_m is None:
-            self.course_m = self.sweep_m(now)
-        told = [int(now.numbers_of(name)[0]) for name in now.names if now.numbers_of(name)]
-        self.n_swept = max([self.n_swept, *told]) + 1
-        centre_m = find_lane_point(self.course_m, (self.n_swept - 1) * self.settings.search_step_m)
+        if self.lanes_m is None:
+            self.lanes_m = self.sweep_m(now)
+        swept = [int(now.numbers_of(name)[0]) for name in now.names if now.numbers_of(name)]
+        self.n_swept = max([self.n_swept, *swept]) + 1
+        centre_m = find_lane_point(self.lanes_m, (self.n_swept - 1) * self.settings.search_step_m)
         return centre_m + in_world(self.settings.spacing_m * self.line, self.axis_rad)[self.flight.index]
 
     def sweep_m(self, now: Round) -> np.ndarray:
-        """Return the course of the line's middle, near end first: beyond walls, as all of the line must reach them."""
+        """Return the lanes of the line's middle, near end first: beyond walls, as all of the line must reach them."""
         n, spacing_m = self.flight.n_members, self.settings.spacing_m
         self.axis_rad = nearest_axis_rad(self.flight.upwind_rad)
-        course_m = plan_crosswind_lanes(
+        lanes_m = plan_crosswind_lanes(
             self.flight.room, self.axis_rad, n * spacing_m, inset_m=-0.5 * (n - 1) * spacing_m
         )
         here_m = now.positions_m.mean(axis=0)
-        return min((course_m, course_m[::-1]), key=lambda course: float(np.hypot(*(course[0] - here_m))))
+        return min((lanes_m, lanes_m[::-1]), key=lambda lanes_m: float(np.hypot(*(lanes_m[0] - here_m))))
 
     def converging_place_m(self, now: Round, best: Sighting) -> np.ndarray:
         """Return the place in a line upwind of the round's most gas; where that failed lately, narrower about it."""

@@ -1,6 +1,6 @@
 """Modified GSO: glowworms that find plumes, gather, declare the source, and leave its surroundings to find others.
 
-After Zhang et al., as told in the thesis on GSL-Bench. README.md beside this file has the rules.
+After Zhang et al., as described in the thesis on GSL-Bench. README.md beside this file has the rules.
 """
 
 import math
@@ -26,7 +26,7 @@ class ModifiedGso(Agent):
         self.zigzag_side = self.robot.side
 
     def observe(self, observation: Observation) -> None:
-        """Measure and listen: the others tell what they have declared."""
+        """Measure and listen: the others send what they have declared."""
         for _, report in self.robot.observe(observation):
             if len(report.numbers) >= 3:
                 self.forbid((report.numbers[1] / 100.0, report.numbers[2] / 100.0))

@@ -22,7 +22,7 @@ class MothInspired(Agent):
     def __init__(self, briefing: Briefing) -> None:
         self.settings = load_settings(briefing, __file__)
         self.draws = RandomStream(briefing.seed)
-        self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
+        self.searcher = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
         self.side = random_side(self.draws)
         self.upwind_rad = 0.0
         self.is_tracking = False
@@ -30,28 +30,28 @@ class MothInspired(Agent):
 
     def observe(self, observation: Observation) -> None:
         """Watch for gas on the way too."""
-        self.scout.observe(observation)
+        self.searcher.observe(observation)
 
     def decide(self, observation: Observation) -> Command:
         """Return the next leg, or the declaration."""
-        contact = self.scout.ask(observation, aborts=not self.is_tracking)
+        contact = self.searcher.ask(observation, aborts=not self.is_tracking)
         if isinstance(contact, Command):
             return contact
-        if contact.upwind_rad is None or self.scout.is_away:
+        if contact.upwind_rad is None or self.searcher.is_away:
             self.is_tracking, self.clover = False, None
-            return self.scout.explore(observation)
+            return self.searcher.explore(observation)
         if contact.has_gas:
             return self.track_in(observation, contact)
-        left_m = contact.way_left_m(observation.position_world_m, self.settings.lost_m)
+        left_m = contact.remaining_m(observation.position_world_m, self.settings.lost_m)
         if self.is_tracking and left_m > LEAST_LEG_M:
             return self.track_out(observation, min(left_m, self.settings.step_m))
         if self.is_tracking:
             self.is_tracking, self.clover = False, self.new_clover(contact)
-            answer = self.scout.lose(observation, contact, self.upwind_rad)
+            answer = self.searcher.lose(observation, contact, self.upwind_rad)
             if answer is not None:
                 return answer
-        command = None if self.clover is None else self.scout.follow(observation, self.clover.next_place_m)
-        return self.scout.explore(observation) if command is None else command
+        command = None if self.clover is None else self.searcher.follow(observation, self.clover.next_place_m)
+        return self.searcher.explore(observation) if command is None else command
 
     def track_in(self, observation: Observation, contact: Contact) -> Command:
         """Return a leg upwind, by an angle to one side and then to the other."""
@@ -61,11 +61,11 @@ class MothInspired(Agent):
         self.side = -self.side
         slant_rad = self.side * math.radians(self.settings.slant_deg)
         here_m, step_m = observation.position_world_m, self.settings.step_m
-        return self.scout.fly_to(observation, oblique_surge_end_m(here_m, gas_m, self.upwind_rad, slant_rad, step_m))
+        return self.searcher.fly_to(observation, oblique_surge_end_m(here_m, gas_m, self.upwind_rad, slant_rad, step_m))
 
     def track_out(self, observation: Observation, step_m: float) -> Command:
         """Return a leg straight upwind: the gas may come again."""
-        return self.scout.fly_to(
+        return self.searcher.fly_to(
             observation, oblique_surge_end_m(observation.position_world_m, None, self.upwind_rad, 0.0, step_m)
         )
 

@@ -21,10 +21,10 @@ class NStepInfotaxis(Agent):
         """Return the next stop, or a declaration."""
         return self.search.decide(observation)
 
-    def costs(self, outlook: PlanningContext) -> Array:
+    def costs(self, context: PlanningContext) -> Array:
         """Return minus the entropy that each first step is expected to gain, with the best ones after it [bit]."""
         settings = self.settings
-        return n_step_costs(outlook.p, outlook.tree(settings.depth), depth=settings.depth, discount=settings.discount)
+        return n_step_costs(context.p, context.tree(settings.depth), depth=settings.depth, discount=settings.discount)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ class Oracle(Agent):
 
     def __init__(self, briefing: Briefing) -> None:
         settings = load_settings(briefing, __file__)
-        self.ways = KnownPaths(briefing, clearance_m=settings.clearance_m)
+        self.paths = KnownPaths(briefing, clearance_m=settings.clearance_m)
         self.declares = settings.declares
         self.sources_m = list(briefing.known_sources)
         self.goal_m: tuple[float, float, float] | None = None
@@ -32,8 +32,8 @@ class Oracle(Agent):
             if not self.sources_m:
                 return Command(tick=observation.tick, kind="hold")
             self.goal_m, self.n_refused = min(self.sources_m, key=lambda source_m: math.dist(source_m, here_m)), 0
-        way_m = self.ways.to_m(here_m, self.goal_m, margin_m=MARGINS_M[self.n_refused])
-        places = tuple(Waypoint(position_world_m=bend_m) for bend_m in way_m)
+        bends_m = self.paths.to_m(here_m, self.goal_m, margin_m=MARGINS_M[self.n_refused])
+        places = tuple(Waypoint(position_world_m=bend_m) for bend_m in bends_m)
         return Command(tick=observation.tick, kind="mission", waypoints=places)
 
     def has_arrived(self, observation: Observation, goal_m: tuple[float, float, float]) -> bool:

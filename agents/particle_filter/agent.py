@@ -107,7 +107,7 @@ class ParticleFilter(Agent):
         return self.spiral_leg(observation)
 
     def spiral_leg(self, observation: Observation) -> Command:
-        """Return the next arc of a spiral round the place where the plume was lost; a wide one begins anew."""
+        """Return the next arc of a spiral round the place where the plume was lost; a wide one begins again."""
         offset_m = None if self.spiral is None else self.spiral.next_offset_m()
         if offset_m is None:
             x_m, y_m, _ = observation.position_world_m

@@ -25,7 +25,7 @@ class QMemory(Agent):
     def __init__(self, briefing: Briefing) -> None:
         self.settings = s = load_settings(briefing, __file__)
         self.draws = RandomStream(briefing.seed)
-        self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(s), self.draws)
+        self.searcher = ReactiveSearcher(briefing, ReactiveSettings.of(s), self.draws)
         self.nose = find_noses(briefing)[0]
         self.hits = GasHits(self.nose, threshold_ppm=s.threshold_ppm)
         self.wind = TrueWind(find_vane(briefing), smoothing_s=s.wind_s, threshold_m_s=s.threshold_m_s)
@@ -39,7 +39,7 @@ class QMemory(Agent):
 
     def observe(self, observation: Observation) -> None:
         """Take note of gas and wind at every tick; a MOX sensor counts while it meets gas, not while it recovers."""
-        self.scout.observe(observation)
+        self.searcher.observe(observation)
         self.wind.add(observation)
         is_hit = self.hits.add(observation)
         if self.nose.is_ready(observation):
@@ -52,20 +52,20 @@ class QMemory(Agent):
     def decide(self, observation: Observation) -> Command:
         """Return the next step, or a leg of the exploration before there was gas and long after."""
         self.observe(observation)
-        contact = self.scout.ask(observation, aborts=math.isinf(self.hit_s))
+        contact = self.searcher.ask(observation, aborts=math.isinf(self.hit_s))
         if isinstance(contact, Command):
             return contact
         is_void_long = observation.time_s - self.hit_s > self.settings.give_up_s
-        if self.wind.upwind_rad is None or is_void_long or self.scout.is_away:
+        if self.wind.upwind_rad is None or is_void_long or self.searcher.is_away:
             self.recovery, self.memory.n_void = None, 0
-            return self.scout.explore(observation)
+            return self.searcher.explore(observation)
         move = self.next_move(self.memory.decide(observation.time_s))
         self.moves.append(move)
         ahead, left = STEPS[move]
         heading_rad = self.wind.upwind_rad + math.atan2(left, ahead)
         x_m, y_m, _ = observation.position_world_m
         step_m = self.settings.step_m
-        return self.scout.fly_to(
+        return self.searcher.fly_to(
             observation, (x_m + step_m * math.cos(heading_rad), y_m + step_m * math.sin(heading_rad))
         )
 

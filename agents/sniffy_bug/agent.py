@@ -109,7 +109,7 @@ class SniffyBug(Agent):
 
 
 def is_other_and_better(before: Sighting | None, best: Sighting | None, fades_s: float) -> bool:
-    """Return whether the best is at another place and more: the same one, told again, may only be rounded up."""
+    """Return whether the best is at another place and more: the same one, sent again, may only be rounded up."""
     if before is None or best is None:
         return best is not None
     return best.place_m != before.place_m and best.amount > before.faded(best.time_s, fades_s).amount

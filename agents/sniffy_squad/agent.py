@@ -81,7 +81,7 @@ class SniffySquad(Agent):
         return self.step(observation, now).model_copy(update={"outgoing": self.rounds.call(), "belief": belief})
 
     def verdict(self, _: Measurement) -> float:
-        """Return what the reports tell of the gas at a stop: there was some, none, or the sensor cannot tell."""
+        """Return what the reports say of the gas at a stop: there was some, none, or the sensor cannot tell."""
         assert self.asked is not None
         return {True: HIT, False: CLEAN, None: UNCLEAR}[self.watch.stop(self.asked).is_hit]
 
@@ -95,18 +95,18 @@ class SniffySquad(Agent):
                 self.method.update(report.position_m, is_hit=report.amount == HIT, downwind_rad=downwind_rad)
 
     def roles(self, now: Round) -> dict[str, int]:
-        """Return everyone's role after this round's swaps, by what all have told."""
-        told = {name: now.numbers_of(name) for name in now.names if len(now.numbers_of(name)) == 3}
-        roles = settle_roles({name: int(numbers[0]) for name, numbers in told.items()}, len(self.ladder))
-        potentials = {name: numbers[1] for name, numbers in told.items()}
-        fractions = {name: numbers[2] for name, numbers in told.items()}
+        """Return everyone's role after this round's swaps, by what all have reported."""
+        reported = {name: now.numbers_of(name) for name in now.names if len(now.numbers_of(name)) == 3}
+        roles = settle_roles({name: int(numbers[0]) for name, numbers in reported.items()}, len(self.ladder))
+        potentials = {name: numbers[1] for name, numbers in reported.items()}
+        fractions = {name: numbers[2] for name, numbers in reported.items()}
         is_odd, attempt = now.number % 2 == 1, self.settings.attempt
         return {self.name: self.role} | swap_roles(
             roles, potentials, fractions, self.ladder, is_odd=is_odd, attempt=attempt
         )
 
     def step(self, observation: Observation, now: Round) -> Command:
-        """Return the leg of a Langevin step; one that ends in something solid or at another robot is drawn anew."""
+        """Return the leg of a Langevin step; one that ends in something solid or at another robot is drawn again."""
         flights, s = self.flights, self.settings
         here_m = observation.position_world_m[:2]
         others_m = [report.position_m[:2] for name, report in now.reports.items() if name != self.name]

@@ -107,8 +107,10 @@ class SourceTermEstimation(Agent):
         gain = self.filter.gain_bits(places_m, speed_m_s=speed_m_s, direction_rad=direction_rad)
         away_m = np.hypot(*(self.filter.terms[:, None, :2] - goals_m[None]).transpose(2, 0, 1))
         likely = self.filter.weights() @ (away_m <= self.settings.visit_m)
-        ways_m = np.hypot(goals_m[:, 0] - here_m[0], goals_m[:, 1] - here_m[1])
-        worth = np.where(ways_m < 0.5 * self.settings.step_m, -1.0, (gain + likely) / (ways_m + self.settings.near_m))
+        distances_m = np.hypot(goals_m[:, 0] - here_m[0], goals_m[:, 1] - here_m[1])
+        worth = np.where(
+            distances_m < 0.5 * self.settings.step_m, -1.0, (gain + likely) / (distances_m + self.settings.near_m)
+        )
         x_m, y_m = goals_m[int(worth.argmax())].tolist()
         return self.search.goals.leg(observation, (x_m, y_m), hold_s=hold_s)
 

@@ -21,10 +21,10 @@ class SpaceAwareInfotaxis(Agent):
         """Return the next stop, or a declaration."""
         return self.search.decide(observation)
 
-    def costs(self, outlook: PlanningContext) -> Array:
+    def costs(self, context: PlanningContext) -> Array:
         """Return the expected logarithm of the steps that remain after each stop."""
-        foresight = outlook.foresight()
-        return space_aware_cost(foresight, step_m=outlook.step_m, cells_per_step=outlook.cells_per_step)
+        predictions = context.predict()
+        return space_aware_cost(predictions, step_m=context.step_m, cells_per_step=context.cells_per_step)
 
 
 if __name__ == "__main__":

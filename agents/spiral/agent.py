@@ -18,17 +18,17 @@ class Spiral(Agent):
     def __init__(self, briefing: Briefing) -> None:
         self.settings = load_settings(briefing, __file__)
         self.draws = RandomStream(briefing.seed)
-        self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
+        self.searcher = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
         self.nose = find_noses(briefing)[0]
         self.tick_s = briefing.tick_ns / 1e9
         self.best = BestProximity(n_misses=self.settings.n_misses)
         self.samples: list[float] = []
         self.last_tick = -1
-        self.course: SpiralPath | None = None
+        self.spiral: SpiralPath | None = None
 
     def observe(self, observation: Observation) -> None:
         """Watch for gas on the way, and collect the samples of a stop."""
-        self.scout.observe(observation)
+        self.searcher.observe(observation)
         is_new, self.last_tick = observation.tick != self.last_tick, observation.tick
         if observation.status != "holding":
             self.samples.clear()
@@ -36,31 +36,31 @@ class Spiral(Agent):
             self.samples.append(min(self.nose.ppm(observation), self.settings.most_ppm))
 
     def decide(self, observation: Observation) -> Command:
-        """Return the next leg: wind out, begin anew, or explore."""
+        """Return the next leg: wind out, begin again, or explore."""
         self.observe(observation)
-        contact = self.scout.ask(observation, aborts=self.course is None)
+        contact = self.searcher.ask(observation, aborts=self.spiral is None)
         if isinstance(contact, Command):
             return contact
         is_better = self.best.is_better(self.index())
         self.samples.clear()
-        if self.scout.is_away:
-            self.course = None
+        if self.searcher.is_away:
+            self.spiral = None
         elif is_better:
-            self.course = self.new_course(observation)
-        elif self.course is None and contact.gas_m is not None:
+            self.spiral = self.start_spiral(observation)
+        elif self.spiral is None and contact.gas_m is not None:
             # Gas was met on the way: stop there first.
-            self.course = self.new_course(observation)
-            return self.scout.fly_to(observation, contact.gas_m[:2])
-        place_m = None if self.course is None else self.course.next_place_m()
+            self.spiral = self.start_spiral(observation)
+            return self.searcher.fly_to(observation, contact.gas_m[:2])
+        place_m = None if self.spiral is None else self.spiral.next_place_m()
         if place_m is not None:
-            return self.scout.fly_to(observation, place_m)
-        if self.course is not None and self.course.is_blocked:
-            self.course = self.new_course(observation)
-            place_m = self.course.next_place_m()
+            return self.searcher.fly_to(observation, place_m)
+        if self.spiral is not None and self.spiral.is_blocked:
+            self.spiral = self.start_spiral(observation)
+            place_m = self.spiral.next_place_m()
         if place_m is None:
-            self.course = None
-            return self.scout.explore(observation)
-        return self.scout.fly_to(observation, place_m)
+            self.spiral = None
+            return self.searcher.explore(observation)
+        return self.searcher.fly_to(observation, place_m)
 
     def index(self) -> float:
         """Return the proximity index of this stop."""
@@ -68,7 +68,7 @@ class Spiral(Agent):
             self.samples, self.tick_s, mean_weight=self.settings.mean_weight, peak_weight=self.settings.peak_weight
         )
 
-    def new_course(self, observation: Observation) -> SpiralPath:
+    def start_spiral(self, observation: Observation) -> SpiralPath:
         """Return a spiral that begins here in a random direction, to a random side."""
         s = self.settings
         spiral = SquareSpiral(
@@ -78,7 +78,7 @@ class Spiral(Agent):
             side=random_side(self.draws),
             n_sides=s.n_sides,
         )
-        room = self.scout.pilot.room
+        room = self.searcher.pilot.room
         return SpiralPath(spiral, observation.position_world_m, is_free=room.contains, n_skips=s.n_skips)
 
 

@@ -20,7 +20,7 @@ class SurgeCast(Agent):
     def __init__(self, briefing: Briefing) -> None:
         self.settings = load_settings(briefing, __file__)
         self.draws = RandomStream(briefing.seed)
-        self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
+        self.searcher = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
         self.blanks = BlankMemory(
             first_s=self.settings.memory_s, least_s=self.settings.least_memory_s, most_s=self.settings.most_memory_s
         )
@@ -31,18 +31,18 @@ class SurgeCast(Agent):
 
     def observe(self, observation: Observation) -> None:
         """Watch for gas on the way too."""
-        self.scout.observe(observation)
-        if self.scout.watch.is_hit:
+        self.searcher.observe(observation)
+        if self.searcher.watch.is_hit:
             self.blanks.note_hit(observation.time_s)
 
     def decide(self, observation: Observation) -> Command:
         """Return the next leg: surge, cast or explore."""
         self.observe(observation)
         may_abort = self.settings.aborts_legs and not self.is_surging
-        contact = self.scout.ask(observation, aborts=may_abort)
+        contact = self.searcher.ask(observation, aborts=may_abort)
         if isinstance(contact, Command):
             return contact
-        if contact.upwind_rad is None or self.scout.is_away:
+        if contact.upwind_rad is None or self.searcher.is_away:
             self.is_surging, self.cast = False, None
             return self.explore(observation)
         if contact.has_gas:
@@ -53,7 +53,7 @@ class SurgeCast(Agent):
         if self.is_surging:
             self.is_surging, self.n_returns_left = False, self.settings.n_returns
             self.cast = self.new_cast(observation.position_world_m, contact)
-            answer = self.scout.lose(observation, contact, self.upwind_rad)
+            answer = self.searcher.lose(observation, contact, self.upwind_rad)
             if answer is not None:
                 return answer
         return self.cast_or_explore(observation, contact)
@@ -61,7 +61,7 @@ class SurgeCast(Agent):
     def cast_or_explore(self, observation: Observation, contact: Contact) -> Command:
         """Return the next leg of the cast; after it go back to the last gas and cast there; then explore."""
         while self.cast is not None:
-            command = self.scout.follow(observation, self.cast.next_turn_m)
+            command = self.searcher.follow(observation, self.cast.next_turn_m)
             if command is not None:
                 return command
             self.cast = self.new_cast(contact.last_m, contact) if self.n_returns_left > 0 and contact.last_m else None
@@ -74,14 +74,14 @@ class SurgeCast(Agent):
             return False
         if self.settings.lost_by == "last_blank":
             return self.blanks.is_lost(observation.time_s)
-        return contact.way_left_m(observation.position_world_m, self.settings.lost_m) <= LEAST_LEG_M
+        return contact.remaining_m(observation.position_world_m, self.settings.lost_m) <= LEAST_LEG_M
 
     def surge(self, observation: Observation, contact: Contact) -> Command:
         """Return a leg upwind, in line with the gas of the last leg; without gas only as far as it takes to lose it."""
         here_m, step_m = observation.position_world_m, self.settings.step_m
         if self.settings.lost_by == "distance":
-            step_m = min(step_m, contact.way_left_m(here_m, self.settings.lost_m))
-        return self.scout.fly_to(observation, surge_end_m(here_m, contact.gas_m, self.upwind_rad, step_m))
+            step_m = min(step_m, contact.remaining_m(here_m, self.settings.lost_m))
+        return self.searcher.fly_to(observation, surge_end_m(here_m, contact.gas_m, self.upwind_rad, step_m))
 
     def new_cast(self, here_m: tuple[float, ...], contact: Contact) -> CastSequence:
         """Return a cast from a place that begins on the side on which gas was met last, else on a random one."""
@@ -96,11 +96,11 @@ class SurgeCast(Agent):
 
     def explore(self, observation: Observation) -> Command:
         """Return a leg without gas: to a place not seen yet, or at random nearby."""
-        if self.settings.explore == "unseen" or self.scout.is_away:
-            return self.scout.explore(observation)
+        if self.settings.explore == "unseen" or self.searcher.is_away:
+            return self.searcher.explore(observation)
         x_m, y_m, _ = observation.position_world_m
         wander_m = (self.draws.uniform(-WANDER_M, WANDER_M), self.draws.uniform(-WANDER_M, WANDER_M))
-        return self.scout.cast_to(observation, (x_m + wander_m[0], y_m + wander_m[1]))
+        return self.searcher.cast_to(observation, (x_m + wander_m[0], y_m + wander_m[1]))
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ class SurgeCast3d(Agent):
     def __init__(self, briefing: Briefing) -> None:
         self.settings = load_settings(briefing, __file__)
         self.draws = RandomStream(briefing.seed)
-        self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
+        self.searcher = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
         self.height_m = briefing.search_height_m  # of the exploration
         self.n_layers = 0
         self.upwind_rad = 0.0
@@ -30,25 +30,25 @@ class SurgeCast3d(Agent):
 
     def observe(self, observation: Observation) -> None:
         """Watch for gas on the way too."""
-        self.scout.observe(observation)
+        self.searcher.observe(observation)
 
     def decide(self, observation: Observation) -> Command:
         """Return the next leg: surge, cast or explore."""
-        contact = self.scout.ask(observation, aborts=not self.is_surging)
+        contact = self.searcher.ask(observation, aborts=not self.is_surging)
         if isinstance(contact, Command):
             return contact
-        if contact.upwind_rad is None or self.scout.is_away:
+        if contact.upwind_rad is None or self.searcher.is_away:
             self.is_surging, self.cast = False, None
             return self.explore(observation)
         if contact.has_gas:
             self.is_surging, self.cast, self.upwind_rad = True, None, contact.upwind_rad
-        left_m = contact.way_left_m(observation.position_world_m, self.settings.lost_m)
+        left_m = contact.remaining_m(observation.position_world_m, self.settings.lost_m)
         if self.is_surging and left_m > LEAST_LEG_M:
             return self.surge(observation, contact, min(self.settings.step_m, left_m))
         if self.is_surging:
             self.is_surging, self.n_returns_left = False, self.settings.n_returns
             self.cast = self.new_cast(observation.position_world_m, contact)
-            answer = self.scout.lose(observation, contact, self.upwind_rad)
+            answer = self.searcher.lose(observation, contact, self.upwind_rad)
             if answer is not None:
                 return answer
         return self.cast_or_explore(observation, contact)
@@ -57,12 +57,12 @@ class SurgeCast3d(Agent):
         """Return a level leg upwind, on the line and at the height of the gas of the last leg."""
         here_m = observation.position_world_m
         x_m, y_m = surge_end_m(here_m, contact.gas_m, self.upwind_rad, step_m)
-        return self.scout.fly_to(observation, (x_m, y_m, here_m[2] if contact.gas_m is None else contact.gas_m[2]))
+        return self.searcher.fly_to(observation, (x_m, y_m, here_m[2] if contact.gas_m is None else contact.gas_m[2]))
 
     def cast_or_explore(self, observation: Observation, contact: Contact) -> Command:
         """Return the next leg of the cast; after it go back to the last gas and cast there; then explore."""
         while self.cast is not None:
-            command = self.scout.follow(observation, self.cast.next_turn_m)
+            command = self.searcher.follow(observation, self.cast.next_turn_m)
             if command is not None:
                 return command
             self.cast = self.new_cast(contact.last_m, contact) if self.n_returns_left > 0 and contact.last_m else None
@@ -84,12 +84,12 @@ class SurgeCast3d(Agent):
 
     def explore(self, observation: Observation) -> Command:
         """Return a leg without gas; when all of a height is seen the next one comes: above, below, farther above."""
-        if self.scout.unseen.n_unseen == 0:
+        if self.searcher.unseen.n_unseen == 0:
             self.n_layers += 1
             away_m = (self.n_layers + 1) // 2 * self.settings.layer_m * (1 if self.n_layers % 2 else -1)
-            low_m, high_m = self.scout.pilot.room.min_m[2], self.scout.pilot.room.max_m[2]
-            self.height_m = max(low_m, min(high_m, self.scout.pilot.height_m + away_m))
-        return self.scout.explore(observation, z_m=self.height_m)
+            low_m, high_m = self.searcher.pilot.room.min_m[2], self.searcher.pilot.room.max_m[2]
+            self.height_m = max(low_m, min(high_m, self.searcher.pilot.height_m + away_m))
+        return self.searcher.explore(observation, z_m=self.height_m)
 
 
 if __name__ == "__main__":

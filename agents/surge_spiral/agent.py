@@ -20,42 +20,42 @@ class SurgeSpiral(Agent):
     def __init__(self, briefing: Briefing) -> None:
         self.settings = load_settings(briefing, __file__)
         self.draws = RandomStream(briefing.seed)
-        self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
+        self.searcher = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
         self.upwind_rad = 0.0
         self.is_surging = False
-        self.course: SpiralPath | None = None
+        self.spiral: SpiralPath | None = None
         self.n_restarts_left = 0
         self.n_returns_left = 0
 
     def observe(self, observation: Observation) -> None:
         """Watch for gas on the way too."""
-        self.scout.observe(observation)
+        self.searcher.observe(observation)
 
     def decide(self, observation: Observation) -> Command:
         """Return the next leg: surge, spiral or explore."""
-        contact = self.scout.ask(observation, aborts=not self.is_surging)
+        contact = self.searcher.ask(observation, aborts=not self.is_surging)
         if isinstance(contact, Command):
             return contact
-        if contact.upwind_rad is None or self.scout.is_away:
-            self.is_surging, self.course = False, None
-            return self.scout.explore(observation)
+        if contact.upwind_rad is None or self.searcher.is_away:
+            self.is_surging, self.spiral = False, None
+            return self.searcher.explore(observation)
         if contact.has_gas:
-            self.is_surging, self.course, self.upwind_rad = True, None, contact.upwind_rad
-        left_m = contact.way_left_m(observation.position_world_m, self.settings.lost_m)
+            self.is_surging, self.spiral, self.upwind_rad = True, None, contact.upwind_rad
+        left_m = contact.remaining_m(observation.position_world_m, self.settings.lost_m)
         if self.is_surging and left_m > LEAST_LEG_M:
             step_m = min(self.settings.step_m, left_m)
             place_m = surge_end_m(observation.position_world_m, contact.gas_m, self.upwind_rad, step_m)
-            return self.scout.fly_to(observation, place_m)
+            return self.searcher.fly_to(observation, place_m)
         if self.is_surging:
             self.is_surging = False
             self.n_restarts_left, self.n_returns_left = self.settings.n_restarts, self.settings.n_returns
-            self.course = self.new_course(observation.position_world_m)
-            answer = self.scout.lose(observation, contact, self.upwind_rad)
+            self.spiral = self.start_spiral(observation.position_world_m)
+            answer = self.searcher.lose(observation, contact, self.upwind_rad)
             if answer is not None:
                 return answer
         return self.wind_out(observation, contact)
 
-    def new_course(self, centre_m: tuple[float, ...]) -> SpiralPath:
+    def start_spiral(self, centre_m: tuple[float, ...]) -> SpiralPath:
         """Return a spiral about a place, upwind first."""
         s, side = self.settings, random_side(self.draws)
         if s.shape == "archimedean":
@@ -66,23 +66,23 @@ class SurgeSpiral(Agent):
             spiral = SquareSpiral(
                 side_m=s.side_m, growth_m=s.growth_m, heading_rad=self.upwind_rad, side=side, n_sides=s.n_sides
             )
-        room = self.scout.pilot.room
+        room = self.searcher.pilot.room
         return SpiralPath(spiral, centre_m, is_free=room.contains, n_skips=s.n_skips)
 
     def wind_out(self, observation: Observation, contact: Contact) -> Command:
-        """Return the next leg of the spiral; where it is blocked begin anew; after it wind out from the last gas."""
-        while self.course is not None:
-            place_m = self.course.next_place_m()
+        """Return the next leg of the spiral; where it is blocked begin again; after it wind out from the last gas."""
+        while self.spiral is not None:
+            place_m = self.spiral.next_place_m()
             if place_m is not None:
-                return self.scout.cast_to(observation, place_m)
-            is_blocked, self.course = self.course.is_blocked, None
+                return self.searcher.cast_to(observation, place_m)
+            is_blocked, self.spiral = self.spiral.is_blocked, None
             if is_blocked and self.n_restarts_left > 0:
                 self.n_restarts_left -= 1
-                self.course = self.new_course(observation.position_world_m)
+                self.spiral = self.start_spiral(observation.position_world_m)
             elif self.n_returns_left > 0 and contact.last_m is not None:
                 self.n_returns_left -= 1
-                self.course = self.new_course(contact.last_m)
-        return self.scout.explore(observation)
+                self.spiral = self.start_spiral(contact.last_m)
+        return self.searcher.explore(observation)
 
 
 if __name__ == "__main__":

@@ -47,10 +47,10 @@ class Sweep(Agent):
     def places(self, start_m: tuple[float, float, float]) -> Iterator[Waypoint]:
         """Yield what the mission passes: on long ways a place after each bend and one before the next, at speed."""
         for bend_m in self.bends_m:
-            way_m = math.dist(start_m, bend_m)
-            if self.speed_m_s > 0.0 and way_m > 2.5 * RUN_UP_M * self.speed_m_s**2:
-                unit = [(b - a) / way_m for a, b in zip(start_m, bend_m)]
-                for along_m in (RUN_UP_M * self.speed_m_s**2, way_m - RUN_UP_M * self.speed_m_s**2):
+            length_m = math.dist(start_m, bend_m)
+            if self.speed_m_s > 0.0 and length_m > 2.5 * RUN_UP_M * self.speed_m_s**2:
+                unit = [(b - a) / length_m for a, b in zip(start_m, bend_m)]
+                for along_m in (RUN_UP_M * self.speed_m_s**2, length_m - RUN_UP_M * self.speed_m_s**2):
                     yield passed(start_m, unit, along_m, self.speed_m_s)
             yield Waypoint(position_world_m=bend_m)
             start_m = bend_m

@@ -19,7 +19,7 @@ class TwoNosesAgent(Agent):
     def __init__(self, briefing: Briefing) -> None:
         self.settings = s = load_settings(briefing, __file__)
         self.draws = RandomStream(briefing.seed)
-        self.scout = ReactiveSearcher(briefing, ReactiveSettings.of(s), self.draws)
+        self.searcher = ReactiveSearcher(briefing, ReactiveSettings.of(s), self.draws)
         self.noses = TwoNoses(briefing, sample_s=s.sample_s, window_s=s.window_s, threshold_ppm=s.threshold_ppm)
         self.straight_rad, self.half_rad = math.radians(s.straight_deg), math.radians(s.half_deg)
         self.heading_rad = 0.0
@@ -29,20 +29,20 @@ class TwoNosesAgent(Agent):
 
     def observe(self, observation: Observation) -> None:
         """Watch both noses at every tick."""
-        self.scout.observe(observation)
+        self.searcher.observe(observation)
         self.noses.add(observation)
 
     def decide(self, observation: Observation) -> Command:
         """Return the next turn, step, or leg of the exploration."""
         self.observe(observation)
-        known = self.scout.ask(observation, aborts=self.n_without >= self.settings.give_up_steps)
+        known = self.searcher.ask(observation, aborts=self.n_without >= self.settings.give_up_steps)
         if isinstance(known, Command):
             return known
         left, right = self.noses.means()
         has_bout = self.noses.take()
         is_on_plume = has_bout or max(left, right) > self.settings.threshold_ppm
         self.n_without = 0 if is_on_plume else self.n_without + 1
-        if self.n_without >= self.settings.give_up_steps or self.scout.is_away:
+        if self.n_without >= self.settings.give_up_steps or self.searcher.is_away:
             return self.explore(observation)
         phi_rad = bearing_rad(left, right, self.settings.gain)
         if phi_rad != 0.0:
@@ -61,7 +61,7 @@ class TwoNosesAgent(Agent):
         x_m, y_m, _ = observation.position_world_m
         step_m = self.settings.step_m
         place_m = (x_m + step_m * math.cos(self.heading_rad), y_m + step_m * math.sin(self.heading_rad))
-        command = self.scout.fly_to(observation, place_m)
+        command = self.searcher.fly_to(observation, place_m)
         self.look_along(observation, command)
         return command.model_copy(update={"yaw_rad": math.remainder(self.heading_rad, math.tau)})
 
@@ -72,7 +72,7 @@ class TwoNosesAgent(Agent):
 
     def explore(self, observation: Observation) -> Command:
         """Return a leg to a place not seen yet, looking along it."""
-        command = self.scout.explore(observation)
+        command = self.searcher.explore(observation)
         self.look_along(observation, command)
         return command.model_copy(update={"yaw_rad": math.remainder(self.heading_rad, math.tau)})
 

@@ -6,7 +6,7 @@ Run with `python docs/studies/draw_method_tracks.py [METHOD...]`; it needs the e
 at the height of search at the end of the flight.
 
 A picture that is newer than all files of its method is not drawn again, so that the script goes on where it was
-stopped; `--all` draws them anew. Several may run at once with `--share 1/2` and `--share 2/2`.
+stopped; `--all` draws them again. Several may run at once with `--share 1/2` and `--share 2/2`.
 
 The script is at the same time the agent that a run of it flies: `Tracked` makes the method that its name says, asks it,
 and notes where the vehicle was.

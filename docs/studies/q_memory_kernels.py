@@ -76,7 +76,7 @@ def _add_puff(frame, x_m, y_m, variance_m2):
 
 @numba.njit(cache=True)
 def amount_at(film, frame, x_m, y_m):
-    """Return the gas at a place and frame [ppm]; the film begins anew at its end."""
+    """Return the gas at a place and frame [ppm]; the film begins again at its end."""
     i, j = int(x_m / CELL_M), int(y_m / CELL_M)
     return film[frame % film.shape[0], min(i, film.shape[1] - 1), min(j, film.shape[2] - 1)]
 

@@ -11,7 +11,7 @@ places:
   agents that look for none need it;
 - `quadrotor`: the same with an Iris in place of the holonomic vehicle, from the ground, and with that planner;
 
-and in rooms, winds and gas that no policy was trained on, from starts drawn anew, with the holonomic vehicle:
+and in rooms, winds and gas that no policy was trained on, from starts drawn again, with the holonomic vehicle:
 
 - `elsewhere_open`: the quickstart's warehouse with its young wind, a plume that meanders, an open field that gusts, and
   a hall whose wind has settled;

@@ -66,11 +66,11 @@ class AgentGroup:
     """One or several agents of a run in one process, created from their briefings and asked in a fixed order.
 
     Observations are handed out tick by tick, and within a tick in the order of the names, so that agents which share
-    what they know inside their process fly the same flight again. For that, an observation waits until each of the
+    what they know inside their process fly the same run again. For that, an observation waits until each of the
     others has come as far; they are sent together, so it does not wait long. A question that comes a second time does
     not wait: what it waited for was lost.
 
-    Observations may arrive twice: the answer is then repeated, not decided anew. An agent that fails among several
+    Observations may arrive twice: the answer is then repeated, not decided again. An agent that fails among several
     leaves the others alone; a single agent's failure is raised.
     """
 
@@ -81,13 +81,13 @@ class AgentGroup:
         send: Callable[[str, bytes], None],
         leave: Callable[[str], None] = lambda _: None,
     ) -> None:
-        """Prepare a crew.
+        """Prepare a group.
 
         Args:
             agent_type: Makes an agent of its briefing.
             names: The agents, in the order of the scenario.
             send: Sends an agent's answer.
-            leave: Is told who has failed and takes no part any more.
+            leave: Receives the name of an agent that has failed and takes no part any more.
         """
         self._agent_type = agent_type
         self._members = {name: _GroupMember(name) for name in names}
@@ -130,7 +130,7 @@ class AgentGroup:
         self._hand_out(at_once_until=tick if has_come_twice else -1)
 
     def end(self, reason: str) -> None:
-        """Tell all agents that the run is over."""
+        """Send all agents the end of the run."""
         for member in self._flying():
             if member.agent is not None:
                 self._try(member, lambda agent=member.agent: agent.end(reason))

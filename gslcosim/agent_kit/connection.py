@@ -52,7 +52,7 @@ def answer_frames(
         Exception: what an agent raised; a stream has no other sign that one of several has gone.
     """
     failures: list[str] = []
-    crew = AgentGroup(
+    group = AgentGroup(
         agent_type,
         names,
         send=lambda name, answer: _write_frame(output, _add_agent_name(name, answer) if len(names) > 1 else answer),
@@ -61,17 +61,17 @@ def answer_frames(
     while not failures and (fields := _read_frame(source)) is not None:
         kind = fields.pop("message", None)
         if kind == "Ending":
-            crew.end(codec.build_message(Ending, fields).reason)
+            group.end(codec.build_message(Ending, fields).reason)
             return
         if kind == "Briefing":
             briefing = codec.build_message(Briefing, fields)
-            crew.brief(briefing.agent, briefing)
+            group.brief(briefing.agent, briefing)
         elif kind == "Observation":
             observation = codec.build_message(Observation, fields)
-            crew.observe(observation.agent, observation)
+            group.observe(observation.agent, observation)
     if failures:
         sys.exit(f"Failed before the end of the run: {', '.join(failures)}.")
-    crew.end("the link to the run was lost")
+    group.end("the link to the run was lost")
 
 
 def _read_frame(source: BinaryIO) -> dict[str, Any] | None:
@@ -139,7 +139,7 @@ def answer_observations(
         The names of those that have failed, if there are several; a single one's failure is raised.
     """
     inbox: queue.SimpleQueue[_Event] = events or queue.SimpleQueue()
-    crew = AgentGroup(
+    group = AgentGroup(
         agent_type,
         names,
         send=lambda name, answer: _send(bus, name, answer),
@@ -151,21 +151,21 @@ def answer_observations(
     is_asked_only = getattr(agent_type, "observe", None) is Agent.observe
     key_of_observation = keys.question if is_asked_only else keys.observation
     for name in names:
-        actions[keys.briefing(name)] = lambda got, name=name: crew.brief(name, codec.decode_trusted(Briefing, got))
-        actions[key_of_observation(name)] = lambda got, name=name: crew.observe(
+        actions[keys.briefing(name)] = lambda got, name=name: group.brief(name, codec.decode_trusted(Briefing, got))
+        actions[key_of_observation(name)] = lambda got, name=name: group.observe(
             name, codec.decode_trusted(Observation, got)
         )
     for key in (*actions, *endings):
         bus.subscribe(key, lambda at, payload: inbox.put((at, payload)))
     for name in names:
         bus.declare_alive(_build_liveliness_key(name))
-    while len(crew.failed) < len(names):
+    while len(group.failed) < len(names):
         key, payload = inbox.get()
         if key == _LINK_LOST or key in endings:
-            crew.end(codec.decode_trusted(Ending, payload).reason if payload else "the link to the run was lost")
+            group.end(codec.decode_trusted(Ending, payload).reason if payload else "the link to the run was lost")
             break
         actions[key](payload)
-    return crew.failed
+    return group.failed
 
 
 def _build_liveliness_key(name: str) -> str:

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from gslcosim.base.kernel_cache import get_cache_root, get_code_roots
 
-# Beside gslcosim's own code, what computes flights.
+# Beside gslcosim's own code, what computes runs.
 COMPUTING_PACKAGES = ("numpy", "numba", "llvmlite", "mujoco", "pydantic", "msgpack", "msgspec")
-# Code that shows flights, or counts over them, decides none.
+# Code that shows runs, or counts over them, decides none.
 _IRRELEVANT_FOLDERS = (
     "gslcosim/cli",
     "gslcosim/bench/report",

@@ -23,7 +23,7 @@ def build_python_command(*arguments: str) -> list[str]:
 def build_parent_death_prefix() -> list[str]:
     """Return what precedes a command so that its process ends with this one.
 
-    A supervisor that is killed cannot end its children; Linux can, when told so before the program starts.
+    A supervisor that is killed cannot end its children; Linux can, when asked before the program starts.
     """
     setpriv = shutil.which("setpriv")
     return [setpriv, "--pdeathsig", "KILL"] if sys.platform == "linux" and setpriv else []

@@ -44,7 +44,7 @@ _BLOCK_BYTES = 512
 
 @dataclass(frozen=True, kw_only=True)
 class CacheEntry:
-    """A folder that can be removed as a whole; whoever needs it makes it again."""
+    """A folder that can be removed as a whole; its user makes it again."""
 
     kind: str
     folder: Path

@@ -98,7 +98,7 @@ def append_bytes(root: Path, name: str, data: bytes) -> None:
 
 
 def replace_file(root: Path, name: str, data: bytes) -> None:
-    """Write a file below a folder at once: whoever looks sees the old one or the new one, never a part.
+    """Write a file below a folder at once: a reader sees the old one or the new one, never a part.
 
     Raises:
         OSError: it cannot be written; then nothing is changed.

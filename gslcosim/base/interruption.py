@@ -15,7 +15,7 @@ _asked_to_end = threading.Event()
 def raise_on_signals() -> None:
     """Let each signal that asks this process to end raise KeyboardInterrupt, as Ctrl-C does; forks have the usual ones.
 
-    A signal that whoever has started this process wants ignored, as `nohup` does with SIGHUP, stays ignored. Outside
+    A signal that the parent of this process wants ignored, as `nohup` does with SIGHUP, stays ignored. Outside
     the main thread nothing is changed.
     """
     if threading.current_thread() is not threading.main_thread():
@@ -38,7 +38,7 @@ class Interruption:
     """Within this context a signal that asks to end sets a flag and calls `on_set`; a second one acts as usual.
 
     A terminal is closed once, but shells and the system tell it twice: SIGHUP is ignored once it has been seen, and
-    from the start where whoever has started this process wants it ignored, as `nohup` does. Outside the main thread
+    from the start where the parent of this process wants it ignored, as `nohup` does. Outside the main thread
     Python cannot catch signals; then nothing is changed.
     """
 
@@ -86,7 +86,7 @@ def _raise(number: int, frame: FrameType | None) -> NoReturn:
     raise KeyboardInterrupt
 
 
-# A fork is ended by whoever has forked it, at once.
+# A fork is ended by its parent, at once.
 def _use_defaults() -> None:
     for number in SIGNALS:
         if signal.getsignal(number) is _raise:

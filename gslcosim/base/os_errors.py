@@ -51,7 +51,7 @@ MIN_ADDRESS_SPACE_MB = 1200
 
 
 def check_address_space() -> None:
-    """Refuse a limit on addresses below which no flight works.
+    """Refuse a limit on addresses below which no run works.
 
     Raises:
         MachineError: it is as low.
@@ -133,8 +133,8 @@ def format_machine_error(
 ) -> str:
     """Return the text of `build_machine_error`."""
     named = _get_refused_path(error) if path is None and isinstance(error, OSError) else path
-    told = f"{place}: expected {expected}, was {describe_os_error(error)}. {remedy or find_remedy(error)}"
-    return told if named is None else f"{told}\nFile: {os.fspath(named)}"
+    text = f"{place}: expected {expected}, was {describe_os_error(error)}. {remedy or find_remedy(error)}"
+    return text if named is None else f"{text}\nFile: {os.fspath(named)}"
 
 
 # Of a link, a copy or a move the machine names what is there already as well.
@@ -189,7 +189,7 @@ def format_fault(error: BaseException, trace: str) -> str:
 
     Args:
         error: The error.
-        trace: Its traceback, which is told where the error is nobody's but ours.
+        trace: Its traceback, which is shown where the error is ours alone.
     """
     if isinstance(error, GslCosimError):
         return str(error)

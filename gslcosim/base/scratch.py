@@ -60,8 +60,8 @@ class ScratchFolder:
         others = [Path(os.environ[_USER_DIRECTORY_VARIABLE])] if os.environ.get(_USER_DIRECTORY_VARIABLE) else []
         longest = SOCKET_BYTES - _SOCKET_NAME_BYTES
         for place in (usual, *others, Path("/tmp")):
-            has_room = len(os.fsencode(place.absolute())) <= longest
-            if has_room and (place == usual or os.access(place, os.W_OK | os.X_OK)):
+            fits = len(os.fsencode(place.absolute())) <= longest
+            if fits and (place == usual or os.access(place, os.W_OK | os.X_OK)):
                 return cls(kind, parent=place)
         raise MachineError(
             f"temporary directory: expected a path of at most {longest} bytes, so that unix sockets have room there, "

@@ -30,12 +30,12 @@ MAX_BYTES = 64_000_000
 """Size of a file, or of a line of one, where its reader names no other limit."""
 
 FROM_A_COPY = "Take the file from a copy."
-_MAX_SHOWN, _MAX_TOLD = 60, 20
+_MAX_SHOWN, _MAX_REPORTED = 60, 20
 _STRING = re.compile(rb'"(?:[^"\\]|\\.)*"?', re.DOTALL)
 _BRACKET = re.compile(rb"[\[\]{}]")
 # More digits than 64 bits have: no number of ours, and Python takes its time to read thousands of them.
 _LONG_NUMBER = re.compile(rb"(?<![\d.eE+-])-?\d{21,}(?![\d.eE])")
-_TOLD_PLACE = re.compile(r"^(?P<what>.*?)(?: - at `(?:key in )?\$(?P<place>.*)`)?$", re.DOTALL)
+_REPORTED_PLACE = re.compile(r"^(?P<what>.*?)(?: - at `(?:key in )?\$(?P<place>.*)`)?$", re.DOTALL)
 _KINDS = {
     "str": "a text", "int": "a whole number", "float": "a number", "bool": "true or false", "object": "a block",
     "array": "a list", "null": "nothing",
@@ -140,13 +140,13 @@ def validate_value(value: object, kind: type[T], *, place: str) -> T:
     try:
         msgspec.convert(value, kind)
     except (msgspec.ValidationError, OverflowError) as error:
-        raise MalformedFileError(_told(str(error), place)) from error
+        raise MalformedFileError(_describe_problem(str(error), place)) from error
     return cast("T", value)
 
 
 def describe_validation_errors(error: "ValidationError") -> list[str]:
     """Return the problems that pydantic has found, a line each: `boxes[0].rgba: expected a valid list, was 'x'`."""
-    return [_described(each) for each in error.errors(include_url=False, include_context=False)[:_MAX_TOLD]]
+    return [_described(each) for each in error.errors(include_url=False, include_context=False)[:_MAX_REPORTED]]
 
 
 def _described(problem: "ErrorDetails") -> str:
@@ -180,8 +180,8 @@ def _check_levels(raw: bytes, place: str) -> None:
 
 
 # "Expected `str`, got `int` - at `$.agents[0].name`" as place, expected and found.
-def _told(text: str, place: str) -> str:
-    match = cast("re.Match[str]", _TOLD_PLACE.match(text))
+def _describe_problem(text: str, place: str) -> str:
+    match = cast("re.Match[str]", _REPORTED_PLACE.match(text))
     inner = (match["place"] or "").removeprefix(".")
     where = f"{place}: {inner}" if inner else place
     what = re.sub(r"`([^`]*)`", _shown_kind, match["what"])

@@ -1,6 +1,6 @@
 """Benchmark of search methods: suites of runs, their rows, statistics and reports.
 
-`suite` turns a file into trials, `execution` flies them, `store` keeps their rows, `metrics` are figures of one flight,
+`suite` turns a file into trials, `execution` flies them, `store` keeps their rows, `metrics` are figures of one run,
 `statistics` are figures of many rows, `report` shows them. Nothing below this package knows of it.
 
 For one's own studies there are `load_suite`, `run`, `Results` and `compare`; docs/benchmark/python.ipynb uses them.

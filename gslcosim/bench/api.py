@@ -28,12 +28,12 @@ def run(
         folder: Where results go; the same call goes on where it stopped.
         jobs: How many worker processes; one for each core if absent.
         only: Which trials, as `--only` has it: `["entry=surge_*", "scenario=gsl_bench_3"]`.
-        report: Is told how it goes.
+        report: Receives progress reports.
 
     Raises:
         ScenarioError: the suite is wrong.
         UsageError: the folder cannot be used or written, or the suite demands a sandbox that is not here.
-        KeyboardInterrupt: it was interrupted; what was flown is kept.
+        KeyboardInterrupt: it was interrupted; what was run is kept.
     """
     loaded = suite if isinstance(suite, LoadedSuite) else load_suite(suite)
     n_workers = jobs or n_cores()

@@ -26,8 +26,8 @@ LEADERBOARD = "leaderboard.json"
 class Ranking:
     """A merged leaderboard: as `leaderboard.json` has it, and how each entry stands with verification.
 
-    `submissions` gives the folder of each entry, `verified` how many of how many sampled flights came out the same, or
-    None where this user has flown none again.
+    `submissions` gives the folder of each entry, `verified` how many of how many sampled runs came out the same, or
+    None where this user has run none again.
     """
 
     leaderboard: dict[str, Any]
@@ -38,18 +38,18 @@ class Ranking:
 def merge(folders: Sequence[Path], out: Path | None = None, *, demands_sandbox: bool = False) -> Ranking:
     """Return one table of several results folders.
 
-    An entry that several folders have is one where its program, parameters and flights are the same, such as the
+    An entry that several folders have is one where its program, parameters and runs are the same, such as the
     anchors; otherwise each is named after its folder.
 
     Args:
         folders: Of results of the same cases.
         out: Where merged results with their report are written; nowhere if absent.
-        demands_sandbox: Whether all flights must be of agents in a sandbox; so they must where the suite of one of the
+        demands_sandbox: Whether all runs must be of agents in a sandbox; so they must where the suite of one of the
             folders demands it.
 
     Raises:
-        UsageError: the folders are of other cases, the same flight came out differently in two of them, so that they
-            were flown by different software, or agents were not in the sandbox that is demanded.
+        UsageError: the folders are of other cases, the same run came out differently in two of them, so that they
+            were run by different software, or agents were not in the sandbox that is demanded.
     """
     names_alone = [folder.resolve().name for folder in folders]
     submissions = [
@@ -81,8 +81,8 @@ class _Submission:
 
     def agent_of(self, entry: str) -> str:
         """Return what an entry's program and parameters are, as text."""
-        told = next((each for each in self.manifest.get("entries", []) if each["name"] == entry), {})
-        return json.dumps([told.get("agent_hash"), told.get("parameters")], sort_keys=True)
+        listed = next((each for each in self.manifest.get("entries", []) if each["name"] == entry), {})
+        return json.dumps([listed.get("agent_hash"), listed.get("parameters")], sort_keys=True)
 
     # Never what the folder says of itself.
     @cached_property
@@ -130,15 +130,15 @@ def _check_sandboxes(submissions: Sequence[_Submission], *, is_asked: bool) -> N
     for submission in submissions:
         rows = submission.results.trials.select(["entry", "digest", "sandbox"]).to_pylist()
         if outside := find_unsandboxed_rows(rows):
-            told = outside[0]["sandbox"] or "nothing told"
+            sandboxes = outside[0]["sandbox"] or "nothing told"
             raise UsageError(
-                f"{submission.results.folder}: expected agents in a sandbox, as {why}, was {told} in {len(outside)} of "
-                f"{len(rows)} flights, of {', '.join(sorted({row['entry'] for row in outside}))}. Add sandbox: "
-                "required to its suite, and fly it again."
+                f"{submission.results.folder}: expected agents in a sandbox, as {why}, was {sandboxes} in "
+                f"{len(outside)} of {len(rows)} flights, of {', '.join(sorted({row['entry'] for row in outside}))}. "
+                "Add sandbox: required to its suite, and fly it again."
             )
 
 
-# Flights of one program in one case have one digest; where two folders disagree, their software did.
+# Runs of one program in one case have one digest; where two folders disagree, their software did.
 def _check_same_flights(submissions: Sequence[_Submission]) -> None:
     digests: dict[tuple[Any, ...], tuple[str, str]] = {}
     for submission in submissions:
@@ -217,11 +217,11 @@ def _manifest(
 ) -> dict[str, Any]:
     entries: dict[str, dict[str, Any]] = {}
     for submission in submissions:
-        for told in submission.manifest.get("entries", []):
-            name = names.get((submission.label, told["name"]))
+        for listed in submission.manifest.get("entries", []):
+            name = names.get((submission.label, listed["name"]))
             if name is not None:
                 home = homes[name]
-                entries.setdefault(name, {**told, "name": name, "submission": home.label})
+                entries.setdefault(name, {**listed, "name": name, "submission": home.label})
     first = submissions[0].manifest
     kept = ("schema", "suite", "title", "question", "seed", "suite_hash", "versions", "anchors", "scenarios", "dropped")
     demands = any(submission.manifest.get("sandbox") == "required" for submission in submissions)

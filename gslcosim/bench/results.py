@@ -19,7 +19,7 @@ from gslcosim.bench.store.columns import TRACKS, TRIALS
 from gslcosim.bench.store.folder import ResultsFolder
 
 _compute: Any = pc
-# Rows that agree in these are flights of the same case, repetition and gas: they make a pair.
+# Rows that agree in these are runs of the same case, repetition and gas: they make a pair.
 PAIR = ("case", "repetition", "is_control")
 
 
@@ -113,7 +113,7 @@ class Results:
         )
 
     def paired(self, column: str, a: str, b: str) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return a column of two entries on the flights that both have made, pair by pair.
+        """Return a column of two entries on the runs that both have made, pair by pair.
 
         Raises:
             UsageError: they have none in common, or there is no such column.
@@ -168,7 +168,7 @@ class Comparison:
 
 
 def compare(results: Results, a: str, b: str) -> Comparison:
-    """Return how an entry compares with another on the flights that both have made, controls apart.
+    """Return how an entry compares with another on the runs that both have made, controls apart.
 
     Args:
         results: All rows, or some of them.
@@ -176,7 +176,7 @@ def compare(results: Results, a: str, b: str) -> Comparison:
         b: The other.
 
     Raises:
-        UsageError: they have no flights in common.
+        UsageError: they have no runs in common.
     """
     rows = results.select(is_control=False)
     success_a, success_b = (values.astype(float) for values in rows.paired("success", a, b))

@@ -56,7 +56,7 @@ class InMemoryHub:
                         handler(key, answer)
 
     def set_alive(self, key: str, *, is_alive: bool) -> None:
-        """Add or remove a liveliness token and tell the watchers."""
+        """Add or remove a liveliness token and notify the watchers."""
         with self._lock:
             (self._alive.add if is_alive else self._alive.discard)(key)
             for pattern, handler in self._watchers:
@@ -64,7 +64,7 @@ class InMemoryHub:
                     handler(key, is_alive)
 
     def watch_alive(self, pattern: str, handler: Callable[[str, bool], None]) -> None:
-        """Tell a watcher of all tokens, present and future."""
+        """Notify a watcher of all tokens, present and future."""
         with self._lock:
             self._watchers.append((pattern, handler))
             for key in sorted(self._alive):

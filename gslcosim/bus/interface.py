@@ -80,7 +80,7 @@ class JoinData(BaseModel):
 
     `run_dir` is given to services only; agents never learn it. `tls_root_ca` is the PEM text of the certificate that
     vouches for the router, for endpoints that begin with `tls/`. `agents` names the agents that the process flies where
-    they are several; otherwise it flies the one of its `name`. `is_watched` says that whoever starts the run sees
+    they are several; otherwise it flies the one of its `name`. `is_watched` says that the supervisor sees
     whether the process ends or is stopped, so that nobody has to conclude it from silence. Others are given up after
     `lease_s` [s] of silence. `window_ticks` is given to services only, where it is not the usual one.
     `mesh` is given to services that share the router's host.
@@ -193,7 +193,7 @@ def _read_regular(path: Path, place: str) -> str:
 
 
 class Mailbox(Protocol):
-    """Messages for one thread of a member, whoever puts them there: the transport, or other threads."""
+    """Messages for one thread of a member, from any sender: the transport, or other threads."""
 
     def put(self, key: str, payload: bytes) -> None:
         """Add a message; may be called on any thread."""

@@ -57,7 +57,7 @@ class AgentAccount:
 # Rules match when the rule's key includes the message's key, so an agent may subscribe to `**` and still sees only
 # what its egress rule lets through.
 def build_access_control(namespace: str, agents: list[AgentAccount]) -> dict[str, Any]:
-    """Return what Zenoh's router is told: services may do everything, agents what `AgentAccount` says."""
+    """Return the access rules of Zenoh's router: services may do everything, agents what `AgentAccount` says."""
     rules: list[dict[str, Any]] = [
         {
             "id": "everything",
@@ -244,7 +244,7 @@ class ZenohMailbox:
 
     Args:
         session: The member's session.
-        prefix: The namespace with its slash, which keys are told without.
+        prefix: The namespace with its slash, which keys are given without.
         key: What the channel subscribes to.
         wake_key: A key that `key` matches and nobody else uses.
     """
@@ -478,7 +478,7 @@ class ZenohBus:
     ) -> None:
         """Call `handler(key, payload)` for each message; see `Bus`.
 
-        A payload of more than `max_bytes` is not even copied: `on_longer(key, n_bytes)` is told of it instead.
+        A payload of more than `max_bytes` is not even copied: `on_longer(key, n_bytes)` is called instead.
         """
 
         def on_sample(sample: zenoh.Sample) -> None:
@@ -581,7 +581,7 @@ def build_session_config(namespace: str | None, *, lease_ms: int = LEASE_MS) -> 
 
     Args:
         namespace: Comes before all keys.
-        lease_ms: How long the session may be silent before the other side gives it up; each side tells its own.
+        lease_ms: How long the session may be silent before the other side gives it up; each side states its own.
     """
     # Multicast and gossip off: runs never meet. Shared memory off: it drops messages on a loaded machine.
     config = zenoh.Config()

@@ -182,34 +182,34 @@ def format_verification(verification: "Verification") -> str:
 
     n, different = verification.n_sampled, verification.differences
     started = ", ".join(f"{count} {kind}" for kind, count in sorted(verification.sandboxes.items()))
-    told = f"Sandbox of agents: {started or 'nothing was flown'}."
+    note = f"Sandbox of agents: {started or 'nothing was flown'}."
     if any(not is_sandboxed(kind) for kind in verification.sandboxes):
-        told += " Agents without one could read the truth; without --trusted all of them are in one."
+        note += " Agents without one could read the truth; without --trusted all of them are in one."
     if verification.n_missing:
-        told += (
+        note += (
             f"\n{verification.n_missing} trials of the suite have no row, so that nobody can tell what came of them: "
             "bench rank does not take these results for verified."
         )
     if not different:
-        return f"{n} of {n} flights came out the same: digests and all figures.\n{told}"
+        return f"{n} of {n} flights came out the same: digests and all figures.\n{note}"
     lines = [f"{len(different)} of {n} flights came out differently:"]
     for each in different:
         name, (before, now) = next(iter(each.columns.items()))
         more = f" and {len(each.columns) - 1} other columns" if len(each.columns) > 1 else ""
         lines.append(f"  {each.trial} {each.case}, {each.entry}: {name} was {before}, is {now}{more}")
-    return "\n".join([*lines, told])
+    return "\n".join([*lines, note])
 
 
 def format_ranking(ranking: "Ranking") -> str:
-    """Return a merged leaderboard: equal ranks where entries cannot be told apart, and who has been verified."""
+    """Return a merged leaderboard: equal ranks where entries cannot be distinguished, and who has been verified."""
     view = ranking.leaderboard["views"][0]
     rows = [
         (
             str(row["rank"]),
             row["entry"],
-            _told(row["score"], 1.0, 3),
-            f"{_told(row['success'], 100.0, 0)} %",
-            _told(row["time_s"], 1.0, 0),
+            _format_figure(row["score"], 1.0, 3),
+            f"{_format_figure(row['success'], 100.0, 0)} %",
+            _format_figure(row["time_s"], 1.0, 0),
             str(row["n"]),
             ranking.submissions[row["entry"]],
             _verified(ranking.verified[row["entry"]]),
@@ -220,7 +220,7 @@ def format_ranking(ranking: "Ranking") -> str:
     return f"{table(head, rows)}\nIntervals are 95 %. Entries of one rank have not been told apart."
 
 
-def _told(figure: dict[str, float] | None, times: float, digits: int) -> str:
+def _format_figure(figure: dict[str, float] | None, times: float, digits: int) -> str:
     if figure is None:
         return "-"
     value, low, high = (
@@ -229,8 +229,8 @@ def _told(figure: dict[str, float] | None, times: float, digits: int) -> str:
     return f"{value} [{low}, {high}]"
 
 
-def _verified(told: tuple[int, int] | None) -> str:
-    return "no" if told is None else f"{told[0]} of {told[1]}"
+def _verified(counts: tuple[int, int] | None) -> str:
+    return "no" if counts is None else f"{counts[0]} of {counts[1]}"
 
 
 class _Line:

@@ -35,7 +35,7 @@ ROUND_TRIP_LIMIT_S = 5.0
 
 @dataclass(frozen=True, kw_only=True)
 class CheckResult:
-    """One thing that was checked: `WARN` limits what can be done, `FAIL` prevents flying."""
+    """One thing that was checked: `WARN` limits what can be done, `FAIL` prevents a run."""
 
     name: str
     level: Level

@@ -21,15 +21,15 @@ Report = Callable[["RunStatus"], None]
 
 def add_live_options(parser: argparse.ArgumentParser) -> None:
     """Add `--live` and `--serve`."""
-    ways = parser.add_mutually_exclusive_group()
-    ways.add_argument(
+    outputs = parser.add_mutually_exclusive_group()
+    outputs.add_argument(
         "--live",
         action="store_const",
         const="window",
         dest="live",
         help="show the recording in the viewer while it is written; the command ends when its window is closed",
     )
-    ways.add_argument(
+    outputs.add_argument(
         "--serve",
         action="store_const",
         const="browser",
@@ -46,7 +46,7 @@ class RunViewer:
         self._is_over = threading.Event()
 
     def passing_on(self, report: Report) -> Report:
-        """Return what a flight reports to in place of `report`, so that it is shown from its beginning."""
+        """Return what a run reports to in place of `report`, so that it is shown from its beginning."""
         view = self._view
         if view is None:
             return report
@@ -59,22 +59,22 @@ class RunViewer:
         return show_and_report
 
     def end(self) -> None:
-        """Say that the flight is over, and that nothing more will be written."""
+        """Say that the run is over, and that nothing more will be written."""
         self._is_over.set()
 
     def stay_open(self, exit_code: int) -> None:
-        """Return when the person has closed the viewer, or presses Ctrl-C; at once where the flight was interrupted."""
+        """Return when the person has closed the viewer, or presses Ctrl-C; at once where the run was interrupted."""
         if self._view is not None and exit_code != ExitCode.INTERRUPTED:
             _wait_until_closed(self._view)
 
 
 @contextlib.contextmanager
 def open_live_view(kind: "ViewerKind | None", scenario: "Scenario") -> Iterator[RunViewer]:
-    """Open a viewer for a flight, and close it at the end.
+    """Open a viewer for a run, and close it at the end.
 
     Args:
         kind: `window`, `browser`, or None for no viewer.
-        scenario: What will be flown.
+        scenario: What will be run.
 
     Raises:
         UsageError: the scenario is not recorded.

@@ -90,7 +90,7 @@ COMMANDS = (
     schema.COMMAND,
     doctor.COMMAND,
 )
-# What loads all that a flight needs.
+# What loads all that a run needs.
 _COMPUTING = ("up", "fork", "replay", "bench", "sweep", "tune", "train", "generate", "sample")
 
 
@@ -115,7 +115,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def run_command(words: Sequence[str], call: Callable[[argparse.Namespace], int] | None = None) -> int:
-    """Run one command, tell what goes wrong, and return the exit code.
+    """Run one command, report what goes wrong, and return the exit code.
 
     Args:
         words: The command line without the program's name.

@@ -36,7 +36,7 @@ _ENDINGS = {
 
 @contextlib.contextmanager
 def show_run_progress(title: str, *, is_quiet: bool) -> Iterator[Report]:
-    """Yield what a flight reports to: a live line on a terminal, a few plain lines in a pipe, or nothing.
+    """Yield what a run reports to: a live line on a terminal, a few plain lines in a pipe, or nothing.
 
     Args:
         title: What flies, at the beginning of the live line.
@@ -88,7 +88,7 @@ class LiveLine:
 
 
 class PlainLines:
-    """One line for each piece of preparation, each state of the flight, and what takes too long: for logs and pipes."""
+    """One line for each piece of preparation, each state of the run, and what takes too long: for logs and pipes."""
 
     def __init__(self, title: str) -> None:
         self._title = title
@@ -116,7 +116,7 @@ def format_status(status: "RunStatus") -> str:
 
 
 def format_summary(flight: "RunResult") -> str:
-    """Return the end of a flight for a person: what happened, each agent's figures, and where everything is."""
+    """Return the end of a run for a person: what happened, each agent's figures, and where everything is."""
     result = flight.result
     reason = str(result.get("end_reason", ""))
     lines = [f"{_ENDINGS.get(reason, reason)} after {result.get('sim_time_s', 0.0):.1f} s of simulated time.", ""]

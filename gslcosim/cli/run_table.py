@@ -23,7 +23,7 @@ def collect_rows(folders: Sequence[Path], tell: Callable[[int], None] | None = N
 
     Args:
         folders: Folders of runs, runs, or results.
-        tell: Is told how many have been read, now and then.
+        tell: Receives how many have been read, now and then.
 
     Raises:
         UsageError: a folder is none, or cannot be read.
@@ -70,7 +70,7 @@ def _facts_or_why_not(path: Path) -> RunSummary:
         return RunSummary(run=path.name, folder=str(path), state="foreign", outcome=describe_os_error(error))
 
 
-# A run without a result is asked for at the windows of flights.
+# A run without a result is asked for at the windows of runs.
 def _mark_running(rows: Sequence[dict[str, Any]]) -> None:
     from gslcosim.runtime.status import list_active_runs
 

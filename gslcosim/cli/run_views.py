@@ -16,7 +16,7 @@ def record_runs(recordings: Sequence[Path], path: Path, *, is_by_contact: bool =
     """Write one recording of the runs of some recordings, by simulated time or moved to one first contact with gas.
 
     Raises:
-        UsageError: they were not flown in one room with one tick, or one of them has come to no result.
+        UsageError: they were not run in one room with one tick, or one of them has come to no result.
         RecordingError: a recording cannot be read.
     """
     pasts = [PastRun.load(recording.parent) for recording in recordings]
@@ -33,7 +33,7 @@ def record_runs(recordings: Sequence[Path], path: Path, *, is_by_contact: bool =
         for recording, past in zip(recordings, pasts, strict=True)
     ]
     environment = load_environment(find_environment(first, lambda _: None), with_meshes=True)
-    record_side_by_side(runs, environment, path, parting=_parting(pasts), is_by_contact=is_by_contact)
+    record_side_by_side(runs, environment, path, divergence=_parting(pasts), is_by_contact=is_by_contact)
 
 
 def record_run_at(recording: Path, path: Path, at_s: float, *, is_still: bool) -> None:

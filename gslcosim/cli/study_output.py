@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 RESULTS_DIR = Path("results")
 _BEST_SHOWN = 5
-# Bootstrap intervals of the mean of fewer flights than this cover clearly less than they say.
+# Bootstrap intervals of the mean of fewer runs than this cover clearly less than they say.
 _FEW = 10
 
 
 def add_target_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what is flown by whom, and where it is kept."""
+    """Add what is run by whom, and where it is kept."""
     parser.add_argument("suite", metavar="SUITE", help="a suite or a scenario: a file, or the name of a bundled one")
     parser.add_argument(
         "--entry", required=True, metavar="NAME", help="the method: an entry of the suite, a bundled one, or a .py file"
@@ -43,7 +43,7 @@ def add_target_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def start_pool(jobs: int | None, limits: "LimitsSpec") -> "Pool":
-    """Return started workers: as many as told, or one for each core."""
+    """Return started workers: as many as asked for, or one for each core."""
     from gslcosim.bench.execution.pool import LocalPool, n_cores
 
     return LocalPool(jobs or n_cores(), limits)
@@ -69,7 +69,7 @@ class TuningProgressView:
 
     def stage(self, stage: "TuningProgress") -> None:
         """Say how the search stands."""
-        # In a pipe lines are told now and then over the whole search, not anew for each batch.
+        # In a pipe lines are reported now and then over the whole search, not again for each batch.
         if sys.stderr.isatty():
             self.end()
         if not self._is_quiet:

@@ -28,7 +28,7 @@ def write(text: str = "") -> None:
 
     Raises:
         MachineError: it cannot be written.
-        BrokenPipeError: whoever has read it is gone.
+        BrokenPipeError: its reader is gone.
     """
     _write_result(f"{escape_terminal_text(text)}\n")
 
@@ -38,7 +38,7 @@ def write_screen(text: str) -> None:
 
     Raises:
         MachineError: it cannot be written.
-        BrokenPipeError: whoever has read it is gone.
+        BrokenPipeError: its reader is gone.
     """
     _write_result(f"{_CLEAR_SCREEN}{escape_terminal_text(text)}\n")
 
@@ -57,7 +57,7 @@ def finish_output() -> None:
 
     Raises:
         MachineError: it cannot be written.
-        BrokenPipeError: whoever has read it is gone.
+        BrokenPipeError: its reader is gone.
     """
     try:
         sys.stdout.flush()

@@ -44,7 +44,7 @@ STOPPING_RULES = frozenset(
 
 
 def find_session_failures(transcript: Transcript, limits: SessionLimits) -> dict[str, Failure]:
-    """Return the rules broken in one flight, each with its first break; how the agent ends is not part of it."""
+    """Return the rules broken in one run, each with its first break; how the agent ends is not part of it."""
     found: dict[str, Failure] = {}
     for failure in _iter_failures(transcript, limits):
         found.setdefault(failure.rule, failure)
@@ -57,7 +57,7 @@ def find_session_failures(transcript: Transcript, limits: SessionLimits) -> dict
 
 
 def find_ending_failures(transcript: Transcript, limits: SessionLimits) -> dict[str, Failure]:
-    """Return the rules broken after the agent was told the end: `ending` or `exit-code`."""
+    """Return the rules broken after the agent was sent the end: `ending` or `exit-code`."""
     if transcript.end_sent_at_s is None:
         return {}
     sent = "Ending" if transcript.script.variation != "lost link" else "nothing; the link was cut"
@@ -79,7 +79,7 @@ def relabel_failure(rule: str, failures: dict[str, Failure]) -> dict[str, Failur
 
 
 def find_difference(rule: str, first: Transcript, second: Transcript, *, sent: str) -> dict[str, Failure]:
-    """Return where the commands of two flights begin to differ, as the break of a rule."""
+    """Return where the commands of two runs begin to differ, as the break of a rule."""
     before, after = first.commands(), second.commands()
     for tick in sorted({*before, *after}):
         if not are_commands_equal(before.get(tick), after.get(tick)):
@@ -223,7 +223,7 @@ def _find_unasked_failures(transcript: Transcript) -> Iterator[Failure]:
             yield _build_failure(transcript, "unasked", sent=sent, expected="no command", got=got)
 
 
-# The vehicle would fly all the same: the door passes a command without a belief that comes too soon.
+# The vehicle would fly all the same: the validator passes a command without a belief that comes too soon.
 def _find_belief_failures(transcript: Transcript) -> Iterator[Failure]:
     last: int | None = None
     for tick, command in sorted(transcript.commands().items()):
@@ -328,27 +328,29 @@ _SESSION_RULES = tuple(rule for rule in RULES if rule not in (*_LATER_RULES, "jo
 
 
 def check_agent(
-    wiring: ConnectionSpec, limits: SessionLimits | None = None, report_progress: Callable[[str], None] = lambda _: None
+    connection: ConnectionSpec,
+    limits: SessionLimits | None = None,
+    report_progress: Callable[[str], None] = lambda _: None,
 ) -> CheckReport:
     """Return what a check finds out about an agent.
 
     Args:
-        wiring: How it is started and spoken to.
+        connection: How it is started and spoken to.
         limits: How long it is waited for.
-        report_progress: Gets the name of each flight before it begins.
+        report_progress: Gets the name of each run before it begins.
 
     Raises:
         UsageError: there is no such program.
     """
-    wiring.check()
-    return AgentCheck(wiring, limits or SessionLimits(), report_progress).run()
+    connection.check()
+    return AgentCheck(connection, limits or SessionLimits(), report_progress).run()
 
 
 @dataclass
 class AgentCheck:
     """One agent under check: what was played with it, and the rules it has broken so far."""
 
-    wiring: ConnectionSpec
+    connection: ConnectionSpec
     limits: SessionLimits
     report_progress: Callable[[str], None]
     failures: dict[str, Failure] = field(default_factory=dict[str, Failure])
@@ -359,7 +361,7 @@ class AgentCheck:
     _start_s: float = 0.0
 
     def run(self) -> CheckReport:
-        """Play all flights that still can say something; return the report."""
+        """Play all runs that still can say something; return the report."""
         first = self._play("first", "plain")
         found = find_session_failures(first, self.limits)
         self._add(found, {} if "listens-first" in found else find_ending_failures(first, self.limits))
@@ -369,11 +371,11 @@ class AgentCheck:
             self._note_pace(first)
             self._repeat_all(first)
         beyond = {} if OrphanProcesses.is_possible() else {"leaves-nothing": "this system does not tell"}
-        findings = build_findings(self.wiring.door, self.failures, self.unjudged, self.notes, beyond)
+        findings = build_findings(self.connection.transport, self.failures, self.unjudged, self.notes, beyond)
         return CheckReport(
-            command=self.wiring.command,
-            door=self.wiring.door,
-            format=self.wiring.format,
+            command=self.connection.command,
+            transport=self.connection.transport,
+            format=self.connection.format,
             findings=findings,
             notes=tuple(self.remarks),
         )
@@ -388,7 +390,7 @@ class AgentCheck:
             return
         self._add(find_difference("determinism", first, second, sent=", as before"))
         for rule, (variation, sent) in _VARIATIONS.items():
-            if rule != "repeats" or self.wiring.door == "zenoh":
+            if rule != "repeats" or self.connection.transport == "zenoh":
                 self._vary(rule, variation, sent, first)
         self._end_otherwise(first)
 
@@ -455,7 +457,7 @@ class AgentCheck:
         time.sleep(max(0.0, self._started_at + MIN_START_INTERVAL_S - time.monotonic()))
         self._started_at = time.monotonic()
         script = SessionScript(name=name, seed=seed, variation=variation, start_s=start_s)
-        played = ScriptedSession(open_transport(self.wiring), script, self.limits, self.wiring.needs()).play()
+        played = ScriptedSession(open_transport(self.connection), script, self.limits, self.connection.needs()).play()
         if played.joins_by_start and played.arrivals:
             self._start_s = max(self._start_s, played.arrivals[0].at_s)
         return played

@@ -254,11 +254,11 @@ def _get_value(payload: bytes) -> object:
 
 
 def _find_contract_problem(fields: dict[str, Any]) -> Problem | None:
-    told = fields.get("contract")
-    if not isinstance(told, str):
-        return None  # nothing, or of a wrong type, which the schema tells
+    contract = fields.get("contract")
+    if not isinstance(contract, str):
+        return None  # nothing, or of a wrong type, which the schema reports
     try:
-        check_contract(told)
+        check_contract(contract)
     except ContractError as error:
         return Problem(rule="contract", expected="a contract that fits this gslcosim's, or none", got=str(error))
     return None

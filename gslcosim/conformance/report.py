@@ -17,7 +17,7 @@ _INDENT = " " * 16
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """One break of a rule: in which flight, what was sent to the agent, what was expected of it, and what came.
+    """One break of a rule: in which run, what was sent to the agent, what was expected of it, and what came.
 
     `remedy` is what to change, where more is known than what the rule says of all its breaks.
     """
@@ -66,7 +66,7 @@ class CheckReport:
     """All findings about one agent, in the order of the rules, and what else was seen."""
 
     command: tuple[str, ...]
-    door: str
+    transport: str
     format: str
     findings: tuple[Finding, ...]
     notes: tuple[str, ...] = ()
@@ -90,7 +90,7 @@ class CheckReport:
         return {
             "passed": self.has_passed,
             "command": list(self.command),
-            "door": self.door,
+            "door": self.transport,
             "format": self.format,
             "rules": [finding.as_fields() for finding in self.findings],
             "notes": list(self.notes),
@@ -106,7 +106,7 @@ class CheckReport:
 
 
 def build_findings(
-    door: str,
+    transport: str,
     failures: Mapping[str, Failure],
     unjudged: Mapping[str, str],
     notes: Mapping[str, str],
@@ -117,7 +117,7 @@ def build_findings(
     """Return one finding for each rule.
 
     Args:
-        door: The agent's door; rules of other doors do not apply.
+        transport: The agent's transport; rules of other transports do not apply.
         failures: The breaks by rule.
         unjudged: Why a rule was not judged, by rule; a break goes first.
         notes: Worth knowing about a rule that was kept.
@@ -127,16 +127,16 @@ def build_findings(
     return tuple(
         Finding(rule=rule, status="not_applicable", note=beyond[rule.id])
         if rule.id in beyond
-        else _build_finding(rule, door, failures, unjudged, notes)
+        else _build_finding(rule, transport, failures, unjudged, notes)
         for rule in rules.values()
     )
 
 
 def _build_finding(
-    rule: Rule, door: str, failures: Mapping[str, Failure], unjudged: Mapping[str, str], notes: Mapping[str, str]
+    rule: Rule, transport: str, failures: Mapping[str, Failure], unjudged: Mapping[str, str], notes: Mapping[str, str]
 ) -> Finding:
-    if not rule.applies_to(door):
-        return Finding(rule=rule, status="not_applicable", note=f"not behind the door {door}")
+    if not rule.applies_to(transport):
+        return Finding(rule=rule, status="not_applicable", note=f"not for the transport {transport}")
     if rule.id in failures:
         return Finding(rule=rule, status="failed", failure=failures[rule.id])
     if rule.id in unjudged:

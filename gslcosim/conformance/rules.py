@@ -11,17 +11,17 @@ class Rule:
     """One rule.
 
     `id` is short and stable; `sentence` says what a right agent does; `remedy` is what the author of a wrong one does
-    next; `doors` are those through which the rule has a meaning.
+    next; `transports` are those through which the rule has a meaning.
     """
 
     id: str
     sentence: str
     remedy: str
-    doors: TransportScope = "all"
+    transports: TransportScope = "all"
 
-    def applies_to(self, door: str) -> bool:
-        """Return whether the rule has a meaning for agents behind a door."""
-        return self.doors == "all" or (self.doors == "zenoh") == (door == "zenoh")
+    def applies_to(self, transport: str) -> bool:
+        """Return whether the rule has a meaning for agents behind a transport."""
+        return self.transports == "all" or (self.transports == "zenoh") == (transport == "zenoh")
 
 
 # In the order in which a session meets them: the first broken rule is the one to look at first.
@@ -37,7 +37,7 @@ _AGENT_RULES = (
         id="listens-first",
         sentence="subscribes to briefing, observation and ending before it shows its liveliness token",
         remedy="Declare the token last: what is published between token and subscription is lost.",
-        doors="zenoh",
+        transports="zenoh",
     ),
     Rule(
         id="answers",
@@ -115,14 +115,14 @@ _AGENT_RULES = (
         id="own-key",
         sentence="writes only its own command and its own liveliness token",
         remedy="Write agents/<name>/command, with the name from GSLCOSIM_JOIN. In a run the router denies all else.",
-        doors="zenoh",
+        transports="zenoh",
     ),
     Rule(
         id="own-ears",
         sentence="reads only its own keys",
         remedy="Subscribe to agents/<name>/briefing, observation and ending, and query nothing. In a run the router "
         "denies all else, so that nobody sees the truth.",
-        doors="zenoh",
+        transports="zenoh",
     ),
     Rule(
         id="stays",
@@ -171,7 +171,7 @@ _AGENT_RULES = (
         sentence="answers a repeated observation with the same bytes, without deciding anew",
         remedy="Keep the last answer, and send it again when an observation comes with the tick it answers; ignore a "
         "second briefing.",
-        doors="zenoh",
+        transports="zenoh",
     ),
     Rule(
         id="early-ending",

@@ -32,24 +32,24 @@ class CreatedAgent:
     folder: Path
     build: tuple[str, ...]
     start: tuple[str, ...]
-    door: str
+    transport: str
     format: str
     observations: str
 
     @property
     def check_command(self) -> tuple[str, ...]:
         """The command line that checks it."""
-        options = ["--door", self.door] if self.door != "zenoh" else []
-        options += ["--format", self.format] if self.door != "zenoh" else []
+        options = ["--door", self.transport] if self.transport != "zenoh" else []
+        options += ["--format", self.format] if self.transport != "zenoh" else []
         options += ["--observations", self.observations] if self.observations != "all" else []
         return ("gslcosim", "agent", "check", *options, "--", *self.start)
 
     @property
     def fly_command(self) -> tuple[str, ...]:
         """The command line that flies it in a small room."""
-        ways = f"door: {self.door}, format: {self.format}, observations: {self.observations}"
+        options_text = f"door: {self.transport}, format: {self.format}, observations: {self.observations}"
         command = f"command: {json.dumps(self.start)}"
-        return ("gslcosim", "up", "tiny_room", "--set", f"agents[0].start={{{command}, {ways}}}")
+        return ("gslcosim", "up", "tiny_room", "--set", f"agents[0].start={{{command}, {options_text}}}")
 
     def as_text(self) -> str:
         """Return what there is and what to do next."""
@@ -136,7 +136,7 @@ def _read_description(folder: Path, name: str) -> CreatedAgent:
         folder=folder,
         build=filled("build"),
         start=filled("start"),
-        door=fields["door"],
+        transport=fields["door"],
         format=fields["format"],
         observations=fields.get("observations", "all"),
     )

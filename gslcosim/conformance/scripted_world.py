@@ -50,13 +50,13 @@ OTHER_TICKS = (*range(4), *range(5, 9), *range(12, 40), *range(120, 127), 129, 2
 
 
 def iter_ticks() -> Iterator[tuple[int, bool]]:
-    """Yield all ticks of a flight in order, and whether the agent is asked."""
+    """Yield all ticks of a run in order, and whether the agent is asked."""
     for tick in sorted({*QUESTION_TICKS, *OTHER_TICKS}):
         yield tick, tick in QUESTION_TICKS
 
 
 def build_briefing(seed: int, needs: Needs | None = None) -> Briefing:
-    """Return what the agent is told first; its seed is the check's. What its method needs is there."""
+    """Return the agent's briefing; its seed is the check's. What its method needs is there."""
     needs = needs or Needs()
     return Briefing(
         tick=0,
@@ -83,7 +83,7 @@ def build_briefing(seed: int, needs: Needs | None = None) -> Briefing:
 
 @dataclass
 class ScriptedWorld:
-    """One flight's world. The same seed and the same commands give the same observations."""
+    """One run's world. The same seed and the same commands give the same observations."""
 
     seed: int
     needs: Needs = field(default_factory=Needs)

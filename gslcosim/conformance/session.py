@@ -65,7 +65,7 @@ class SessionScript:
     start_s: float = 0.0
 
     def exit_within_s(self, limits: SessionLimits) -> float:
-        """Return how long after it was told the end the agent has to exit [s]."""
+        """Return how long after it was sent the end the agent has to exit [s]."""
         return limits.exit_s + self.start_s
 
 
@@ -81,7 +81,7 @@ class Question:
 
 @dataclass(frozen=True, kw_only=True)
 class ReceivedAnswer:
-    """Something the agent sent, when, which question was open then, and what a run's door says to it."""
+    """Something the agent sent, when, which question was open then, and how a run's validator judges it."""
 
     answer: Answer
     at_s: float
@@ -91,7 +91,7 @@ class ReceivedAnswer:
 
 @dataclass
 class Transcript:
-    """All that happened in one flight; times are seconds since its start, None where something did not happen."""
+    """All that happened in one run; times are seconds since its start, None where something did not happen."""
 
     script: SessionScript
     joined_at_s: float | None = None
@@ -135,40 +135,40 @@ class ScriptedSession:
     """Session that plays one script with one start of an agent."""
 
     def __init__(
-        self, wire: CheckTransport, script: SessionScript, limits: SessionLimits, needs: Needs | None = None
+        self, transport: CheckTransport, script: SessionScript, limits: SessionLimits, needs: Needs | None = None
     ) -> None:
-        self._wire = wire
+        self._transport = transport
         self._limits = limits
         self._began = time.monotonic()
         self._needs = needs or Needs()
         self._world = ScriptedWorld(script.seed, self._needs)
-        door = CommandValidator(AGENT, belief_every_ticks=BELIEF_PERIOD_TICKS)
-        self._desk = AgentSession(AGENT, door, wire, answer_within_s=limits.answer_s)
+        validator = CommandValidator(AGENT, belief_every_ticks=BELIEF_PERIOD_TICKS)
+        self._session = AgentSession(AGENT, validator, transport, answer_within_s=limits.answer_s)
         self._open_tick: int | None = None
-        self._transcript = Transcript(script, joins_by_start=wire.joins_by_start)
+        self._transcript = Transcript(script, joins_by_start=transport.joins_by_start)
 
     def play(self) -> Transcript:
         """Play the script from the agent's start to its end; nothing of the agent is left when this returns."""
         transcript = self._transcript
         try:
-            self._wire.start()
+            self._transport.start()
             self._await(lambda: transcript.joined_at_s is not None, self._limits.join_s)
             if transcript.joined_at_s is not None:
                 self._fly()
                 self._end()
         finally:
-            transcript.log_tail = self._wire.stop()
-            transcript.leftover_processes = self._wire.leftover_processes
+            transcript.log_tail = self._transport.stop()
+            transcript.leftover_processes = self._transport.leftover_processes
         return transcript
 
     def _fly(self) -> None:
         transcript = self._transcript
-        transcript.unsubscribed_keys = self._wire.unsubscribed_keys()
+        transcript.unsubscribed_keys = self._transport.unsubscribed_keys()
         transcript.briefed_at_s = self._now()
         briefing = build_briefing(transcript.script.seed, self._needs)
-        self._desk.brief(briefing, self._payload(briefing))
+        self._session.brief(briefing, self._payload(briefing))
         # Over Zenoh the keys of an agent have no order among each other.
-        self._await(lambda: not self._wire.is_lossy, self._limits.settle_s)
+        self._await(lambda: not self._transport.is_lossy, self._limits.settle_s)
         if transcript.script.variation != "ending at once":
             for tick, is_asked in iter_ticks():
                 if self._is_hopeless():
@@ -176,7 +176,7 @@ class ScriptedSession:
                 self._observe(tick, is_asked=is_asked)
         if transcript.script.variation == "plain":
             self._await(lambda: False, self._limits.settle_s)
-        transcript.foreign_subscriptions = self._wire.foreign_subscriptions()
+        transcript.foreign_subscriptions = self._transport.foreign_subscriptions()
 
     def _end(self) -> None:
         transcript = self._transcript
@@ -185,10 +185,10 @@ class ScriptedSession:
         if not self._is_gone():
             transcript.end_sent_at_s = self._now()
             if transcript.script.variation == "lost link":
-                self._wire.cut()
+                self._transport.cut()
             else:
                 ending = Ending(tick=max(transcript.sent_ticks, default=0), reason=END_REASON)
-                self._wire.end(ending, self._payload(ending))
+                self._transport.end(ending, self._payload(ending))
             limit_s = transcript.script.exit_within_s(self._limits)
             self._await(lambda: transcript.exited_at_s is not None, limit_s)
         elif transcript.exited_at_s is None:
@@ -201,7 +201,7 @@ class ScriptedSession:
             transcript.questions.append(Question(tick, self._now()))
             self._open_tick = tick
         transcript.sent_ticks.add(tick)
-        self._desk.observe(observation, self._payload(observation))
+        self._session.observe(observation, self._payload(observation))
         if not is_asked:
             self._await(lambda: True, 0.0)
             return
@@ -222,9 +222,10 @@ class ScriptedSession:
     # What a run does when a question may have got lost: briefing and observation come again.
     def _send_again(self) -> None:
         self._transcript.questions[-1].n_sent += 1
-        self._wire.repeat()
+        self._transport.repeat()
 
-    # Twice the limit, to tell a late answer from none. Where something wrong has come instead, a run does not wait
+    # Twice the limit, to distinguish a late answer from none. Where something wrong has come instead, a run does not
+    # wait
     # either; the right answer might still follow at once.
     def _await_answer(self, question: Question) -> None:
         transcript, settle_s = self._transcript, self._limits.settle_s
@@ -239,7 +240,7 @@ class ScriptedSession:
         deadline = self._now() + 2 * self._limits.answer_s
         while True:
             rest_s = deadline - self._now()
-            self._await(is_settled, min(rest_s, REPEAT_QUESTION_AFTER_S) if self._wire.is_lossy else rest_s)
+            self._await(is_settled, min(rest_s, REPEAT_QUESTION_AFTER_S) if self._transport.is_lossy else rest_s)
             if is_settled() or self._now() >= deadline or self._is_over():
                 return
             self._send_again()
@@ -252,13 +253,13 @@ class ScriptedSession:
     def _await(self, condition: Any, limit_s: float) -> None:
         deadline = self._now() + limit_s
         while True:
-            while not self._wire.events.empty():
-                self._handle(self._wire.events.get())
+            while not self._transport.events.empty():
+                self._handle(self._transport.events.get())
             rest_s = deadline - self._now()
             if condition() or rest_s <= 0 or self._is_over():
                 return
             try:
-                self._handle(self._wire.events.get(timeout=min(rest_s, 0.05)))
+                self._handle(self._transport.events.get(timeout=min(rest_s, 0.05)))
             except queue.Empty:
                 continue
 
@@ -266,9 +267,9 @@ class ScriptedSession:
         transcript = self._transcript
         match event:
             case CommandReceived(payload=payload):
-                self._hear(read_answer(payload), event)
+                self._record_answer(read_answer(payload), event)
             case CommandRefused(text=text):
-                self._hear(build_refused_answer(text), event)
+                self._record_answer(build_refused_answer(text), event)
             case AgentJoined():
                 transcript.joined_at_s = transcript.joined_at_s or self._now()
             case AgentLost(reason=reason):
@@ -289,11 +290,11 @@ class ScriptedSession:
             self._transcript.left_at_s, self._transcript.left_how = self._now(), reason
             self._transcript.is_abandoned = is_given_up
 
-    def _hear(self, answer: Answer, event: CommandReceived | CommandRefused) -> None:
-        transcript, faults = self._transcript, self._desk.door.faults
+    def _record_answer(self, answer: Answer, event: CommandReceived | CommandRefused) -> None:
+        transcript, faults = self._transcript, self._session.validator.faults
         transcript.n_arrivals += 1
         n_faults = len(faults)
-        self._desk.handle(event)
+        self._session.handle(event)
         fault = faults[-1].text if len(faults) > n_faults else ""
         if len(transcript.arrivals) < MAX_MESSAGES:
             arrival = ReceivedAnswer(answer=answer, at_s=self._now(), open_tick=self._open_tick, fault=fault)

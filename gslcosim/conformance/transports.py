@@ -49,7 +49,7 @@ class OrphanProcesses:
     """Processes that one start of an agent leaves behind.
 
     A process whose parent ends becomes a child of the nearest ancestor that asks for such. While an agent lives this
-    process asks. A mark in the agent's environment, which its descendants inherit, tells them from others.
+    process asks. A mark in the agent's environment, which its descendants inherit, distinguishes them from others.
     """
 
     def __init__(self, mark: str) -> None:
@@ -59,7 +59,7 @@ class OrphanProcesses:
 
     @staticmethod
     def is_possible() -> bool:
-        """Return whether this system tells."""
+        """Return whether this system shows it."""
         return sys.platform == "linux"
 
     def begin(self) -> None:
@@ -163,7 +163,7 @@ class ConnectionSpec:
     """Start and connection of an agent: its command line, its transport, and for the gateway format and choice."""
 
     command: tuple[str, ...]
-    door: TransportKind = "zenoh"
+    transport: TransportKind = "zenoh"
     format: FrameFormat = "msgpack"
     observations: Literal["all", "asked"] = "all"
     directory: Path = field(default_factory=Path.cwd)
@@ -198,11 +198,11 @@ class ConnectionSpec:
 
 
 class CheckTransport(AgentTransport, Protocol):
-    """One start of an agent, and the link to it. `events` holds what it does, in order.
+    """One start of an agent, and the transport to it. `events` holds what it does, in order.
 
     Payloads need not be those of a run: a check may add to them. `repeat` sends briefing and last question again,
-    whatever the link; `joins_by_start` says that an agent joins by being started, without a word of its own;
-    `left_over`, after `stop`, are processes that had outlived the agent.
+    whatever the transport; `joins_by_start` says that an agent joins by being started, without a word of its own;
+    `leftover_processes`, after `stop`, are processes that had outlived the agent.
     """
 
     events: "queue.SimpleQueue[TransportEvent]"
@@ -248,16 +248,16 @@ _FORBIDDEN_KEYS = (
 )
 
 
-def open_transport(wiring: ConnectionSpec) -> CheckTransport:
+def open_transport(connection: ConnectionSpec) -> CheckTransport:
     """Return a wire to an agent that is yet to be started."""
-    return ZenohCheckTransport(wiring) if wiring.door == "zenoh" else GatewayCheckTransport(wiring)
+    return ZenohCheckTransport(connection) if connection.transport == "zenoh" else GatewayCheckTransport(connection)
 
 
 class CheckedProcess:
     """Process under check, as all transports have it: a private folder, its end as an event, its orphans."""
 
-    def __init__(self, wiring: ConnectionSpec) -> None:
-        self.wiring = wiring
+    def __init__(self, connection: ConnectionSpec) -> None:
+        self.connection = connection
         self.events: queue.SimpleQueue[TransportEvent] = queue.SimpleQueue()
         self._scratch = ScratchFolder.for_sockets("check")
         self.folder = self._scratch.path
@@ -268,8 +268,8 @@ class CheckedProcess:
 
     def command(self) -> list[str]:
         """Return the command line, its program looked for in the folder of the check."""
-        program, *arguments = self.wiring.command
-        beside = self.wiring.directory / program
+        program, *arguments = self.connection.command
+        beside = self.connection.directory / program
         return [str(beside.absolute()) if "/" in program and beside.exists() else program, *arguments]
 
     def end_process(self) -> str:
@@ -289,13 +289,13 @@ class ZenohCheckTransport(CheckedProcess):
     is_lossy = True
     joins_by_start = False
 
-    def __init__(self, wiring: ConnectionSpec) -> None:
-        super().__init__(wiring)
+    def __init__(self, connection: ConnectionSpec) -> None:
+        super().__init__(connection)
         self._user = AgentAccount(agent=AGENT, password=generate_password())
         self._endpoint = f"unixsock-stream/{self.folder}/router.sock"
         self._router: AuditRouter | None = None
         self._unheard: tuple[str, ...] = ()
-        self._told: dict[str, bytes] = {}
+        self._sent: dict[str, bytes] = {}
         self._question: bytes | None = None
 
     def start(self) -> None:
@@ -321,16 +321,16 @@ class ZenohCheckTransport(CheckedProcess):
             self.command(),
             join=join,
             log=self.log,
-            cwd=self.wiring.directory,
+            cwd=self.connection.directory,
             variables=self.orphans.variables,
         )
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
-        """Publish the briefing; see `AgentLink`."""
+        """Publish the briefing; see `AgentTransport`."""
         self._publish(type(briefing), payload)
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Publish an observation; see `AgentLink`."""
+        """Publish an observation; see `AgentTransport`."""
         self._publish(Observation, payload)
         self._question = payload if observation.awaiting_command else None
         self._ask_again()
@@ -338,11 +338,11 @@ class ZenohCheckTransport(CheckedProcess):
     def repeat(self) -> None:
         """Publish briefing and last observation again; see `CheckTransport`."""
         for message_type in (Briefing, Observation):
-            self._publish(message_type, self._told[message_type.__name__])
+            self._publish(message_type, self._sent[message_type.__name__])
         self._ask_again()
 
     def end(self, ending: Ending, payload: bytes) -> None:
-        """Publish the end; see `AgentLink`."""
+        """Publish the end; see `AgentTransport`."""
         self._publish(type(ending), payload)
 
     def unsubscribed_keys(self) -> tuple[str, ...]:
@@ -354,7 +354,7 @@ class ZenohCheckTransport(CheckedProcess):
         return tuple(key for key in _FORBIDDEN_KEYS if self._opened().is_read(_to_absolute_key(key)))
 
     def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
-        """Do nothing: Zenoh has its own flow control; see `AgentLink`."""
+        """Do nothing: Zenoh has its own flow control; see `AgentTransport`."""
 
     def cut(self) -> None:
         """Close the router; see `CheckTransport`."""
@@ -368,7 +368,7 @@ class ZenohCheckTransport(CheckedProcess):
         return last_words
 
     def _publish(self, message_type: type[Message], payload: bytes) -> None:
-        self._told[message_type.__name__] = payload
+        self._sent[message_type.__name__] = payload
         key = _to_absolute_key(_KEYS_BY_MESSAGE[message_type](AGENT))
         self._opened().publish(key, payload, encoding=codec.get_encoding(message_type))
 
@@ -410,44 +410,44 @@ class GatewayCheckTransport(CheckedProcess):
 
     is_lossy = False
 
-    def __init__(self, wiring: ConnectionSpec) -> None:
-        super().__init__(wiring)
-        self.joins_by_start = wiring.door == "stdio"
-        self._link = ThreadedConnection(wiring.format, self._on_event)
+    def __init__(self, connection: ConnectionSpec) -> None:
+        super().__init__(connection)
+        self.joins_by_start = connection.transport == "stdio"
+        self._link = ThreadedConnection(connection.format, self._on_event)
         self._listener: Listener | None = None
-        self._told: dict[str, bytes] = {}
+        self._sent: dict[str, bytes] = {}
 
     def start(self) -> None:
         """Start the agent, and listen for it where it connects; see `CheckTransport`."""
         self.orphans.begin()
         variables = {AGENT_VARIABLE: AGENT, **self.orphans.variables}
-        log, cwd = self.log, self.wiring.directory
-        if self.wiring.door == "stdio":
+        log, cwd = self.log, self.connection.directory
+        if self.connection.transport == "stdio":
             pipes = self.children.start_piped(AGENT, self.command(), variables=variables, log=log, cwd=cwd)
             self._open(PipeStream(*pipes))
             return
-        is_unix = self.wiring.door == "unix"
+        is_unix = self.connection.transport == "unix"
         listener = self._listener = Listener.open_unix(self.folder / "gateway.sock") if is_unix else Listener.open_tcp()
-        listener.admit(self.wiring.format, lambda stream, _: self._open(stream), self._on_refused_connection)
+        listener.admit(self.connection.format, lambda stream, _: self._open(stream), self._on_refused_connection)
         variables |= {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token}
         self.children.start_without_bus(AGENT, self.command(), variables=variables, log=log, cwd=cwd)
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
-        """Tell the agent its briefing; see `AgentLink`."""
+        """Send the agent its briefing; see `AgentTransport`."""
         self._tell(type(briefing), payload)
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Tell the agent an observation, if it wants that kind; see `AgentLink`."""
-        if self.wiring.observations == "all" or observation.awaiting_command:
+        """Send the agent an observation, if it wants that kind; see `AgentTransport`."""
+        if self.connection.observations == "all" or observation.awaiting_command:
             self._tell(Observation, payload)
 
     def repeat(self) -> None:
-        """Tell briefing and last observation again; see `CheckTransport`."""
+        """Send briefing and last observation again; see `CheckTransport`."""
         for message_type in (Briefing, Observation):
-            self._tell(message_type, self._told[message_type.__name__])
+            self._tell(message_type, self._sent[message_type.__name__])
 
     def end(self, ending: Ending, payload: bytes) -> None:
-        """Tell the agent the end, and go on listening; see `AgentLink`."""
+        """Send the agent the end of the run, and go on listening; see `AgentTransport`."""
         self._tell(type(ending), payload)
 
     def unsubscribed_keys(self) -> tuple[str, ...]:
@@ -459,7 +459,7 @@ class GatewayCheckTransport(CheckedProcess):
         return ()
 
     def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
-        """Let the next command come; see `AgentLink`."""
+        """Let the next command come; see `AgentTransport`."""
         del event
         self._link.acknowledge()
 
@@ -479,8 +479,8 @@ class GatewayCheckTransport(CheckedProcess):
         self.events.put(AgentJoined(agent=AGENT))
 
     def _tell(self, message_type: type[Message], payload: bytes) -> None:
-        self._told[message_type.__name__] = payload
-        self._link.tell(message_type.__name__, payload)
+        self._sent[message_type.__name__] = payload
+        self._link.send(message_type.__name__, payload)
 
     def _on_refused_connection(self, text: str) -> None:
         with self.log.open("a") as log:

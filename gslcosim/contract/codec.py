@@ -222,7 +222,7 @@ def decode_json(message_type: type[AnyMessage], text: bytes, *, max_bytes: int =
     name = message_type.__name__
     if len(text) > max_bytes:
         raise ContractError(f"{name}: expected at most {max_bytes} bytes, was {len(text)}.")
-    with contextlib.suppress(ValueError, RecursionError):  # no JSON is told below, with the reader's words
+    with contextlib.suppress(ValueError, RecursionError):  # wrong JSON is reported below, in the reader's words
         load_untrusted_json(name, text.decode())
     try:
         return validate_json(message_type, text)

@@ -6,7 +6,7 @@ from typing import Any, Protocol, runtime_checkable
 
 from gslcosim.contract.messages import Message
 
-# Far enough that writers seldom wait for credit, which is told four times in as many ticks.
+# Far enough that writers seldom wait for credit, which is reported four times in as many ticks.
 WINDOW_TICKS = 256
 
 
@@ -51,7 +51,7 @@ class ParticipantSpec:
 class Episode:
     """One run of a scenario: the seed from which all its random streams derive.
 
-    `is_rehearsal` says that a few made-up ticks follow and then another reset: what only takes time may be left out.
+    `is_warmup` says that a few made-up ticks follow and then another reset: what only takes time may be left out.
     """
 
     seed: int

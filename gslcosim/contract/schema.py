@@ -1,6 +1,6 @@
 """JSON Schemas of the contract, its identity as a hash without prose, and the check that both sides speak the same.
 
-`docs/contract-evolution.md` has the rules; decision 0008 says why an agent tells its contract in its first command.
+`docs/contract-evolution.md` has the rules; decision 0008 says why an agent states its contract in its first command.
 """
 
 import hashlib
@@ -103,7 +103,7 @@ class ContractVersionError(ContractError):
 
 
 def format_own_contract() -> str:
-    """Return what this code speaks, as an agent may tell it: version and hash."""
+    """Return what this code speaks, as an agent may state it: version and hash."""
     return f"{CONTRACT_VERSION}+{get_contract_hash()}"
 
 

@@ -157,11 +157,11 @@ class RunData:
         """By agent its beliefs, of those that have published any."""
         found: dict[str, RecordedBeliefs] = {}
         for name, commands in self.commands.items():
-            told = [(command.tick, command.belief) for command in commands if command.belief is not None]
-            if told:
-                tick = np.array([at for at, _ in told], dtype=np.int64)
+            beliefs = [(command.tick, command.belief) for command in commands if command.belief is not None]
+            if beliefs:
+                tick = np.array([at for at, _ in beliefs], dtype=np.int64)
                 time_s = streams.tick_times_s(tick, self.scenario)
-                found[name] = RecordedBeliefs(tick=tick, time_s=time_s, belief=tuple(belief for _, belief in told))
+                found[name] = RecordedBeliefs(tick=tick, time_s=time_s, belief=tuple(belief for _, belief in beliefs))
         return found
 
     @cached_property
@@ -244,12 +244,12 @@ class RunData:
 
     @cached_property
     def environment(self) -> Environment:
-        """The room with its occupancy and wind; made anew where it is no longer in the cache, which takes its time.
+        """The room with its occupancy and wind; made again where it is no longer in the cache, which takes its time.
 
         `later_rooms` are those that events make of it.
 
         Raises:
-            EnvironmentDataError: it is not the one that was flown in.
+            EnvironmentDataError: it is not the one that was run in.
         """
         environment = load_environment(find_environment(self._past, lambda _: None))
         return with_variants(environment, prepare_variants(self.scenario, scenario_dir=self.folder))

@@ -37,14 +37,14 @@ class RunSummary:
 
     Attributes:
         run: Name of its folder, or of a trial.
-        scenario: What was flown; empty where nothing says so.
+        scenario: What was run; empty where nothing says so.
         method: What decides for its agents, `+` between several.
         seed: None where nothing says so.
         state: `ended` with a result; `running`; `broken`: a run without result that nobody flies; `foreign`: no run.
         outcome: The referee's end reason or why there is none; of other states what is wrong.
         time_s: Simulated time flown [s].
-        speed: Simulated time by wall time of the flight.
-        faults: How many the result tells.
+        speed: Simulated time by wall time of the run.
+        faults: How many the result lists.
         time_to_source_s: First success of any agent [s].
         distance_m: Of the nearest agent to a source at the end [m].
         path_m: Length flown by all agents [m].

@@ -155,6 +155,6 @@ class Environment:
         Doors that are closed at the start, and only they, may lack a room of their own: it is that at the start.
         """
         rooms: dict[Closed, Self] = {AT_START: self}
-        for situation, room in self.later_rooms.items():
-            rooms.setdefault(situation.closed, room)
+        for variant, room in self.later_rooms.items():
+            rooms.setdefault(variant.closed, room)
         return rooms

@@ -44,7 +44,7 @@ def _first_crossing(start, i, step, direction):
 
 @numba.njit(cache=True, nogil=True)
 def is_line_of_sight_free(occupancy, origin_m, cell_m, ax, ay, az, bx, by, bz):
-    """Tell whether no solid cell lies on the straight line between two points.
+    """Return whether no solid cell lies on the straight line between two points.
 
     Every cell that the line passes through is visited once, in order, by stepping to the nearest of the next
     three cell borders. Cells hold their lower faces (as in `Grid.cell_of`).

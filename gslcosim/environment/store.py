@@ -7,7 +7,7 @@ what was written.
 environment.yaml   name, grid, boxes, openings, lights, wind timing, content hash, how it was made (text, UTF-8)
     occupancy.npy      (nx, ny, nz) uint8: 0 free, 1 solid, 2 free and touching an outlet
     wind.npy           (t, nx, ny, nz, 3) float32, cell centres, world frame, xyz [m/s]; read memory-mapped
-    visual.glb         meshes to be looked at (glTF 2.0, y up, metres; see `visual_meshes`); only where the header's
+    visual.glb         meshes to be looked at (glTF 2.0, y up, metres; see `VisualMesh`); only where the header's
                        `meshes` names any: rooms from somebody's own geometry
     scene.xml          the boxes as MJCF, for other programs; may be absent
     top_view.png       a picture from above, for people; may be absent
@@ -266,7 +266,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-# Renaming a folder onto one that is not empty fails, on every system; whoever comes second then looks at what the
+# Renaming a folder onto one that is not empty fails, on every system; the second one then looks at what the
 # first has put there.
 def _move_into_place(beside: Path, folder: Path, content_hash: str) -> None:
     for _ in range(100):

@@ -84,7 +84,7 @@ def develop_on_coarse_cells(
 
 
 def continue_on_fine_cells(coarse: FlowSolver, domain: Domain, numerics: SolverNumerics) -> FlowSolver:
-    """Return a solver on cells of half the size whose flow is that of another; its time begins anew."""
+    """Return a solver on cells of half the size whose flow is that of another; its time begins again."""
     fine = numerics.solver(domain, initial_velocity=spread_velocity(coarse, domain))
     transfer_state(coarse, fine)
     return fine

@@ -430,7 +430,7 @@ class PressureSolver:
         """Build the hierarchy.
 
         Args:
-            coefficients: Padded coefficients of the low-x, low-y and low-z faces; see `pressure_kernels`.
+            coefficients: Padded coefficients of the low-x, low-y and low-z faces; see this module.
             is_closed: No outlet: the potential is known up to a constant, and its mean is set to zero.
         """
         self._is_closed = is_closed

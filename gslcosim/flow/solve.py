@@ -58,7 +58,7 @@ def solve_wind(
         cell_m: Edge of the cubic cells [m].
         patches: Inlets, outlets, moving and frictionless walls on the boundary of the box.
         end_time_s: How long the flow develops [s]; absent: until its statistics have settled, and the wind returned
-            is the mean over the last two windows of time compared (`settling.SettlingWatch` says how).
+            is the mean over the last two windows of time compared (`convergence.ConvergenceMonitor` says how).
         average_from_s: Return the mean from this time on [s]; absent: the field at the end. Only with an end.
         progress: Called now and then with the fraction done, 0 to 1.
         turbulence: k_epsilon with wall functions, smagorinsky (large-eddy simulation) or laminar.

@@ -1,7 +1,7 @@
 # pyright: basic
 """Turbulence models: eddy viscosity and wall friction that the momentum equation sees.
 
-Padding and index order are those of `pressure_kernels`; scalars are at cell centres.
+Padding and index order are those of `pressure`; scalars are at cell centres.
 """
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations

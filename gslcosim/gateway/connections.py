@@ -161,8 +161,8 @@ class ThreadedConnection:
 
     `on_event` is called on a thread of the link; it only enqueues. Whoever handles a `command` or `refused` event then
     calls `handled`: no more than `MAX_UNHANDLED` of them wait, after that the agent does. The events are
-    `command`, bytes for the door; `refused`, why a frame cannot be one; `closed`, why this side has given the agent
-    up; `ended`, what is wrong with how the agent's stream ended. One of the last two comes last.
+    `command`, bytes for the validator; `refused`, why a frame cannot be one; `closed`, why this side has given the
+    agent up; `ended`, what is wrong with how the agent's stream ended. One of the last two comes last.
 
     What the agent does not read yet is kept, up to `MAX_BACKLOG_BYTES`; then the agent is given up.
     """
@@ -175,18 +175,18 @@ class ThreadedConnection:
         self._backlog_bytes = 0
         self._lock = threading.Condition()
         self._slots = threading.Semaphore(MAX_UNHANDLED)
-        self._is_over = False  # nothing more is told to the agent
+        self._is_over = False  # nothing more is sent to the agent
         self._is_muted = False  # nothing more is heard from it
         self._is_given_up = False
 
     def open(self, stream: Stream) -> None:
-        """Begin to speak over a stream; what has been told before goes first."""
+        """Begin to speak over a stream; what was sent before goes first."""
         with self._lock:
             self._stream = stream
         threading.Thread(target=self._read_all, args=(stream,), daemon=True).start()
         threading.Thread(target=self._write_backlog, args=(stream,), daemon=True).start()
 
-    def tell(self, name: str, payload: bytes) -> None:
+    def send(self, name: str, payload: bytes) -> None:
         """Send a message to the agent, or keep it until it can be sent; never waits.
 
         Args:
@@ -211,7 +211,7 @@ class ThreadedConnection:
         self._slots.release()
 
     def end(self) -> None:
-        """Let the stream end after what has been told; whatever the agent still says is thrown away."""
+        """Let the stream end after what has been sent; whatever the agent still says is thrown away."""
         with self._lock:
             self._is_over = self._is_muted = True
             self._lock.notify()
@@ -227,7 +227,7 @@ class ThreadedConnection:
         self._on_event("closed", text.encode())
         self._slots.release(MAX_UNHANDLED)
 
-    # Returns what did not fit. An agent that does not read any more may still speak: how that ends is told later.
+    # Returns what did not fit. An agent that does not read any more may still speak: how that ends is reported later.
     def _write(self, stream: Stream, data: bytes) -> bytes:
         try:
             return data[stream.write_now(data) :]
@@ -257,12 +257,12 @@ class ThreadedConnection:
         splitter = build_splitter(self._format)
         while not self._is_given_up and (data := stream.read()):
             for item in splitter.feed(data):
-                self._hear(item)
+                self._receive(item)
         stream.close_input()
         if not self._is_muted:
             self._on_event("ended", splitter.rest().encode())
 
-    def _hear(self, item: FrameOrRefusal) -> None:
+    def _receive(self, item: FrameOrRefusal) -> None:
         kind: EventKind = "refused"
         if not isinstance(item, RefusedFrame):
             try:
@@ -432,7 +432,7 @@ class Listener:
         Args:
             frame_format: The format of its frames, and already of the one with the token.
             on_admitted: Gets the agent's connection and the whole map of its first frame.
-            on_refused: Is told why a connection was not the agent's.
+            on_refused: Receives why a connection was not the agent's.
         """
         arguments = (frame_format, on_admitted, on_refused)
         threading.Thread(target=self._accept, args=arguments, daemon=True).start()

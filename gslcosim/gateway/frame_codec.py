@@ -212,7 +212,7 @@ def read_agent_name(payload: bytes) -> str | None:
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
-# NaN and Infinity, which Python's parser takes although JSON has none, are left to the door: it names the field.
+# NaN and Infinity, which Python's parser takes although JSON has none, are left to the validator: it names the field.
 def _decode_line(name: str, line: bytes) -> dict[str, Any]:
     if line.startswith(_BYTE_ORDER_MARK):
         raise ContractError(f"expected a line in UTF-8 without a byte order mark, was {_format_start(line)}.")

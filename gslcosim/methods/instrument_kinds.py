@@ -36,7 +36,7 @@ def _is_camera(sensor: SensorDescription) -> bool:
     return sensor.quantity == CAMERA_QUANTITY
 
 
-# For each kind how to tell it, and an example that a person may add to a scenario.
+# For each kind its predicate, and an example that a person may add to a scenario.
 INSTRUMENT_KINDS: dict[str, tuple[Callable[[SensorDescription], bool], str]] = {
     "gas": (_is_gas, "{model: tgs2600, name: nose}"),
     "gas_ohm": (_is_gas_ohm, "{model: tgs2600, name: nose}"),

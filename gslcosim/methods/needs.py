@@ -35,7 +35,7 @@ def find_unmet_needs(
 
     Args:
         card: The method's.
-        sensors: The instruments of the vehicle, as told in a briefing.
+        sensors: The instruments of the vehicle, as described in a briefing.
         knows: What is granted: `map`, `plume`, `source`.
         n_channels: The radio channels on which the agent is.
         parameters: The scenario's settings for it.

@@ -44,7 +44,7 @@ from gslcosim.scenario.models.scenario import AgentSpec
 
 REPORT_EVERY_TICKS = 64
 POLL_PERIOD_S = 0.1
-# Is told every message with its port, in the order in which they are delivered.
+# Receives every message with its port, in the order in which they are delivered.
 MessageObserver = Callable[[str, Message], None]
 
 
@@ -52,13 +52,13 @@ class InProcessRun:
     """Run of a scenario in this thread; the order of steps is that of the dataflow, tick by tick.
 
     Agents behind the gateway are processes; simulated time goes on until it needs their answer, and then waits.
-    The flight ends with the verdict, or after `until_tick` if that comes first.
+    The run ends with the verdict, or after `until_tick` if that comes first.
     """
 
     def __init__(
         self,
         setup: RunSetup,
-        desks: Mapping[str, AgentSession],
+        sessions: Mapping[str, AgentSession],
         events: "queue.SimpleQueue[AgentEvent]",
         report: Callable[[RunStatus], None],
         watch: MessageObserver | None = None,
@@ -66,12 +66,12 @@ class InProcessRun:
     ) -> None:
         self._watch = watch
         self._events = events
-        self._desks = desks
+        self._sessions = sessions
         self._setup = setup
         self._report = report
         self._dataflow = build_dataflow(setup.scenario)
-        self._observed_by = {keys.observation(name): desk for name, desk in desks.items()}
-        self._briefed_by = {keys.briefing(name): desk for name, desk in desks.items()}
+        self._observed_by = {keys.observation(name): session for name, session in sessions.items()}
+        self._briefed_by = {keys.briefing(name): session for name, session in sessions.items()}
         self._keeping = SnapshotPolicy.of(setup)
         order = [name for name in self._dataflow.order() if name in list_service_names(setup.scenario)]
         self._steppers = {name: self._keeping.stepper(build_core(name, setup), self._dataflow) for name in order}
@@ -103,7 +103,7 @@ class InProcessRun:
         Whoever flies an agent by hand answers in the pause.
 
         Args:
-            outcome: What the flight has brought in is put into it, in the end.
+            outcome: What the run has brought in is put into it, in the end.
             is_interrupted: Is asked again and again whether to go on.
         """
         started = flying_since = time.perf_counter()
@@ -117,7 +117,7 @@ class InProcessRun:
             outcome.start_up_s = flying_since - started
             yield from self._step_all(is_interrupted, flying_since)
         except Exception as error:  # a fault of any core ends the run with its name
-            # The journal of commands is the runtime's own, whoever asked the agent.
+            # The journal of commands is the runtime's own, whatever the transport.
             culprit = "supervisor" if isinstance(error, RunFolderError) else self._culprit
             text = format_fault(error, traceback.format_exc())
             outcome.fault = ServiceFault(participant=culprit, tick=self._tick, text=text)
@@ -127,22 +127,22 @@ class InProcessRun:
         outcome.flight_wall_s = time.perf_counter() - flying_since
         outcome.ticks_flown = self._verdict.tick if self._verdict else self._tick
         outcome.verdict = self._verdict
-        outcome.decisions_s = [taken_s for desk in self._desks.values() for taken_s in desk.decisions_s]
-        outcome.agent_faults = collect_faults(desk.door for desk in self._desks.values())
+        outcome.decisions_s = [taken_s for session in self._sessions.values() for taken_s in session.decisions_s]
+        outcome.agent_faults = collect_faults(session.validator for session in self._sessions.values())
         outcome.timing = {name: stepper.timing.as_fields() for name, stepper in self._steppers.items()}
         outcome.summary = _collect_summaries(stepper.core for stepper in self._steppers.values())
         outcome.summary |= self._pace.summary() if self._pace else {}
         if outcome.is_cut or (self._verdict and outcome.fault is None):
             outcome.digest = self._digest(outcome.ticks_flown)
 
-    # Services begin at the snapshot; agents live through what came before, in the order in which they were told it.
+    # Services begin at the snapshot; agents live through what came before, in the order in which they got it.
     def _go_on(self, is_interrupted: Callable[[], bool]) -> None:
         self._keeping.go_on(self._steppers.values(), self._dataflow)
-        for told in self._setup.snapshot.told() if self._setup.snapshot else ():
-            for agent, payload in told:
-                self._deliver_all(self._desks[agent].observe(codec.decode_observation_head(payload), payload))
+        for observations in self._setup.snapshot.read_observations() if self._setup.snapshot else ():
+            for agent, payload in observations:
+                self._deliver_all(self._sessions[agent].observe(codec.decode_observation_head(payload), payload))
                 self._hear_agents()
-            while any(desk.is_pending for desk in self._desks.values()) and not is_interrupted():
+            while any(session.is_pending for session in self._sessions.values()) and not is_interrupted():
                 self._wait_for_agent()
             if is_interrupted():
                 return
@@ -181,33 +181,33 @@ class InProcessRun:
         tick = self._steppers[PACED_PARTICIPANT].gate.next_tick
         while (wait_s := self._pace.wait_s(tick, time.monotonic())) > 0 and not is_interrupted():
             with suppress(queue.Empty):
-                self._hear(self._events.get(timeout=min(wait_s, POLL_PERIOD_S)))
+                self._handle_event(self._events.get(timeout=min(wait_s, POLL_PERIOD_S)))
         self._pace.begins(tick, time.monotonic())
 
     def _waits_for_agent(self, stepper: Stepper) -> bool:
-        return not stepper.gate.is_finished and any(desk.is_pending for desk in self._desks.values())
+        return not stepper.gate.is_finished and any(session.is_pending for session in self._sessions.values())
 
     def _wait_for_agent(self) -> None:
         self._renew()
         with suppress(queue.Empty):
-            self._hear(self._events.get(timeout=POLL_PERIOD_S))
+            self._handle_event(self._events.get(timeout=POLL_PERIOD_S))
         self._renew()
-        for desk in self._desks.values():
-            self._deliver_all(desk.check_deadline())
+        for session in self._sessions.values():
+            self._deliver_all(session.check_deadline())
 
     # While this process stood still no agent was late.
     def _renew(self) -> None:
         if missed_s := self._pauses.missed_s(time.monotonic()):
-            for desk in self._desks.values():
-                desk.extend_deadlines(missed_s)
+            for session in self._sessions.values():
+                session.extend_deadlines(missed_s)
 
     # One round, so that an agent that never stops talking does not stop the run.
     def _hear_agents(self) -> None:
         for _ in range(self._events.qsize()):
-            self._hear(self._events.get())
+            self._handle_event(self._events.get())
 
-    def _hear(self, event: AgentEvent) -> None:
-        self._deliver_all(self._desks[event.agent].handle(event))
+    def _handle_event(self, event: AgentEvent) -> None:
+        self._deliver_all(self._sessions[event.agent].handle(event))
 
     def _tick_is_open(self) -> bool:
         return not all(stepper.gate.is_finished for stepper in self._steppers.values())
@@ -224,7 +224,7 @@ class InProcessRun:
             )
         )
 
-    # On the thread of whoever looks.
+    # On the caller's thread.
     def _participants(self) -> list[ParticipantStatus]:
         taken_s, held_bytes = read_cpu_s(), read_memory_bytes()
         services = [
@@ -239,7 +239,7 @@ class InProcessRun:
             )
             for name, stepper in self._steppers.items()
         ]
-        return services + build_agent_statuses(self._desks)
+        return services + build_agent_statuses(self._sessions)
 
     def _deliver_all(self, sent: Iterable[SentMessage]) -> None:
         for each in sent:
@@ -272,18 +272,18 @@ class InProcessRun:
                 text = format_fault(error, traceback.format_exc())
                 fault = ServiceFault(participant=name, tick=self._tick, text=text)
                 outcome.fault = outcome.fault or fault
-        for desk in self._desks.values():
-            desk.end(build_ending(self._verdict))
+        for session in self._sessions.values():
+            session.end(build_ending(self._verdict))
 
     def _digest(self, final_tick: int) -> RunDigest:
         trails = {port: trail for s in self._steppers.values() for port, trail in s.trails.items()}
-        trails |= {keys.command(name): desk.trail for name, desk in self._desks.items()}
+        trails |= {keys.command(name): session.trail for name, session in self._sessions.items()}
         return RunDigest.of(trails, self._dataflow.writer_of, final_tick)
 
 
 def _collect_summaries(cores: Iterable[Core]) -> dict[str, Any]:
     accounts = (core.summary() for core in cores if isinstance(core, SupportsSummary))
-    return {key: told for account in accounts for key, told in account.items()}
+    return {key: summary for account in accounts for key, summary in account.items()}
 
 
 def run_in_process(
@@ -293,41 +293,41 @@ def run_in_process(
     report: Callable[[RunStatus], None],
     watch: MessageObserver | None = None,
 ) -> RunOutcome:
-    """Fly a scenario in this process: Python agents as objects in it, agents behind the gateway as processes.
+    """Run a scenario in this process: Python agents as objects in it, agents behind the gateway as processes.
 
     Args:
         setup: The run.
         directory: The scenario's folder, where relative paths of agents start.
         network: Where agents that attach themselves find their join data.
-        report: Is told how the flight goes.
-        watch: Is told every message, for figures of the flight; it must change none.
+        report: Receives the status of the run.
+        watch: Receives every message, for figures of the run; it must change none.
 
     Raises:
         UsageError: an agent is neither, or cannot be loaded or started.
     """
     events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
-    guests = GatewayAgents(setup, directory, network, events.put)
-    agent_types = load_agent_types(setup.scenario, directory, guests)
-    desks: dict[str, AgentSession] = {}
+    gateway = GatewayAgents(setup, directory, network, events.put)
+    agent_types = load_agent_types(setup.scenario, directory, gateway)
+    sessions: dict[str, AgentSession] = {}
     workers: dict[str, WorkerThread] = {}
     for agent in setup.scenario.agents:
-        is_guest = agent.name in guests
+        is_guest = agent.name in gateway
         link = (
-            guests.get_transport(agent.name)
+            gateway.get_transport(agent.name)
             if is_guest
             else _build_local_transport(agent, agent_types, workers, events.put)
         )
-        desks[agent.name] = build_session(agent, setup, link)
-        desks[agent.name].is_ready = not is_guest
+        sessions[agent.name] = build_session(agent, setup, link)
+        sessions[agent.name].is_ready = not is_guest
     with ExitStack() as stack:
         socket_dir = stack.enter_context(ScratchFolder.for_sockets()).path
         interruption = stack.enter_context(Interruption())
-        children = stack.enter_context(ChildProcesses(guests.exited))
-        stack.enter_context(StopMonitor(lambda: children.pids, guests.stopped))
-        stack.callback(guests.close)
-        guests.start(children, socket_dir)
-        _await_gateway_agents(guests, desks, events, interruption)
-        outcome = InProcessRun(setup, desks, events, report, watch).fly(interruption.is_set)
+        children = stack.enter_context(ChildProcesses(gateway.exited))
+        stack.enter_context(StopMonitor(lambda: children.pids, gateway.stopped))
+        stack.callback(gateway.close)
+        gateway.start(children, socket_dir)
+        _await_gateway_agents(gateway, sessions, events, interruption)
+        outcome = InProcessRun(setup, sessions, events, report, watch).fly(interruption.is_set)
         children.wait(EXIT_TIMEOUT_S)
     return outcome
 
@@ -341,18 +341,18 @@ def _build_local_transport(
 
 
 def _await_gateway_agents(
-    guests: GatewayAgents,
-    desks: Mapping[str, AgentSession],
+    gateway: GatewayAgents,
+    sessions: Mapping[str, AgentSession],
     events: "queue.SimpleQueue[AgentEvent]",
     interruption: Interruption,
 ) -> None:
     deadline_s, pauses = time.monotonic() + JOIN_TIMEOUT_S, PauseDetector()
-    while not interruption.is_set() and (lacking := [desk for desk in desks.values() if desk.is_awaited]):
+    while not interruption.is_set() and (absent := [session for session in sessions.values() if session.is_awaited]):
         deadline_s += pauses.missed_s(time.monotonic())
         if time.monotonic() > deadline_s:
-            for desk in lacking:
-                desk.lose(guests.describe_absence(desk.agent))
+            for session in absent:
+                session.mark_lost(gateway.describe_absence(session.agent))
             return
         with suppress(queue.Empty):
             event = events.get(timeout=POLL_PERIOD_S)
-            desks[event.agent].handle(event)
+            sessions[event.agent].handle(event)

@@ -24,7 +24,7 @@ JOIN_TIMEOUT_S = 180.0
 # first packet afterwards is lost as well.
 DEFAULT_LEASE_S = 15.0
 MIN_LEASE_S, MAX_LEASE_S = 1.0, 3600.0
-# Agents tell their progress every 64 ticks.
+# Agents report their progress every 64 ticks.
 MIN_WINDOW_TICKS, MAX_WINDOW_TICKS = 128, 1 << 16
 ALL_SERVICES = "all"
 
@@ -59,7 +59,7 @@ class Network:
 
         Args:
             services: Those of the run.
-            is_one_process: Whether the run is flown in one process.
+            is_one_process: Whether the run is run in one process.
 
         Raises:
             UsageError: not a Zenoh endpoint, TLS without a certificate, a certificate that is not there, no TLS beyond

@@ -13,7 +13,7 @@ from gslcosim.scenario import Scenario
 
 
 def build_ending(verdict: Verdict | None) -> Ending:
-    """Return what the agents of a run are told at its end."""
+    """Return the message that ends the agents of a run."""
     if verdict is None:
         return Ending(tick=0, reason="the run was ended")
     return Ending(tick=verdict.tick, reason=verdict.end_reason)
@@ -40,11 +40,11 @@ class RunOutcome:
     digest: RunDigest | None = None
     fault: ServiceFault | None = None
     is_interrupted: bool = False
-    # Whether the flight ended where it was asked to, before its verdict.
+    # Whether the run ended where it was asked to, before its verdict.
     is_cut: bool = False
     agent_faults: list[AgentFault] = field(default_factory=list[AgentFault])
     timing: dict[str, Mapping[str, int]] = field(default_factory=dict[str, Mapping[str, int]])
-    # What participants have to tell besides, by key of the result.
+    # Summaries of participants, by key of the result.
     summary: Mapping[str, Any] = field(default_factory=dict[str, Any])
     # What each decision of an agent took by the clock; only where the agents fly in this process.
     decisions_s: list[float] = field(default_factory=list[float])

@@ -70,11 +70,11 @@ def run_scenario(
         processes: How the run is spread over processes; absent: as the scenario says.
         network: How processes reach the run's router; ignored in one process.
         fork_server: Forks the services; absent: one is started where it is needed.
-        report: Is told how preparation and flight go.
+        report: Receives the status of the run.
         repetition: What is taken over from another run; absent: nothing.
 
     Raises:
-        GslCosimError: the scenario cannot be flown at all (its environment or dataflow is wrong).
+        GslCosimError: the scenario cannot be run at all (its environment or dataflow is wrong).
         MachineError: no run directory can be made.
     """
     began = time.perf_counter()
@@ -167,15 +167,15 @@ def run_into_directory(
     """Make the folder of a run with all that decides its result, fly, and write what has come of it, whatever it is.
 
     Args:
-        scenario: What is flown.
+        scenario: What is run.
         environment_dir: Where its room is.
-        fly_it: Flies, and tells how that goes to the report that it is given.
+        fly_it: Runs it, and reports to the receiver that it is given.
         runs_dir: Where the folder is made.
         processes: How the run is spread over processes.
         began: When it began, by `time.perf_counter` [s].
-        report: Is told how the flight goes.
+        report: Receives the status of the run.
         directory: Where relative paths of agents start.
-        origin: What the manifest says of the run that is flown again.
+        origin: What the manifest says of the run that is run again.
         paced_from_tick: The first tick that keeps the scenario's pace; absent: none.
         snapshot: Where it goes on; absent: it begins at tick 0.
         sources: The files from which the scenario was resolved.

@@ -37,7 +37,7 @@ from gslcosim.scenario.models.scenario import Processes, Scenario
 RESERVE_FILE = ".reserve"
 INPUTS_FILE = "inputs.log"
 RESERVE_BYTES = 32 * 1024
-# What computes a flight, and what carries and records it.
+# What computes a run, and what carries and records it.
 MANIFEST_PACKAGES = (*COMPUTING_PACKAGES, "eclipse-zenoh", "rerun-sdk", "pyyaml")
 
 
@@ -355,7 +355,7 @@ def _read_git_revision() -> str | None:
 
 
 def read_cpu_flags() -> str:
-    """Return what the processor can do, as the kernel tells it."""
+    """Return what the processor can do, as the kernel reports it."""
     info = Path("/proc/cpuinfo")
     if not info.exists():
         return platform.processor()

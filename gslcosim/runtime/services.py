@@ -1,8 +1,8 @@
 """Registry of services: when a run needs each, how its core is built, its dataflow, and shared processes.
 
-They come from entry points, so that nothing here imports one of them. Assembly, the order of digests, rehearsals and
+They come from entry points, so that nothing here imports one of them. Assembly, the order of digests, warm-ups and
 the processes of a run come from here; compose.yaml and the pages are held to it by tests. Agents are the other
-participants of a run; each stands behind a door.
+participants of a run; each has a session.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -64,7 +64,7 @@ def get_process_name(group: ServiceGroup) -> str:
 class ServiceKind:
     """A participant that is a process of its own where a run has processes.
 
-    `name` is that of the participant, its folder and its part of keys. `build_spec` tells its reads and writes without
+    `name` is that of the participant, its folder and its part of keys. `build_spec`` gives its reads and writes without
     building it; `build` imports and builds its core, and nothing of another service. `is_needed` says whether a
     scenario has it. `is_warmed_up` ones have kernels to load before time passes, and the one that `has_most_kernels` is
     warmed up first where one process does it for all; `preloads` are modules that a process may import before it is
@@ -72,7 +72,8 @@ class ServiceKind:
     be this service and nothing else; `follows_agents` ones read what agents command in the same tick, and so stand
     downstream of them.
 
-    `position` orders services from upstream to downstream. `build_briefings` returns what each agent is told before the
+    `position` orders services from upstream to downstream. `build_briefings` returns the briefing of each agent before
+    the
     first tick, for runs that start at a snapshot, in which agents are briefed before the service runs. `repair` makes
     whole what a service that was killed has left in the run's folder; it raises `RecordingError` or `OSError`.
     `check_host` raises `UsageError` where a host that joins a run lacks files that the service reads from a place of
@@ -191,7 +192,7 @@ def get_upstream_rank(participant: str) -> tuple[int, int]:
     """Return what sorts participants from upstream to downstream: causes before consequences within a tick.
 
     Args:
-        participant: The name of a service or of an agent's door; an unknown one sorts last.
+        participant: The name of a service or of an agent's session; an unknown one sorts last.
     """
     if participant.startswith(AGENT_PREFIX):
         return (1, 0)
@@ -202,7 +203,7 @@ def get_upstream_rank(participant: str) -> tuple[int, int]:
 
 
 def build_agent_spec(agent: AgentSpec) -> ParticipantSpec:
-    """Return the dataflow of an agent behind its door: observations in, checked commands out.
+    """Return the dataflow of an agent's session: observations in, checked commands out.
 
     An agent that is waited for only at its waypoints writes where the world announces it.
     """
@@ -223,7 +224,7 @@ def build_dataflow(scenario: Scenario, *, window_ticks: int | None = None) -> Da
     """Return the checked dataflow of a run.
 
     Args:
-        scenario: What is flown.
+        scenario: What is run.
         window_ticks: How far a writer may run ahead of an ordinary reader; the windows of others, which are larger or
             smaller, change in proportion. Absent: as each reader says.
 

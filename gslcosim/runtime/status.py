@@ -56,12 +56,12 @@ def no_participants() -> list[ParticipantStatus]:
 
 @dataclass(frozen=True, kw_only=True)
 class RunStatus:
-    """One moment of a flight, for a person to watch.
+    """One moment of a run, for a person to watch.
 
     `state` is `preparing`, `starting`, `flying`, `closing` or `ended`; `fraction` is the share done of the present
     piece of work (absent where nobody knows it); `text` is one short sentence; `is_late` says that this takes longer
     than it should, `is_compiling` that kernels are compiled, which takes a minute in the first run of a version.
-    `participants` may be called on any thread while the flight goes on, and looks then. `run_dir` is told once there is
+    `participants` may be called on any thread while the run goes on, and looks then. `run_dir` is set once there is
     one, with the state `starting`.
     """
 
@@ -78,7 +78,7 @@ class RunStatus:
 
 @dataclass(frozen=True, kw_only=True)
 class RunResult:
-    """The end of a flight: exit code, run directory, and the content of its `result.json`."""
+    """The end of a run: exit code, run directory, and the content of its `result.json`."""
 
     exit_code: int
     run_dir: Path
@@ -91,22 +91,22 @@ _BACKLOG = 16
 
 
 def get_status_folder() -> Path:
-    """Return where the windows of this user's flights are; it need not exist."""
+    """Return where the windows of this user's runs are; it need not exist."""
     return Path(tempfile.gettempdir()) / f".gslcosim-flights-{get_user_id()}"
 
 
 class StatusServer:
     """Server of a run's status: reports pass through it, and a client of its unix socket gets the last one as JSON.
 
-    A connection is answered and closed; nothing is read from it. Processes that are confined more than the flight, such
-    as its agents, are only told why they are refused. Where no socket can be made, on Windows or on a full
-    disk, the flight goes on without a window.
+    A connection is answered and closed; nothing is read from it. Processes that are confined more than the run, such
+    as its agents, only get the reason why they are refused. Where no socket can be made, on Windows or on a full
+    disk, the run goes on without a window.
 
     Args:
         run_dir: The run.
-        scenario: What is flown.
+        scenario: What is run.
         processes: How the run is spread over processes.
-        report: Is told every report, too.
+        report: Receives every report, too.
     """
 
     def __init__(
@@ -151,7 +151,7 @@ class StatusServer:
         self._report(status)
 
     def look(self) -> dict[str, Any]:
-        """Return what somebody who looks now is told."""
+        """Return the status as a client gets it now."""
         status = self._status
         return {
             **self._facts,
@@ -204,7 +204,7 @@ class StatusServer:
                 connection.sendall(json.dumps(self._answer(connection)).encode())
 
 
-# Of flights that were killed: nobody listens there any more.
+# Of runs that were killed: nobody listens there any more.
 def _remove_stale(folder: Path) -> None:
     for window in folder.glob(f"*{SOCKET_SUFFIX}"):
         with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as caller:
@@ -220,7 +220,7 @@ QUERY_TIMEOUT_S = 2.0
 STOP_TIMEOUT_S = 20.0
 _POLL_PERIOD_S = 0.05
 
-# What a status socket tells is a few hundred bytes for each participant.
+# The status on a socket takes a few hundred bytes for each participant.
 _MAX_STATUS_BYTES = 4_000_000
 
 
@@ -250,7 +250,7 @@ class _FlightFacts(TypedDict):
     participants: list[_ParticipantFacts]
 
 
-# Of a flight whose process stands still.
+# Of a run whose process stands still.
 _UNKNOWN_FACTS: dict[str, Any] = {
     "run_id": "",
     "run_dir": "",
@@ -270,8 +270,8 @@ _UNKNOWN_FACTS: dict[str, Any] = {
 class ActiveRun:
     """Run that goes on now.
 
-    `facts` are those of `FlightWindow.look`; `looked_at_s` is when, by a monotonic clock; `pid` is that of the process
-    behind the window, as the system says and not the flight.
+    `facts` are those of `StatusServer.look`; `looked_at_s` is when, by a monotonic clock; `pid` is that of the process
+    behind the window, as the system says and not the run.
     """
 
     window: Path
@@ -286,16 +286,16 @@ class ActiveRun:
 
 
 def list_active_runs() -> list[ActiveRun]:
-    """Return the flights of this user that go on now, the oldest first; windows of killed flights are removed."""
+    """Return the runs of this user that go on now, the oldest first; windows of killed runs are removed."""
     found = [query_status(window) for window in get_status_folder().glob(f"*{SOCKET_SUFFIX}")]
     return sorted((flight for flight in found if flight is not None), key=lambda flight: flight.facts["began_at"])
 
 
 def query_status(window: Path) -> ActiveRun | None:
-    """Return the flight behind a window; None where it has ended.
+    """Return the run behind a window; None where it has ended.
 
-    It is `silent` where it tells nothing in time, `refused`, with the reason as its `text`, where it and this process
-    are not confined alike, and `unreadable` where it tells something else than flights do.
+    It is `silent` where it answers nothing in time, `refused`, with the reason as its `text`, where it and this process
+    are not confined alike, and `unreadable` where it answers something else than runs do.
     """
     if sys.platform == "win32":
         return None
@@ -324,7 +324,7 @@ def query_status(window: Path) -> ActiveRun | None:
 
 
 def find_active_run(run: str | None) -> ActiveRun:
-    """Return the flight that a person names.
+    """Return the run that a person names.
 
     Args:
         run: The run's id or the beginning of it, or its folder; None is the only one that goes on.
@@ -344,7 +344,7 @@ def find_active_run(run: str | None) -> ActiveRun:
 
 
 def stop_run(flight: ActiveRun) -> None:
-    """Interrupt a flight as Ctrl-C does, and wait until it has ended in order.
+    """Interrupt a run as Ctrl-C does, and wait until it has ended in order.
 
     Raises:
         RunTimeoutError: it goes on nevertheless.

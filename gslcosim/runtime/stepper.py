@@ -129,7 +129,7 @@ class Gate:
         return tick, inbox
 
     def memory(self) -> dict[str, Any]:
-        """Return what the next steps depend on and no later message tells: announcements, and ports that are closed."""
+        """Return what the next steps depend on and no later message holds: announcements, and ports that are closed."""
         announced = {
             port: [[tick, sorted(ports)] for tick, ports in ticks.items() if tick < self.next_tick]
             for port, ticks in self._announced.items()
@@ -216,7 +216,7 @@ class Stepper:
     timing: Timing = field(default_factory=Timing)
     gate: Gate = field(init=False)
     _due_always: frozenset[str] | None = field(init=False, repr=False)
-    _keeper: SupportsSnapshots | None = field(init=False, repr=False)
+    _state_adapter: SupportsSnapshots | None = field(init=False, repr=False)
     recent: deque[SentMessage] = field(default_factory=deque[SentMessage], init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -226,7 +226,7 @@ class Stepper:
         # What it writes at every tick, and nothing else, if that is so.
         is_plain = all(write.announced_in is None and write.period_ticks == 1 for write in self.spec.writes)
         self._due_always = frozenset(write.port for write in self.spec.writes) if is_plain else None
-        self._keeper = build_state_adapter(self.core) if self.is_kept else None
+        self._state_adapter = build_state_adapter(self.core) if self.is_kept else None
         readers = self.dataflow.readers_of(self.spec.name)
         reads = [read for reader in readers for read in reader.reads if read.port in self.trails]
         self._longest_delay = max((read.delay_ticks for read in reads), default=0)
@@ -237,9 +237,9 @@ class Stepper:
         outbox = self.core.reset(episode)
         expected = {write.port for write in self.spec.writes if write.announced_in == ONCE}
         self._check(outbox, expected, 0, "reset")
-        if self._keeper is not None:
-            # What cannot be kept is told now, and not when the first snapshot is due.
-            self._state_of(self._keeper)
+        if self._state_adapter is not None:
+            # What cannot be kept is reported now, and not when the first snapshot is due.
+            self._state_of(self._state_adapter)
         return [self._send(port, message) for port, message in outbox.items()]
 
     def step(self) -> list[SentMessage]:
@@ -261,7 +261,7 @@ class Stepper:
         self.trails[port].append(message.tick, payload)
         self.gate.wrote(port, message)
         sent = SentMessage(port, message, payload)
-        if self._keeper is not None:
+        if self._state_adapter is not None:
             self._remember(sent)
         return sent
 
@@ -271,14 +271,14 @@ class Stepper:
         Raises:
             SnapshotError: something in its core cannot be kept.
         """
-        assert self._keeper is not None
+        assert self._state_adapter is not None
         gate = self.gate
         # What some reader may not have, and what readers with a delay have not stepped.
         after_tick = min(gate.least_credit, gate.next_tick - 1 - self._longest_delay)
         return SnapshotPart(
             participant=self.spec.name,
             tick=gate.next_tick,
-            state=self._state_of(self._keeper),
+            state=self._state_of(self._state_adapter),
             memory=gate.memory(),
             trails={port: trail.as_fields() for port, trail in self.trails.items()},
             outputs=[(sent.port, sent.payload) for sent in self.recent if sent.message.tick > after_tick],
@@ -291,11 +291,11 @@ class Stepper:
         Raises:
             SnapshotError: the part is of another core.
         """
-        assert self._keeper is not None
+        assert self._state_adapter is not None
         if part.made_by != hash_external_core(self.core):
             raise SnapshotError(f"{self.spec.name}: expected a snapshot of its own code, was one of other code.")
         try:
-            self._keeper.restore(part.state)
+            self._state_adapter.restore(part.state)
         except SnapshotError as error:
             raise SnapshotError(f"{self.spec.name}{error}") from error
         for write in self.spec.writes:
@@ -308,9 +308,9 @@ class Stepper:
             SentMessage(port, codec.decode_trusted(types[port], payload), payload) for port, payload in part.outputs
         )
 
-    def _state_of(self, keeper: SupportsSnapshots) -> Mapping[str, Any]:
+    def _state_of(self, adapter: SupportsSnapshots) -> Mapping[str, Any]:
         try:
-            return keeper.state()
+            return adapter.state()
         except SnapshotError as error:
             remedy = "Leave out snapshots, or let its core tell its state itself (docs/snapshots.md)."
             raise SnapshotError(f"{self.spec.name}{error} {remedy}") from error

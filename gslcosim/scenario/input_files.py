@@ -1,4 +1,4 @@
-"""Files and folders from which a scenario is resolved: whoever reads them knows what is flown."""
+"""Files and folders from which a scenario is resolved: who reads them knows the whole scenario."""
 
 from pathlib import Path
 

@@ -52,7 +52,7 @@ With `--resolved` it prints the scenario with all defaults filled in.
 In the column *with* are the kinds of block that have the key; where it is empty, all have it.
 Packages bring kinds of their own, which `gslcosim list` shows, and [services](extend/service.md).
 """
-# Where more is told of a block.
+# Where more is reported of a block.
 _PAGES = {
     "environment": "environments.md",
     "environment.geometry": "own-geometry.md",

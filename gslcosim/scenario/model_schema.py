@@ -82,7 +82,7 @@ def list_blocks(annotation: Any) -> dict[str, type[BaseModel]]:
 
 
 def find_tag_key(annotation: Any) -> str:
-    """Return the key that tells the kinds of a block apart: `kind` of a layout, `model` of a sensor."""
+    """Return the key that distinguishes the kinds of a block: `kind` of a layout, `model` of a sensor."""
     if one_of := _one_of(annotation):
         return one_of.tag_key
     tag, model = next(iter(_variants(annotation).items()))

@@ -113,7 +113,7 @@ def _from_layout(text: str, source: str, overrides: Sequence[str]) -> Recipe:
     return recipe
 
 
-# Read as a part of a scenario whose other parts are well, so that problems are told in the same words.
+# Read as a part of a scenario whose other parts are well, so that problems are reported in the same words.
 def _from_values(values: dict[str, Any], name: str) -> Recipe:
     rest: dict[str, Any] = {
         "schema": SCHEMA,

@@ -13,7 +13,7 @@ def load_settings(briefing: Briefing, program: str) -> SimpleNamespace:
     """Return a method's settings as attributes: the scenario's values, the others by the card's defaults.
 
     Args:
-        briefing: What the agent is told.
+        briefing: The agent's briefing.
         program: The agent's file (`__file__`); its card is `method.yaml` beside it.
 
     Raises:

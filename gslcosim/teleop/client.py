@@ -68,7 +68,7 @@ class TeleopClient(threading.Thread):
             if self._connection is not None:
                 with self._connection:
                     self._fly(self._connection)
-        except Exception as error:  # told by whoever has started the thread, and who may be waiting
+        except Exception as error:  # reported by the caller that has started the thread and may be waiting
             self.failure = error
             _thread.interrupt_main()
 
@@ -89,7 +89,7 @@ class TeleopClient(threading.Thread):
     def _fly(self, connection: socket.socket) -> None:
         while not self._is_over.is_set():
             ready, _, _ = select.select([connection, self._keyboard.number], [], [], POLL_PERIOD_S)
-            if connection in ready and not self._hear(connection):
+            if connection in ready and not self._receive(connection):
                 return
             if self._keyboard.number in ready:
                 for key in self._keyboard.read():
@@ -98,7 +98,7 @@ class TeleopClient(threading.Thread):
             self._draw()
 
     # False at the end of the run.
-    def _hear(self, connection: socket.socket) -> bool:
+    def _receive(self, connection: socket.socket) -> bool:
         try:
             data = connection.recv(1 << 20)
         except OSError:

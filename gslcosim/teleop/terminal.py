@@ -165,7 +165,7 @@ class _History:
 
 @dataclass
 class Dashboard:
-    """Remembers what the agent was told, and lays it out.
+    """Remembers what the agent was sent, and lays it out.
 
     State: curves of all readings with at most three values; the way so far, by cells of the map, with the strongest
     gas reading there.
@@ -173,7 +173,7 @@ class Dashboard:
 
     briefing: Briefing
     _curves: dict[tuple[str, int], _History] = field(default_factory=dict[tuple[str, int], _History])
-    _way: dict[tuple[float, float], float] = field(default_factory=dict[tuple[float, float], float])
+    _visited: dict[tuple[float, float], float] = field(default_factory=dict[tuple[float, float], float])
     _gas: _History = field(default_factory=_History)
     _heard: deque[str] = field(default_factory=lambda: deque[str](maxlen=3))
     _seen: Observation | None = None
@@ -190,7 +190,7 @@ class Dashboard:
         strength = _get_gas_strength(observation)
         if strength is not None:
             self._gas.add(strength)
-        self._way[place] = max(self._way.get(place, -math.inf), -math.inf if strength is None else strength)
+        self._visited[place] = max(self._visited.get(place, -math.inf), -math.inf if strength is None else strength)
         self._heard.extend(f"{text.sender}: {text.text}" for text in observation.incoming)
 
     def lines(self, controls: KeyControls, *, columns: int, rows: int) -> list[str]:
@@ -216,12 +216,12 @@ class Dashboard:
         x_m, y_m, z_m = seen.position_world_m
         speed_m_s = math.hypot(*seen.velocity_world_m_s)
         asked = "   YOU ARE ASKED" if controls.waits_for_questions and controls.is_asked else ""
-        way = "none" if controls.target_m is None else "({:.2f}, {:.2f}, {:.2f}) m".format(*controls.target_m)
+        target = "none" if controls.target_m is None else "({:.2f}, {:.2f}, {:.2f}) m".format(*controls.target_m)
         return [
             *textwrap.wrap(self.briefing.mission, MIN_COLUMNS),
             f"{seen.time_s:6.1f} s of {self.briefing.time_limit_s:g} s   {seen.status.replace('_', ' ')}{asked}",
             f"at ({x_m:.2f}, {y_m:.2f}, {z_m:.2f}) m   {speed_m_s:.2f} m/s   heading {_draw_arrow(seen.yaw_rad)}"
-            f"   sent to {way}   step {controls.step_m:g} m",
+            f"   sent to {target}   step {controls.step_m:g} m",
         ]
 
     def _readings(self, seen: Observation, columns: int) -> list[str]:
@@ -268,7 +268,7 @@ class Dashboard:
                 if old not in _GAS_MARKS or sign not in _GAS_MARKS or _GAS_MARKS.index(sign) > _GAS_MARKS.index(old):
                     cells[row][column] = sign
 
-        for (x_m, y_m), strength in self._way.items():
+        for (x_m, y_m), strength in self._visited.items():
             share = self._gas.share(strength) if math.isfinite(strength) else 0.0
             put(x_m, y_m, _GAS_MARKS[min(len(_GAS_MARKS) - 1, int(share * len(_GAS_MARKS)))])
         if controls.target_m is not None:

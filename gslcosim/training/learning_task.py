@@ -13,7 +13,7 @@ from gslcosim.scenario.overrides import SET_OPTION
 
 @dataclass(frozen=True, kw_only=True)
 class LearningTask:
-    """A scenario with values replaced; each seed draws its random places, gas and noise anew.
+    """A scenario with values replaced; each seed draws its random places, gas and noise again.
 
     Problems with values are said to stand in `set_in`.
     """

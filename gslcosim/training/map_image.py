@@ -12,7 +12,7 @@ from gslcosim.environment.model import Cell, Environment
 
 LONG_SIDE_PX = 480
 _AIR, _SOLID = (255, 255, 255), (120, 120, 125)
-_WAY, _VEHICLE, _SOURCE = (0, 114, 178), (213, 94, 0), (0, 158, 115)
+_PATH, _VEHICLE, _SOURCE = (0, 114, 178), (213, 94, 0), (0, 158, 115)
 _DOT_PX = 6
 
 
@@ -29,7 +29,7 @@ class MapImage:
     environment: Environment
     height_m: float
     sources_m: Sequence[Vec3]
-    _way: list[tuple[float, float]] = field(default_factory=list[tuple[float, float]])
+    _path: list[tuple[float, float]] = field(default_factory=list[tuple[float, float]])
 
     def __post_init__(self) -> None:
         grid = self.environment.grid
@@ -42,7 +42,7 @@ class MapImage:
 
     def move_to(self, position_m: Vec3) -> None:
         """Take note of where the agent is, world frame [m]."""
-        self._way.append(self._pixel(position_m))
+        self._path.append(self._pixel(position_m))
 
     def pixels(self) -> NDArray[np.uint8]:
         """Return the picture, (height, width, 3), y upwards as on a map."""
@@ -50,10 +50,10 @@ class MapImage:
         draw = ImageDraw.Draw(picture)
         for source_m in self.sources_m:
             _dot(draw, self._pixel(source_m), _SOURCE)
-        if len(self._way) > 1:
-            draw.line(self._way, fill=_WAY, width=2)
-        if self._way:
-            _dot(draw, self._way[-1], _VEHICLE)
+        if len(self._path) > 1:
+            draw.line(self._path, fill=_PATH, width=2)
+        if self._path:
+            _dot(draw, self._path[-1], _VEHICLE)
         return np.asarray(picture)
 
     def _pixel(self, position_m: Vec3) -> tuple[float, float]:

@@ -31,7 +31,7 @@ class RadioCodec:
 
     Args:
         briefing: Of the agent.
-        n_numbers: How many numbers an agent tells.
+        n_numbers: How many numbers an agent sends.
 
     Raises:
         UsageError: the agent has no channel.
@@ -47,7 +47,7 @@ class RadioCodec:
         self._channel = briefing.channels[0].name if n_numbers else ""
         members = briefing.channels[0].members if n_numbers else ()
         self.others = tuple(name for name in members if name != briefing.agent)
-        self._heard = {name: [0.0] * n_numbers for name in self.others}
+        self._received = {name: [0.0] * n_numbers for name in self.others}
 
     @property
     def size(self) -> int:
@@ -55,21 +55,21 @@ class RadioCodec:
         return self.n_numbers * len(self.others)
 
     def message(self, numbers: Sequence[float]) -> tuple[RadioMessage, ...]:
-        """Return the text that tells numbers."""
+        """Return the text that carries numbers."""
         if not self.n_numbers:
             return ()
         text = json.dumps([round(float(number), _DECIMALS) for number in numbers])
         return (RadioMessage(channel=self._channel, text=text),)
 
-    def hear(self, observation: Observation) -> NDArray[np.float32]:
+    def receive(self, observation: Observation) -> NDArray[np.float32]:
         """Take note of what came, and return what each of `others` has told last, (size,); 0 before the first.
 
         A text comes with one observation only, so each has to be heard.
         """
         for reception in observation.incoming:
-            if reception.sender in self._heard and (numbers := _numbers_of(reception.text, self.n_numbers)):
-                self._heard[reception.sender] = numbers
-        return np.array([number for name in self.others for number in self._heard[name]], dtype=np.float32)
+            if reception.sender in self._received and (numbers := _numbers_of(reception.text, self.n_numbers)):
+                self._received[reception.sender] = numbers
+        return np.array([number for name in self.others for number in self._received[name]], dtype=np.float32)
 
 
 # Others may speak on the channel too.
@@ -109,7 +109,7 @@ class ParallelSearchEnv(ParallelEnv[str, _Numbers, _Numbers]):
         action: `velocity`, `velocity_3d`, `waypoint`, `waypoint_3d` or `drive`.
         step_m: The longest leg [m].
         speed_m_s: The highest speed [m/s].
-        radio_numbers: How many numbers an agent tells with each action.
+        radio_numbers: How many numbers an agent sends with each action.
         reward: As for `SearchEnv`.
         discount: Of the shaping of `potential`.
 
@@ -234,7 +234,7 @@ class _Talker:
         return command.model_copy(update={"outgoing": self.radio.message(action[n_moved:].tolist())})
 
     def seen(self, observation: Observation) -> _Numbers:
-        return np.concatenate([self.vector.of(observation), self.radio.hear(observation)])
+        return np.concatenate([self.vector.of(observation), self.radio.receive(observation)])
 
 
 @dataclass
@@ -255,7 +255,7 @@ class _Search:
                 return
             for name in flight.asked:
                 seen = flight.seen_by(name)
-                self.talkers[name].radio.hear(seen)
+                self.talkers[name].radio.receive(seen)
                 flight.answer(name, Command(tick=seen.tick, kind="noop"))
             flight.go_on()
 

@@ -26,7 +26,7 @@ from gslcosim.training.rewards import TaskScale
 
 
 class SteppedTransport:
-    """The link to an agent that is flown by hand; it keeps what the agent has been told, and what it is asked."""
+    """The link to an agent that is flown by hand; it keeps what the agent has been sent, and what it is asked."""
 
     is_lossy = False
 
@@ -37,24 +37,24 @@ class SteppedTransport:
         self.questions: deque[Observation] = deque()
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
-        """Keep the briefing; see `AgentLink`."""
+        """Keep the briefing; see `AgentTransport`."""
         del payload
         self.briefing = briefing
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Keep the observation; see `AgentLink`."""
+        """Keep the observation; see `AgentTransport`."""
         self.seen = observation if isinstance(observation, Observation) else codec.decode(Observation, payload)
         if self.seen.awaiting_command:
             self.questions.append(self.seen)
 
     def repeat(self) -> None:
-        """Do nothing: no message gets lost; see `AgentLink`."""
+        """Do nothing: no message gets lost; see `AgentTransport`."""
 
     def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
-        """Do nothing; see `AgentLink`."""
+        """Do nothing; see `AgentTransport`."""
 
     def end(self, ending: Ending, payload: bytes) -> None:
-        """Ask no more; see `AgentLink`."""
+        """Ask no more; see `AgentTransport`."""
         del ending, payload
         self.questions.clear()
 
@@ -62,7 +62,7 @@ class SteppedTransport:
 class SteppedRun:
     """One flight in this process, with the same messages and digest as `gslcosim up` with the same commands.
 
-    `asked` names the agents whose command is awaited, `seen_by` tells what they are asked upon, `scores` how each
+    `asked` names the agents whose command is awaited, `seen_by`` holds what they are asked upon, `scores` how each
     stood when the referee looked last, at the tick before.
     When `is_over`, `outcome` has the verdict and the digest. Nothing of it is recorded.
 
@@ -100,7 +100,7 @@ class SteppedRun:
         self._is_closed = False
         self._events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
         self._links = {agent.name: SteppedTransport() for agent in scenario.agents}
-        flight = InProcessRun(setup, self._desks(setup), self._events, lambda _: None, self._note)
+        flight = InProcessRun(setup, self._build_sessions(setup), self._events, lambda _: None, self._note)
         self._pauses: Iterator[None] = flight.iter_pauses(self.outcome, lambda: self._is_closed)
         self._go_on()
 
@@ -110,7 +110,7 @@ class SteppedRun:
         return tuple(name for name, link in self._links.items() if link.questions)
 
     def briefing_of(self, agent: str) -> Briefing:
-        """Return what an agent was told at the start."""
+        """Return the briefing that an agent got at the start."""
         briefing = self._links[agent].briefing
         assert briefing is not None, "a flight that waits for commands has briefed its agents"
         return briefing
@@ -168,14 +168,14 @@ class SteppedRun:
         if self.outcome.fault is not None:
             raise SimulationFault(f"{self.outcome.fault.participant}: {self.outcome.fault.text}")
 
-    def _desks(self, setup: RunSetup) -> dict[str, AgentSession]:
-        desks = {agent.name: build_session(agent, setup, self._links[agent.name]) for agent in setup.scenario.agents}
-        for desk in desks.values():
-            desk.is_ready = True
+    def _build_sessions(self, setup: RunSetup) -> dict[str, AgentSession]:
+        sessions = {agent.name: build_session(agent, setup, self._links[agent.name]) for agent in setup.scenario.agents}
+        for session in sessions.values():
+            session.is_ready = True
             # Whoever flies by hand thinks as long as they like, and keeps their own notes.
-            desk.answer_within_s = float("inf")
-            desk.journal = lambda _: None
-        return desks
+            session.answer_within_s = float("inf")
+            session.journal = lambda _: None
+        return sessions
 
     def _note(self, port: str, message: Message) -> None:
         del port

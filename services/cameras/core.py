@@ -128,7 +128,7 @@ class CamerasCore:
 
     def _show_doors(self) -> None:
         for box, i in self._doors:
-            self._model.geom_rgba[i, 3] = box.rgba[3] if box.name in self._room.situation.closed else 0.0
+            self._model.geom_rgba[i, 3] = box.rgba[3] if box.name in self._room.variant.closed else 0.0
 
     def _frame(self, camera: _Camera, tick: int) -> CameraFrame:
         opacity = self._model.geom_rgba[camera.own_geoms, 3].copy()

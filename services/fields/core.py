@@ -169,7 +169,7 @@ class FieldsCore:
         """Bring the gas to the end of the tick and sample it there."""
         bodies = cast(BodyPoses, inbox[keys.BODIES])
         if self._wind is not None and self._wind.obey(inbox):
-            self._close_doors(self._wind.room.situation.closed)
+            self._close_doors(self._wind.room.variant.closed)
         self._gas_events.obey(inbox)
         self._advance(self._timing.steps_at(tick), bodies)
         outbox: dict[str, FieldSamples | FilamentCloud] = {keys.SAMPLES: self._samples(tick, bodies)}
@@ -178,7 +178,7 @@ class FieldsCore:
         return outbox
 
     def prefetch(self) -> bool:
-        """Move the gas while nothing else can be done; see `WorksAhead`."""
+        """Move the gas while nothing else can be done; see `SupportsPrefetch`."""
         return self._gas_ahead is not None and self._gas_ahead.prefetch()
 
     def _close_doors(self, closed: Closed) -> None:

@@ -64,7 +64,7 @@ class RadioCore:
         return self._spec
 
     def reset(self, episode: Episode) -> Outbox:
-        """Forget what is on its way and begin all streams anew; nothing is written before tick 0."""
+        """Forget what is on its way and begin all streams again; nothing is written before tick 0."""
         self._seed = episode.seed
         self._rngs = {}
         self._on_their_way = {}

@@ -21,7 +21,7 @@ from gslcosim_services.recorder.summary import title
 
 # The curves end a little after the cursor, so that their last points are seen.
 LOOK_AHEAD_S = 3.0
-# So many cameras are seen beside the flight at once; more of them share one place.
+# So many cameras are seen beside the run at once; more of them share one place.
 MAX_CAMERAS_IN_A_ROW = 3
 MAX_GRID_COLUMNS = 4
 # A legend of more curves would cover them on a small screen; they have the colours of their vehicles.
@@ -37,7 +37,7 @@ _ACRONYMS = ("tgs", "pid", "tdlas")
 def build_run_plots(
     scenario: Scenario, agents: Sequence[AgentEntities], believing: Sequence[AgentEntities] = ()
 ) -> list[rrb.TimeSeriesView | rrb.Tabs]:
-    """Return the plots beside the flight, those of gas, wind and beliefs where there are some."""
+    """Return the plots beside the run, those of gas, wind and beliefs where there are some."""
     plots: list[rrb.TimeSeriesView | rrb.Tabs] = []
     responses = _response_plots(scenario, agents)
     if responses:
@@ -101,7 +101,7 @@ def build_camera_views(agents: Sequence[AgentEntities], *, with_agent: bool) -> 
 
 
 def build_camera_panel(agents: Sequence[AgentEntities]) -> list[rrb.Horizontal | rrb.Tabs]:
-    """Return the place of the cameras beside the flight, if there are any."""
+    """Return the place of the cameras beside the run, if there are any."""
     views = build_camera_views(agents, with_agent=len(agents) > 1)
     if not views:
         return []
@@ -195,7 +195,7 @@ def default_blueprint(scenario: Scenario, environment: Environment, *, believers
     Panels are folded away and the time cursor stands at the end of the run, where the whole track is seen.
 
     Args:
-        scenario: What is flown.
+        scenario: What is run.
         environment: The room.
         believers: The agents that publish beliefs: each has a map of its own behind that of the gas.
     """

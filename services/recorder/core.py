@@ -35,7 +35,7 @@ class RecorderCore:
         """Prepare a recording.
 
         Args:
-            scenario: What is flown.
+            scenario: What is run.
             environment: Where.
             path: The file to write; an existing one is replaced at `reset`.
             run_id: The recording's identity in the viewer; by default the name of the file's folder.

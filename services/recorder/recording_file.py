@@ -159,7 +159,7 @@ class RecordingFile:
     Nothing in it but the machine's notes comes from a wall clock, so equal runs give equal content otherwise
     (`rerun rrd compare --unordered`).
     Until `close` has returned the file lacks its footer; see `gslcosim_services.recorder.repair`. What cannot be
-    written is raised by the next call of any method. On Windows Rerun writes the file itself, and tells nobody.
+    written is raised by the next call of any method. On Windows Rerun writes the file itself, and reports nothing.
 
     Raises:
         RecordingWriteError: the file cannot be created, or no longer be written.

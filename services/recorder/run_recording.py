@@ -56,7 +56,7 @@ class RunRecording:
 
         Args:
             file: An empty file; it belongs to this object from now on.
-            scenario: What is flown.
+            scenario: What is run.
             environment: Where.
             wind_layer: The environment's wind at the slice's height.
             folder: Where the machine's notes of the run are, if there are any.
@@ -73,8 +73,8 @@ class RunRecording:
         self._slices: dict[str, SliceRows] = {}
         self._doors = AllDoorRows(scenario, environment)
         later = {
-            situation: WindLayer(room, scenario.slice_height_m, like=wind_layer)
-            for situation, room in environment.later_rooms.items()
+            variant: WindLayer(room, scenario.slice_height_m, like=wind_layer)
+            for variant, room in environment.later_rooms.items()
         }
         self._wind = WindRows(entities.WIND_ARROWS, wind_layer, later)
         # Without events and with one wind, nothing of the room ever changes.
@@ -119,7 +119,7 @@ class RunRecording:
         if not self._is_still:
             self._doors.add(tick, inbox)
             time_s = self._scenario.gas.warm_up_s + seconds_from_ticks(tick, self._scenario.tick_ns)
-            self._wind.add(tick, time_s, self._doors.room.situation)
+            self._wind.add(tick, time_s, self._doors.room.variant)
         self._note_truth(tick, inbox)
         if self._scenario.events:
             self._event_marks.add(tick, inbox)
@@ -264,5 +264,5 @@ def format_transmission(sent: RadioTransmission) -> str:
     if sent.refusal is not None:
         return f"{head}   [refused: {sent.refusal}]"
     fates = {"heard by": sent.reached, "lost for": sent.lost, "out of range of": sent.out_of_range}
-    told = "; ".join(f"{words} {', '.join(names)}" for words, names in fates.items() if names)
-    return f"{head}   [{told}]"
+    fates_text = "; ".join(f"{words} {', '.join(names)}" for words, names in fates.items() if names)
+    return f"{head}   [{fates_text}]"

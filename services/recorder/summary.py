@@ -21,12 +21,12 @@ def summary_text(
     parts = [_result(scenario, verdict)] if verdict else []
     parts += [_mission(scenario, environment)]
     if sandboxes:
-        parts.append("\n".join(f"- sandbox of {name}: {told}" for name, told in sandboxes.items()))
+        parts.append("\n".join(f"- sandbox of {name}: {words}" for name, words in sandboxes.items()))
     return "\n\n".join(parts) + "\n"
 
 
 def title(scenario: Scenario) -> str:
-    """Return one line that says what is flown."""
+    """Return one line that says what is run."""
     names = [agent.name for agent in scenario.agents]
     who = " and ".join(names) if len(names) <= MAX_NAMED else f"{len(names)} agents"
     return f"{scenario.name}: {who} searching for {scenario.gas.gas}"

@@ -24,7 +24,7 @@ from gslcosim_services.referee.success import Evidence, build_criterion
 Outcome = Literal["success", "time_limit", "collision", "agent_failed", "declared", "out_of_bounds"]
 
 # What a TGS2600 needs to respond to ethanol is 0.2986 ppm, (air / A)^(1/B) of its power law: the weakest gas that
-# any of the sensors' models tells from clean air.
+# any of the sensors' models distinguishes from clean air.
 GAS_CONTACT_PPM = 0.3
 # What floors and walls give way where a vehicle hits them: it has not left the room [m].
 CONTACT_PENETRATION_M = 0.05
@@ -119,8 +119,8 @@ class AgentEvaluation:
         self.outcome = outcome
         time_s = seconds_from_ticks(self._end_tick, self._rules.tick_ns)
         distance_m = self._distance_m(self._body.position_world_m)
-        told = self._rules.success.met_text if outcome == "success" else _OUTCOME_TEXTS[outcome]
-        text = f"{told} after {time_s:g} s, {distance_m:.2f} m from the source"
+        met_text = self._rules.success.met_text if outcome == "success" else _OUTCOME_TEXTS[outcome]
+        text = f"{met_text} after {time_s:g} s, {distance_m:.2f} m from the source"
         return self._event(outcome, f"{text}: {reason}" if reason else text)
 
     def score(self, body: BodyState) -> AgentScore:

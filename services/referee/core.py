@@ -42,7 +42,7 @@ class _RunEvaluation:
     """State of the evaluation of one run.
 
     `shortest_m` are the shortest ways from the starts to the sources, which are at `sources_m` now; `happened` are the
-    scenario's events as `result.json` tells them.
+    scenario's events as `result.json`` lists them.
     """
 
     cases: list[AgentEvaluation]
@@ -70,7 +70,7 @@ class RefereeCore:
     one agent's end does not end the others. The reason is `success` if any agent succeeded, otherwise that of the
     agent that ended last (of several in one tick: the last in the scenario).
 
-    Where a scenario has events it reads `truth/events` of the last tick too: it tells each, and follows sources that
+    Where a scenario has events it reads `truth/events` of the last tick too: it reads each, and follows sources that
     move and doors. Distances are to where the sources are; in the result to where they were when the agent ended.
 
     Raises ModelError when the truth lacks an agent; the runtime then stops the run.
@@ -130,18 +130,18 @@ class RefereeCore:
 
     # The sources of cases that are closed stay where they were then.
     def _obey_events(self, tick: int, inbox: Inbox) -> list[RefereeEvent]:
-        told: list[RefereeEvent] = []
+        marked: list[RefereeEvent] = []
         if self._room.obey(inbox):
             self._update_shortest_paths()
         for i, event in find_due_events(self._scenario, inbox):
             if isinstance(event, SourceMovesSpec):
                 self._move_source(event.source, event.to_m)
-            told.append(RefereeEvent(agent=event.about_agent, kind="event", text=event.text))
+            marked.append(RefereeEvent(agent=event.about_agent, kind="event", text=event.text))
             if not self._run.is_over:
                 time_s = seconds_from_ticks(tick, self._rules.tick_ns)
                 happened = {"event": i, "what": event.what, "tick": tick, "time_s": time_s, "text": event.text}
                 self._run.happened.append({**happened, "agent": event.about_agent})
-        return told
+        return marked
 
     def _move_source(self, i_source: int, to_m: Vec3) -> None:
         run = self._run
@@ -208,11 +208,11 @@ class RefereeCore:
         if reach_m is None:
             return None
         way_to = shortest_level_path_m if self._drives[name] else shortest_path_m
-        ways_m = (
+        lengths_m = (
             way_to(self._room.now, start_m, self._goal_m(name, source_m), clearance_m=CLEARANCE_M, within_m=reach_m)
             for source_m in self._run.sources_m
         )
-        return min((way_m for way_m in ways_m if way_m is not None), default=None)
+        return min((length_m for length_m in lengths_m if length_m is not None), default=None)
 
     # Where heights do not count, the shortest way leads to where the agent searches.
     def _goal_m(self, name: str, source_m: Vec3) -> Vec3:
@@ -232,6 +232,6 @@ def _build_rules(scenario: Scenario, environment: Environment) -> EvaluationRule
     )
 
 
-# What the door of an agent in free mode lets through where nothing has come.
+# What the validator of an agent in free mode lets through where nothing has come.
 def _is_empty_noop(command: Command) -> bool:
     return command.kind == "noop" and command.belief is None

@@ -80,7 +80,7 @@ def directness(start_world_m: Vec3, end_world_m: Vec3, source_world_m: Vec3, pat
     Source:
         Thesis 7.4, equation (7.1), after Pequeño-Zurro et al.
     Deviation:
-        In three dimensions, and only the component towards the source: it alone tells good from bad.
+        In three dimensions, and only the component towards the source: it alone separates good from bad.
     Held by:
         tests/unit/services/referee/test_metrics.py, tests/properties/test_referee_metrics.py
     """

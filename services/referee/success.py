@@ -60,8 +60,8 @@ class Criterion(ABC):
 def build_criterion(success: SuccessSpec, sources_m: Sequence[Vec3]) -> Criterion:
     """Build the criterion for one agent, of the type that is registered for the block's type.
 
-    A third party registers its own where it defines its block: `criterion_of.register(ItsBlock, ItsCriterion)`, where
-    the latter is called with the block and the sources.
+    A third party registers its own where it defines its block: `build_criterion.register(ItsBlock, ItsCriterion)`,
+    where the latter is called with the block and the sources.
 
     Args:
         success: The scenario's block.

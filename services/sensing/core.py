@@ -78,7 +78,7 @@ class _AgentInstruments:
             agent, shown = surroundings.body.agent, zip(readings, self.last, strict=True)
             readings = [self.faults.shown(agent, reading, before, tick) for reading, before in shown]
         is_asked = surroundings.body.awaiting_command
-        told = [
+        sent = [
             _without_payload(reading) if reading is before and not is_asked else reading
             for reading, before in zip(readings, self.last, strict=True)
         ]
@@ -88,7 +88,7 @@ class _AgentInstruments:
             for instrument, reading in zip(self.instruments, readings, strict=True)
             if instrument.estimate
         ]
-        return told + estimates
+        return sent + estimates
 
     # What the first pose sensor said last.
     @property
@@ -157,7 +157,7 @@ class SensingCore:
         if self._faults is not None:
             self._faults.obey(tick, inbox)
         self._room.obey(inbox)
-        scene = self._scenes[self._room.situation.closed]
+        scene = self._scenes[self._room.variant.closed]
         bodies = {body.agent: body for body in cast(BodyPoses, inbox[keys.BODIES]).bodies}
         samples = {(s.agent, s.sensor): s for s in cast(FieldSamples, inbox[keys.SAMPLES]).samples}
         traffic = cast(RadioTraffic, inbox[keys.RADIO]) if self._scenario.channels else RadioTraffic(tick=tick)

@@ -206,8 +206,8 @@ class WorldCore:
         self._wind.reset()
         self._door_geoms.show()
         self._rotor_faults.reset()
-        for craft in self._vehicles:
-            craft.reset()
+        for vehicle in self._vehicles:
+            vehicle.reset()
         self._place_vehicles()
         self._tick = -1
         return {}
@@ -225,19 +225,19 @@ class WorldCore:
         if tick != self._tick + 1:
             raise ModelError(f"world: expected tick {self._tick + 1}, was {tick}.")
         self._tick = tick
-        for craft in self._vehicles:
-            craft.begin_tick()
+        for vehicle in self._vehicles:
+            vehicle.begin_tick()
         if tick == 0:
             self._note_contacts()
-            for craft in self._vehicles:
-                craft.stand()
+            for vehicle in self._vehicles:
+                vehicle.stand()
         else:
             self._wind.obey(inbox)
             self._door_geoms.show()
             self._rotor_faults.obey(inbox)
-            for craft in self._vehicles:
-                command = inbox.get(keys.command(craft.name))
-                craft.obey(tick, command if isinstance(command, Command) else None)
+            for vehicle in self._vehicles:
+                command = inbox.get(keys.command(vehicle.name))
+                vehicle.obey(tick, command if isinstance(command, Command) else None)
             self._keep_apart(tick)
             self._fly(tick)
         return {keys.BODIES: _new_poses(tick=tick, bodies=tuple(c.body(tick, self._tick_ns) for c in self._vehicles))}
@@ -268,18 +268,18 @@ class WorldCore:
 
     def _place_vehicles(self) -> None:
         mujoco.mj_resetData(self._scene.model, self._data)
-        for craft in self._vehicles:
-            craft.place()
+        for vehicle in self._vehicles:
+            vehicle.place()
         mujoco.mj_forward(self._scene.model, self._data)
 
     # All look at where the others are now, then all decide.
     def _keep_apart(self, tick: int) -> None:
-        gives_way = np.array([craft.yields for craft in self._vehicles])
+        gives_way = np.array([vehicle.yields for vehicle in self._vehicles])
         if not gives_way.any():
             return
-        positions_m = np.array([craft.position_m for craft in self._vehicles])
+        positions_m = np.array([vehicle.position_m for vehicle in self._vehicles])
         velocities_m_s = self._data.qvel[self._i_velocities]
-        for k, craft in enumerate(self._vehicles):
+        for k, vehicle in enumerate(self._vehicles):
             if not gives_way[k]:
                 continue
             neighbours = Neighbours(
@@ -289,7 +289,7 @@ class WorldCore:
                 least_m=self._least_m[k],
                 yields=gives_way,
             )
-            craft.avoid_neighbours(tick - 1, neighbours)
+            vehicle.avoid_neighbours(tick - 1, neighbours)
 
     def _fly(self, tick: int) -> None:
         # As old as the gas: time 0 of the wind is when the sources open.
@@ -304,8 +304,8 @@ class WorldCore:
                 raise ModelError(self._implausible_state_text(self._vehicles[i_unsound]))
             if self._data.ncon:
                 self._note_contacts()
-        for craft in self._vehicles:
-            craft.end_tick(tick)
+        for vehicle in self._vehicles:
+            vehicle.end_tick(tick)
 
     # What wheels stand on is no collision; what they run against is.
     def _note_contacts(self) -> None:
@@ -321,10 +321,10 @@ class WorldCore:
             if agent_b >= 0:
                 self._vehicles[agent_b].touch(scene.thing_of_geom[geom_a])
 
-    def _implausible_state_text(self, craft: SimulatedVehicle) -> str:
+    def _implausible_state_text(self, vehicle: SimulatedVehicle) -> str:
         return (
-            f"world: expected a finite, plausible state of {craft.name}'s vehicle at tick {self._tick}, "
-            f"was position {craft.true_position_m} m, velocity {craft.true_velocity_m_s} m/s."
+            f"world: expected a finite, plausible state of {vehicle.name}'s vehicle at tick {self._tick}, "
+            f"was position {vehicle.true_position_m} m, velocity {vehicle.true_velocity_m_s} m/s."
         )
 
     def _records(self, k: int, *, has_imu: bool) -> VehicleViews:

@@ -43,7 +43,7 @@ class StartState:
 
 
 class SimulatedVehicle:
-    """One vehicle of a run, from its agent's commands to the state that is told of it.
+    """One vehicle of a run, from its agent's commands to the state that is reported of it.
 
     State: its guide; the path flown; its position at the end of the last tick; what it has touched in this tick; and
     what carried it when it last stood.

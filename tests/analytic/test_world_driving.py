@@ -26,8 +26,8 @@ def driven(robot_study, ticks, *, speed_m_s, turn_rad_s=0.0, **vehicle):
 def test_it_speeds_up_with_its_acceleration(robot_study):
     """x = v^2/(2 a) + v (t - v/a), but for the lag of the wheels' servo, below 0.05 s."""
     flight, start, _ = driven(robot_study, 60, speed_m_s=0.8)
-    way_m = flight.body.position_world_m[0] - start.position_world_m[0]
-    assert way_m == pytest.approx(0.8**2 / 2 + 0.8 * (6.0 - 0.8), abs=0.8 * 0.05)
+    length_m = flight.body.position_world_m[0] - start.position_world_m[0]
+    assert length_m == pytest.approx(0.8**2 / 2 + 0.8 * (6.0 - 0.8), abs=0.8 * 0.05)
 
 
 def test_wheels_roll_without_slipping(robot_study):

@@ -78,8 +78,8 @@ def test_the_quartic_meets_its_end_velocity_without_acceleration():
         assert polynomial_at(coefficients, axis, 0.0)[:3] == pytest.approx(tuple(start[:, axis]))
         position, velocity, acceleration, _ = polynomial_at(coefficients, axis, 1.7)
         assert (velocity, acceleration) == pytest.approx((end_velocity, 0.0), abs=1e-12)
-        way = 1.7 * (start[1, axis] + end_velocity) / 2 + 1.7**2 * start[2, axis] / 12
-        assert position - start[0, axis] == pytest.approx(way)
+        distance_m = 1.7 * (start[1, axis] + end_velocity) / 2 + 1.7**2 * start[2, axis] / 12
+        assert position - start[0, axis] == pytest.approx(distance_m)
 
 
 def test_values_are_derivatives_of_one_another():

@@ -22,7 +22,7 @@ def test_a_folder_says_what_it_is_and_how_it_is_built_and_started(folder):
 
 
 def test_no_lock_file_of_npm_names_a_registry():
-    """Else everybody would fetch from the registry of whoever made the file."""
+    """Else everybody would fetch from the registry of anyone who made the file."""
     for path in AGENTS.glob("*/package-lock.json"):
         packages = json.loads(path.read_text())["packages"].values()
         assert not [package for package in packages if "resolved" in package], path

@@ -17,7 +17,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "check-your-agent.md").read_text()
 
 
 def test_every_rule_is_on_the_page_with_its_words_and_in_its_order():
-    rows = [f"| `{rule.id}` | {rule.doors} | {rule.sentence} | {rule.remedy} |" for rule in RULES.values()]
+    rows = [f"| `{rule.id}` | {rule.transports} | {rule.sentence} | {rule.remedy} |" for rule in RULES.values()]
     assert re.findall(r"^\| `[a-z-]+` \| (?:all|zenoh|gateway) \|.*$", PAGE, re.MULTILINE) == rows
 
 

@@ -64,7 +64,7 @@ def test_an_agents_container_holds_neither_the_run_nor_the_services_passwords(se
     assert "join-agents" not in mounts(services["world"])
 
 
-def test_the_supervisor_is_told_where_the_others_look(services):
+def test_the_supervisor_uses_the_folder_of_the_others(services):
     command = services["supervisor"]["command"]
     assert {"--join-dir=/join", "--no-services", "--listen=tcp/supervisor:7447", "--insecure"} <= set(command)
     assert mounts(services["supervisor"]) == {"runs", "cache", "join-services", "join-agents"}

@@ -23,7 +23,7 @@ def test_the_page_has_every_event():
 
 @pytest.mark.slow
 @pytest.mark.end_to_end
-def test_the_example_flies_and_tells_what_the_page_shows(tmp_path, capsys, monkeypatch):
+def test_the_example_runs_and_prints_what_the_page_shows(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     first, second = re.findall(r"```sh\n(gslcosim up .*)\n```", PAGE)
     assert main([*shlex.split(first)[1:], "--in-process", "--quiet"]) in (0, 1)
@@ -34,8 +34,8 @@ def test_the_example_flies_and_tells_what_the_page_shows(tmp_path, capsys, monke
     assert json.loads(path.read_text())["events"][:1] == json.loads(shown)
 
 
-def test_what_goes_wrong_is_told_as_the_page_says(capsys):
-    ((line, told),) = re.findall(r"```console\n\$ (gslcosim .*)\n(.*)\n```", PAGE)
+def test_what_goes_wrong_is_reported_as_the_page_says(capsys):
+    ((line, output),) = re.findall(r"```console\n\$ (gslcosim .*)\n(.*)\n```", PAGE)
     assert main(shlex.split(line)[1:]) == 2
     said = capsys.readouterr()
-    assert told in said.out + said.err
+    assert output in said.out + said.err

@@ -23,7 +23,7 @@ def packages(lay_out_package, tmp_path_factory):
     ("part", "resolved"),
     [("gas", {"model": "mixed", "air_changes_per_s": 0.01}), ("wind", {"solver": "swirl", "turn_rad_s": 0.2})],
 )
-def test_what_a_package_brings_flies_with_its_settings(packages, gslcosim_with, tmp_path, part, resolved):
+def test_what_a_package_brings_runs_with_its_settings(packages, gslcosim_with, tmp_path, part, resolved):
     (command,) = re.findall(r"```sh\n(.*?)```", PAGES[part], re.DOTALL)
     program, *words = shlex.split(command)
     assert program == "gslcosim"
@@ -48,7 +48,7 @@ def test_it_is_listed_with_its_settings(packages, gslcosim_with, tmp_path, part,
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("part", "override", "told"),
+    ("part", "override", "expected"),
     [
         ("gas", "gas.model=mixd", "gas.model: expected one of filament, gaussian_plume, meandering_plume, farrell, "
          "playback or mixed, was 'mixd'. Did you mean mixed?"),
@@ -61,7 +61,7 @@ def test_it_is_listed_with_its_settings(packages, gslcosim_with, tmp_path, part,
         ("wind", "wind={solver: swirl, courant: 0.5}", "wind.courant: expected one of the keys"),
     ],
 )  # fmt: skip
-def test_what_it_does_not_have_is_refused_with_its_place(packages, gslcosim_with, tmp_path, part, override, told):
+def test_what_it_does_not_have_is_refused_with_its_place(packages, gslcosim_with, tmp_path, part, override, expected):
     done = gslcosim_with(packages[part], ["validate", "tiny_room", "--set", override], tmp_path)
     assert done.returncode == 2
-    assert told in done.stdout + done.stderr
+    assert expected in done.stdout + done.stderr

@@ -22,7 +22,7 @@ def test_every_rule_is_on_the_page_with_its_words_and_in_its_order():
     assert section.splitlines()[2:] == rows
 
 
-def test_every_fault_on_the_page_is_one_that_is_told():
+def test_every_fault_on_the_page_is_one_that_is_reported():
     """Each stands, but for numbers and ports, in a test of the program's faults."""
     rows = re.findall(r"^\| [a-z][^`]*\| `([^`]+)`", PAGE.partition("what `result.json` says |")[2], re.MULTILINE)
     tests = (ROOT / "tests" / "integration" / "test_foreign_programs.py").read_text()
@@ -35,7 +35,7 @@ def test_every_fault_on_the_page_is_one_that_is_told():
 @pytest.mark.slow
 @pytest.mark.end_to_end
 @pytest.mark.debian
-def test_the_commands_of_the_page_lead_to_flights_of_one_digest(tmp_path):
+def test_the_commands_of_the_page_lead_to_runs_of_one_digest(tmp_path):
     if shutil.which("cc") is None:
         pytest.skip("needs a C compiler: apt-get install gcc")
     for file in PARTICIPANT_TEMPLATES.iterdir():

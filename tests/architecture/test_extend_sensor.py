@@ -16,7 +16,7 @@ def package(lay_out_package, tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_the_sensor_is_listed_and_flies(package, gslcosim_with, tmp_path):
+def test_the_sensor_is_listed_and_runs(package, gslcosim_with, tmp_path):
     listed = json.loads(gslcosim_with(package, ["list", "sensors", "--json"], tmp_path).stdout)["sensors"]
     assert "clicks" in [row["name"] for row in listed]
     (command,) = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
@@ -31,15 +31,15 @@ def test_the_sensor_is_listed_and_flies(package, gslcosim_with, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("block", "told"),
+    ("block", "expected"),
     [
         ("{model: clicks, name: nose, above_ppm: 0}", "above_ppm: expected a number greater than 0"),
         ("{model: clicks, name: nose, below_ppm: 1}", "below_ppm: expected one of the keys"),
         ("{model: clikcs, name: nose}", "Did you mean clicks?"),
     ],
 )
-def test_what_it_does_not_have_is_refused_with_its_place(package, gslcosim_with, tmp_path, block, told):
+def test_what_it_does_not_have_is_refused_with_its_place(package, gslcosim_with, tmp_path, block, expected):
     done = gslcosim_with(package, ["validate", "tiny_room", "--set", f"agents[0].sensors=[{block}]"], tmp_path)
     assert done.returncode == 2
     assert "agents[0].sensors[0]" in done.stdout + done.stderr
-    assert told in done.stdout + done.stderr
+    assert expected in done.stdout + done.stderr

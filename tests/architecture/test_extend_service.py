@@ -31,7 +31,7 @@ def flown(words, package, gslcosim_with, folder):
 @pytest.mark.slow
 @pytest.mark.tour
 @pytest.mark.end_to_end
-def test_a_service_of_a_package_flies_in_one_process_and_in_many_with_one_digest(package, gslcosim_with, tmp_path):
+def test_a_service_of_a_package_runs_in_one_process_and_in_many_with_one_digest(package, gslcosim_with, tmp_path):
     (command,) = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
     program, *words = shlex.split(command)
     assert program == "gslcosim"
@@ -81,23 +81,23 @@ def curve(recording, entity):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("setting", "told"),
+    ("setting", "found"),
     [
         ("gas.tape=true", "gas.tape: true"),
         ("gas.model=gaussian_plume", "gas.model: gaussian_plume"),
     ],
 )
-def test_gas_that_would_not_follow_is_refused(package, gslcosim_with, tmp_path, setting, told):
+def test_gas_that_would_not_follow_is_refused(package, gslcosim_with, tmp_path, setting, found):
     words = ["validate", "tiny_room", "--set", "services=[{name: ventilation}]", "--set", setting]
     done = gslcosim_with(package, words, tmp_path)
     assert done.returncode == 2
     expected = "services: expected none that changes the wind, as ventilation does, with gas that does not follow it"
-    assert f"{expected}, was {told}" in done.stdout + done.stderr
+    assert f"{expected}, was {found}" in done.stdout + done.stderr
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("block", "told"),
+    ("block", "expected"),
     [
         ("{name: ventilation, above_ppm: 0}",
          "services[0].above_ppm: expected a number greater than 0 in ppm, was 0."),
@@ -108,7 +108,7 @@ def test_gas_that_would_not_follow_is_refused(package, gslcosim_with, tmp_path, 
          "was 'ventilaton'."),
     ],
 )  # fmt: skip
-def test_what_no_package_offers_is_refused(package, gslcosim_with, tmp_path, block, told):
+def test_what_no_package_offers_is_refused(package, gslcosim_with, tmp_path, block, expected):
     done = gslcosim_with(package, ["validate", "tiny_room", "--set", f"services=[{block}]"], tmp_path)
     assert done.returncode == 2
-    assert told in done.stdout + done.stderr
+    assert expected in done.stdout + done.stderr

@@ -34,7 +34,7 @@ def package(lay_out_package, tmp_path_factory):
 
 @pytest.mark.slow
 @pytest.mark.tour
-def test_the_criterion_of_a_package_is_flown_told_and_judged(package, gslcosim_with, tmp_path):
+def test_the_criterion_of_a_package_is_run_reported_and_judged(package, gslcosim_with, tmp_path):
     (command,) = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
     program, *words = shlex.split(command)
     assert program == "gslcosim"
@@ -50,7 +50,7 @@ def test_the_criterion_of_a_package_is_flown_told_and_judged(package, gslcosim_w
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("block", "told"),
+    ("block", "expected"),
     [
         ("{of: stay, for_s: 0}", "referee.success.for_s: expected a number greater than 0 in seconds, was 0."),
         ("{of: stay, horizontal: true}",
@@ -60,7 +60,7 @@ def test_the_criterion_of_a_package_is_flown_told_and_judged(package, gslcosim_w
          "Did you mean stay?"),
     ],
 )  # fmt: skip
-def test_what_the_block_does_not_have_is_refused(package, gslcosim_with, tmp_path, block, told):
+def test_what_the_block_does_not_have_is_refused(package, gslcosim_with, tmp_path, block, expected):
     done = gslcosim_with(package, ["validate", "tiny_room", "--set", f"referee.success={block}"], tmp_path)
     assert done.returncode == 2
-    assert told in done.stdout + done.stderr
+    assert expected in done.stdout + done.stderr

@@ -72,7 +72,7 @@ VARIANTS = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("page", "piece"), PIECES + VARIANTS, ids=lambda value: value[:30].replace("\n", " "))
-def test_pieces_of_scenarios_fly_and_have_gas(page, piece, tmp_path, monkeypatch):
+def test_pieces_of_scenarios_run_and_have_gas(page, piece, tmp_path, monkeypatch):
     """As a reader would try them: put into a small room, flown, and sampled."""
     monkeypatch.setenv("GSLCOSIM_CACHE", str(tmp_path / "cache"))
     values = yaml.safe_load((ROOT / "scenarios" / "tiny_room.yaml").read_text())

@@ -92,7 +92,7 @@ def folders(tmp_path):
     return tmp_path / "agents", tmp_path / "docs"
 
 
-def test_a_row_and_a_section_tell_all_that_a_card_has(folders):
+def test_a_row_and_a_section_show_all_that_a_card_has(folders):
     page = build_methods_page(*folders)
     assert "| [First](#first) | anchor | Doe, Roe 1999 | 2 gas | map | 2 | 3 to 10 | yes |  |  |" in page
     assert "| `step_m` | 1 | 0.5 to 5 m | length of a leg | [M] |" in page

@@ -1,6 +1,7 @@
 """The generated pages are current and complete."""
 
 import inspect
+import re
 from pathlib import Path
 
 import pytest
@@ -69,3 +70,13 @@ def test_links_of_a_page_lead_somewhere(name):
     targets = {part.split(")")[0] for part in text.split("](")[1:]}
     local = {target.split("#")[0] for target in targets if not target.startswith("http")} - {""}
     assert [target for target in local if not (ROOT / "docs" / target).exists()] == []
+
+
+def test_each_word_stands_once_and_its_module_is_there():
+    words = (ROOT / "docs" / "notation.md").read_text().split("## Words")[1].split("## Frames")[0]
+    rows = [row.split(" | ") for row in words.splitlines() if row.startswith("| ") and not row.startswith("| word")]
+    assert rows
+    names = [name for row in rows for name in row[0].removeprefix("| ").split(", ")]
+    assert [name for name in set(names) if names.count(name) > 1] == []
+    places = re.findall(r"`((?:gslcosim|services)/[^`*]+)`", words)
+    assert [place for place in places if not (ROOT / place).exists()] == []

@@ -25,7 +25,7 @@ def test_every_module_and_every_public_block_has_a_sentence():
 
 
 @pytest.mark.slow
-def test_the_example_flies(tmp_path):
+def test_the_example_runs(tmp_path):
     start = f"agents[0].start={{python: {ROOT / EXAMPLE}}}"
     arguments = ["--set", start, "--set", "recording.enabled=false", "--in-process", "--runs-dir", str(tmp_path)]
     assert main(["up", "tiny_room", *arguments]) in (0, 1)

@@ -100,7 +100,7 @@ def test_a_fork_server_starts_with_nothing_but_python():
 
 
 @pytest.mark.slow
-def test_a_recorder_that_has_imported_early_imports_nothing_in_the_flight(quickstart_room, tmp_path):
+def test_a_recorder_that_has_imported_early_imports_nothing_in_the_run(quickstart_room, tmp_path):
     """What it imports later, the flight waits for: pandas, which pyarrow looks for, was half of it."""
     call = [sys.executable, "-c", RECORDER, str(quickstart_room), str(tmp_path / "r.rrd")]
     assert subprocess.run(call, capture_output=True, text=True, check=True).stdout.split() == []

@@ -4,7 +4,7 @@ Run with `make bench-against`, or `python tests/benchmarks/bench_against.py --ba
 Rows that take minutes each come last and once: `--skip suite cold peers` leaves them out.
 The other commit is checked out into a temporary folder and flies with the same packages, so that both meet the same
 machine at the same time. The processor's time counts all processes of a run; what starting costs is left out of figures
-"a tick", which come from the difference of a long and a short flight.
+"a tick", which come from the difference of a long and a short run.
 """
 
 import argparse
@@ -28,7 +28,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 SCENARIO = "warehouse_empty"
 SHORT_S, LONG_S = 20, 200
-# An agent that never finds the source, so that flights last as long as they are told.
+# An agent that never finds the source, so that runs last as long as their limit says.
 SUITE, N_REPETITIONS = "gsl_bench_2023", 10
 BLIND = ["--set", "referee.success.within_m=0.001"]
 LOCKSTEP = [*BLIND, "--set", "agents[0].mode=lockstep"]
@@ -40,7 +40,7 @@ GROUPED = ["--processes", "grouped"]
 
 @dataclass(frozen=True, kw_only=True)
 class Code:
-    """A version of gslcosim that can be flown."""
+    """A version of gslcosim that can be run."""
 
     name: str
     python: Path
@@ -49,7 +49,7 @@ class Code:
 
 @dataclass(frozen=True, kw_only=True)
 class Flown:
-    """What one flight took: processor's time of all its processes, and what `result.json` says."""
+    """What one run took: processor's time of all its processes, and what `result.json` says."""
 
     cpu_s: float
     result: dict[str, Any]
@@ -98,7 +98,7 @@ def fly(code: Code, runs_dir: str, arguments: list[str]) -> Flown:
 
 @dataclass
 class Footprint:
-    """The most that all processes of a flight have taken at one time."""
+    """The most that all processes of a run have taken at one time."""
 
     memory_mb: float = math.nan
     n_threads: float = math.nan
@@ -129,7 +129,7 @@ def descendants(pid: int) -> list[int]:
 
 
 def footprint(code: Code, runs_dir: str) -> Footprint:
-    """Return what a flight with separate processes takes."""
+    """Return what a run with separate processes takes."""
     call = [code.python, "-m", "gslcosim", "up", SCENARIO, "--quiet", "--runs-dir", runs_dir, *BLIND, *until(LONG_S)]
     taken = Footprint()
     process = subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=runs_dir)
@@ -174,7 +174,7 @@ def warm_server(code: Code) -> Iterator[None]:
 
 
 def cold_s(code: Code) -> float:
-    """Return how long the quickstart takes where nothing is cached: kernels compiled, wind solved, flight."""
+    """Return how long the quickstart takes where nothing is cached: kernels compiled, wind solved, run."""
     with tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "GSLCOSIM_CACHE": f"{folder}/cache", "XDG_CACHE_HOME": f"{folder}/cache"}
         environment.pop("NUMBA_CACHE_DIR", None)
@@ -199,16 +199,16 @@ def peers_ratios() -> dict[str, float]:
         return {}
     done = subprocess.run([sys.executable, script, "--n", "3", "--json"], check=True, capture_output=True, text=True)
     ratios = json.loads(done.stdout)["ratios"]
-    return {told["shape"]: told["median"] for told in ratios if told["peer"] == "HELICS"}
+    return {ratio["shape"]: ratio["median"] for ratio in ratios if ratio["peer"] == "HELICS"}
 
 
 def until(limit_s: int) -> list[str]:
-    """Return the option for a flight of that length."""
+    """Return the option for a run of that length."""
     return ["--set", f"referee.stop.time_limit_s={limit_s}"]
 
 
 def cpu_us_a_tick(code: Code, runs_dir: str, arguments: list[str]) -> tuple[float, Flown]:
-    """Return what a tick costs, and the long flight."""
+    """Return what a tick costs, and the long run."""
     short, long = (fly(code, runs_dir, [*arguments, *until(limit_s)]) for limit_s in (SHORT_S, LONG_S))
     n_ticks = long.result["ticks"] - short.result["ticks"]
     return 1e6 * (long.cpu_s - short.cpu_s) / n_ticks, long
@@ -259,10 +259,10 @@ def measure(code: Code, runs_dir: str, *, has_tape: bool, has_groups: bool, has_
     }
 
 
-def share_of_recorder(figures: dict[str, float], way: str) -> float:
+def share_of_recorder(figures: dict[str, float], key: str) -> float:
     """Return what recording costs of a run's speed, as a share."""
-    with_it = figures["speed_one" if way else "speed_separate"]
-    return 1 - with_it / figures["speed_one_unrecorded" if way else "speed_unrecorded"]
+    with_it = figures["speed_one" if key else "speed_separate"]
+    return 1 - with_it / figures["speed_one_unrecorded" if key else "speed_unrecorded"]
 
 
 ROWS = (

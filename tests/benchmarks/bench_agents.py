@@ -1,6 +1,6 @@
-"""Print how many decisions per second agents give through each door, and how long a question and its answer take.
+"""Print how many decisions per second agents give over each transport, and how long a question and its answer take.
 
-A scripted world asks the same questions again and again, so what is measured is the door, the link and the agent.
+A scripted world asks the same questions again and again, so what is measured is the validator, the link and the agent.
 Run with `make bench-agents`, or `python tests/benchmarks/bench_agents.py [N_DECISIONS] [AGENT…]`, where an agent is
 `python` or the name of a folder in `agents/`.
 """
@@ -41,28 +41,28 @@ def questions() -> Iterator[Observation]:
 
 
 def briefing() -> Briefing:
-    """Return what the agent is told first."""
+    """Return the agent's briefing."""
     return golden_briefing(1).model_copy(update={"agent": AGENT})
 
 
-def through_door(wiring: ConnectionSpec, n_decisions: int) -> list[float]:
-    """Return the time of each question and its answer, checked by a run's own door [us]."""
-    wire = wiring.open()
+def through_transport(connection: ConnectionSpec, n_decisions: int) -> list[float]:
+    """Return the time of each question and its answer, checked by a run's own validator [us]."""
+    wire = connection.open()
     wire.start()
     try:
         wait_for(wire, "joined")
-        door = CommandValidator(AGENT)
+        transport = CommandValidator(AGENT)
         wire.send(Briefing, briefing().model_dump())
         times_us: list[float] = []
         for observation in itertools.islice(questions(), N_WARM + n_decisions):
             began = time.perf_counter_ns()
-            door.observed(observation)
+            transport.on_observation(observation)
             wire.send(Observation, observation.model_dump())
-            commands = door.received(wait_for(wire, "command"))
+            commands = transport.on_answer(wait_for(wire, "command"))
             times_us.append((time.perf_counter_ns() - began) / 1000)
             wire.acknowledge()
             if [command.kind for command in commands] != ["waypoint"]:
-                sys.exit(f"expected a waypoint, was {commands}: {door.faults}")
+                sys.exit(f"expected a waypoint, was {commands}: {transport.faults}")
         return times_us[N_WARM:]
     finally:
         wire.stop()
@@ -70,9 +70,9 @@ def through_door(wiring: ConnectionSpec, n_decisions: int) -> list[float]:
 
 def wait_for(wire: CheckTransport, kind: str) -> bytes:
     """Return the next event's data, which must be of this kind."""
-    told, data = wire.events.get(timeout=LIMIT_S)
-    if told != kind:
-        sys.exit(f"expected {kind}, was {told}: {data.decode(errors='replace')}")
+    event, data = wire.events.get(timeout=LIMIT_S)
+    if event != kind:
+        sys.exit(f"expected {kind}, was {event}: {data.decode(errors='replace')}")
     return data
 
 
@@ -97,25 +97,25 @@ def frame_of(frame_format: FrameFormat, message: Message) -> bytes:
     return encode_message(frame_format, type(message).__name__, codec.encode(message))
 
 
-def show(name: str, door: str, times_us: list[float], baseline_us: float | None = None) -> float:
+def show(name: str, transport: str, times_us: list[float], baseline_us: float | None = None) -> float:
     """Print one line and return the median round trip [us]."""
     median_us = statistics.median(times_us)
     slowest_us = statistics.quantiles(times_us, n=100)[-1]
     rate = 1e6 / statistics.fmean(times_us)
     added = "" if baseline_us is None else f"{median_us - baseline_us:+12.0f}"
-    print(f"{name:26}{door:16}{rate:12.0f}{median_us:12.0f}{slowest_us:12.0f}{added}")  # noqa: T201
+    print(f"{name:26}{transport:16}{rate:12.0f}{median_us:12.0f}{slowest_us:12.0f}{added}")  # noqa: T201
     return median_us
 
 
 def bench_python(n_decisions: int) -> None:
-    """Print one line for each door of the Python dung beetle, and how much the gateway adds to bare pipes."""
-    show("python, agent_kit", "zenoh", through_door(ConnectionSpec(command=(sys.executable, BEETLE)), n_decisions))
+    """Print one line for each transport of the Python dung beetle, and how much the gateway adds to bare pipes."""
+    show("python, agent_kit", "zenoh", through_transport(ConnectionSpec(command=(sys.executable, BEETLE)), n_decisions))
     for frame_format in ("msgpack", "json"):
         bare_us = show("python, no gateway", f"pipes {frame_format}", through_bare_pipes(frame_format, n_decisions))
-        for door in ("stdio", "tcp", "unix"):
-            command = (sys.executable, FRAMED, "stdio" if door == "stdio" else "socket", frame_format)
-            wiring = ConnectionSpec(command=command, door=door, format=frame_format)
-            show("python", f"{door} {frame_format}", through_door(wiring, n_decisions), bare_us)
+        for transport in ("stdio", "tcp", "unix"):
+            command = (sys.executable, FRAMED, "stdio" if transport == "stdio" else "socket", frame_format)
+            connection = ConnectionSpec(command=command, transport=transport, format=frame_format)
+            show("python", f"{transport} {frame_format}", through_transport(connection, n_decisions), bare_us)
 
 
 def bench_language(agent: LanguageAgent, n_decisions: int) -> None:
@@ -125,10 +125,10 @@ def bench_language(agent: LanguageAgent, n_decisions: int) -> None:
         print(f"{name:26}skipped: {agent.lacks or 'it takes minutes to build; see its README'}")  # noqa: T201
         return
     agent.build()
-    wiring = ConnectionSpec(
-        command=tuple(agent.started_by()), door=agent.door, format=agent.format, observations=agent.observations
+    connection = ConnectionSpec(
+        command=tuple(agent.started_by()), transport=agent.door, format=agent.format, observations=agent.observations
     )
-    show(name, f"{agent.door} {agent.format}", through_door(wiring, n_decisions))
+    show(name, f"{agent.door} {agent.format}", through_transport(connection, n_decisions))
 
 
 def main() -> None:

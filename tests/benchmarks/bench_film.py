@@ -50,8 +50,8 @@ def main():
     for name, rows in (("drawn", drawn), ("drawn and encoded as MP4", filmed)):
         per_s, cpu_s = max(row[0] for row in rows), min(row[1] for row in rows)
         ratio = cpu_s / (min(loop) / LOOP_STEPS) / 1000
-        told = f"{name}: {per_s:.0f} frames/s, {1000 * cpu_s:.1f} ms of CPU a frame"
-        sys.stdout.write(f"{told}, {ratio:.0f} thousand steps of a loop\n")
+        line = f"{name}: {per_s:.0f} frames/s, {1000 * cpu_s:.1f} ms of CPU a frame"
+        sys.stdout.write(f"{line}, {ratio:.0f} thousand steps of a loop\n")
     loop_ms = 1000 * min(loop)
     sys.stdout.write(f"asked: {ASKED_PER_S} frames/s; a plain loop of {LOOP_STEPS} steps takes {loop_ms:.0f} ms\n")
 

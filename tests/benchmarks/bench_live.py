@@ -1,6 +1,6 @@
-"""What a viewer beside a flight costs it, where nobody looks closely: speed with `--serve` over speed without.
+"""What a viewer beside a run costs it, where nobody looks closely: speed with `--serve` over speed without.
 
-Flights in turns, the quickstart for its whole 300 s of simulated time.
+Runs in turns, the quickstart for its whole 300 s of simulated time.
 """
 
 import argparse
@@ -18,7 +18,7 @@ FLIGHT = (
 
 
 def speed(folder: Path, *arguments: str) -> float:
-    """Return times real time of a flight; a viewer is closed once it has been given everything."""
+    """Return times real time of a run; a viewer is closed once it has been given everything."""
     call = [*FLIGHT, "--runs-dir", str(folder), *arguments]
     flight = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert flight.stdout is not None

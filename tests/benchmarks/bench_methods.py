@@ -2,7 +2,7 @@
 
 `make bench-methods` prints it. Agent objects fly through a scripted room (method_flights.py), in this process and on
 one thread; what counts is the processor time of a decision together with the observations since the one before it, the
-least of three equal flights, so that other programs on the machine hardly matter. The first decisions of a flight are
+least of three equal runs, so that other programs on the machine hardly matter. The first decisions of a run are
 left out: they load what numba has compiled.
 
 Beside it stands what a look one move ahead takes in plain numpy: for each move and each of four counts of hits the
@@ -10,7 +10,7 @@ posterior over all cells and its entropy, on as many cells as the belief that th
 
 `alone` is the 95th percentile of the decision without the observations before it, which come ten times a second while
 the vehicle flies and holds. PASS: the 95th percentile with them keeps the limit of the method's card. With names as
-arguments only these are flown; `--save` writes docs/studies/method_costs.json, from which the page of methods takes its
+arguments only these are run; `--save` writes docs/studies/method_costs.json, from which the page of methods takes its
 column.
 """
 
@@ -88,7 +88,7 @@ def cost_of(name: str, program: Path, numpy_ms: dict[tuple[int, int], float]) ->
     each_s = [list(islice(flight.decisions_s(), n_warm + N_DECISIONS))[n_warm:] for flight in flights]
     if not each_s[0]:
         raise RuntimeError("expected decisions after those that are left out, was none")
-    # Equal seeds decide alike: what a decision took longer in one flight than in another, others on the machine took.
+    # Equal seeds decide alike: what a decision took longer in one run than in another, others on the machine took.
     with_observations_s, alone_s = np.min(each_s, axis=0).T
     n_cells = max(vehicle.n_belief_cells for vehicle in flights[0].vehicles) or PLAN_CELLS
     n_moves = 5 if card.dimensions == 2 else 7
@@ -136,7 +136,7 @@ def _expected_entropies(prior: np.ndarray, rates: np.ndarray) -> list[float]:
 
 
 def save(costs: list[Cost]) -> None:
-    """Write the measured costs for the page of methods; methods that were not flown keep theirs."""
+    """Write the measured costs for the page of methods; methods that were not run keep theirs."""
     saved = json.loads(COSTS.read_text(encoding="utf-8"))["methods"] if COSTS.is_file() else {}
     saved |= {cost.name: {"p50_ms": _short(cost.p50_ms), "p95_ms": _short(cost.p95_ms)} for cost in costs}
     known = methods()

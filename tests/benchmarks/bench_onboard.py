@@ -1,6 +1,6 @@
 """What on-board sensors cost, beside their targets: whole runs with and without them, and single readings.
 
-`make bench-robots` prints it too. Runs are flown in this process, in turns, unrecorded; the time is that of this
+`make bench-robots` prints it too. Runs are run in this process, in turns, unrecorded; the time is that of this
 process, and of each tick the best of all rounds counts, so that what else the machine does is left out.
 """
 
@@ -43,7 +43,7 @@ TICK_NS = 100_000_000
 
 
 class Ticks:
-    """Notes the time of this process wherever a flight reports: at every tick."""
+    """Notes the time of this process wherever a run reports: at every tick."""
 
     def __init__(self) -> None:
         self.marks: list[tuple[float, float]] = []

@@ -2,7 +2,7 @@
 
 Each participant is a process of its own and says 200 bytes at each tick to the next one. In the closed loop every tick
 waits for the agent, the last of the five, whom the first one reads; in the open one participants may run ahead. All
-start anew for each figure; starting is left out. gslcosim checks, encodes and digests each message, the others carry
+start again for each figure; starting is left out. gslcosim checks, encodes and digests each message, the others carry
 text as it is. Ratios are medians over the rounds, since only figures of one round have met the same machine.
 
     make bench-peers
@@ -117,9 +117,9 @@ def table(speeds: Speeds) -> str:
             cells = (f"{statistics.median(speeds[contestant.name, shape]):22.0f}" for shape in SHAPES)
             lines.append(f"{contestant.title:34}{''.join(cells)}")
     for family in ("HELICS", "mosaik"):
-        told = [ratios(family, shape, speeds) for shape in SHAPES]
-        if all(told):
-            lines.append(f"{f'gslcosim / the best of {family}':34}" + "".join(_ratio_text(*found) for found in told))
+        report = [ratios(family, shape, speeds) for shape in SHAPES]
+        if all(report):
+            lines.append(f"{f'gslcosim / the best of {family}':34}" + "".join(_ratio_text(*found) for found in report))
     return "\n".join(lines) + "\n"
 
 
@@ -132,7 +132,7 @@ def _ratio_text(best: str, values: list[float]) -> str:
 def as_json(speeds: Speeds) -> str:
     """Return all figures and ratios."""
     found = {(family, shape): ratios(family, shape, speeds) for family in ("HELICS", "mosaik") for shape in SHAPES}
-    told = {
+    report = {
         "ticks_per_s": [{"name": name, "shape": shape, "rounds": rounds} for (name, shape), rounds in speeds.items()],
         "ratios": [
             {"peer": pair[0], "shape": shape, "median": statistics.median(pair[1]), "rounds": pair[1]}
@@ -140,7 +140,7 @@ def as_json(speeds: Speeds) -> str:
             if pair
         ],
     }
-    return json.dumps(told, indent=2) + "\n"
+    return json.dumps(report, indent=2) + "\n"
 
 
 def chosen(names: Sequence[str], peers_python: Path) -> list[Contestant]:

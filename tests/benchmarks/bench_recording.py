@@ -1,4 +1,4 @@
-"""What recording costs: microseconds per tick, on one core, of a flight of 300 s with one agent; best of several runs.
+"""What recording costs: microseconds per tick, on one core, of a run of 300 s with one agent; best of several runs.
 
 Run `python tests/benchmarks/bench_recording.py`.
 """

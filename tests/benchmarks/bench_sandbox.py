@@ -1,4 +1,4 @@
-"""What a sandbox of its agent costs a flight: speed and start with each sandbox over those without, in turns.
+"""What a sandbox of its agent costs a run: speed and start with each sandbox over those without, in turns.
 
 The quickstart as it is, without its recording.
 """
@@ -18,7 +18,7 @@ ALL = ("none", "bubblewrap", "landlock")
 
 
 def flown(folder: Path, sandbox: str, within_m: float) -> dict[str, float]:
-    """Return the figures of one flight."""
+    """Return the figures of one run."""
     settings = ("--set", f"agents[0].sandbox={sandbox}", "--set", f"referee.success.within_m={within_m}")
     ended = subprocess.run([*FLIGHT, "--runs-dir", str(folder), *settings], capture_output=True, text=True, check=False)
     result = json.loads(ended.stdout)

@@ -46,8 +46,8 @@ def bench(scenario: str, n_rounds: int) -> None:
             fork, taken_s = _call(*words)
             from_snapshot_s.append(taken_s)
             assert len({each["digest"] for each in (plain, run, whole, fork)}) == 1
-        shelf = place / "kept" / run["run_id"] / "snapshots"
-        n_bytes = sum(file.stat().st_size for file in shelf.rglob("*") if file.is_file())
+        snapshots = place / "kept" / run["run_id"] / "snapshots"
+        n_bytes = sum(file.stat().st_size for file in snapshots.rglob("*") if file.is_file())
     cost = statistics.median(b / a for a, b in zip(plain_s, kept_s, strict=True))
     gain = statistics.median(a / b for a, b in zip(from_start_s, from_snapshot_s, strict=True))
     lines = (

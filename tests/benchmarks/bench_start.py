@@ -13,11 +13,11 @@ import time
 
 COMMAND = [sys.executable, "-m", "gslcosim"]
 FLIGHT = ["up", "warehouse_empty", "--set", "referee.stop.time_limit_s=0.1"]
-WAYS: dict[str, list[str]] = {"cold": [], "warm": ["--warm"]}
+STARTS: dict[str, list[str]] = {"cold": [], "warm": ["--warm"]}
 
 
 def begin(runs_dir, arguments):
-    """Fly one tick; return when it was flown, when the command ended [s], and the processor's time of the command."""
+    """Fly one tick; return when it was run, when the command ended [s], and the processor's time of the command."""
     began = time.perf_counter()
     call = [*COMMAND, *FLIGHT, "--runs-dir", runs_dir, *arguments]
     process = subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
@@ -33,7 +33,7 @@ def begin(runs_dir, arguments):
 def main():
     """Fly in turns and print medians."""
     n = int(sys.argv[1]) if len(sys.argv) > 1 else 7
-    rounds = {way: [] for way in WAYS}
+    rounds = {start: [] for start in STARTS}
     with tempfile.TemporaryDirectory() as place:
         os.environ["TMPDIR"] = place
         os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -44,14 +44,14 @@ def main():
                 sys.exit("bench_start: expected a server, it has ended.")
             ready_s = time.perf_counter() - began
             for i in range(n + 1):
-                for way, arguments in WAYS.items():
+                for start, arguments in STARTS.items():
                     taken = begin(place, arguments)
                     if i:  # the first fills the caches
-                        rounds[way].append(taken)
+                        rounds[start].append(taken)
         finally:
             server.terminate()
             server.wait()
-    cold, warm = ([statistics.median(column) for column in zip(*rounds[way], strict=True)] for way in WAYS)
+    cold, warm = ([statistics.median(column) for column in zip(*rounds[start], strict=True)] for start in STARTS)
     print(f"start of the quickstart, {os.cpu_count()} cores, medians of {n} rounds in turns")  # noqa: T201
     print(f"{'':28}{'warm / cold':>12}{'cold':>10}{'warm':>10}")  # noqa: T201
     titles = ("first tick [s]", "end of a run of one tick [s]", "processor time of command [s]")

@@ -1,9 +1,9 @@
 """What a suite costs: time per trial and its parts, how busy the workers are, and whether their memory stays flat.
 
-    python tests/benchmarks/bench_suite.py                    # 500 short flights by one worker, then by all cores
+    python tests/benchmarks/bench_suite.py                    # 500 short runs by one worker, then by all cores
     python tests/benchmarks/bench_suite.py --suite gsl_bench_2023 --only repetition=0
 
-Times are given beside a loop of plain Python that is run between the flights, so that machines can be compared.
+Times are given beside a loop of plain Python that is run between the runs, so that machines can be compared.
 """
 
 import argparse
@@ -50,7 +50,7 @@ class Memory:
         self.samples_mb.append((progress.done, max(sizes, default=0.0)))
 
     def after(self, share: float, total: int) -> float:
-        """Return the largest worker's memory when so much of the flights was over [MB]."""
+        """Return the largest worker's memory when so much of the runs was over [MB]."""
         return next((size for done, size in self.samples_mb if done >= share * total), self.samples_mb[-1][1])
 
 
@@ -89,11 +89,11 @@ def tell(n_jobs: int, results: Results, wall: dict[str, Any], memory: Memory, to
     """Print the figures of a run."""
     n, loop_s = len(results), wall["reference_loop_s"]
     parts = {part: float(np.nansum(results.array(f"wall_{part}_s"))) / n for part in PARTS}
-    told = ", ".join(f"{part} {1000 * taken_s:.1f} ms" for part, taken_s in parts.items())
+    parts_text = ", ".join(f"{part} {1000 * taken_s:.1f} ms" for part, taken_s in parts.items())
     lines = [
         f"{n_jobs} workers, {n} flights, {results.array('end_s').sum():.0f} s simulated: {total_s:.0f} s in all, "
         f"preparing {wall['preparing_s']:.0f} s",
-        f"  a flight: {told}",
+        f"  a flight: {parts_text}",
         f"  busy {100 * wall['busy_share']:.0f} % of the time after preparation, "
         f"flying {100 * wall['flying_share']:.0f} %",
         f"  a flight costs {sum(parts.values()) / loop_s:.1f} times a loop of plain Python ({1000 * loop_s:.1f} ms)",

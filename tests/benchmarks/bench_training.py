@@ -1,4 +1,4 @@
-"""Prints how fast searches are flown for learning: a batch of them, beside a loop over single environments.
+"""Prints how fast searches are run for learning: a batch of them, beside a loop over single environments.
 
 An agent step is one tick of one agent: vehicle, wind, gas, sensors and referee. Both fly the same scenario with the
 same actions in turns, in this process; only the ratio means something on another machine. Figures are medians of the
@@ -26,7 +26,7 @@ POINT_ROBOT, QUADROTOR = "agents[0].vehicle.model=holonomic", "agents[0].vehicle
 # Obstacles are racks; sensors a MOX sensor and an anemometer, as the scenario has them.
 COMMON = ("agents[0].vehicle.avoidance=none", "referee.stop.time_limit_s=100")
 PLUME, TAPE = "gas.model=gaussian_plume", "gas.model=filament"
-# What is flown, and how it flies in the batch.
+# What is run, and how it flies in the batch.
 KINDS = {
     "plume": ((*COMMON, POINT_ROBOT, PLUME), "exact"),
     "filaments": ((*COMMON, POINT_ROBOT, TAPE), "exact"),
@@ -36,7 +36,7 @@ KINDS = {
 
 @dataclass
 class Pace:
-    """What was flown in how long."""
+    """What was run in how long."""
 
     ticks: int = 0
     decisions: int = 0
@@ -68,8 +68,8 @@ def line_of(name: str, paces: list[Pace]) -> str:
     """Return the medians of rounds as a line."""
     steps, busy = median_of(paces, "steps_per_s"), median_of(paces, "steps_per_cpu_s")
     decisions = median_of(paces, "decisions_per_s")
-    told = f"{steps:12,.0f} agent steps/s, {busy:12,.0f} of each processor, {decisions:12,.0f} decisions/s"
-    return f"{name:42} {told}"
+    line = f"{steps:12,.0f} agent steps/s, {busy:12,.0f} of each processor, {decisions:12,.0f} decisions/s"
+    return f"{name:42} {line}"
 
 
 def fly_batch(env: BatchSearchEnv, rng: np.random.Generator, seconds: float, pace: Pace) -> None:

@@ -1,4 +1,4 @@
-"""Flights of agent objects through a scripted room, for timing: no processes, no physics, the same for every method.
+"""Runs of agent objects through a scripted room, for timing: no processes, no physics, the same for every method.
 
 The room is 15 x 15 x 8 m with a map of 75 x 75 cells, a box in its middle, a wind that turns a little, and a patchy
 plume. Vehicles fly straight at 1 m/s and hold; they observe at 10 Hz, all of them in turn, and hear each other.
@@ -174,7 +174,7 @@ class Vehicle:
     agent: Agent
     sensors: tuple[SensorDescription, ...]
     position_m: Place
-    ways_m: deque[Place] = field(default_factory=deque)
+    targets_m: deque[Place] = field(default_factory=deque)
     velocity_m_s: Place = (0.0, 0.0, 0.0)
     until_s: float = 0.0
     hold_s: float = 0.0
@@ -188,22 +188,22 @@ class Vehicle:
         """Go on by a tick: along its velocity, to its next place, or not at all."""
         if any(self.velocity_m_s) and time_s < self.until_s:
             self._go([x + v * TICK_S for x, v in zip(self.position_m, self.velocity_m_s, strict=True)])
-        elif self.ways_m:
-            way_m = math.dist(self.ways_m[0], self.position_m)
-            share = min(1.0, SPEED_M_S * TICK_S / way_m) if way_m > 0.0 else 1.0
-            self._go([x + share * (end - x) for x, end in zip(self.position_m, self.ways_m[0], strict=True)])
+        elif self.targets_m:
+            length_m = math.dist(self.targets_m[0], self.position_m)
+            share = min(1.0, SPEED_M_S * TICK_S / length_m) if length_m > 0.0 else 1.0
+            self._go([x + share * (end - x) for x, end in zip(self.position_m, self.targets_m[0], strict=True)])
             if share == 1.0:
-                self.ways_m.popleft()
-                self.until_s = time_s + (0.0 if self.ways_m else self.hold_s)
+                self.targets_m.popleft()
+                self.until_s = time_s + (0.0 if self.targets_m else self.hold_s)
 
     @property
     def status(self) -> str:
         """What it does, in the words of an observation."""
-        return "flying" if self.ways_m or any(self.velocity_m_s) else "holding"
+        return "flying" if self.targets_m or any(self.velocity_m_s) else "holding"
 
     def is_asked(self, time_s: float) -> bool:
-        """Whether it has done what it was told to."""
-        return not self.ways_m and time_s >= self.until_s - 1e-9
+        """Whether it has done what it was asked to."""
+        return not self.targets_m and time_s >= self.until_s - 1e-9
 
     def obey(self, command: Command, time_s: float) -> None:
         """Do what the agent says; places outside the room or in the box are refused."""
@@ -223,7 +223,7 @@ class Vehicle:
 
     def _set_out(self, places_m: list[Place]) -> None:
         if all(is_free(place_m) for place_m in places_m):
-            self.ways_m.extend(places_m)
+            self.targets_m.extend(places_m)
         else:
             self.notice = "waypoint: expected a place in free air, was within an obstacle or outside of the room."
 

@@ -1,4 +1,4 @@
-"""Every agent that ships keeps every rule, through every door that it speaks."""
+"""Every agent that ships keeps every rule, over every transport that it speaks."""
 
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -21,24 +21,24 @@ pytestmark = [pytest.mark.slow, pytest.mark.end_to_end, pytest.mark.timeout(BUIL
 
 # The other bundled methods are checked in test_methods.py.
 PYTHON = {"dung_beetle": (sys.executable, str(ROOT / "agents" / "dung_beetle" / "agent.py"))}
-WAYS = [(door, frame_format) for door in ("stdio", "tcp", "unix") for frame_format in ("msgpack", "json")]
+WAYS = [(transport, frame_format) for transport in ("stdio", "tcp", "unix") for frame_format in ("msgpack", "json")]
 N_AT_ONCE = 3
 
 
 def python_wirings():
-    """Yield the Python agents over Zenoh, and one through each door and format of the gateway."""
+    """Yield the Python agents over Zenoh, and one over each transport and format of the gateway."""
     for name, command in PYTHON.items():
         yield name, ConnectionSpec(command=command)
-    for door, frame_format in WAYS:
-        command = (sys.executable, str(FRAMED), "stdio" if door == "stdio" else "socket", frame_format)
-        yield f"{door}-{frame_format}", ConnectionSpec(command=command, door=door, format=frame_format)
+    for transport, frame_format in WAYS:
+        command = (sys.executable, str(FRAMED), "stdio" if transport == "stdio" else "socket", frame_format)
+        yield f"{transport}-{frame_format}", ConnectionSpec(command=command, transport=transport, format=frame_format)
 
 
 @pytest.fixture(scope="module")
 def reports():
     """The reports of the Python agents, made several at a time: a check mostly waits."""
     with ThreadPoolExecutor(N_AT_ONCE) as pool:
-        yield {name: pool.submit(check_agent, wiring, LIMITS) for name, wiring in python_wirings()}
+        yield {name: pool.submit(check_agent, connection, LIMITS) for name, connection in python_wirings()}
 
 
 @pytest.mark.parametrize("name", [name for name, _ in python_wirings()])
@@ -57,8 +57,8 @@ def test_a_new_python_agent_keeps_every_rule(tmp_path):
 @pytest.mark.debian
 def test_an_agent_of_another_language_keeps_every_rule(agent):
     agent.build()
-    wiring = ConnectionSpec(
-        command=tuple(agent.started_by()), door=agent.door, format=agent.format, observations=agent.observations
+    connection = ConnectionSpec(
+        command=tuple(agent.started_by()), transport=agent.door, format=agent.format, observations=agent.observations
     )
-    report = check_agent(wiring, LIMITS)
+    report = check_agent(connection, LIMITS)
     assert report.has_passed, report.as_text()

@@ -116,10 +116,12 @@ N_AT_ONCE = 5
 pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
 
 
-def check(name, door, frame_format, folder):
-    command = (sys.executable, str(MUTANT), name, door, frame_format)
+def check(name, transport, frame_format, folder):
+    command = (sys.executable, str(MUTANT), name, transport, frame_format)
     limits = IMPATIENT if name in BREAKS_A_LIMIT else PATIENT
-    return check_agent(ConnectionSpec(command=command, door=door, format=frame_format, directory=folder), limits)
+    return check_agent(
+        ConnectionSpec(command=command, transport=transport, format=frame_format, directory=folder), limits
+    )
 
 
 @pytest.fixture(scope="module")

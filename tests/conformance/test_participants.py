@@ -25,16 +25,17 @@ def _without_a_pause_between_starts(monkeypatch):
     monkeypatch.setattr(check, "MIN_START_INTERVAL_S", 0.0)
 
 
-def checked(fault, at="3", door="stdio"):
+def checked(fault, at="3", transport="stdio"):
     command = (sys.executable, str(PROGRAM), fault, str(at))
     return check_participant(
-        ConnectionSpec(command=command, door=door, format="json"), IMPATIENT if fault in BREAKS_A_LIMIT else PATIENT
+        ConnectionSpec(command=command, transport=transport, format="json"),
+        IMPATIENT if fault in BREAKS_A_LIMIT else PATIENT,
     )
 
 
-@pytest.mark.parametrize("door", ["stdio", "unix", "tcp"])
-def test_a_right_program_keeps_every_rule(door):
-    report = checked("right", door=door)
+@pytest.mark.parametrize("transport", ["stdio", "unix", "tcp"])
+def test_a_right_program_keeps_every_rule(transport):
+    report = checked("right", transport=transport)
     assert report.has_passed, report.as_text()
     assert [finding.rule.id for finding in report.findings] == list(PARTICIPANT_RULES)
 

@@ -29,12 +29,12 @@ def streams():
     return connection.makefile("r"), connection.makefile("w")
 
 
-heard, told = streams()
+input_stream, output_stream = streams()
 
 
 def say(message):
-    told.write((message if isinstance(message, str) else json.dumps(message)) + "\n")
-    told.flush()
+    output_stream.write((message if isinstance(message, str) else json.dumps(message)) + "\n")
+    output_stream.flush()
 
 
 n_stepped = 0
@@ -55,10 +55,10 @@ if FAULT == "once_only":
     os.close(os.open(AT, os.O_CREAT | os.O_EXCL))
 if FAULT == "leaves":
     subprocess.Popen(["sleep", "600"], start_new_session=True, stdout=subprocess.DEVNULL)
-if told is not sys.stdout:
+if output_stream is not sys.stdout:
     say({"token": os.environ["GSLCOSIM_TOKEN"] if FAULT != "wrong_token" else "?"})
 say(hello)
-for line in heard:
+for line in input_stream:
     message = json.loads(line)
     if message["message"] == "Ending":
         break

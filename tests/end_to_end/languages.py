@@ -92,8 +92,8 @@ class LanguageAgent:
     def start_override(self, *methods: str) -> tuple[str, str]:
         """Return the arguments of `gslcosim up` that fly this agent instead of the scenario's."""
         command = json.dumps(self.started_by(*methods))
-        ways = f"door: {self.door}, format: {self.format}, observations: {self.observations}"
-        return "--set", f"agents[0].start={{command: {command}, {ways}}}"
+        options = f"door: {self.door}, format: {self.format}, observations: {self.observations}"
+        return "--set", f"agents[0].start={{command: {command}, {options}}}"
 
     # Relative paths of agent.yaml start at its folder.
     def _placed(self, argument: str) -> str:

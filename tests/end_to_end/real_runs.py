@@ -13,7 +13,7 @@ from pathlib import Path
 
 from gslcosim.cli.main import main
 
-# Scripts use these flights, too; pytest finds the folder by its settings.
+# Scripts use these runs, too; pytest finds the folder by its settings.
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "shared"))
 
 from deadlines import EVENT_S, PROCESS_S
@@ -34,7 +34,7 @@ STARTED: list["Flight"] = []
 
 @dataclass
 class Ended:
-    """A finished flight: exit code, result and what was said on standard error."""
+    """A finished run: exit code, result and what was said on standard error."""
 
     exit_code: int
     result: dict
@@ -44,7 +44,7 @@ class Ended:
 
 @dataclass
 class Flight:
-    """A flight going on in a process of its own."""
+    """A run going on in a process of its own."""
 
     process: subprocess.Popen
     runs_dir: Path
@@ -61,7 +61,7 @@ class Flight:
         raise AssertionError(f"no process {name!r} within {limit_s} s")
 
     def wait_until_flying(self, limit_s: float = EVENT_S) -> None:
-        """Wait until the first command has passed an agent's door."""
+        """Wait until the first command has passed an agent's validator."""
         deadline = time.monotonic() + limit_s
         while time.monotonic() < deadline:
             if any(self.runs_dir.glob("*/inputs.log")):
@@ -79,13 +79,13 @@ class Flight:
             wait_a_moment()
 
     def abandon(self) -> None:
-        """End a flight whose test has failed, so that it does not disturb the next one."""
+        """End a run whose test has failed, so that it does not disturb the next one."""
         if self.process.poll() is None:
             self.process.kill()
         self.process.communicate()
 
     def end(self, limit_s: float = PROCESS_S) -> Ended:
-        """Wait for the end; nothing the flight has started may be left."""
+        """Wait for the end; nothing the run has started may be left."""
         started = children_of(self.process.pid)
         output, errors = self.process.communicate(timeout=limit_s)
         assert_gone(started)

@@ -1,4 +1,4 @@
-"""`make bench-peers`: its own part runs, and what can go wrong is told; HELICS and mosaik are not needed."""
+"""`make bench-peers`: its own part runs, and what can go wrong is reported; HELICS and mosaik are not needed."""
 
 import json
 import subprocess
@@ -31,7 +31,7 @@ def test_help_has_an_example():
     assert "bench_peers.py --n 9 --ticks 5000 --json" in done.stdout
 
 
-def test_missing_peers_are_told_with_what_to_do(tmp_path):
+def test_missing_peers_are_reported_with_what_to_do(tmp_path):
     done = bench("--peers-python", tmp_path / "python")
     assert done.returncode == 1
     assert "`make bench-peers` makes it" in done.stderr
@@ -42,13 +42,13 @@ def test_missing_peers_are_told_with_what_to_do(tmp_path):
 def test_our_own_participants_pass_both_loops():
     done = bench("--only", "gslcosim", "--n", 1, "--ticks", 40, "--json")
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert [(row["name"], row["shape"]) for row in told["ticks_per_s"]] == [
+    output = json.loads(done.stdout)
+    assert [(row["name"], row["shape"]) for row in output["ticks_per_s"]] == [
         ("gslcosim", "closed"),
         ("gslcosim", "open"),
     ]
-    assert all(speed > 0 for row in told["ticks_per_s"] for speed in row["rounds"])
-    assert told["ratios"] == []
+    assert all(speed > 0 for row in output["ticks_per_s"] for speed in row["rounds"])
+    assert output["ratios"] == []
 
 
 def test_a_contestant_that_fails_is_named_with_what_it_said(tmp_path):
@@ -96,12 +96,12 @@ def test_in_the_closed_loop_alone_the_first_one_waits_for_the_agent():
     assert [place.reads for place in opened] == [None, *NAMES[:-1]]
 
 
-@pytest.mark.parametrize("heard", ["", text_of("agent", 3), text_of("world", 4)])
-def test_a_participant_refuses_what_is_not_of_the_tick_before(heard):
+@pytest.mark.parametrize("received", ["", text_of("agent", 3), text_of("world", 4)])
+def test_a_participant_refuses_what_is_not_of_the_tick_before(received):
     first = Participant(places("closed")[0])
     assert first.step(5, text_of("agent", 4)) == text_of("world", 5)
     with pytest.raises(ValueError, match="world at tick 5: expected 'agent 4"):
-        first.step(5, heard)
+        first.step(5, received)
 
 
 def test_speed_counts_from_the_first_step_of_anybody_to_the_last(tmp_path):

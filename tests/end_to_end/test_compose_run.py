@@ -35,7 +35,7 @@ def services() -> dict:
 
 @pytest.mark.end_to_end
 @pytest.mark.extras
-def test_the_processes_of_compose_fly_a_run_together(services, tmp_path):
+def test_the_processes_of_compose_make_one_run(services, tmp_path):
     """Volumes become folders, and the supervisor's host becomes this one; services start before their files exist."""
     replaced = {
         "/join": f"{tmp_path}/join",

@@ -1,4 +1,4 @@
-"""Each bundled scenario with events: what happens, one digest however it is flown, and the marks in its recording."""
+"""Each bundled scenario with events: what happens, one digest however it is run, and the marks in its recording."""
 
 import pytest
 from real_runs import ROOT, fly, fly_here
@@ -26,7 +26,7 @@ def test_there_is_a_scenario_for_each_kind():
 
 @pytest.mark.tour
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
-def test_an_example_flies_with_one_digest_in_one_process_and_in_many(tmp_path, path):
+def test_an_example_runs_with_one_digest_in_one_process_and_in_many(tmp_path, path):
     single = fly_here(path, tmp_path / "single", is_recorded=True)
     multi = fly(path, tmp_path / "multi")
     assert single.result["valid"], single.errors

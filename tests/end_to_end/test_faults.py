@@ -63,7 +63,7 @@ def test_a_fork_server_that_is_killed_before_it_has_forked_is_named(tmp_path):
 
 @linux
 @pytest.mark.parametrize("name", ["fields", "recorder", "fork_server"])
-def test_a_stopped_service_is_named_and_nobody_else(tmp_path, name):
+def test_a_stopped_service_is_named_and_no_other(tmp_path, name):
     """It keeps its link, and others soon wait for it: who stands still is seen by the system, not by what follows."""
     flight = long_flight(tmp_path, agent="holding")
     os.kill(flight.child("gslcosim_services " + name.replace("fork_server", "--fork-server")), signal.SIGSTOP)

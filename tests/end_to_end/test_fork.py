@@ -52,7 +52,7 @@ def past(tmp_path_factory):
 
 @pytest.mark.tour
 def test_another_method_goes_on_where_the_run_is_forked(past, tmp_path):
-    """Up to the tick nothing differs, and what differs first is the new agent's command; it can be flown again."""
+    """Up to the tick nothing differs, and what differs first is the new agent's command; it can be run again."""
     fork = forked(past.run_dir, tmp_path, 5, "--agent", "infotaxis", in_process=False)
     assert fork.exit_code in (0, 1), fork.errors
     found = compared(past.run_dir, fork.run_dir)
@@ -87,7 +87,7 @@ def test_agents_that_are_asked_every_tick_are_forked(tmp_path, mode):
 
 @pytest.mark.parametrize("door", ["zenoh", "stdio"])
 def test_a_program_of_its_own_lives_through_the_past(past, tmp_path, door):
-    """Whatever door it comes by, it answers from tick 0 on, and the log has the past agent's commands before."""
+    """Whatever transport it comes by, it answers from tick 0 on, and the log has the past agent's commands before."""
     program = {"zenoh": "holding.py", "stdio": "framed.py"}[door]
     start_block = f"{{command: [{sys.executable}, {AGENTS / program}], door: {door}}}"
     fork = forked(past.run_dir, tmp_path, 5, "--agent", start_block, in_process=False)
@@ -128,7 +128,7 @@ def test_other_wind_and_gas_blow_from_the_fork_on(past, tmp_path, in_process):
         assert main(["replay", str(fork.run_dir), "--json", "--runs-dir", str(tmp_path / "again")]) == 0
 
 
-def test_another_seed_is_told_and_named(past, tmp_path):
+def test_another_seed_is_reported_and_named(past, tmp_path):
     fork = forked(past.run_dir, tmp_path, 5, "--set", "agents[0].seed=3", "--agent", "infotaxis")
     assert fork.result["fork_of"]["divergence"] is None
     assert compared(past.run_dir, fork.run_dir)["told_otherwise"] == ["beetle"]
@@ -173,7 +173,7 @@ def test_an_interrupted_run_is_forked_as_far_as_it_came(tmp_path):
         (("--at", "5", "--set", "agents[0].start.python=./none.py"), "expected a Python file"),
     ],
 )
-def test_what_cannot_be_forked_is_refused_before_anything_flies(past, tmp_path, arguments, text):
+def test_what_cannot_be_forked_is_refused_before_anything_runs(past, tmp_path, arguments, text):
     refused = forked(past.run_dir, tmp_path, *arguments[1:2], *arguments[2:])
     assert (refused.exit_code, refused.run_dir) == (2, None)
     assert text in refused.errors
@@ -211,7 +211,7 @@ def test_a_failed_agent_is_replaced_before_it_failed_only(tmp_path):
     assert sooner.result["end_reason"] != "agent_failed", sooner.errors
 
 
-def test_a_past_that_does_not_repeat_is_told(past, tmp_path):
+def test_a_past_that_does_not_repeat_is_reported(past, tmp_path):
     """As after other code: the digests of the run are of something else."""
     digest = past.run_dir / "digest.json"
     kept = digest.read_text()
@@ -241,7 +241,7 @@ def test_random_runs_are_forked(tmp_path, case):
 
 
 def test_both_are_seen_in_one_recording(tmp_path):
-    """Each has its track, its curves and its notes; where they part is told once."""
+    """Each has its track, its curves and its notes; where they part is reported once."""
     from rerun.chunk import RrdReader
 
     past = fly_here(TINY_ROOM, tmp_path / "past", is_recorded=True)
@@ -254,10 +254,10 @@ def test_both_are_seen_in_one_recording(tmp_path):
         "/tracks/A_dung_beetle", "/tracks/B_infotaxis", "/plots/distance_m/A_dung_beetle",
         "/plots/distance_m/B_infotaxis", "/beliefs/B_infotaxis", "/events/A", "/events/B", "/gas/filaments",
     }  # fmt: skip
-    (told,) = (chunk.to_record_batch() for chunk in chunks if str(chunk.entity_path) == "/events/parting")
+    (row,) = (chunk.to_record_batch() for chunk in chunks if str(chunk.entity_path) == "/events/parting")
     tick = compared(past.run_dir, fork.run_dir)["divergence"]["tick"]
-    assert told.column("tick").to_pylist() == [tick]
-    text = told.column("TextLog:text").to_pylist()[0][0]
+    assert row.column("tick").to_pylist() == [tick]
+    text = row.column("TextLog:text").to_pylist()[0][0]
     assert text == f"They part at {tick / 10:g} s (forked at 5 s): agent_beetle, command/beetle"
     marks = [chunk for chunk in chunks if str(chunk.entity_path).endswith("/they_part") and not chunk.is_static]
     assert {str(chunk.entity_path) for chunk in marks} == {

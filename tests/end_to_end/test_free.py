@@ -40,7 +40,7 @@ def test_a_free_run_repeats_to_the_bit(tmp_path, processes):
 
 
 @pytest.mark.parametrize("processes", ["one", "grouped"])
-def test_agents_of_all_modes_fly_together(tmp_path, processes):
+def test_agents_of_all_modes_run_together(tmp_path, processes):
     """One is waited for at its waypoints, one at every tick, one never; they talk by radio."""
     modes = ("--set", "agents[0].mode=free", "--set", "agents[1].mode=lockstep", "--pace", "20")
     past = fly(SWARM, tmp_path / "past", *modes, *SHORT, "--processes", processes)
@@ -58,7 +58,7 @@ def test_agents_of_one_process_may_be_free(tmp_path):
 
 
 def test_time_does_not_wait_for_a_slow_agent(tmp_path):
-    """Half a second for a decision is ten seconds of flight at this pace: most ticks go by unanswered."""
+    """Half a second for a decision is ten seconds of run at this pace: most ticks go by unanswered."""
     slow = ("--set", f"agents[0].start={{python: {AGENTS / 'slow_listener.py'}}}")
     past = fly_here(TINY_ROOM, tmp_path / "past", *FREE, *slow)
     assert past.exit_code == 1, past.errors
@@ -76,7 +76,7 @@ def test_pace_alone_changes_no_digest(tmp_path):
         assert set(paced.result["pace"]) == {"factor", "worst_lag_s", "late_share", "lost_s"}
 
 
-def test_a_machine_that_cannot_keep_pace_is_told(tmp_path):
+def test_a_machine_that_cannot_keep_pace_is_reported(tmp_path):
     paced = fly_here(TINY_ROOM, tmp_path, *SHORT, "--pace", "1000")
     assert paced.result["pace"]["late_share"] > 0.5
     assert paced.result["real_time_factor"] < 1000

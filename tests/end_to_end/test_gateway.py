@@ -1,4 +1,4 @@
-"""Agents behind the gateway: the same digest through every door, and every wrong byte attributed."""
+"""Agents behind the gateway: the same digest over every transport, and every wrong byte attributed."""
 
 import json
 import os
@@ -15,7 +15,7 @@ DOORS = [(door, form) for door in ("stdio", "tcp", "unix") for form in ("msgpack
 
 
 def through(door, frame_format, **more):
-    """Return the override that flies the dung beetle through a door of the gateway."""
+    """Return the override that flies the dung beetle through a transport of the gateway."""
     streams = "stdio" if door == "stdio" else "socket"
     return overriding([sys.executable, str(AGENTS / "framed.py"), streams, frame_format], door, frame_format, **more)
 
@@ -42,12 +42,12 @@ def digest_over_zenoh(tmp_path_factory):
 
 
 @pytest.mark.parametrize(("door", "frame_format"), [DOORS[0], DOORS[5]])
-def test_every_door_gives_the_same_digest(tmp_path, digest_over_zenoh, door, frame_format):
+def test_every_transport_gives_the_same_digest(tmp_path, digest_over_zenoh, door, frame_format):
     assert digest_of(fly(TINY_ROOM, tmp_path, *through(door, frame_format))) == digest_over_zenoh
 
 
 @pytest.mark.parametrize(("door", "frame_format"), DOORS)
-def test_processes_fly_with_the_others_in_one_process(tmp_path, digest_over_zenoh, door, frame_format):
+def test_processes_run_with_the_others_in_one_process(tmp_path, digest_over_zenoh, door, frame_format):
     ended = fly_here(TINY_ROOM, tmp_path, *through(door, frame_format))
     assert digest_of(ended) == digest_over_zenoh
 
@@ -60,7 +60,7 @@ def test_only_what_is_asked_gives_the_same_digest(tmp_path, digest_over_zenoh):
 
 
 def test_a_temporary_directory_with_a_long_name_changes_nothing(tmp_path, monkeypatch, digest_over_zenoh):
-    """Addresses of unix sockets are short: the router's, a door's, and those of `agent check` and `doctor`."""
+    """Addresses of unix sockets are short: the router's, a transport's, and those of `agent check` and `doctor`."""
     long = tmp_path / ("l" * 100)
     long.mkdir()
     monkeypatch.setenv("TMPDIR", str(long))
@@ -163,7 +163,7 @@ def test_a_slow_reader_changes_nothing(tmp_path):
     assert ended.result["faults"] == []
 
 
-def test_an_agent_that_cannot_connect_is_told_why(tmp_path):
+def test_an_agent_that_cannot_connect_is_reported_why(tmp_path):
     """A wrong token is said together with the end of the process."""
     script = (
         "import os, socket; k, _, a = os.environ['GSLCOSIM_GATEWAY'].partition(':'); s = socket.socket(socket.AF_UNIX);"

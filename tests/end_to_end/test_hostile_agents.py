@@ -1,4 +1,4 @@
-"""Floods and payloads of a hundred megabytes, through both doors: the run goes on and memory stays bounded."""
+"""Floods and payloads of a hundred megabytes, through both transports: the run goes on and memory stays bounded."""
 
 import json
 import sys

@@ -54,14 +54,14 @@ def test_the_page_leads_from_two_machines_to_one_run(folders, tmp_path):
             copied.communicate(timeout=EVENT_S)
             assert copied.returncode == 0
             joined = shell(hosts.there, join, there)
-            told, errors = joined.communicate(timeout=PROCESS_S)
+            output, errors = joined.communicate(timeout=PROCESS_S)
             assert joined.returncode == 0, errors
             _, errors = flight.communicate(timeout=EVENT_S)
             assert flight.returncode in (0, 1), errors
         finally:
             flight.kill()
             flight.communicate()
-    assert "Took part as fields, sensing up to tick" in told
+    assert "Took part as fields, sensing up to tick" in output
     (run,) = (here / "runs").iterdir()
     alone = fly_here("tiny_room", tmp_path / "alone", is_recorded=True)
     assert f'"digest": "{alone.result["digest"]}"' in (run / "result.json").read_text()

@@ -101,7 +101,7 @@ def test_a_recording_without_a_byte_is_removed(tmp_path):
     assert not (flight.run_dir / "recording.rrd").exists()
 
 
-def test_a_recording_that_cannot_be_made_whole_is_told_though_the_run_was_interrupted(tmp_path):
+def test_a_recording_that_cannot_be_made_whole_is_reported_though_the_run_was_interrupted(tmp_path):
     """It names the file."""
     loaded = load_scenario(TINY_ROOM)
     folder = prepare_environment(loaded.scenario, scenario_dir=loaded.directory)

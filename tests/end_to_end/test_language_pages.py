@@ -32,7 +32,7 @@ def commands_of(page: str) -> list[str]:
 @pytest.mark.parametrize(
     "language", [pytest.param(page, marks=() if page in QUICK_PAGES else pytest.mark.soak) for page in PAGES]
 )
-def test_a_page_followed_literally_ends_in_a_flying_agent(tmp_path, language):
+def test_a_page_followed_literally_ends_in_a_running_agent(tmp_path, language):
     (agent,) = (agent for agent in language_agents() if agent.folder.name == f"dung_beetle_{language}")
     if agent.lacks:
         pytest.skip(f"docs/agents/{language}.md is not tried: this machine has no {agent.lacks}")

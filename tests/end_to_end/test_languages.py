@@ -24,13 +24,13 @@ SCENARIOS = {"tiny_room": (), "long": LONG}
 
 
 OVER_PIPES = [agent for agent in language_agents() if agent.door == "stdio"]
-# The first agent of each door and encoding: the flight of many processes knows nothing of languages.
-OF_EACH_DOOR = {(agent.door, agent.format): agent for agent in reversed(language_agents())}.values()
+# The first agent of each transport and encoding: the run of many processes knows nothing of languages.
+OF_EACH_TRANSPORT = {(agent.door, agent.format): agent for agent in reversed(language_agents())}.values()
 
 
 @pytest.fixture(scope="module")
 def reference(tmp_path_factory):
-    """The Python agent's flights in this framework's own process, by the scenario's name."""
+    """The Python agent's runs in this framework's own process, by the scenario's name."""
     runs_dir = tmp_path_factory.mktemp("reference")
     flights = {name: fly_here(TINY_ROOM, runs_dir / name, *changes) for name, changes in SCENARIOS.items()}
     assert all(flight.result["valid"] for flight in flights.values())
@@ -40,7 +40,7 @@ def reference(tmp_path_factory):
 @of_every_language(OVER_PIPES)
 @pytest.mark.parametrize("series", SERIES, ids=lambda series: f"seed_{series['seed']}")
 def test_a_language_answers_the_golden_series_to_the_bit(agent, series):
-    """Walls, corners, refusals and random draws, all of which a flight may happen not to visit."""
+    """Walls, corners, refusals and random draws, all of which a run may happen not to visit."""
     agent.build()
     commands, exit_code = answers(agent.started_by(), agent.format, golden_session(series))
     assert exit_code == 0
@@ -71,16 +71,16 @@ def test_a_language_refuses_a_contract_of_another_major_version(agent, capfd):
     assert "2.0" in capfd.readouterr().err
 
 
-@of_every_language(OF_EACH_DOOR)
-def test_a_language_flies_like_python_among_many_processes(tmp_path, reference, agent):
+@of_every_language(OF_EACH_TRANSPORT)
+def test_a_language_runs_like_python_among_many_processes(tmp_path, reference, agent):
     """The same scenario and seed have the same digest, in whatever language the agent is written."""
     agent.build()
     assert_same_flight(fly(TINY_ROOM, tmp_path, *agent.start_override()), reference["tiny_room"])
 
 
 @of_every_language()
-def test_a_language_flies_far_like_python(tmp_path, reference, agent):
-    """The same on a hundred legs; where the door allows it with all but the agent in one process."""
+def test_a_language_runs_far_like_python(tmp_path, reference, agent):
+    """The same on a hundred legs; where the transport allows it with all but the agent in one process."""
     agent.build()
     flying = fly if agent.door == "zenoh" else fly_here
     assert_same_flight(flying(TINY_ROOM, tmp_path, *LONG, *agent.start_override()), reference["long"])
@@ -92,7 +92,7 @@ def assert_same_flight(flight, reference):
     assert flight.result["digest"] == reference.result["digest"]
 
 
-def test_the_long_flight_visits_what_the_short_one_may_not(reference):
+def test_the_long_run_visits_what_the_short_one_may_not(reference):
     """Otherwise the digests would agree too easily."""
     long, tiny = (reference[name].result for name in ("long", "tiny_room"))
     assert long["ticks"] > 10 * tiny["ticks"]

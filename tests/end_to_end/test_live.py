@@ -1,4 +1,4 @@
-"""A flight is shown while it goes on, whole, and flies as it does when nobody looks."""
+"""A run is shown while it goes on, whole, and flies as it does when nobody looks."""
 
 import os
 import re
@@ -31,7 +31,7 @@ A_MINUTE = ("--set", "referee.success.within_m=0.001", "--set", "referee.stop.ti
 
 
 class Said:
-    """What a flight says on standard error, line by line as it comes."""
+    """What a run says on standard error, line by line as it comes."""
 
     def __init__(self, flight):
         self._errors = flight.process.stderr
@@ -47,7 +47,7 @@ class Said:
 
 
 def ended(flight, said):
-    """Return exit code and the rest of what was said, once the flight has ended and left no process."""
+    """Return exit code and the rest of what was said, once the run has ended and left no process."""
     started = children_of(flight.process.pid)
     with flight.process as process:
         process.stdout.read()
@@ -59,16 +59,16 @@ def ended(flight, said):
 
 def rows_of(recording):
     """Return the number of chunks and rows of a recording; nothing of it is cut off."""
-    told = run_rerun(["rrd", "stats", recording], timeout_s=EVENT_S).stdout
+    output = run_rerun(["rrd", "stats", recording], timeout_s=EVENT_S).stdout
     numbers = {
         name: int(value.replace(" ", "").replace("\u2009", ""))
-        for name, value in re.findall(r"(num_chunks|num_rows) = ([\d \u2009]+)\n", told)
+        for name, value in re.findall(r"(num_chunks|num_rows) = ([\d \u2009]+)\n", output)
     }
     return numbers.get("num_chunks", 0), numbers.get("num_rows", 0)
 
 
 def viewer_of(flight):
-    """Return the process of the viewer beside a flight."""
+    """Return the process of the viewer beside a run."""
     found = [pid for pid in children_of(flight.process.pid) if is_viewer(pid)]
     assert len(found) == 1, found
     return found[0]
@@ -122,7 +122,7 @@ def test_a_recording_is_served_afterwards(tmp_path):
 
 
 def test_the_page_names_commands_that_work(tmp_path, monkeypatch):
-    """What the page's commands start is served, seen, listed and stopped; windows need a screen, which is told."""
+    """What the page's commands start is served, seen, listed and stopped; windows need a screen, which is reported."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.delenv("DISPLAY", raising=False)
@@ -146,8 +146,8 @@ def test_the_page_names_commands_that_work(tmp_path, monkeypatch):
         else:
             flight = _started("up", str(TINY_ROOM), *LONG, *UNRECORDED)
             flight.wait_for(lambda: "flying" in _told("ps"))
-            told = _told(*words, *(("--once",) if words[0] == "top" else ()))
-            assert "tiny_room" in told, words
+            output = _told(*words, *(("--once",) if words[0] == "top" else ()))
+            assert "tiny_room" in output, words
             flight.process.send_signal(signal.SIGINT)
             flight.process.communicate()
 
@@ -158,11 +158,11 @@ def _started(*words):
 
 
 def _told(*words):
-    told = subprocess.run([*COMMAND, *words], capture_output=True, text=True, timeout=EVENT_S, check=False)
-    return told.stdout + told.stderr
+    output = subprocess.run([*COMMAND, *words], capture_output=True, text=True, timeout=EVENT_S, check=False)
+    return output.stdout + output.stderr
 
 
-def test_ctrl_c_in_flight_ends_flight_and_viewer(tmp_path):
+def test_ctrl_c_in_a_run_ends_run_and_viewer(tmp_path):
     flight = start(TINY_ROOM, tmp_path / "runs", "--serve", *LONG, is_recorded=True)
     said = Said(flight)
     said.until("Watch it at")
@@ -193,7 +193,7 @@ def test_a_viewer_ends_with_a_command_that_is_killed(tmp_path):
         wait_a_moment()
 
 
-def test_two_flights_are_served_at_once(tmp_path):
+def test_two_runs_are_served_at_once(tmp_path):
     pages = set()
     flights = [start(TINY_ROOM, tmp_path / f"{i}", "--serve", *A_MINUTE, is_recorded=True) for i in range(2)]
     for flight in flights:
@@ -213,7 +213,7 @@ def test_two_flights_are_served_at_once(tmp_path):
         (("--live", "--serve"), "not allowed with argument"),
     ],
 )
-def test_what_cannot_be_shown_is_told_before_anything_flies(tmp_path, monkeypatch, arguments, expected):
+def test_what_cannot_be_shown_is_reported_before_anything_runs(tmp_path, monkeypatch, arguments, expected):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     flown = fly(TINY_ROOM, tmp_path / "runs", *arguments, is_recorded=True)

@@ -26,7 +26,7 @@ def sized(n_bytes):
     return ("prlimit", f"--fsize={n_bytes}")
 
 
-def told(agent, *arguments):
+def start_option(agent, *arguments):
     """Return the override that starts a test agent with arguments."""
     command = [sys.executable, str(AGENTS / f"{agent}.py"), *map(str, arguments)]
     return "--set", f"agents[0].start={{command: {json.dumps(command)}}}"
@@ -65,7 +65,7 @@ def test_a_recording_above_the_limit_of_files_is_a_fault_of_the_recorder(tmp_pat
 
 
 @BOTH
-def test_a_recorder_that_cannot_write_from_the_start_is_told_at_once(tmp_path, processes):
+def test_a_recorder_that_cannot_write_from_the_start_is_reported_at_once(tmp_path, processes):
     ended = fly(TINY_ROOM, tmp_path, "--processes", processes, prefix=sized(4_000), is_recorded=True)
     assert ended.exit_code == 3
     assert saved_result(ended)["faults"][0]["participant"] == "recorder"
@@ -73,7 +73,7 @@ def test_a_recorder_that_cannot_write_from_the_start_is_told_at_once(tmp_path, p
 
 
 @BOTH
-def test_a_disk_that_fills_in_flight_is_told_in_the_result_on_that_disk(tmp_path, processes):
+def test_a_disk_that_fills_in_a_run_is_reported_in_the_result_on_that_disk(tmp_path, processes):
     """Room for the result was kept."""
     with mounted(tmp_path / "small", "size=300k") as runs_dir:
         ended = fly(TINY_ROOM, runs_dir, "--processes", processes, is_recorded=True)
@@ -85,7 +85,7 @@ def test_a_disk_that_fills_in_flight_is_told_in_the_result_on_that_disk(tmp_path
 
 
 @BOTH
-def test_a_disk_without_any_room_is_told_before_anything_starts(tmp_path, processes):
+def test_a_full_disk_is_reported_before_anything_starts(tmp_path, processes):
     with mounted(tmp_path / "full", "size=4k") as runs_dir:
         ended = fly(TINY_ROOM, runs_dir, "--processes", processes)
     assert ended.exit_code == 3
@@ -94,7 +94,7 @@ def test_a_disk_without_any_room_is_told_before_anything_starts(tmp_path, proces
 
 
 @pytest.mark.parametrize("reason", ["read-only file system", "not a directory", "file exists", "no such file"])
-def test_a_runs_directory_that_cannot_be_made_is_told(tmp_path, reason):
+def test_a_runs_directory_that_cannot_be_made_is_reported(tmp_path, reason):
     """A dangling link was tried again and again."""
     place = tmp_path / "runs"
     with contextlib.ExitStack() as stack:
@@ -114,7 +114,7 @@ def test_a_runs_directory_that_cannot_be_made_is_told(tmp_path, reason):
 
 
 @pytest.mark.parametrize("options", ["ro", "size=20k"])
-def test_a_cache_that_cannot_be_written_is_told(tmp_path, monkeypatch, options):
+def test_a_cache_that_cannot_be_written_is_reported(tmp_path, monkeypatch, options):
     with mounted(tmp_path / "cache", options) as cache:
         monkeypatch.setenv("GSLCOSIM_CACHE", str(cache))
         ended = fly(TINY_ROOM, tmp_path / "runs")
@@ -124,7 +124,7 @@ def test_a_cache_that_cannot_be_written_is_told(tmp_path, monkeypatch, options):
 
 
 @pytest.mark.parametrize("size", ["4k", "40k"])
-def test_a_temporary_directory_that_is_full_is_told_as_such(tmp_path, monkeypatch, size):
+def test_a_temporary_directory_that_is_full_is_reported_as_such(tmp_path, monkeypatch, size):
     """A file of the cache was named, on a disk with room. A path too long for sockets would not be taken."""
     with tempfile.TemporaryDirectory(dir="/tmp") as short, mounted(Path(short) / "full", f"size={size}") as folder:
         monkeypatch.setenv("TMPDIR", str(folder))
@@ -136,7 +136,7 @@ def test_a_temporary_directory_that_is_full_is_told_as_such(tmp_path, monkeypatc
 
 
 def test_a_folder_whose_name_is_no_utf_8_is_a_folder(tmp_path):
-    """As with accents in another locale; Rerun opens no recording there, which is told as such."""
+    """As with accents in another locale; Rerun opens no recording there, which is reported as such."""
     folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/d\xe9"))
     folder.mkdir()
     scenario = folder / "scenario.yaml"
@@ -150,8 +150,8 @@ def test_a_folder_whose_name_is_no_utf_8_is_a_folder(tmp_path):
     assert extracted.stderr.startswith("recording: expected a path in UTF-8")
 
 
-def test_a_working_directory_that_is_gone_is_told(tmp_path):
-    """Relative paths, such as that of the runs, were told in its place."""
+def test_a_working_directory_that_is_gone_is_reported(tmp_path):
+    """Relative paths, such as that of the runs, came in its place."""
     call = ["sh", "-c", 'mkdir gone; cd gone; rmdir ../gone; "$@"', "sh", *COMMAND, "up", str(TINY_ROOM)]
     ended = subprocess.run(call, capture_output=True, text=True, timeout=PROCESS_S, check=False, cwd=tmp_path)
     assert ended.returncode == 2
@@ -167,7 +167,7 @@ def test_without_a_temporary_directory_nothing_begins(tmp_path):
 
 @BOTH
 @pytest.mark.parametrize("limit_mb", [400, 1300])
-def test_too_little_memory_is_told_as_such(tmp_path, processes, limit_mb):
+def test_too_little_memory_is_reported_as_such(tmp_path, processes, limit_mb):
     """Far below what programs need, packages hang or abort while they are loaded: nothing begins."""
     ended = fly(TINY_ROOM, tmp_path, "--processes", processes, prefix=("prlimit", f"--as={limit_mb * 1_000_000}"))
     if (processes, limit_mb) == ("one", 1300) and ended.exit_code != 3:
@@ -182,7 +182,7 @@ def test_too_little_memory_is_told_as_such(tmp_path, processes, limit_mb):
 
 
 @pytest.mark.parametrize("n_files", [15, 18, 20, 28])
-def test_too_few_open_files_are_told_as_such(tmp_path, n_files):
+def test_too_few_open_files_are_reported_as_such(tmp_path, n_files):
     """Zenoh's runtime panics below some number, which was a traceback with the code of a failed agent."""
     ended = fly(TINY_ROOM, tmp_path, prefix=("prlimit", f"--nofile={n_files}"))
     assert ended.exit_code == 3
@@ -192,7 +192,7 @@ def test_too_few_open_files_are_told_as_such(tmp_path, n_files):
 
 def test_an_agent_that_takes_the_runs_folder_away_ends_the_run(tmp_path):
     runs_dir = tmp_path / "runs"
-    ended = fly(TINY_ROOM, runs_dir, *SHORT, *told("taking_away", runs_dir), *UNCONFINED)
+    ended = fly(TINY_ROOM, runs_dir, *SHORT, *start_option("taking_away", runs_dir), *UNCONFINED)
     assert ended.exit_code == 3
     assert "inputs.log: expected the run's folder, was gone. Something has taken it away" in ended.errors
     assert ended.result["faults"][0]["participant"] == "supervisor"
@@ -202,7 +202,7 @@ def test_an_agent_that_takes_the_runs_folder_away_ends_the_run(tmp_path):
 def test_results_are_not_written_through_links(tmp_path):
     foreign = tmp_path / "foreign"
     foreign.write_text("kept")
-    ended = fly(TINY_ROOM, tmp_path / "runs", *SHORT, *told("linking", tmp_path / "runs", foreign), *UNCONFINED)
+    ended = fly(TINY_ROOM, tmp_path / "runs", *SHORT, *start_option("linking", tmp_path / "runs", foreign), *UNCONFINED)
     assert ended.exit_code == 1, ended.errors
     assert foreign.read_text() == "kept"
     assert saved_result(ended)["valid"] is True
@@ -236,8 +236,8 @@ def test_what_a_killed_supervisor_has_left_is_removed_by_the_next_run(tmp_path, 
     shutil.rmtree(scratch)
 
 
-def test_a_suite_whose_recordings_find_no_room_says_so(tmp_path):
-    """It was told as another digest."""
+def test_a_suite_whose_recordings_do_not_fit_reports_it(tmp_path):
+    """It came with another digest."""
     with mounted(tmp_path / "small", "size=700k") as place:
         call = [*COMMAND, "bench", "run", "smoke", "--jobs", "1", "--results", str(place / "results")]
         ended = subprocess.run(call, capture_output=True, text=True, timeout=PROCESS_S, check=False)
@@ -256,7 +256,7 @@ def test_a_suite_whose_recordings_find_no_room_says_so(tmp_path):
     ],
     ids=lambda words: words[0],
 )
-def test_every_command_tells_a_disk_without_room(tmp_path, words):
+def test_every_command_reports_a_full_disk(tmp_path, words):
     with mounted(tmp_path / "full", "size=4k") as place:
         (place / "filling").write_bytes(bytes(4096))
         call = [*COMMAND, *(word.format(place=place) for word in words)]

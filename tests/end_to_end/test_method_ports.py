@@ -48,7 +48,7 @@ def changes(nose, parameters):
 @each_port
 @pytest.mark.parametrize("nose", NOSES)
 @pytest.mark.parametrize("n", [0, 1])
-def test_a_port_flies_like_python(tmp_path, agent, method, nose, n):
+def test_a_port_runs_like_python(tmp_path, agent, method, nose, n):
     agent.build()
     arguments = changes(nose, PARAMETERS[method][n])
     reference = fly_here(TINY_ROOM, tmp_path / "python", *arguments, "--set", f"agents[0].start={{python: {method}}}")
@@ -68,7 +68,7 @@ def test_a_port_refuses_parameters_that_it_does_not_know(tmp_path, agent, method
 
 
 @each_port
-def test_a_port_tells_which_methods_it_has(agent, method):
+def test_a_port_shows_which_methods_it_has(agent, method):
     agent.build()
     outcome = subprocess.run(agent.started_by("no_such"), input="", capture_output=True, text=True, check=False)
     assert outcome.returncode != 0

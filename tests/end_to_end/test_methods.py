@@ -76,7 +76,7 @@ def scenario_of(tmp_path):
 
 
 @every_method(TOUR)
-def test_it_flies_alike_in_one_process_and_in_many(name, scenario_of, tmp_path):
+def test_it_runs_alike_in_one_process_and_in_many(name, scenario_of, tmp_path):
     scenario = scenario_of(name)
     multi = fly(scenario, tmp_path / "multi")
     if "expected EGL or OSMesa" in multi.errors:

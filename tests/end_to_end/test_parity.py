@@ -70,7 +70,7 @@ def test_parity_holds_in_every_mode(tmp_path, mode):
 
 
 @pytest.mark.tour
-def test_a_python_agent_behind_the_gateway_flies_the_same_run(tmp_path):
+def test_a_python_agent_behind_the_gateway_runs_the_same_run(tmp_path):
     """With `door: stdio` it is a process where everything else is in one; its prints go to the log."""
     apart = ("--set", f"agents[0].start={{python: {AGENTS / 'talkative.py'}, door: stdio}}")
     single = fly_here(TINY_ROOM, tmp_path / "single", *apart)
@@ -88,7 +88,7 @@ def test_runs_at_the_same_time_never_meet(tmp_path):
 
 
 def test_an_agent_that_fails_at_a_decision_has_one_digest_too(tmp_path):
-    """How a process ended is told in the faults; the run's digest does not depend on it."""
+    """How a process ended is reported in the faults; the run's digest does not depend on it."""
     change = ("--set", f"agents[0].start={{python: {AGENTS / 'giving_up.py'}}}")
     multi = fly(TINY_ROOM, tmp_path / "multi", *change)
     single = fly_here(TINY_ROOM, tmp_path / "single", *change)

@@ -49,7 +49,7 @@ def told_fault(ended):
 
 @pytest.mark.tour
 @pytest.mark.debian
-def test_an_air_conditioner_in_c_flies_in_both_kinds_of_hosting_with_one_digest(room, tmp_path):
+def test_an_air_conditioner_in_c_runs_in_both_kinds_of_hosting_with_one_digest(room, tmp_path):
     here = fly_here(room, tmp_path / "here")
     many = fly(room, tmp_path / "many")
     assert [flight.result["faults"] for flight in (here, many)] == [[], []]
@@ -99,7 +99,7 @@ def test_a_run_with_a_participant_is_replayed_to_the_bit_from_its_start_and_from
     assert json.loads(again.read_text())["digest"] == flown.result["digest"]
 
 
-def test_a_door_and_a_longer_period_give_one_digest_here_and_in_processes(tmp_path):
+def test_a_transport_and_a_longer_period_give_one_digest_here_and_in_processes(tmp_path):
     words = with_program("right", door="unix", period_s=0.4)
     here = fly_here(TINY_ROOM, tmp_path / "here", *words)
     ports = json.loads((here.run_dir / "digest.json").read_text())["ports"]

@@ -49,7 +49,7 @@ MAKERS = [pytest.param(model_in, marks=pytest.mark.extras), pytest.param(table_i
 
 
 @pytest.mark.parametrize("make", MAKERS)
-def test_a_file_flies_alike_in_a_sandbox_and_here(tmp_path, make):
+def test_a_file_runs_alike_in_a_sandbox_and_here(tmp_path, make):
     (tmp_path / "mine").mkdir()
     policy = make(tmp_path / "mine")
     change = (

@@ -64,7 +64,7 @@ def test_every_command_works_as_it_stands(title, folder):
 
 @pytest.mark.end_to_end
 @pytest.mark.slow
-def test_the_agent_flies_by_the_command_beside_it(folder):
+def test_the_agent_runs_by_the_command_beside_it(folder):
     (program,) = re.findall(r"```python\n(.*?)```", section("Write an agent"), re.DOTALL)
     (folder / "upwind.py").write_text(program)
     (command,) = re.findall(r"`(gslcosim up [^`]*upwind\.py[^`]*)`", section("Write an agent"))

@@ -1,4 +1,4 @@
-"""A run is its inputs: flown again without its agents it is the same to the bit, however it was flown."""
+"""A run is its inputs: run again without its agents it is the same to the bit, however it was run."""
 
 import contextlib
 import io
@@ -37,7 +37,7 @@ def assert_equal(past, again):
 
 
 @pytest.mark.tour
-def test_a_run_of_many_processes_is_flown_again_and_recorded_in_detail(tmp_path):
+def test_a_run_of_many_processes_is_run_again_and_recorded_in_detail(tmp_path):
     """The gas is recorded ten times as often, for two seconds only; nothing else becomes another."""
     past = fly(TINY_ROOM, tmp_path / "past", is_recorded=True)
     assert_equal(past, replayed(past.run_dir, tmp_path / "again"))
@@ -90,7 +90,7 @@ def test_what_agents_do_wrong_is_replayed(tmp_path, agent):
     assert again.result["digest"] == past.result["digest"]
 
 
-def test_a_run_that_was_interrupted_is_flown_as_far_as_it_came(tmp_path):
+def test_a_run_that_was_interrupted_is_run_as_far_as_it_came(tmp_path):
     flight = start(TINY_ROOM, tmp_path / "past", "--set", "referee.success.within_m=0.001")
     flight.wait_until_flying()
     os.kill(flight.process.pid, signal.SIGINT)

@@ -56,8 +56,8 @@ def test_a_service_that_is_killed_is_started_again(digests, tmp_path, scenario, 
 
 
 @pytest.mark.tour
-def test_the_whole_run_is_recorded_once_and_the_restart_told(digests, tmp_path):
-    """The recorder lives on: it sees each message once, whoever has sent it twice."""
+def test_the_whole_run_is_recorded_once_and_the_restart_reported(digests, tmp_path):
+    """The recorder lives on: it sees each message once, anyone who has sent it twice."""
     ended = killed(TINY_ROOM, tmp_path, "fields", "--set", "recording.enabled=true", tick=50)
     assert ended.result["digest"] == digests[TINY_ROOM], ended.errors
     assert len(ended.result["restarts"]) == 1

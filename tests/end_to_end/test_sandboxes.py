@@ -61,7 +61,7 @@ ONLY_ROOT = {"use_rights_of_root", "change_settings_of_the_kernel"}
 
 @dataclass
 class Attacked:
-    """What is left after a flight with the attacker."""
+    """What is left after a run with the attacker."""
 
     reached: dict[str, str]
     other: dict
@@ -102,7 +102,7 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
         key = stack.enter_context(_key())
         ports = stack.enter_context(_listening(outside))
         shared = stack.enter_context(_shared_memory())
-        told = {
+        attacks = {
             "runs": str(work / "runs"),
             "outside": str(outside),
             "scenario": str(scenario),
@@ -124,7 +124,7 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
         }
         # A word that names a bundled agent once made the cache of kernels writable.
         words = [str(bundled_agents()["dung_beetle"])]
-        start_by = {"command": [sys.executable, str(work / "attacker.py"), json.dumps(told), *words]}
+        start_by = {"command": [sys.executable, str(work / "attacker.py"), json.dumps(attacks), *words]}
         changes = ("--set", f"agents[0].start={json.dumps(start_by)}", "--set", f"agents[0].sandbox={sandbox}")
         ended = fly(scenario, work / "runs", *changes, "--set", "referee.stop.time_limit_s=6")
         was_victim_signalled = victim.poll() is not None
@@ -132,8 +132,8 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
         other_ended = other.end()
     assert ended.result.get("valid") is True, (ended.errors, ended.result)
     lines = (ended.run_dir / "logs" / "agent_beetle.log").read_text().splitlines()
-    told = [json.loads(line) for line in lines if line.startswith('{"attack"')]
-    reached = {line["attack"]: line["reached"] for line in told}
+    attacks = [json.loads(line) for line in lines if line.startswith('{"attack"')]
+    reached = {line["attack"]: line["reached"] for line in attacks}
     # In a namespace of its own it is made, and gone with it.
     reached["leave_system_v_memory_behind"] *= is_memory_left
     return Attacked(
@@ -350,7 +350,7 @@ OPENING = "import sys\nkept = [open('/dev/null') for _ in range(100)]"
     ids=["cpu_s", "memory_mb", "n_processes", "n_files"],
 )
 def test_to_reach_a_bound_is_the_agents_fault_with_its_number(tmp_path, program, limits, expected, sandbox):
-    """All that an agent has started counts together; who opens too many files is told so by the system."""
+    """All that an agent has started counts together; who opens too many files is stopped by the system."""
     text = flown_with(tmp_path, program, sandbox, limits)
     if "n_files" in limits:
         text = next(tmp_path.glob("*/logs/agent_beetle.log")).read_text()
@@ -366,7 +366,7 @@ def test_to_reach_a_bound_is_the_agents_fault_with_its_number(tmp_path, program,
     ],
     ids=["code", "signal"],
 )
-def test_an_agents_end_is_told_in_the_same_words_everywhere(tmp_path, program, expected, sandbox):
+def test_an_agents_end_is_reported_in_the_same_words_everywhere(tmp_path, program, expected, sandbox):
     """A signal is a signal, and a code a code, through the sandbox and the launcher."""
     assert expected in flown_with(tmp_path, program, sandbox, {})
 

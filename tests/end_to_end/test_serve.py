@@ -1,4 +1,4 @@
-"""A warm server: flights from it are those without it, it forks with one thread, and says what it cannot do."""
+"""A warm server: runs from it are those without it, it forks with one thread, and says what it cannot do."""
 
 import contextlib
 import io
@@ -67,7 +67,7 @@ def refused(*words):
 
 
 @pytest.mark.tour
-def test_a_warm_flight_is_the_same_as_a_cold_one(server, tmp_path):
+def test_a_warm_run_is_the_same_as_a_cold_one(server, tmp_path):
     """And the server has one thread before it and after: Zenoh's and MuJoCo's are those of its forks."""
     cold = fly_here(TINY_ROOM, tmp_path / "cold")
     warm = start(TINY_ROOM, tmp_path / "warm", "--warm").end()
@@ -84,7 +84,7 @@ def long_flight(tmp_path):
     return flight
 
 
-def test_ctrl_c_reaches_the_flight(server, tmp_path):
+def test_ctrl_c_reaches_the_run(server, tmp_path):
     flight = long_flight(tmp_path)
     flight.process.send_signal(signal.SIGINT)
     ended = flight.end()
@@ -92,7 +92,7 @@ def test_ctrl_c_reaches_the_flight(server, tmp_path):
     assert ended.result["end_reason"] == "interrupted"
 
 
-def test_a_flight_ends_with_the_command_that_has_asked_for_it(server, tmp_path):
+def test_a_run_ends_with_the_command_that_has_asked_for_it(server, tmp_path):
     long_flight(tmp_path).abandon()
     for _ in range(1000):
         if found := [*tmp_path.glob("*/result.json")]:
@@ -101,7 +101,7 @@ def test_a_flight_ends_with_the_command_that_has_asked_for_it(server, tmp_path):
     assert json.loads(found[0].read_text())["end_reason"] == "interrupted"
 
 
-def test_a_server_ends_its_flights(tmp_path):
+def test_a_server_ends_its_runs(tmp_path):
     with own_place(), serving():
         flight = long_flight(tmp_path)
     ended = flight.end()
@@ -139,7 +139,7 @@ def test_a_server_that_does_not_answer_is_named(server, monkeypatch):
     assert f"expected an answer of the server, process {server.pid}, within 0.2 s, got none" in text
 
 
-def test_a_killed_server_is_told_from_none_and_replaced(tmp_path):
+def test_a_killed_server_is_distinguished_from_none_and_replaced(tmp_path):
     with own_place():
         text = refused("up", str(TINY_ROOM), "--warm")
         assert "expected a server, found none. Start one in another shell: gslcosim serve" in text
@@ -153,7 +153,7 @@ def test_a_killed_server_is_told_from_none_and_replaced(tmp_path):
         assert not daemon_client.get_daemon_socket().exists()
 
 
-def test_nobody_else_can_enter_its_folder(server):
+def test_no_other_can_enter_its_folder(server):
     assert daemon_client.get_daemon_folder().stat().st_mode & 0o077 == 0
 
 

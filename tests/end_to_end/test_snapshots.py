@@ -67,7 +67,7 @@ def test_a_fork_begins_at_the_last_snapshot_before_it(past, tmp_path):
 
 @pytest.mark.parametrize(("scenario", "processes"), [(TINY_ROOM, "separate"), (SWARM, "grouped")])
 def test_processes_write_snapshots_and_go_on_at_them(tmp_path, scenario, processes):
-    """Each service writes its own part, and all are of one run whoever wrote them and goes on with them."""
+    """Each service writes its own part, and all are of one run anyone who wrote them and goes on with them."""
     options = ("--set", "snapshots.every_s=3", "--processes", processes)
     run = fly(scenario, tmp_path / "a", *options)
     here = forked(run.run_dir, tmp_path / "here", 8)
@@ -79,7 +79,7 @@ def test_processes_write_snapshots_and_go_on_at_them(tmp_path, scenario, process
 
 @pytest.mark.parametrize("in_process", [True, False])
 def test_the_new_agent_has_lived_through_the_past(past, tmp_path, in_process):
-    """It is told and asked the same as in a fork that repeats the run: so it answers the same."""
+    """It is sent and asked the same as in a fork that repeats the run: so it answers the same."""
     whole = forked(past.run_dir, tmp_path / "whole", 6, "--agent", "infotaxis", "--from-start")
     fork = forked(past.run_dir, tmp_path / "fork", 6, "--agent", "infotaxis", in_process=in_process)
     assert fork.result["fork_of"]["snapshot_tick"] == 60
@@ -87,7 +87,7 @@ def test_the_new_agent_has_lived_through_the_past(past, tmp_path, in_process):
 
 
 @pytest.mark.parametrize("door", ["zenoh", "stdio"])
-def test_programs_are_told_the_past_over_both_doors(past, tmp_path, door):
+def test_programs_get_past_observations_over_both_transports(past, tmp_path, door):
     program = {"zenoh": "holding.py", "stdio": "framed.py"}[door]
     block = f"{{command: [python3, {AGENTS / program}], door: {door}}}"
     options = ("--agent", block, "--set", "referee.stop.time_limit_s=9")
@@ -97,7 +97,7 @@ def test_programs_are_told_the_past_over_both_doors(past, tmp_path, door):
 
 
 def test_what_a_fork_changes_is_not_what_the_snapshot_remembers(past, tmp_path):
-    """The time limit and how it is recorded are the fork's; what it is granted is told in its briefing."""
+    """The time limit and how it is recorded are the fork's; what it is granted is given in its briefing."""
     changes = ("--agent", str(AGENTS / "holding.py"), "--set", "referee.stop.time_limit_s=12")
     more = ("--set", "recording.gas_every_s=0.5", "--set", "agents[0].seed=3")
     whole = forked(past.run_dir, tmp_path / "whole", 9, *changes, *more, "--from-start")
@@ -127,12 +127,12 @@ def test_snapshots_of_a_fork_that_began_at_one_are_whole(past, tmp_path):
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
-        (lambda part, told: part.write_bytes(part.read_bytes()[:-9]), "damaged"),
-        (lambda part, told: part.unlink(), "without the part of world (No such file or directory)"),
-        (lambda part, told: told.write_bytes(told.read_bytes()[:40]), "without "),
+        (lambda part, log: part.write_bytes(part.read_bytes()[:-9]), "damaged"),
+        (lambda part, log: part.unlink(), "without the part of world (No such file or directory)"),
+        (lambda part, log: log.write_bytes(log.read_bytes()[:40]), "without "),
     ],
 )
-def test_a_snapshot_that_cannot_be_used_is_told_and_the_run_repeated(past, tmp_path, spoil, words):
+def test_a_snapshot_that_cannot_be_used_is_reported_and_the_run_repeated(past, tmp_path, spoil, words):
     run_dir = tmp_path / "runs" / past.run_dir.name
     shutil.copytree(past.run_dir, run_dir)
     for tick in snapshots_of(run_dir)[1:]:
@@ -161,8 +161,8 @@ def test_a_snapshot_of_other_code_is_refused_in_a_sentence(past, tmp_path, monke
 def test_a_fork_with_other_events_says_that_it_cannot_use_a_snapshot(past, tmp_path):
     sticks = ("--event", "{what: sensor_sticks, at_s: 6, agent: beetle, sensor: nose}")
     fork = forked(past.run_dir, tmp_path / "fork", 5, *sticks)
-    told = f"The snapshot of {past.run_dir.name} at tick 40 cannot be used: it knows of the run's events only"
-    assert fork.errors.startswith(told)
+    log = f"The snapshot of {past.run_dir.name} at tick 40 cannot be used: it knows of the run's events only"
+    assert fork.errors.startswith(log)
     assert fork.errors.rstrip().endswith("The run is repeated from its start.")
     assert "snapshot_tick" not in fork.result["fork_of"]
     assert forked(past.run_dir, tmp_path / "early", 1, *sticks).errors == ""

@@ -80,7 +80,7 @@ def attacked(folder, sandbox):
         other = start(TINY_ROOM, folder / "other", *LONG, *with_agent("holding"))
         other.wait_until_flying()
         (seen,) = list_active_runs()
-        told = {
+        attacks = {
             "server": str(get_daemon_socket()),
             "secret_file": str(get_daemon_secret_file()),
             "secret": get_daemon_secret_file().read_text(),
@@ -96,9 +96,9 @@ def attacked(folder, sandbox):
             "meshes": _sockets(".mesh"),
             "mark": str(mark),
         }
-        assert told["routers"]
-        assert told["meshes"]
-        start_by = {"command": [sys.executable, str(sockets / "socket_attacker.py"), json.dumps(told)]}
+        assert attacks["routers"]
+        assert attacks["meshes"]
+        start_by = {"command": [sys.executable, str(sockets / "socket_attacker.py"), json.dumps(attacks)]}
         changes = ("--set", f"agents[0].start={json.dumps(start_by)}", "--set", f"agents[0].sandbox={sandbox}")
         # Two more are let in afterwards as if nothing had happened.
         ended = fly(TINY_ROOM, folder / "runs", *changes, "--set", "referee.stop.time_limit_s=6")
@@ -110,8 +110,8 @@ def attacked(folder, sandbox):
     assert (ended.result.get("valid"), ended.result.get("end_reason")) == (True, "time_limit"), ended.errors
     assert ended.result["faults"] == []
     lines = (ended.run_dir / "logs" / "agent_beetle.log").read_text().splitlines()
-    told = [json.loads(line) for line in lines if line.startswith('{"attack"')]
-    return {line["attack"]: line["reached"] for line in told}, outside
+    attacks = [json.loads(line) for line in lines if line.startswith('{"attack"')]
+    return {line["attack"]: line["reached"] for line in attacks}, outside
 
 
 @pytest.fixture(scope="module", params=SANDBOXES)

@@ -44,12 +44,12 @@ def test_it_does_not_matter_who_shares_a_process(flown, tmp_path):
 
 
 @pytest.mark.parametrize("flying", [fly, fly_here])
-def test_a_process_behind_the_gateway_flies_several(flown, tmp_path, flying):
+def test_a_process_behind_the_gateway_runs_several(flown, tmp_path, flying):
     change = starting(0, AGENTS / "framed_swarm.py", door="stdio", format="json")
     assert digest_of(flying(SWARM, tmp_path, *change)) == digest_of(flown)
 
 
-def test_agents_that_share_what_they_know_fly_the_same_again(tmp_path):
+def test_agents_that_share_what_they_know_run_the_same_again(tmp_path):
     """What each says depends on all that the others have seen before."""
     change = ["--set", f"agents[0].start={{python: {AGENTS / 'sharing.py'}}}"]
     for i in range(3):

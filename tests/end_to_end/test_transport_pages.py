@@ -1,4 +1,4 @@
-"""The pages of the doors and of Python are followed literally, and their programs all fly the same flight."""
+"""The pages of the transports and of Python are followed literally, and their programs all fly the same run."""
 
 import os
 import re
@@ -17,7 +17,7 @@ COMMANDS = re.compile(r"```sh\n(.*?)```", re.DOTALL)
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_a_page_followed_literally_flies(tmp_path, page):
+def test_a_page_followed_literally_runs(tmp_path, page):
     text = (ROOT / "docs" / page).read_text()
     for name, program in SAVED.findall(text):
         (tmp_path / name).write_text(program)
@@ -36,7 +36,7 @@ def test_a_page_followed_literally_flies(tmp_path, page):
     assert followed.stdout.count("The source was found") == text.count("\ngslcosim up tiny_room") > 0
 
 
-def test_all_examples_fly_the_same_flight(tmp_path):
+def test_all_examples_make_the_same_run(tmp_path):
     """The kit, bare Zenoh, JSON lines, and msgpack frames over a unix socket."""
     program = f"command: [{sys.executable}, {EXAMPLES}"
     starts = {

@@ -125,7 +125,7 @@ def test_what_events_make_of_the_room_is_fetched_too(hosts, there, tmp_path):
 
 
 @pytest.mark.parametrize("protocol", ["tcp", "tls"])
-def test_an_agent_on_another_host_flies_the_same_run(hosts, there, tmp_path, digest_here, protocol):
+def test_an_agent_on_another_host_runs_the_same_run(hosts, there, tmp_path, digest_here, protocol):
     """Nothing but the join file goes from one to the other, which the agent's host waits for."""
     options = ["--insecure"]
     if protocol == "tls":

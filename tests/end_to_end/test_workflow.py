@@ -18,7 +18,7 @@ SEEDS = ("1", "2", "3")
 
 
 @pytest.fixture
-def told(capsys):
+def call(capsys):
     """Call a command; return what it prints as JSON."""
 
     def call(*words, expected=0):
@@ -32,7 +32,7 @@ def told(capsys):
 
 @pytest.mark.debian
 @pytest.mark.extras
-def test_from_six_flights_to_a_film_a_figure_and_a_real_flight(tmp_path, told, capsys):
+def test_from_six_runs_to_a_film_a_figure_and_a_real_flight(tmp_path, call, capsys):
     import av
     from rosbags import highlevel
 
@@ -58,9 +58,9 @@ def test_from_six_flights_to_a_film_a_figure_and_a_real_flight(tmp_path, told, c
     capsys.readouterr()
 
     # Find them.
-    rows = told("runs", runs_dir, "--sort", "seed")
+    rows = call("runs", runs_dir, "--sort", "seed")
     assert [row["seed"] for row in rows] == [1, 1, 2, 2, 3, 3]
-    pair = told("runs", runs_dir, "--where", "seed=2")
+    pair = call("runs", runs_dir, "--where", "seed=2")
     assert {row["method"] for row in pair} == set(METHODS)
     folders = [runs_dir / row["run"] for row in pair]
 
@@ -76,12 +76,12 @@ def test_from_six_flights_to_a_film_a_figure_and_a_real_flight(tmp_path, told, c
 
     # A figure, whose points are the run's.
     run = gslcosim.open_run(folders[0])
-    told("plot", folders[0], "--figure", "track", "--format", "svg", "--out", tmp_path / "figures")
+    call("plot", folders[0], "--figure", "track", "--format", "svg", "--out", tmp_path / "figures")
     drawn = read_svg_points(tmp_path / "figures" / "track.svg")["track/beetle"]
     assert np.linalg.norm(drawn[-1] - run.tracks["beetle"].position_world_m[-1, :2]) < 0.02
 
     # Two seconds of film.
-    film = told("film", folders[0], "--out", tmp_path / "a.mp4", "--from", 4, "--to", 8, "--speed", 2, "--plan-only")
+    film = call("film", folders[0], "--out", tmp_path / "a.mp4", "--from", 4, "--to", 8, "--speed", 2, "--plan-only")
     with av.open(film["out"]) as container:
         frames = [frame.to_ndarray(format="rgb24").astype(int) for frame in container.decode(video=0)]
     assert len(frames) == film["n_frames"]
@@ -89,7 +89,7 @@ def test_from_six_flights_to_a_film_a_figure_and_a_real_flight(tmp_path, told, c
 
     # Away with it, in four formats.
     for to in ("parquet", "csv", "mcap", "rosbag2"):
-        assert told("extract", folders[0], "--to", to, "--out", tmp_path / to)["files"]
+        assert call("extract", folders[0], "--to", to, "--out", tmp_path / to)["files"]
     table = pyarrow.parquet.read_table(tmp_path / "parquet" / "track_beetle.parquet")
     np.testing.assert_array_equal(table["x_m"].to_numpy(), run.tracks["beetle"].position_world_m[:, 0])
     with highlevel.AnyReader([tmp_path / "rosbag2"]) as bag:
@@ -97,8 +97,8 @@ def test_from_six_flights_to_a_film_a_figure_and_a_real_flight(tmp_path, told, c
         assert sum(1 for _ in bag.messages(connections=poses)) == len(run.tracks["beetle"].tick)
 
     # And a bag comes back as a real flight, and is listed with the others.
-    flown = told("import-flight", tmp_path / "rosbag2", "--scenario", "tiny_room", "--runs-dir", runs_dir)
+    flown = call("import-flight", tmp_path / "rosbag2", "--scenario", "tiny_room", "--runs-dir", runs_dir)
     assert flown["valid"]
-    rows = told("runs", runs_dir)
+    rows = call("runs", runs_dir)
     assert len(rows) == 7
     assert flown["run_id"] in {row["run"] for row in rows}

@@ -22,7 +22,7 @@ _HIDING = 'for folder in $HIDDEN; do mount -t tmpfs none "$folder" || exit 99; d
 
 @dataclass(frozen=True, kw_only=True)
 class TwoHosts:
-    """Two hosts: `here` is where runs are flown, `there` is the other; `wire` is absent where a cable connects them."""
+    """Two hosts: `here` is where runs are run, `there` is the other; `wire` is absent where a cable connects them."""
 
     here: str
     there: str

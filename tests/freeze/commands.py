@@ -17,7 +17,7 @@ from typing import Any
 
 # Success, a failed agent: the run is as it should be.
 ENDED = (0, 1)
-# A flight that lasts longer hangs.
+# A run that lasts longer hangs.
 LIMIT_S = 300
 # Signals that a command handles while it runs.
 HANDLED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)

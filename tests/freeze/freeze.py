@@ -162,7 +162,7 @@ class Partial:
         self.is_new = not self.done
 
     def begin(self) -> None:
-        """Write the file anew, with what is known."""
+        """Write the file again, with what is known."""
         self._path.parent.mkdir(parents=True, exist_ok=True)
         lines = [json.dumps(vars(done)) for done in self.done.values()]
         self._path.write_text("\n".join([self._key, *lines]) + "\n", encoding="utf-8")
@@ -211,7 +211,7 @@ def prepare_cache(*, is_new: bool) -> None:
 
 
 def compute_all(jobs: Sequence[Job], *, tell: Callable[[Done], None]) -> list[Done]:
-    """Compute jobs with two workers; `tell` is told of each as it ends.
+    """Compute jobs with two workers; `tell` is called for each as it ends.
 
     Raises:
         KeyboardInterrupt: after the jobs under way have ended.
@@ -302,8 +302,8 @@ def write(arguments: argparse.Namespace) -> int:
     frozen = Frozen(machine)
     if arguments.only and arguments.frozen.exists():
         frozen = Frozen.load(arguments.frozen)
-        if told := differing(frozen.machine, machine):
-            print(f"{arguments.frozen.name} was made on another type of machine ({told}): write it as a whole.")
+        if reported := differing(frozen.machine, machine):
+            print(f"{arguments.frozen.name} was made on another type of machine ({reported}): write it as a whole.")
             return 2
     done, wall_s = run(jobs, machine, may_continue=not arguments.only)
     failed = {each.job: each.failed for each in done if each.failed}
@@ -329,11 +329,13 @@ def check(arguments: argparse.Namespace) -> int:
         print(f"{arguments.frozen}: expected the file of `make freeze`, found none. Run that first.", file=sys.stderr)
         return 2
     machine, frozen = machine_type(), Frozen.load(arguments.frozen)
-    told = differing(frozen.machine, machine)
+    reported = differing(frozen.machine, machine)
     jobs = comparable_jobs(chosen_jobs(arguments.only), frozen.machine, machine)
-    if told:
+    if reported:
         names = ", ".join(job.name for job in jobs) or "nothing of this"
-        sentence = f"{arguments.frozen.name} was made on another type of machine ({told}), so only {names} is compared."
+        sentence = (
+            f"{arguments.frozen.name} was made on another type of machine ({reported}), so only {names} is compared."
+        )
         print(sentence, file=sys.stderr)
     done, wall_s = run(jobs, machine, may_continue=not arguments.only)
     now = {name: entry for each in done for name, entry in each.entries.items()}
@@ -341,7 +343,7 @@ def check(arguments: argparse.Namespace) -> int:
     failed = {each.job: each.failed for each in done if each.failed}
     missing = {*skipped, *failed}
     # What belongs to no job any more is gone too, where everything was computed.
-    is_all = not arguments.only and not told
+    is_all = not arguments.only and not reported
     compared = {
         name: entry
         for name, entry in frozen.entries.items()

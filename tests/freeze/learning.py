@@ -22,7 +22,7 @@ SETTINGS = {"action": "velocity", "hold_s": 1.0}
 
 
 def batch_and_single(family_name: str, n_cases: int, overrides: tuple[str, ...]) -> dict[str, str]:
-    """Fly cases of a family with drawn actions in a batch and one by one.
+    """Run cases of a family with drawn actions in a batch and one by one.
 
     Returns:
         Hashes of what the batch saw, and whether single searches are equal to it, to the bit.

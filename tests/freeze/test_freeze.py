@@ -59,8 +59,8 @@ def test_processes_do_not_matter_to_a_run_which_is_as_it_was_frozen():
     runs = {mode: jobs_by_name()[f"run/tiny_room/seed2/{mode}"] for mode in ("one", "separate")}
     entries = {mode: run.entries()[run.name] for mode, run in runs.items()}
     assert entries["one"].items() >= entries["separate"].items()
-    if told := differing(FROZEN.machine, HERE):
-        pytest.skip(f"digests were frozen on another type of machine: {told}")
+    if differences := differing(FROZEN.machine, HERE):
+        pytest.skip(f"digests were frozen on another type of machine: {differences}")
     assert_frozen({run.name: entries[mode] for mode, run in runs.items()}, [run.name for run in runs.values()])
 
 
@@ -94,7 +94,7 @@ def test_no_entry_holds_where_code_lies_or_which_version_it_has():
     assert "/tmp/" not in text
 
 
-def test_another_type_of_machine_is_told_and_only_what_is_portable_compared():
+def test_another_type_of_machine_is_reported_and_only_what_is_portable_compared():
     other = {**HERE, "processor": "z80", "python": "3.99.1"}
     assert differing(HERE, HERE) == ""
     assert f"processor {HERE['processor']}, here z80" in differing(HERE, other)

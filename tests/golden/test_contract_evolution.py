@@ -113,7 +113,7 @@ def test_an_old_agent_understands(past, example):
 
 @pytest.mark.parametrize("past", PASTS, ids=lambda past: past["version"])
 @pytest.mark.parametrize("name", sorted(READ_BY_AGENTS))
-def test_a_new_agent_flies_in_an_old_run(past, name):
+def test_a_new_agent_runs_in_an_old_run(past, name):
     """It misses what is new there: each field since then has a default."""
     old = past["schemas"][name]
     for vector in (vector for vector in past["vectors"] if vector["message"] == name):
@@ -141,7 +141,7 @@ def test_a_release_of_today_is_of_the_same_major_version():
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "expected"),
     [
         (lambda s: s["properties"].pop("yaw_rad"), "Observation: fields removed"),
         (lambda s: s["properties"].update(yaw_rad={"type": "string"}), "Observation.yaw_rad: another type"),
@@ -153,10 +153,10 @@ def test_a_release_of_today_is_of_the_same_major_version():
         (lambda s: s["properties"]["tick"].update(maximum=10), "Observation.tick: another type, range"),
     ],
 )
-def test_each_rule_finds_its_breach(change, told):
+def test_each_rule_finds_its_breach(change, expected):
     changed = copy.deepcopy(NOW["Observation"])
     change(changed)
-    assert told in " ".join(breaks(NOW["Observation"], changed, may_add_words=False, at="Observation"))
+    assert expected in " ".join(breaks(NOW["Observation"], changed, may_add_words=False, at="Observation"))
 
 
 def test_new_words_are_for_commands_only():

@@ -10,7 +10,7 @@ from gslcosim.scenario import load_scenario
 FILE = Path(__file__).parent / "ten_faults.yaml"
 
 
-def test_a_file_with_ten_faults_is_told_in_one_error(golden):
+def test_a_file_with_ten_faults_is_reported_in_one_error(golden):
     with pytest.raises(ScenarioError) as refusal:
         load_scenario(FILE)
     golden("ten_faults.txt", str(refusal.value).replace(str(FILE), FILE.name) + "\n")

@@ -25,7 +25,7 @@ def fly(tmp_path, capsys):
 
 
 @pytest.mark.tour
-def test_a_flight_leaves_a_run_that_the_other_commands_find(fly, tmp_path, capsys):
+def test_a_run_leaves_a_folder_that_the_other_commands_find(fly, tmp_path, capsys):
     results = [fly("--seed", seed)[1] for seed in ("3", "3", "4")]
     ids = [result["run_id"] for result in results]
     assert all(result["valid"] for result in results)
@@ -43,7 +43,7 @@ def test_the_manifest_names_what_is_installed_and_the_lock_file(fly, tmp_path):
     assert manifest["lock"]["sha256"] == hashlib.sha256(LOCK_FILE.read_bytes()).hexdigest()
 
 
-def test_the_resolved_scenario_of_a_run_flies_the_same_run_again(fly, tmp_path, capsys):
+def test_the_resolved_scenario_of_a_run_repeats_the_run(fly, tmp_path, capsys):
     _, first = fly("--set", "agents[0].vehicle.hold_s=0.3")
     saved = tmp_path / first["run_id"] / "scenario.yaml"
     assert main(["up", str(saved), *FLY[2:], "--runs-dir", str(tmp_path)]) in (0, 1)

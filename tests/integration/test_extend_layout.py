@@ -49,8 +49,8 @@ def test_the_steps_give_a_room_with_its_columns(copy):
 
 
 @pytest.mark.slow
-def test_what_cannot_be_is_told_with_its_place(copy):
-    told = gslcosim(copy, "generate", "columns", "--out", "no", "--set", "layout.column_m=6")
-    assert told.returncode == 2
-    assert "layout" in told.stderr, json.dumps(told.stderr)
-    assert "Traceback" not in told.stderr
+def test_what_cannot_be_is_reported_with_its_place(copy):
+    shown = gslcosim(copy, "generate", "columns", "--out", "no", "--set", "layout.column_m=6")
+    assert shown.returncode == 2
+    assert "layout" in shown.stderr, json.dumps(shown.stderr)
+    assert "Traceback" not in shown.stderr

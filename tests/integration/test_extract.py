@@ -19,7 +19,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "extract.md"
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):
-    """A flight with every on-board sensor that needs no pictures, of a method with beliefs; its folder."""
+    """A run with every on-board sensor that needs no pictures, of a method with beliefs; its folder."""
     runs = tmp_path_factory.mktemp("runs")
     method = "agents[0].start.python=infotaxis"
     limit = "referee.stop.time_limit_s=8"
@@ -64,9 +64,11 @@ def test_tables_hold_what_the_run_holds(flown, tmp_path, capsys):
 @pytest.mark.slow
 def test_every_column_is_in_the_dictionary_and_csv_equals_parquet(flown, tmp_path):
     as_parquet, as_csv = extracted(flown, "parquet", tmp_path), extracted(flown, "csv", tmp_path)
-    told = json.loads((as_csv / "dictionary.json").read_text())
-    assert {table["file"] for table in told["tables"]} == {p.name for p in as_csv.glob("*.csv")} - {"dictionary.csv"}
-    for table in told["tables"]:
+    dictionary = json.loads((as_csv / "dictionary.json").read_text())
+    assert {table["file"] for table in dictionary["tables"]} == {p.name for p in as_csv.glob("*.csv")} - {
+        "dictionary.csv"
+    }
+    for table in dictionary["tables"]:
         text = pyarrow.csv.read_csv(as_csv / table["file"])
         binary = pyarrow.parquet.read_table((as_parquet / table["file"]).with_suffix(".parquet"))
         assert text.column_names == binary.column_names == [column["name"] for column in table["columns"]]
@@ -97,22 +99,24 @@ def checked(messages, run):
     ]
     moved_m = float(np.trapezoid(speeds, track.time_s))
     assert moved_m == pytest.approx(run.result["agents"][0]["path_length_m"], rel=0.03)
-    told = {(series.sensor, series.quantity): series for series in run.readings}
-    _check(messages["/beetle/nose"], told["nose", "response"].value, lambda m: m.raw)
+    dictionary = {(series.sensor, series.quantity): series for series in run.readings}
+    _check(messages["/beetle/nose"], dictionary["nose", "response"].value, lambda m: m.raw)
     assert {m.raw_units for _, m in messages["/beetle/nose"]} == {5}
-    _check(messages["/beetle/wind"], told["wind", "wind_from"].value, lambda m: m.wind_direction)
-    _check(messages["/beetle/imu"], told["imu", "specific_force"].values[:, 2], lambda m: m.linear_acceleration.z)
-    _check(messages["/beetle/barometer"], told["barometer", "pressure"].value, lambda m: m.fluid_pressure)
+    _check(messages["/beetle/wind"], dictionary["wind", "wind_from"].value, lambda m: m.wind_direction)
+    _check(messages["/beetle/imu"], dictionary["imu", "specific_force"].values[:, 2], lambda m: m.linear_acceleration.z)
+    _check(messages["/beetle/barometer"], dictionary["barometer", "pressure"].value, lambda m: m.fluid_pressure)
     _check(
-        messages["/beetle/compass"], told["compass", "magnetic_field"].values[:, 1] * 1e-6, lambda m: m.magnetic_field.y
+        messages["/beetle/compass"],
+        dictionary["compass", "magnetic_field"].values[:, 1] * 1e-6,
+        lambda m: m.magnetic_field.y,
     )
-    _check(messages["/beetle/below"], told["below", "range"].value, lambda m: m.range)
-    _check(messages["/beetle/gps"], told["gps", "position"].values[:, 2], lambda m: m.altitude)
+    _check(messages["/beetle/below"], dictionary["below", "range"].value, lambda m: m.range)
+    _check(messages["/beetle/gps"], dictionary["gps", "position"].values[:, 2], lambda m: m.altitude)
     truth = next(series for series in run.samples if series.quantity == "mixing_ratio")
     _check(messages["/truth/beetle/nose/ethanol"], truth.value, lambda m: m.raw)
     # All around are walls.
     _, scan = messages["/beetle/scan"][-1]
-    least = told["scan", "least_range"].value[-1]
+    least = dictionary["scan", "least_range"].value[-1]
     assert min(scan.ranges) == pytest.approx(least, rel=1e-4)
     assert np.isfinite(np.array(scan.ranges)).all()
     assert len(scan.ranges) == 90
@@ -165,14 +169,14 @@ def test_the_program_of_the_page_runs(flown, monkeypatch, capsys):
     assert "nose ('response_ohm',)" in capsys.readouterr().out
 
 
-def test_a_folder_with_files_and_a_missing_run_are_told(tmp_path, capsys):
+def test_a_folder_with_files_and_a_missing_run_are_reported(tmp_path, capsys):
     assert main(["extract", "none", "--to", "csv", "--runs-dir", str(tmp_path)]) == 2
     assert "none: expected a run's folder or the id of one run" in capsys.readouterr().err
     assert main(["extract", "--to", "xml"]) == 2
 
 
 @pytest.mark.slow
-def test_what_cannot_be_written_is_told(flown, tmp_path, capsys, monkeypatch):
+def test_what_cannot_be_written_is_reported(flown, tmp_path, capsys, monkeypatch):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "notes.txt").write_text("mine")
     assert main(["extract", str(flown), "--to", "mcap", "--out", str(tmp_path / "full")]) == 2

@@ -20,7 +20,7 @@ WHITE = (255, 255, 255)
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Two flights in the small room; their folders."""
+    """Two runs in the small room; their folders."""
     folder = tmp_path_factory.mktemp("runs")
     words = ["up", "tiny_room", "--in-process", "--quiet", "--runs-dir", str(folder)]
     for seed in ("1", "2"):
@@ -56,11 +56,11 @@ def place_of(frame, color, tolerance):
 @pytest.mark.debian
 @pytest.mark.extras
 def test_two_seconds_of_film_show_the_vehicle_where_it_was(runs, tmp_path, capsys):
-    told = filmed(
+    call_film = filmed(
         capsys, runs[0], "--out", tmp_path / "a.mp4", "--speed", 2, "--from", 4, "--to", 8, "--size", "641x361"
     )
     frames = decoded(tmp_path / "a.mp4")
-    assert len(frames) == told["n_frames"] == 2 * FRAMES_PER_S + 1
+    assert len(frames) == call_film["n_frames"] == 2 * FRAMES_PER_S + 1
     assert frames[0].shape == (360, 640, 3), "even numbers"
     right = frames[10][:288, 320:]
     assert right.std() > 5, "the room is not one colour"
@@ -72,7 +72,7 @@ def test_the_plan_has_the_vehicle_at_its_place(runs):
     """The room of 6 x 5 m fills a panel of 320 x 288 pixels but for its margins: about 49 pixels a metre."""
     run = gslcosim.open_run(runs[0])
     cut = FilmSegment.of(run, from_s=2, to_s=8, speed=6)
-    frames = [*render_frames([run], cut, (320, 360), has_room=False)]
+    frames = [*render_frames([run], cut, (320, 360), has_chase_view=False)]
     seen = [place_of(frame[:288], WHITE, 0) for frame in frames]
     flown = [interpolate_pose(run.tracks["beetle"], time_s)[0] for time_s in cut.times_s.tolist()]
     scale = 296 / 6
@@ -85,10 +85,10 @@ def test_the_plan_has_the_vehicle_at_its_place(runs):
 @pytest.mark.slow
 @pytest.mark.debian
 def test_tiles_show_each_run_with_its_method_and_end(runs, tmp_path, capsys):
-    told = filmed(capsys, *runs, "--out", tmp_path / "two.gif", "--speed", 6, "--size", "480x240")
+    call_film = filmed(capsys, *runs, "--out", tmp_path / "two.gif", "--speed", 6, "--size", "480x240")
     with Image.open(tmp_path / "two.gif") as film:
         assert film.size == (480, 240)
-        assert film.n_frames <= told["n_frames"], "equal frames are one"
+        assert film.n_frames <= call_film["n_frames"], "equal frames are one"
         film.seek(film.n_frames - 1)
         last = np.asarray(film.convert("RGB"))
     color = agent_color(0)
@@ -113,20 +113,20 @@ def test_a_webp_without_the_room_needs_nothing_to_draw_with(runs, tmp_path, caps
 
 
 @pytest.mark.slow
-def test_what_is_wrong_is_told(runs, tmp_path, capsys, monkeypatch):
+def test_what_is_wrong_is_reported(runs, tmp_path, capsys, monkeypatch):
     run = str(runs[0])
 
-    def told(*words):
+    def call_film(*words):
         assert main(["film", run, *words]) == 2
         return capsys.readouterr().err
 
-    assert "--out: expected a file that ends with .mp4, .gif, .webp, was a.avi." in told("--out", "a.avi")
-    assert "which ends at 12 s, was 40 to 12 s" in told("--out", "a.mp4", "--from", "40")
-    assert "--follow: expected one of beetle, was 'moth'." in told("--out", "a.mp4", "--follow", "moth")
-    assert "expected pixels such as 1280x720" in told("--out", "a.mp4", "--size", "big")
-    assert "expected a number from 0.01 to 1000" in told("--out", "a.mp4", "--speed", "0")
+    assert "--out: expected a file that ends with .mp4, .gif, .webp, was a.avi." in call_film("--out", "a.avi")
+    assert "which ends at 12 s, was 40 to 12 s" in call_film("--out", "a.mp4", "--from", "40")
+    assert "--follow: expected one of beetle, was 'moth'." in call_film("--out", "a.mp4", "--follow", "moth")
+    assert "expected pixels such as 1280x720" in call_film("--out", "a.mp4", "--size", "big")
+    assert "expected a number from 0.01 to 1000" in call_film("--out", "a.mp4", "--speed", "0")
     monkeypatch.setitem(__import__("sys").modules, "av", None)
-    text = told("--out", str(tmp_path / "a.mp4"), "--plan-only")
+    text = call_film("--out", str(tmp_path / "a.mp4"), "--plan-only")
     assert "Install it with: pip install 'gslcosim[film]'" in text
     assert not list(tmp_path.iterdir())
     opened = gslcosim.open_run(run)
@@ -137,7 +137,7 @@ def test_what_is_wrong_is_told(runs, tmp_path, capsys, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="devices")
-def test_a_full_disk_is_told(runs, capsys):
+def test_a_full_disk_is_reported(runs, capsys):
     assert main(["film", str(runs[0]), "--out", "/proc/film.gif", "--plan-only", "--size", "200x160"]) in (2, 3)
     assert "--out: expected a file that can be written" in capsys.readouterr().err
 

@@ -1,4 +1,4 @@
-"""A participant's program behind its core, without a run around it: every door, every fault, and what is refused."""
+"""A participant's program behind its core, without a run around it: transports, faults, and what is refused."""
 
 import json
 import sys
@@ -67,7 +67,7 @@ def flown(core, n_ticks=6):
 
 
 @pytest.mark.parametrize("door", ["stdio", "unix", "tcp"])
-def test_through_every_door_each_step_has_its_answer(core_of, door):
+def test_over_every_transport_each_step_has_its_answer(core_of, door):
     values = [{"n_samples": 1.0, "tick": float(tick)} for tick in range(6)]
     core = core_of(door=door)
     expected = [{"participant/model/state": ParticipantValues(tick=i, values=each)} for i, each in enumerate(values)]
@@ -108,7 +108,7 @@ def test_between_its_steps_it_is_not_asked(core_of):
 
 
 @pytest.mark.parametrize(
-    ("fault", "told"),
+    ("fault", "expected"),
     [
         ("exits", f"{ANSWER}but its process ended with exit code 7. The end of its log:\nthe model has blown up"),
         ("is_killed", f"{ANSWER}but its process was killed by SIGKILL."),
@@ -125,12 +125,12 @@ def test_between_its_steps_it_is_not_asked(core_of):
         ("never_says_hello", "expected its hello (ParticipantHello), but its process ended with exit code 4."),
     ],
 )
-def test_each_fault_is_one_sentence_that_says_what_was_expected(core_of, fault, told):
+def test_each_fault_is_one_sentence_that_says_what_was_expected(core_of, fault, expected):
     with pytest.raises(SimulationFault) as caught:
         flown(core_of(fault=fault, answer_within_s=2.0 if fault == "hangs" else 25.0))
     # A second answer may be seen before the next inputs are sent, or be taken for the answer to them.
     other = "expected no answer before the inputs of tick 4, something came before it was asked."
-    assert told in str(caught.value) or (fault == "twice" and str(caught.value) == other)
+    assert expected in str(caught.value) or (fault == "twice" and str(caught.value) == other)
 
 
 def test_who_connects_without_the_token_is_named(core_of):
@@ -139,7 +139,7 @@ def test_who_connects_without_the_token_is_named(core_of):
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "expected"),
     [
         (
             {"start": {"command": ["./nothing"]}},
@@ -157,10 +157,10 @@ def test_who_connects_without_the_token_is_named(core_of):
         ),
     ],
 )
-def test_a_block_that_cannot_be_is_refused(changes, told):
+def test_a_block_that_cannot_be_is_refused(changes, expected):
     with pytest.raises(InvalidScenarioError) as caught:
         load_scenario("tiny_room", overrides=[f"participants=[{json.dumps({**block(), **changes})}]"])
-    assert told in str(caught.value)
+    assert expected in str(caught.value)
 
 
 def test_two_that_drive_the_wind_are_refused():

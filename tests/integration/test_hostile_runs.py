@@ -17,7 +17,7 @@ AROUND_A_WALL = HERE.parent / "end_to_end" / "around_a_wall.yaml"
 
 
 def hostile_run(tmp_path, *, model, avoidance, ends_on_collision):
-    """Fly the hostile agent beside a wall and another agent that goes on with its own flight."""
+    """Fly the hostile agent beside a wall and another agent that goes on with its own run."""
     loaded = load_scenario(AROUND_A_WALL)
     values = plain_values(loaded.scenario)
     hostile, other = values["agents"]

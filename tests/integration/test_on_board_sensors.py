@@ -125,5 +125,5 @@ def test_what_is_measured_is_where_the_vehicle_is(flown):
     assert (101325.0 - last.reading("barometer").values[0]) / 12.0 == pytest.approx(height_m, abs=0.5)
     force = np.array(last.reading("imu").values[:3])
     assert np.linalg.norm(force) == pytest.approx(9.81, abs=2.0)
-    ways_m = np.array(last.reading("around").values)
-    assert ways_m == pytest.approx([1.5, 2.5, 4.0, 2.5], abs=0.2)
+    ranges_m = np.array(last.reading("around").values)
+    assert ranges_m == pytest.approx([1.5, 2.5, 4.0, 2.5], abs=0.2)

@@ -1,4 +1,4 @@
-"""`gslcosim.open_run`: what a flight has left, as arrays."""
+"""`gslcosim.open_run`: what a run has left, as arrays."""
 
 import json
 import math
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):
-    """A flight of a method that publishes beliefs; its folder."""
+    """A run of a method that publishes beliefs; its folder."""
     runs = tmp_path_factory.mktemp("runs")
     method = "agents[0].start.python=infotaxis"
     assert main(["up", "tiny_room", "--in-process", "--quiet", "--set", method, "--runs-dir", str(runs)]) == 0

@@ -1,4 +1,4 @@
-"""`gslcosim plot`: figures of flights hold their data, and the same data give the same bytes."""
+"""`gslcosim plot`: figures of runs hold their data, and the same data give the same bytes."""
 
 import re
 import sys
@@ -83,7 +83,7 @@ def test_several_runs_are_a_bundle_with_median_and_band(runs, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "expected"),
     [
         (["--figure", "swarm"], "--figure swarm: expected a run with several agents"),
         (["--figure", "starts"], "--figure starts: expected a folder of results"),
@@ -91,13 +91,13 @@ def test_several_runs_are_a_bundle_with_median_and_band(runs, tmp_path):
         (["--format", "gif"], "--format: expected some of pdf, svg, png, was 'gif'"),
     ],
 )
-def test_what_cannot_be_drawn_is_told(runs, tmp_path, capsys, words, told):
+def test_what_cannot_be_drawn_is_reported(runs, tmp_path, capsys, words, expected):
     assert main(["plot", str(runs["3", "surge_cast"]), "--out", str(tmp_path), *words]) == 2
-    assert told in capsys.readouterr().err
+    assert expected in capsys.readouterr().err
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limits on the size of files")
-def test_a_disk_that_takes_no_more_and_a_file_in_the_way_are_told(runs, tmp_path, capsys):
+def test_a_disk_that_takes_no_more_and_a_file_in_the_way_are_reported(runs, tmp_path, capsys):
     import resource
 
     run = str(runs["3", "surge_cast"])

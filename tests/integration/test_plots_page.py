@@ -1,4 +1,4 @@
-"""The gallery of docs/plots.md shows each figure there is, and `GSLCOSIM_REWRITE_GOLDEN=1` draws its pictures anew."""
+"""The gallery of docs/plots.md shows each figure there is, and `GSLCOSIM_REWRITE_GOLDEN=1` draws its pictures again."""
 
 import os
 import re

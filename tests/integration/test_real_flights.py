@@ -1,4 +1,4 @@
-"""Logs of flights from elsewhere become runs: what was logged is what is read back, and the referee judges it."""
+"""Logs of runs from elsewhere become runs: what was logged is what is read back, and the referee judges it."""
 
 import json
 import math
@@ -46,10 +46,10 @@ def test_a_log_is_judged_and_read_back_as_it_was(tmp_path, capsys):
     assert agent["final_distance_m"] == pytest.approx(0.8, abs=0.05)
     track = run.tracks["beetle"]
     np.testing.assert_allclose(track.position_world_m[:, 0], 4.5 - 0.4 * track.time_s, atol=1e-5)
-    told = {(one.sensor, one.quantity): one for one in run.readings}
-    nose = told["nose", "response"]
+    call_import = {(one.sensor, one.quantity): one for one in run.readings}
+    nose = call_import["nose", "response"]
     np.testing.assert_allclose(nose.value, 50000 - 100 * np.floor(nose.time_s / 0.25 + 1e-6))
-    wind = told["wind", "wind_speed"]
+    wind = call_import["wind", "wind_speed"]
     assert wind.time_s[0] == pytest.approx(0.3), "the first with a number is at 0.25 s"
     np.testing.assert_allclose(wind.value, 0.5)
     assert not len(run.filaments.tick)
@@ -92,7 +92,7 @@ def test_a_bag_of_a_run_comes_back_as_a_run(tmp_path, capsys, to):
 
 
 @pytest.mark.parametrize(
-    ("head", "rows", "told"),
+    ("head", "rows", "call_import"),
     [
         ("time_s,x_m,y_m", ["0,1,2", "1,1,2"], "lacks z_m"),
         ("time_s,x_m,y_m,z_m", ["0,1,2,1"], "expected poses at two times or more, was 1"),
@@ -106,19 +106,19 @@ def test_a_bag_of_a_run_comes_back_as_a_run(tmp_path, capsys, to):
         ),
     ],
 )
-def test_logs_that_are_none_are_refused(tmp_path, capsys, head, rows, told):
+def test_logs_that_are_none_are_refused(tmp_path, capsys, head, rows, call_import):
     log = written(tmp_path, head=head, rows=rows)
     assert main(["import-flight", str(log), "--scenario", "tiny_room", "--runs-dir", str(tmp_path / "runs")]) == 2
-    assert told in capsys.readouterr().err
+    assert call_import in capsys.readouterr().err
     assert not (tmp_path / "runs").exists()
 
 
-def test_wrong_calls_are_told(tmp_path, capsys):
-    def told(*words):
+def test_wrong_calls_are_reported(tmp_path, capsys):
+    def call_import(*words):
         assert main(["import-flight", *map(str, words)]) == 2
         return capsys.readouterr().err
 
-    assert "expected a log, found none" in told(tmp_path / "none.csv", "--scenario", "tiny_room")
+    assert "expected a log, found none" in call_import(tmp_path / "none.csv", "--scenario", "tiny_room")
     log = written(tmp_path)
-    assert "--scenario: expected one agent, was 3 in swarm_tiny" in told(log, "--scenario", "swarm_tiny")
-    assert "expected a bag of ROS, was log.csv" in told(log, "--scenario", "tiny_room", "--pose", "/odom")
+    assert "--scenario: expected one agent, was 3 in swarm_tiny" in call_import(log, "--scenario", "swarm_tiny")
+    assert "expected a bag of ROS, was log.csv" in call_import(log, "--scenario", "tiny_room", "--pose", "/odom")

@@ -47,7 +47,7 @@ def test_counts_of_cells_are_those_published(number):
 @needs_reference
 @pytest.mark.slow
 @pytest.mark.parametrize("number", COUNTS)
-def test_a_run_flies_in_the_room_with_wind_solved_for_it(number, tmp_path, monkeypatch, capsys):
+def test_a_run_uses_the_room_with_wind_solved_for_it(number, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("GSLCOSIM_CACHE", os.environ.get("GSLCOSIM_CACHE", str(Path("~/.cache/gslcosim").expanduser())))
     scenario = {**SCENARIO, "environment": {"gsl_bench": str(ROOMS / number)}}

@@ -16,7 +16,7 @@ FOR_SECONDS = {"tiny_room": 20, "swarm_tiny": 20, "event_sensor": 20, "event_rad
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FOR_SECONDS)
-def test_every_message_of_a_flight_passes_all_checks_and_comes_back_byte_for_byte(name, tmp_path):
+def test_every_message_of_a_run_passes_all_checks_and_comes_back_byte_for_byte(name, tmp_path):
     cut = [f"referee.stop.time_limit_s={FOR_SECONDS[name]}", "recording.enabled=false"]
     loaded = load_scenario(name, overrides=cut)
     environment_dir = prepare_environment(

@@ -82,7 +82,7 @@ def test_a_member_that_began_to_join_at_a_stopped_router_joins_when_it_continues
     os.kill(process.pid, signal.SIGSTOP)
     with ThreadPoolExecutor(1) as pool:
         joining = pool.submit(ZenohBus.open_member, join)
-        # The failed attempt's, and that of whoever waits for an answer.
+        # The failed attempt's, and that of anyone who waits for an answer.
         wait_until(lambda: count_connections(endpoint) == 2 or joining.done())
         is_waiting = not joining.done()
         os.kill(process.pid, signal.SIGCONT)
@@ -99,7 +99,7 @@ def test_a_password_that_is_refused_is_an_error_of_a_watched_member_too(router):
         ZenohBus.open_member(join)
 
 
-def test_an_answer_is_waited_for_until_whoever_listens_reads(folder):
+def test_an_answer_is_waited_for_until_the_listener_reads(folder):
     """A connection that nobody accepts is no answer."""
     path = folder / "silent.sock"
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener, ThreadPoolExecutor(1) as pool:

@@ -51,7 +51,7 @@ def settle(router, *buses):
         threading.Event().wait(0.1)
 
 
-def test_the_services_hear_each_other(net):
+def test_the_services_receive_from_each_other(net):
     """A message reaches the router's own session and every service, with its key relative to the run."""
     router, join = net
     ours, theirs = inbox(router, "truth/*"), inbox(join("service", "s"), "truth/*")
@@ -86,8 +86,8 @@ def test_an_agent_is_confined_to_its_own_keys(net):
         service.publish(key, b"from service")
     service.publish("agents/b/observation", b"from service")
     assert at_b.get(timeout=EVENT_S) == ("agents/b/observation", b"from service")
-    heard = [at_router.get(timeout=EVENT_S) for _ in range(7)]
-    assert [key for key, payload in heard if payload == b"from a"] == ["agents/a/command"]
+    received = [at_router.get(timeout=EVENT_S) for _ in range(7)]
+    assert [key for key, payload in received if payload == b"from a"] == ["agents/a/command"]
     answers = queue.Queue()
     router.ask("rpc/world/resend", b"", lambda key, payload: answers.put(payload))
     settle(router, service, b)
@@ -114,9 +114,9 @@ def test_a_process_of_several_agents_reaches_the_keys_of_each_and_no_others(net)
         process.publish(f"agents/{name}/command", b"from c")
         service.publish(f"agents/{name}/observation", b"from service")
     assert [at_router.get(timeout=EVENT_S)[0] for _ in range(2)] == ["agents/c/command", "agents/d/command"]
-    heard = [at_process.get(timeout=EVENT_S) for _ in range(5)]
-    told = [key for key, payload in heard if payload == b"from service"]
-    assert told == ["agents/c/observation", "agents/d/observation"]
+    received = [at_process.get(timeout=EVENT_S) for _ in range(5)]
+    keys_of_service = [key for key, payload in received if payload == b"from service"]
+    assert keys_of_service == ["agents/c/observation", "agents/d/observation"]
     settle(router, service)
     assert at_router.empty()
     assert tokens.empty()
@@ -168,7 +168,7 @@ def test_all_answers_to_one_question_come(net):
     assert sorted(came) == [bytes([n]) for n in range(5)]
 
 
-def test_who_asks_after_the_session_was_closed_hears_nothing(net):
+def test_who_asks_after_the_session_was_closed_receives_nothing(net):
     """Whoever looks at a run does so from a thread of its own, and may come too late."""
     _, join = net
     asker = join("service", "s")

@@ -96,7 +96,7 @@ def test_an_agent_is_not_let_in(net):
     assert not list(net.folder.glob("*accounts*"))
 
 
-def test_a_wrong_password_is_told(net):
+def test_a_wrong_password_is_reported(net):
     """The router refuses a service that is none."""
     with pytest.raises(SimulationFault, match="its password were refused"):
         net.join("a", password="wrong")

@@ -133,9 +133,9 @@ def poison_one_float(fields: dict[str, Any], poison: float, random: Any) -> bool
     places = list(floats_in(fields))
     if not places:
         return False
-    *way, last = random.choice(places)
+    *path, last = random.choice(places)
     holder: Any = fields
-    for step in way:
+    for step in path:
         if isinstance(holder[step], tuple):
             holder[step] = list(holder[step])
         holder = holder[step]
@@ -143,15 +143,15 @@ def poison_one_float(fields: dict[str, Any], poison: float, random: Any) -> bool
     return True
 
 
-def floats_in(value: Any, way: tuple[Any, ...] = ()) -> Any:
+def floats_in(value: Any, path: tuple[Any, ...] = ()) -> Any:
     if isinstance(value, float):
-        yield way
+        yield path
     elif isinstance(value, dict):
         for key, item in value.items():
-            yield from floats_in(item, (*way, key))
+            yield from floats_in(item, (*path, key))
     elif isinstance(value, tuple | list):
         for index, item in enumerate(value):
-            yield from floats_in(item, (*way, index))
+            yield from floats_in(item, (*path, index))
 
 
 @pytest.mark.slow

@@ -79,7 +79,7 @@ OTHERS = {
     "cache": "lists a folder of our own by names and sizes",
     "agent": "starts a program; new writes a folder",
     "participant": "the same",
-    "ps": "asks sockets: test_running_flights_tell_anything",
+    "ps": "asks sockets: test_active_runs_report_anything",
     "top": "the same",
     "stop": "the same",
     "sweep": "its results are those of bench run",
@@ -180,14 +180,14 @@ def answer_to(words):
 
 def check_answer(words, code, out, err):
     """Hold what a command has answered to a damaged file against what every command promises."""
-    told = f"{' '.join(words)} returned {code}:\n{err[-3000:]}"
-    assert code in set(ExitCode) - {ExitCode.INTERRUPTED}, told
-    assert "Traceback" not in out + err, told
-    assert "the machine: expected it to do what was asked" not in err, told
-    assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f]", out + err), told
+    text = f"{' '.join(words)} returned {code}:\n{err[-3000:]}"
+    assert code in set(ExitCode) - {ExitCode.INTERRUPTED}, text
+    assert "Traceback" not in out + err, text
+    assert "the machine: expected it to do what was asked" not in err, text
+    assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f]", out + err), text
     if code == ExitCode.USAGE:
-        assert "expected" in err, told
-        assert len(err) < 3000, told
+        assert "expected" in err, text
+        assert len(err) < 3000, text
 
 
 @pytest.fixture(scope="module")
@@ -241,7 +241,7 @@ def files_of(call, root):
 @pytest.mark.parametrize("call", CALLS)
 @settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(data=st.data())
-def test_a_damaged_file_is_told_in_one_sentence(whole, tmp_path_factory, call, data):
+def test_a_damaged_file_is_reported_in_one_sentence(whole, tmp_path_factory, call, data):
     root = tmp_path_factory.mktemp("damaged")
     shutil.copytree(whole, root, dirs_exist_ok=True)
     path = data.draw(st.sampled_from(files_of(call, root)))
@@ -280,8 +280,8 @@ def test_each_command_reads_no_folder_or_is_called_here():
     parsers = command_parsers(build_parser(COMMANDS, version="0"))
     leaves = {leaf for name, parser in parsers.items() for leaf in leaves_of(parser, name)}
     called = {" ".join(words[:2]) if words[0] == "bench" else words[0] for words in CALLS.values()}
-    told = called | {leaf for leaf in leaves if leaf in OTHERS or leaf.split()[0] in OTHERS}
-    assert leaves == told
+    text = called | {leaf for leaf in leaves if leaf in OTHERS or leaf.split()[0] in OTHERS}
+    assert leaves == text
     assert not called & OTHERS.keys()
 
 
@@ -297,7 +297,7 @@ STATUS = {
 
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_running_flights_tell_anything(status_socket, data):
+def test_active_runs_report_anything(status_socket, data):
     """Whoever of the user listens there is asked; one that answers with something else hides no other."""
     kind = data.draw(st.sampled_from(["values", "values", "values", "whole"]))
     status_socket.answer = (
@@ -309,7 +309,7 @@ def test_running_flights_tell_anything(status_socket, data):
 
 
 class StatusSocket:
-    """A socket that answers whoever connects, where flights are looked for."""
+    """A socket that answers anyone who connects, where flights are looked for."""
 
     def __init__(self, path):
         self.answer = b""

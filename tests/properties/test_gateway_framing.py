@@ -40,7 +40,7 @@ def test_maps_come_back_however_the_stream_is_cut(frame_format, maps, cuts):
 
 
 @given(FORMATS, MAPS)
-def test_both_formats_reach_the_door_as_the_same_bytes(frame_format, fields):
+def test_both_formats_reach_the_validator_as_the_same_bytes(frame_format, fields):
     (item,), _ = split(frame_format, frame_codec.encode_fields(frame_format, fields))
     assert frame_codec.decode_payload(frame_format, item.payload) == msgpack.packb(fields)
 
@@ -52,24 +52,24 @@ def test_the_type_is_the_first_key_and_the_rest_stays_as_it_was(name, fields):
 
 
 @given(FORMATS, st.binary(max_size=400), st.lists(st.integers(0, 400), max_size=8))
-def test_any_bytes_are_frames_or_refusals_and_the_door_judges_them(frame_format, data, cuts):
+def test_any_bytes_are_frames_or_refusals_and_the_validator_judges_them(frame_format, data, cuts):
     """Whatever it is, it is refused with a reason or becomes a command's bytes; where it is cut does not matter."""
     items, rest = split(frame_format, data, cuts)
     assert (items, rest) == split(frame_format, data) or any(isinstance(item, RefusedFrame) for item in items)
-    door = CommandValidator("beetle")
+    validator = CommandValidator("beetle")
     for item in items:
         assert isinstance(item, Frame) or item.text
         if isinstance(item, Frame):
-            judge(door, frame_format, item.payload)
+            judge(validator, frame_format, item.payload)
 
 
-def judge(door, frame_format, frame):
+def judge(validator, frame_format, frame):
     try:
         payload = frame_codec.decode_payload(frame_format, frame)
     except ContractError:
         return
     frame_codec.read_agent_name(payload)
-    assert door.received(payload) == []
+    assert validator.on_answer(payload) == []
 
 
 @given(st.integers(0, 2**32 - 1), st.binary(max_size=64))
@@ -82,7 +82,7 @@ def test_a_length_is_taken_refused_or_the_end(length, data):
     assert len(splitter._buffer) <= 4 + len(data)
 
 
-def test_the_door_takes_what_a_frame_may_hold():
+def test_the_validator_takes_what_a_frame_may_hold():
     """One limit, not two that contradict each other."""
     from gslcosim.runtime.agents.validator import MAX_COMMAND_BYTES
 

@@ -165,7 +165,7 @@ def test_no_pieces_are_taken_for_a_room(host, pieces, n_more):
 
 
 @pytest.mark.parametrize(
-    ("lie", "told"),
+    ("lie", "expected"),
     [
         ({"run_id": "../victim"}, "RunOffer: run_id: expected something else"),
         ({"environment_hash": "../../.."}, "RunOffer: environment_hash"),
@@ -175,8 +175,8 @@ def test_no_pieces_are_taken_for_a_room(host, pieces, n_more):
         ({"scenario": "name: x"}, "expected a scenario as resolved"),
     ],
 )
-def test_what_is_wrong_is_named(host, lie, told):
-    with pytest.raises(SimulationFault, match=told):
+def test_what_is_wrong_is_named(host, lie, expected):
+    with pytest.raises(SimulationFault, match=expected):
         join_with(host, {**host.offer, **lie})
 
 
@@ -241,7 +241,7 @@ def check_join_file(folder: Path, content):
 
 
 @pytest.mark.parametrize("content", ["[" * 100_000, '{"name": ' * 5000, "x" * (1 << 21), json.dumps({"gateway": None})])
-def test_a_join_file_that_is_none_is_told(tmp_path, content):
+def test_a_join_file_that_is_none_is_reported(tmp_path, content):
     (tmp_path / "join.json").write_text(content)
     with pytest.raises(UsageError, match=r"join\.json"):
         JoinFile.read(tmp_path / "join.json")
@@ -265,11 +265,11 @@ def test_no_message_names_a_file_elsewhere(name):
     """The log of a participant that is at fault is read and shown, by its name."""
     payload = msgpack.packb({"participant": name, "tick": 3, "text": ""})
     try:
-        told = protocol.FaultReport.from_bytes(payload).participant
+        expected = protocol.FaultReport.from_bytes(payload).participant
     except ContractError:
         return
-    assert Path("logs", f"{told}.log").parent == Path("logs")
-    assert ".." not in Path(told).parts
+    assert Path("logs", f"{expected}.log").parent == Path("logs")
+    assert ".." not in Path(expected).parts
 
 
 def test_software_that_is_the_same_is_the_same_after_a_journey():

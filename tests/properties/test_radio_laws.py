@@ -77,7 +77,7 @@ def test_exactly_those_within_range_are_reached(places_m, range_m):
 
 @settings(max_examples=60)
 @given(a_m=PLACES_M, b_m=PLACES_M, range_m=RANGES_M)
-def test_who_hears_is_heard(a_m, b_m, range_m):
+def test_who_receives_can_also_send(a_m, b_m, range_m):
     first, second = fly(swarm(2, range_m=range_m), [a_m, b_m], ["a0", "a1"])
     assert bool(first.reached) == bool(second.reached)
 
@@ -112,5 +112,5 @@ def test_what_a_pair_loses_does_not_depend_on_others(loss_frac, n_more):
     alone = fly(swarm(2, loss_frac=loss_frac), [(0.0, 0.0, 0.0)] * 2, ["a0"], n_ticks=20)
     n = 2 + n_more
     crowd = fly(swarm(n, loss_frac=loss_frac), [(0.0, 0.0, 0.0)] * n, [f"a{i}" for i in range(n)], n_ticks=20)
-    heard = ["a1" in sent.reached for sent in crowd if sent.sender == "a0"]
-    assert heard == [sent.reached == ("a1",) for sent in alone]
+    is_received = ["a1" in sent.reached for sent in crowd if sent.sender == "a0"]
+    assert is_received == [sent.reached == ("a1",) for sent in alone]

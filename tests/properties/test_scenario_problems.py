@@ -91,12 +91,12 @@ def test_any_value_in_place_of_any_other_gives_a_scenario_or_problems(tmp_path_f
 @settings(max_examples=200)
 @given(st.text(st.characters(codec="utf-8"), max_size=60))
 def test_any_text_gives_values_or_problems(text):
-    told = "any.yaml:"
+    message = "any.yaml:"
     try:
         read_yaml(text, source="any.yaml")
     except InvalidScenarioError as error:
-        told = str(error)
-    assert told.startswith("any.yaml:")
+        message = str(error)
+    assert message.startswith("any.yaml:")
 
 
 @settings(max_examples=100)

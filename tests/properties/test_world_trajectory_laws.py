@@ -68,6 +68,6 @@ def test_a_stop_ends_within_the_braking_distance(start_m, heading, speed_m_s, pu
     """No further than the speed limit carries in the duration; the duration is bounded by the limits."""
     start = np.array([start_m, scaled(heading, speed_m_s), scaled(push, push_m_s2)])
     trajectory = plan_to_velocity(start, (0.0, 0.0, 0.0), LIMITS, 0)
-    way_m = math.dist(trajectory.end_world_m, start_m)
+    length_m = math.dist(trajectory.end_world_m, start_m)
     assert trajectory.duration_s <= 5.0 * LIMITS.max_speed_m_s / LIMITS.max_acceleration_m_s2
-    assert way_m <= 1.3 * LIMITS.max_speed_m_s * trajectory.duration_s
+    assert length_m <= 1.3 * LIMITS.max_speed_m_s * trajectory.duration_s

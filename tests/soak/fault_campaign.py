@@ -99,7 +99,7 @@ def fault_of(seed: int, number: int, longest_stop_s: float) -> Fault:
 
 
 class Trial:
-    """A flight in a process of its own with everything it says, in folders of its own."""
+    """A run in a process of its own with everything it says, in folders of its own."""
 
     def __init__(self, folder: Path, member: str) -> None:
         self.runs_dir = folder / "runs"
@@ -137,7 +137,7 @@ class Trial:
         return any(f": {state}" in line for line in list(self.lines))
 
     def wait_for(self, is_true: Callable[[], object], limit_s: float = 60) -> bool:
-        """Wait for a condition; return whether it came true before the flight was over."""
+        """Wait for a condition; return whether it came true before the run was over."""
         deadline_s = time.monotonic() + limit_s
         while not is_true():
             if self.process.poll() is not None or time.monotonic() > deadline_s:
@@ -208,7 +208,7 @@ def _fly(trial: Trial, fault: Fault, baseline: dict | None) -> Ended:
         return ended
     ended_s = time.monotonic()
     _judge(trial, ended, allowed, baseline)
-    # A run that goes on ends when it has flown, and one whose agent fails begins when all others are there.
+    # A run that goes on ends when it has run, and one whose agent fails begins when all others are there.
     ended.is_timed = ended.outcome in (NAMED, TAKEN_ALONG) or (
         ended.outcome == AGENT_FAILED and fault.phase == "flight"
     )
@@ -267,7 +267,7 @@ def _judge(trial: Trial, ended: Ended, allowed: tuple[str, ...], baseline: dict 
     ended.problems += _recording_problems(trial, ended.outcome)
 
 
-# At the end an agent may be gone already, which is told and changes nothing.
+# At the end an agent may be gone already, which is reported and changes nothing.
 def _is_as(result: dict, baseline: dict, exit_code: int, culprit: str, faults: list[dict]) -> bool:
     same = ("valid", "end_reason", "digest", "ticks")
     is_same = exit_code == baseline["exit_code"] and all(result.get(key) == baseline[key] for key in same)
@@ -287,7 +287,7 @@ def _leftovers(trial: Trial, *, is_supervisor_gone: bool) -> Iterator[str]:
     if is_supervisor_gone:
         # It cannot tidy up; the next run does.
         ScratchFolder(parent=trial.temp_dir).close()
-    # The folder of the user's flights stays, with nothing in it where the supervisor could tidy up.
+    # The folder of the user's runs stays, with nothing in it where the supervisor could tidy up.
     windows = list(trial.temp_dir.glob(".gslcosim-flights-*/*"))
     folders = [path.name for path in trial.temp_dir.iterdir() if not path.name.startswith(".gslcosim-flights-")]
     folders += [] if is_supervisor_gone else [path.name for path in windows]
@@ -331,7 +331,7 @@ def _adopt_orphans() -> None:
 
 
 def baseline_of(member: str) -> dict:
-    """Return the result of a flight in which nothing happens, with its exit code."""
+    """Return the result of a run in which nothing happens, with its exit code."""
     folder = Path(tempfile.mkdtemp(prefix="gf", dir="/tmp"))
     try:
         trial = Trial(folder, member)

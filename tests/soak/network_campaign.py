@@ -30,7 +30,7 @@ from two_hosts import CONGESTION_CONTROL, HERE, two_hosts, why_not  # noqa: E402
 WINDOWS_TICKS = (256, 1024, 4096)
 N_TICKS = 6000
 TICK_S = 0.1
-# Into the flight, so that queues are full.
+# Into the run, so that queues are full.
 CUT_AFTER_S = 1.0
 FLIGHT_LIMIT_S = 900.0
 
@@ -118,7 +118,7 @@ def holding_agent(folder: Path, hold_s: float) -> Path:
 
 
 def fly(case: Case, agent: Path, digests: Digests) -> Flown:
-    """Fly a case."""
+    """Run a case."""
     changes = changes_of(case, agent)
     expected = digests.of(changes)
     with contextlib.ExitStack() as stack:

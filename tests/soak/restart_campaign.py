@@ -36,7 +36,7 @@ class Trial:
     is_restarted: bool
     is_equal: bool
     took_s: float
-    told: str
+    text: str
 
 
 def whole(scenario: str, folder: Path) -> str:
@@ -45,7 +45,7 @@ def whole(scenario: str, folder: Path) -> str:
 
 
 def trial(scenario: str, digest: str, folder: Path, rng: random.Random) -> Trial:
-    """Fly a scenario, kill one of its services at a random moment, and compare."""
+    """Run a scenario, kill one of its services at a random moment, and compare."""
     service = rng.choice(SCENARIOS[scenario])
     flight = start(ROOT / "scenarios" / f"{scenario}.yaml", folder, *OPTIONS)
     pid = flight.child(f"gslcosim_services {service}")
@@ -64,7 +64,7 @@ def trial(scenario: str, digest: str, folder: Path, rng: random.Random) -> Trial
         is_restarted=bool(restarts),
         is_equal=ended.result.get("digest") == digest,
         took_s=time.monotonic() - began_s,
-        told=ended.errors,
+        text=ended.errors,
     )
 
 
@@ -103,7 +103,7 @@ def main() -> None:
     chosen = parser.parse_args()
 
     def tell(trial: Trial) -> None:
-        state = "equal" if trial.is_equal else f"DIFFERENT {trial.told}"
+        state = "equal" if trial.is_equal else f"DIFFERENT {trial.text}"
         sys.stderr.write(f"{trial.scenario} {trial.service} at {trial.tick}, {trial.took_s:.1f} s: {state}\n")
 
     trials = campaign(chosen.trials, chosen.seed, tell=tell)

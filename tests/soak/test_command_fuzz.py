@@ -75,10 +75,10 @@ def changed_values(rng, value):
     places = list(places_in(value))[1:]
     if not places:
         return value
-    *way, last = places[int(rng.integers(len(places)))]
+    *path, last = places[int(rng.integers(len(places)))]
     value = copy.deepcopy(value)
     block = value
-    for key in way:
+    for key in path:
         block = block[key]
     if rng.random() < 0.2:
         del block[last]
@@ -92,11 +92,11 @@ def check_call(words, call, where):
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), contextlib.suppress(SystemExit):
         code = run_command(words, call)
-        told = f"{where}: {words!r:.2000} returned {code}:\n{err.getvalue()[-2000:]}"
-        assert code in set(ExitCode) - {ExitCode.INTERRUPTED}, told
-        assert "Traceback" not in err.getvalue(), told
-        assert "\x1b" not in out.getvalue() + err.getvalue(), told
-        assert code not in (ExitCode.USAGE, ExitCode.FAULT) or err.getvalue().strip(), told
+        text = f"{where}: {words!r:.2000} returned {code}:\n{err.getvalue()[-2000:]}"
+        assert code in set(ExitCode) - {ExitCode.INTERRUPTED}, text
+        assert "Traceback" not in err.getvalue(), text
+        assert "\x1b" not in out.getvalue() + err.getvalue(), text
+        assert code not in (ExitCode.USAGE, ExitCode.FAULT) or err.getvalue().strip(), text
 
 
 @pytest.mark.parametrize("length_s", LENGTHS)
@@ -114,7 +114,7 @@ def test_any_call_ends_with_a_documented_exit_code(tmp_path, monkeypatch, length
 
 
 @pytest.mark.parametrize("length_s", LENGTHS)
-def test_any_scenario_is_valid_or_told(tmp_path, length_s):
+def test_any_scenario_is_valid_or_reported(tmp_path, length_s):
     bundled, seed = bundled_scenarios(), 0
     names = sorted(bundled)
     path = tmp_path / "changed.yaml"

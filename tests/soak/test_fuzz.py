@@ -1,4 +1,4 @@
-"""Whatever bytes an agent sends, the codec says what is wrong, and the door lets through one valid command a question.
+"""Whatever bytes an agent sends, the codec says what is wrong, and one valid command a question passes.
 
 The inputs are random but named by a seed: a failure prints the seed and the bytes that caused it. A few seconds of it
 are part of every test run; `make soak` fuzzes for ten minutes.
@@ -138,7 +138,7 @@ def test_the_codec_refuses_or_reads_and_what_it_reads_it_can_write(seconds):
 
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("seconds", LENGTHS)
-def test_the_door_lets_through_one_valid_command_for_each_question(seconds):
+def test_the_validator_lets_through_one_valid_command_for_each_question(seconds):
     world = ScriptedWorld(3)
     state = {"door": CommandValidator("agent"), "tick": 0, "asked": set(), "passed": []}
 
@@ -155,18 +155,18 @@ def test_the_door_lets_through_one_valid_command_for_each_question(seconds):
             state.update(
                 door=CommandValidator("agent", may_overlap=bool(rng.random() < 0.3)), tick=0, asked=set(), passed=[]
             )
-        door = state["door"]
+        validator = state["door"]
         if rng.random() < 0.5:
             state["tick"] += 1
-            is_asked = bool(rng.random() < 0.7) and (door.may_overlap or not door.pending)
+            is_asked = bool(rng.random() < 0.7) and (validator.may_overlap or not validator.pending)
             if is_asked:
                 state["asked"].add(state["tick"])
-            take(door.observed(world.observe(state["tick"], is_asked=is_asked)))
-        if rng.random() < 0.3 and door.pending:
-            data = codec.encode(Command(tick=door.pending[0], kind="hold"))
-        take(door.received(data))
-        assert len(door.faults) <= MAX_FAULTS
-        assert len(door._early) <= MAX_EARLY_ANSWERS
+            take(validator.on_observation(world.observe(state["tick"], is_asked=is_asked)))
+        if rng.random() < 0.3 and validator.pending:
+            data = codec.encode(Command(tick=validator.pending[0], kind="hold"))
+        take(validator.on_answer(data))
+        assert len(validator.faults) <= MAX_FAULTS
+        assert len(validator._early) <= MAX_EARLY_ANSWERS
 
     fuzz("door", seconds, try_one)
 
@@ -198,6 +198,6 @@ def test_the_gateway_cuts_any_stream_into_frames_or_says_why_not(seconds, frame_
             return
         assert isinstance(item, Frame)
         with contextlib.suppress(ContractError):
-            CommandValidator("agent").received(decode_payload(frame_format, item.payload))
+            CommandValidator("agent").on_answer(decode_payload(frame_format, item.payload))
 
     fuzz(f"gateway.{frame_format}", seconds, try_one)

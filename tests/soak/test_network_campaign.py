@@ -8,7 +8,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from network_campaign import LINKS, Flown, cases_of, row_of
 
 
-def test_each_link_is_flown_with_each_window_and_once_closed():
+def test_each_link_is_run_with_each_window_and_once_closed():
     cases = cases_of((256, 1024), 100, "")
     assert len(cases) == 3 * len(LINKS)
     assert len({(case.link.name, case.is_open, case.window_ticks) for case in cases}) == len(cases)

@@ -48,7 +48,7 @@ class Trial:
     tick: int
     is_equal: bool
     took_s: float
-    told: str
+    text: str
 
 
 def called(*words: str) -> tuple[int, dict, str]:
@@ -73,8 +73,8 @@ def trial(kind: str, number: int, seed: int, folder: Path) -> Trial:
         return Trial(kind, case, "", -1, False, time.monotonic() - began_s, past.errors)
     tick = rng.randrange(1, past.result["ticks"])
     travel = {"replay": replay, "snapshots": go_on, "forks": fork}[kind]
-    change, is_equal, told = travel(past, tick, rng, folder)
-    return Trial(kind, case, change, tick, is_equal, time.monotonic() - began_s, told)
+    change, is_equal, text = travel(past, tick, rng, folder)
+    return Trial(kind, case, change, tick, is_equal, time.monotonic() - began_s, text)
 
 
 def replay(past, tick: int, rng: random.Random, folder: Path) -> tuple[str, bool, str]:
@@ -125,12 +125,12 @@ def fork(past, tick: int, rng: random.Random, folder: Path) -> tuple[str, bool, 
     if change == "nothing":
         return change, one["digest"] == past.result["digest"], errors
     if change == "event":
-        again_code, _, told = called(
+        again_code, _, text = called(
             "replay", str(run_in(folder / "one")), "--no-recording", "--runs-dir", str(folder / "two")
         )
-        return change, again_code == 0, told
-    _, other, told = called(*words, "--from-start", "--runs-dir", str(folder / "two"))
-    return change, one["digest"] == other.get("digest") is not None, errors + told
+        return change, again_code == 0, text
+    _, other, text = called(*words, "--from-start", "--runs-dir", str(folder / "two"))
+    return change, one["digest"] == other.get("digest") is not None, errors + text
 
 
 def run_in(folder: Path) -> Path:
@@ -197,7 +197,7 @@ def main() -> None:
     chosen = parser.parse_args()
 
     def tell(each: Trial) -> None:
-        state = "equal" if each.is_equal else f"DIFFERENT {each.told}"
+        state = "equal" if each.is_equal else f"DIFFERENT {each.text}"
         sys.stderr.write(f"{each.kind} {each.case} at {each.tick}, {each.change}, {each.took_s:.1f} s: {state}\n")
 
     trials = [each for kind in chosen.kinds for each in campaign(kind, chosen.trials, chosen.seed, tell=tell)]

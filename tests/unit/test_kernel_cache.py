@@ -137,7 +137,7 @@ def test_kernels_that_root_has_compiled_are_read_by_others(cached, tmp_path):
     assert cached(prefix=as_other) == 1
 
 
-def test_a_key_that_others_may_have_written_is_made_anew(cached, tmp_path):
+def test_a_key_that_others_may_have_written_is_made_again(cached, tmp_path):
     key = tmp_path / "cache" / "kernels.key"
     before = key.read_bytes()
     key.chmod(0o666)

@@ -112,7 +112,7 @@ def close_sources(values: dict[str, Any]) -> None:
         source["release"] = NO_GAS
 
 
-# Trials are flown as fast as they go, and what comes of them must not depend on the machine.
+# Trials are run as fast as they go, and what comes of them must not depend on the machine.
 def _take_off_the_clock(values: dict[str, Any], name: str) -> None:
     values.pop("pace", None)
     free = [agent["name"] for agent in values["agents"][:1] if agent.get("mode") == "free"]

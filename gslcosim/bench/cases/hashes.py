@@ -77,7 +77,7 @@ def trial_id(scenario: Scenario, room: str, entry: str, agent: str) -> str:
 
     Args:
         scenario: As resolved.
-        room: The key of its environment, see `room_key`.
+        room: The key of its environment, see `get_environment_key`.
         entry: The entry's name.
         agent: The hash of its program.
     """
@@ -86,7 +86,7 @@ def trial_id(scenario: Scenario, room: str, entry: str, agent: str) -> str:
     return _hash([values, room, entry, agent, software_hash()])
 
 
-# Paths are no content: rooms, gas and programs are told by their own hashes.
+# Paths are no content: rooms, gas and programs are identified by their own hashes.
 def _without_paths(values: dict[str, Any], scenario: Scenario) -> dict[str, Any]:
     values.pop("name")
     environment = values["environment"]

@@ -76,7 +76,7 @@ class EntrySpec(Spec):
 
 
 class ControlsSpec(Spec):
-    """Flights without gas: how many of them for each flight with it."""
+    """Runs without gas: how many of them for each run with it."""
 
     no_source_frac: Annotated[float, Field(ge=0, le=1)] = 0.0
 
@@ -104,11 +104,11 @@ ScenarioEntry = Annotated[ScenarioSpec, BeforeValidator(_scenario_of_text)]
 class Suite(Spec):
     """A whole suite file.
 
-    Every combination of a scenario with the values of `vary` is a case; each is flown `repetitions` times by every
+    Every combination of a scenario with the values of `vary` is a case; each is run `repetitions` times by every
     entry. `vary` multiplies; within one of its items the lists go together. `set` replaces values in all scenarios.
     `when: places_are_free` leaves out cases in which a vehicle or a source would stand in something solid; otherwise
     they are errors. `gas_seeds` is how many plumes each scenario has, as many as repetitions if absent. `include` takes
-    the cases of other suites, and their entries where this one has none. `anchors` are flown beside the entries.
+    the cases of other suites, and their entries where this one has none. `anchors` are run beside the entries.
     `sandbox: required` flies every agent of these cases as a process in a sandbox, Python agents too, wherever the
     suite is included; `optional` flies Python agents as objects in the worker, which is quicker and for agents one
     trusts.

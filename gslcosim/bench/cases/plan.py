@@ -171,7 +171,7 @@ def build_plan(loaded: LoadedSuite, *, progress: Progress = lambda _: None) -> P
 
     Args:
         loaded: The suite.
-        progress: Is told how far it is.
+        progress: Receives how far it is.
 
     Raises:
         ScenarioError: a scenario, value or entry is wrong, with the place in the suite.

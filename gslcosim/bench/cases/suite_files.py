@@ -83,8 +83,8 @@ def find_suite(source: str | Path) -> Path:
 def _load(source: str | Path, seed: int | None, within: tuple[Path, ...]) -> LoadedSuite:
     path = find_suite(source).resolve()
     if path in within:
-        way = " includes ".join(inner.parent.name for inner in (*within, path))
-        raise ScenarioError(f"{source}: include: expected suites that do not include themselves, was {way}.")
+        chain = " includes ".join(inner.parent.name for inner in (*within, path))
+        raise ScenarioError(f"{source}: include: expected suites that do not include themselves, was {chain}.")
     shown_path = str(source) if Path(source).is_file() else str(path)
     suite = read_spec_file(path, Suite, shown_path=shown_path, keys="scenarios and entries")
     if seed is not None:

@@ -57,7 +57,7 @@ class MovedStart:
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """One flight of one entry in one case: everything that a worker needs, as plain data.
+    """One run of one entry in one case: everything that a worker needs, as plain data.
 
     `scenario_json` is the scenario as resolved, `directory` where its relative paths start, `room` the key of its
     environment, `tape` that of its gas where it is on tape. `sources` are the suites and scenarios of its plan.
@@ -81,7 +81,7 @@ class Trial:
 
     @cached_property
     def resolved(self) -> Scenario:
-        """The scenario that is flown."""
+        """The scenario that is run."""
         return Scenario.model_validate_json(self.scenario_json)
 
 

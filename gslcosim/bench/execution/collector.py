@@ -55,7 +55,7 @@ class AgentSeries:
 
 @dataclass
 class SeriesCollector:
-    """Hears every message of a flight and keeps what its row and track are made of."""
+    """Hears every message of a run and keeps what its row and track are made of."""
 
     scenario: Scenario
     agents: dict[str, AgentSeries] = field(init=False)

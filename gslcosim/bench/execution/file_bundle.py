@@ -23,7 +23,7 @@ from gslcosim.scenario.models.scenario import StartSpec
 
 # Programs of the system are the node's own.
 _OF_THE_SYSTEM = tuple(Path(each) for each in ("/usr", "/bin", "/sbin", "/lib", "/opt", sys.prefix, sys.base_prefix))
-# What is larger is put on the nodes by hand; and of such files the beginning tells them apart.
+# What is larger is put on the nodes by hand; and of such files their beginnings distinguish them.
 _MOST_BYTES = 1 << 30
 _READ_BYTES = 1 << 26
 # What a file of geometry draws in from beside it.
@@ -68,8 +68,8 @@ class BundleBuilder:
     def __init__(self) -> None:
         self._known: dict[str, FileBundle] = {}
 
-    def luggage_of(self, trial: Trial) -> FileBundle:
-        """Return the luggage of a trial."""
+    def build_bundle(self, trial: Trial) -> FileBundle:
+        """Return the file bundle of a trial."""
         values = json.loads(trial.scenario_json)
         starts = [agent["start"] for agent in values["agents"]]
         decides = [values["environment"], values["wind"].get("solver"), values["gas"].get("playback"), starts]
@@ -79,7 +79,7 @@ class BundleBuilder:
         return self._known[key]
 
 
-def unpack_bundle(luggage: FileBundle, contents: Contents | None) -> Path:
+def unpack_bundle(bundle: FileBundle, contents: Contents | None) -> Path:
     """Return a folder of this machine below which all files lie as they do on the machine that they come from.
 
     It is kept in the cache, for all workers of the machine and for later.
@@ -88,19 +88,19 @@ def unpack_bundle(luggage: FileBundle, contents: Contents | None) -> Path:
         EnvironmentDataError: they were too much to carry.
     """
     if contents is None:
-        first = next((path for path, known in luggage.files if _hash_of(Path(path)) != known), luggage.directory)
+        first = next((path for path, known in bundle.files if _hash_of(Path(path)) != known), bundle.directory)
         raise EnvironmentDataError(
             f"{first}: expected on this node the same file as where the benchmark was started, found none or another. "
             f"The files of this trial are more than {_MOST_BYTES >> 30} GB: copy them to the same place on each node."
         )
-    root = get_cache_root() / "shipped" / luggage.key
+    root = get_cache_root() / "shipped" / bundle.key
     mark_used(root)
     if root.is_dir():
         return root
     root.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=root.parent, ignore_cleanup_errors=True) as beside:
         filling = Path(beside) / "files"
-        (path_below(filling, luggage.directory)).mkdir(parents=True)
+        (path_below(filling, bundle.directory)).mkdir(parents=True)
         for path, (mode, content) in contents.items():
             target = path_below(filling, path)
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -114,9 +114,9 @@ def unpack_bundle(luggage: FileBundle, contents: Contents | None) -> Path:
     return root
 
 
-def relocate_trial(trial: Trial, luggage: FileBundle, root: Path) -> Trial:
+def relocate_trial(trial: Trial, bundle: FileBundle, root: Path) -> Trial:
     """Return a trial that reads its files below a folder, see `unpack_bundle`."""
-    names = {name: str(path_below(root, path)) for name, path in luggage.names}
+    names = {name: str(path_below(root, path)) for name, path in bundle.names}
     values = json.loads(trial.scenario_json)
     for key in ("environment", "wind", "gas"):
         values[key] = _renamed(values[key], names)

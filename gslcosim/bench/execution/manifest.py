@@ -21,7 +21,7 @@ def build_manifest(plan: Plan, sessions: list[dict[str, Any]], *, recorded: Sequ
     """Return the content of `manifest.json`.
 
     Args:
-        plan: What was to be flown.
+        plan: What was to be run.
         sessions: The wall times of each call that flew some of it.
         recorded: The trials that have a recording.
     """

@@ -21,7 +21,7 @@ from gslcosim.bench.execution.preparation import Progress, build_map, prepare_ro
 from gslcosim.bench.execution.trial import EnvironmentCache, record_trial, run_trial
 from gslcosim.runtime.processes.children import StopDetector, describe_stop, is_stopped_itself
 
-# How long to wait before a person is told again how things stand.
+# How long to wait before a person gets the status again.
 POLL_PERIOD_S = 0.5
 
 Failure = Literal["crashed", "hung", "out_of_memory", "fault"]
@@ -80,7 +80,7 @@ class Pool(Protocol):
 
     @property
     def reference_loops_s(self) -> list[float]:
-        """Times of the reference loop between flights [s]."""
+        """Times of the reference loop between runs [s]."""
         ...
 
     def submit(self, job: Job) -> None:
@@ -119,7 +119,7 @@ _WORKER = "gslcosim.bench.execution.worker"
 
 
 def n_cores() -> int:
-    """Return how many cores this process may use: as many workers as there are unless told otherwise."""
+    """Return how many cores this process may use: as many workers as there are unless set otherwise."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -177,7 +177,7 @@ class LocalPool:
             left_s = deadline - time.monotonic()
             by_connection = {worker.connection: worker for worker in self._workers}
             for connection in wait(list(by_connection), timeout=max(0.0, min(left_s, _LOOK_EVERY_S))):
-                self._hear(by_connection[cast("Connection[Any, Any]", connection)])
+                self._receive(by_connection[cast("Connection[Any, Any]", connection)])
             if time.monotonic() - self._looked_at >= _LOOK_EVERY_S:
                 self._looked_at = time.monotonic()
                 self._look_after()
@@ -223,7 +223,7 @@ class LocalPool:
                     except OSError:
                         continue  # it is gone; its end is seen when it is looked after
 
-    def _hear(self, worker: _Worker) -> None:
+    def _receive(self, worker: _Worker) -> None:
         try:
             kind, key, content = worker.connection.recv()
         except (EOFError, OSError):
@@ -250,7 +250,7 @@ class LocalPool:
 
     def _look_after(self) -> None:
         now = time.monotonic()
-        # What a worker has started, its own flight watches.
+        # What a worker has started, its own run watches.
         stopped = self._stops.look([w.name for w in self._workers if is_stopped_itself(w.process.pid)], now)
         for worker in list(self._workers):
             if worker.name in stopped:
@@ -278,14 +278,14 @@ class LocalPool:
         taken_s = time.monotonic() - worker.started_at if worker.started_at is not None else 0.0
         _kill(worker)
         words = worker.log_tail()
-        told = f"{text}. The end of its log: {words}" if words else f"{text}."
+        reason = f"{text}. The end of its log: {words}" if words else f"{text}."
         if not worker.is_up:
             self._n_failed_starts += 1
             if self._n_failed_starts >= _MOST_FAILED_STARTS:
-                raise SimulationFault(f"benchmark: expected workers that start, was one that does not: {told}")
+                raise SimulationFault(f"benchmark: expected workers that start, was one that does not: {reason}")
         elif worker.started_at is not None:
             job = worker.jobs.popleft()
-            self._ended.append(JobResult(job=job, worker=worker.name, taken_s=taken_s, failure=failure, text=told))
+            self._ended.append(JobResult(job=job, worker=worker.name, taken_s=taken_s, failure=failure, text=reason))
         self._queue.extendleft(reversed(worker.jobs))
         self._workers[self._workers.index(worker)] = self._start()
         self._hand_out()

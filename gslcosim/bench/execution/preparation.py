@@ -32,10 +32,10 @@ MAX_CELLS = 80
 def prepare_room(trial: Trial, progress: Progress) -> Path:
     """Return the folder of a trial's room, made now if it was not made before."""
 
-    def told(text: str, fraction: float | None) -> None:
+    def report_progress(text: str, fraction: float | None) -> None:
         progress(text, fraction or 0.0)
 
-    return prepare_environment(trial.resolved, scenario_dir=trial.directory, progress=told).resolve()
+    return prepare_environment(trial.resolved, scenario_dir=trial.directory, progress=report_progress).resolve()
 
 
 def record_tape(trial: Trial, environment_dir: Path) -> None:

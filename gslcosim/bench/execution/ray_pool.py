@@ -102,7 +102,7 @@ def shorten_error(error: BaseException) -> str:
     return " ".join(lines[-3:] if isinstance(error, GslCosimError) else lines[:3])[:600]
 
 
-# As in `LocalPool`: the next flight waits at the worker.
+# As in `LocalPool`: the next run waits at the worker.
 _AHEAD = 2
 _LOOK_EVERY_S = 0.5
 _START_S = 60.0
@@ -127,7 +127,7 @@ class _Order:
     """A job as it was submitted: done once, or once on every node."""
 
     job: Job
-    luggage: FileBundle
+    bundle: FileBundle
     n_left: int
     taken_s: float = 0.0
     results: dict[str, Any] = field(default_factory=dict[str, Any])
@@ -136,7 +136,7 @@ class _Order:
 
 @dataclass(eq=False)
 class _Task:
-    """A part of an order: for one node, or for whoever is free."""
+    """A part of an order: for one node, or for any that is free."""
 
     order: _Order
     node: _Node | None
@@ -188,7 +188,7 @@ class RayPool:
         self._queue: deque[_Task] = deque()
         self._ended: list[JobResult] = []
         self._workers: list[_Worker] = []
-        self._packer = BundleBuilder()
+        self._bundle_builder = BundleBuilder()
         self._parcels: dict[str, Any] = {}
         self._n_workers = 0
         self._n_started = 0
@@ -214,8 +214,8 @@ class RayPool:
     def submit(self, job: Job) -> None:
         """Take a job; see `Pool`."""
         # Without what the trial has worked out of itself, which is large.
-        luggage = self._packer.luggage_of(job.trial)
-        order = _Order(job, luggage, n_left=1)
+        bundle = self._bundle_builder.build_bundle(job.trial)
+        order = _Order(job, bundle, n_left=1)
         if job.kind in ("room", "tape"):
             nodes = {w.node.id: w.node for w in self._workers if w.is_up and (w.flies or job.kind == "room")}
             order.n_left = len(nodes)
@@ -351,18 +351,18 @@ class RayPool:
                 return
             if task.node is worker.node or (task.node is None and worker.flies):
                 del self._queue[i]
-                job, luggage = task.order.job, task.order.luggage
+                job, bundle = task.order.job, task.order.bundle
                 slim = replace(job, trial=replace(job.trial))
                 if not worker.tasks:
                     worker.since = time.monotonic()
-                worker.tasks.append((worker.actor.do.remote(slim, luggage, self._parcel(luggage)), task))
+                worker.tasks.append((worker.actor.do.remote(slim, bundle, self._parcel(bundle)), task))
                 return
 
     # Wrapped, so that a node fetches it only when it needs it.
-    def _parcel(self, luggage: FileBundle) -> list[Any]:
-        if luggage.key not in self._parcels:
-            self._parcels[luggage.key] = [self._ray.put(luggage.contents())]
-        return self._parcels[luggage.key]
+    def _parcel(self, bundle: FileBundle) -> list[Any]:
+        if bundle.key not in self._parcels:
+            self._parcels[bundle.key] = [self._ray.put(bundle.contents())]
+        return self._parcels[bundle.key]
 
     def _hear_all(self, timeout_s: float) -> None:
         by_answer = {worker.next_answer: worker for worker in self._workers if worker.next_answer is not None}
@@ -373,11 +373,11 @@ class RayPool:
         if ready:
             ready, _ = self._ray.wait(list(by_answer), num_returns=len(by_answer), timeout=0)
         for answer in ready:
-            self._hear(by_answer[answer], answer)
+            self._receive(by_answer[answer], answer)
 
-    def _hear(self, worker: _Worker, answer: Any) -> None:
+    def _receive(self, worker: _Worker, answer: Any) -> None:
         try:
-            heard = self._ray.get(answer)
+            received = self._ray.get(answer)
         except GslCosimError as error:
             raise SimulationFault(
                 f"--ray {self._address}: node {worker.node.address}: {shorten_error(error)}"
@@ -386,7 +386,7 @@ class RayPool:
             if not worker.is_up:
                 self._lose(worker, shorten_error(error))
                 return
-            heard = NodeJobResult(taken_s=0.0, failure="fault", text=str(error))
+            received = NodeJobResult(taken_s=0.0, failure="fault", text=str(error))
         except self._ray.exceptions.RayError as error:
             self._lose(worker, shorten_error(error))
             return
@@ -396,9 +396,9 @@ class RayPool:
             return
         _, task = worker.tasks.popleft()
         worker.since = time.monotonic()
-        self.peak_mb = max(self.peak_mb, heard.peak_mb)
-        self.reference_loops_s += heard.reference_loops_s
-        self._take(task, worker, heard)
+        self.peak_mb = max(self.peak_mb, received.peak_mb)
+        self.reference_loops_s += received.reference_loops_s
+        self._take(task, worker, received)
 
     # One task of an order has come to its end.
     def _take(self, task: _Task, worker: _Worker, done: NodeJobResult) -> None:
@@ -425,8 +425,8 @@ class RayPool:
         rooms: dict[str, NodeEnvironment] = order.results
         if len({room.content_hash for room in rooms.values()}) > 1:
             addresses = {each.node.id: each.node.address for each in self._workers}
-            told = ", ".join(f"{addresses.get(node, node)}: {room.content_hash}" for node, room in rooms.items())
-            text = f"nodes make different rooms of one recipe ({told}). Fly on nodes with one kind of processor."
+            hashes = ", ".join(f"{addresses.get(node, node)}: {room.content_hash}" for node, room in rooms.items())
+            text = f"nodes make different rooms of one recipe ({hashes}). Fly on nodes with one kind of processor."
             self._end(order, worker, failure="fault", text=text)
         elif self._here not in rooms:
             self._end(order, worker, failure="crashed", text="the workers of this machine are gone")

@@ -34,7 +34,7 @@ class NodeEnvironment:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedTrial:
-    """A flight with a recording: its result, and the files of its run directory by their relative paths."""
+    """A run with a recording: its result, and the files of its run directory by their relative paths."""
 
     flight: RunResult
     files: dict[str, bytes]
@@ -53,7 +53,7 @@ class NodeJobResult:
 
 
 def installed_software() -> dict[str, str]:
-    """Return which software this machine flies with; flights of machines that differ in it cannot be compared."""
+    """Return which software this machine flies with; runs of machines that differ in it cannot be compared."""
     return {"version": gslcosim.__version__, "software": software_hash(), "agents": _agents_hash()}
 
 
@@ -68,7 +68,7 @@ class RayWorker:
 
         Args:
             limits: What a job may take.
-            fetch: Gets the files of a luggage from the cluster.
+            fetch: Gets the files of a bundle from the cluster.
         """
         self._pool = LocalPool(1, limits)
         self._fetch = fetch
@@ -80,22 +80,22 @@ class RayWorker:
         """Answer, so that the caller knows it is there."""
         return True
 
-    def do(self, job: Job, luggage: FileBundle, parcel: Any) -> NodeJobResult:
+    def do(self, job: Job, bundle: FileBundle, parcel: Any) -> NodeJobResult:
         """Do a job with the files, the room and the tape of this node; what is missing is made or unpacked here.
 
         Args:
             job: What to do.
-            luggage: The files that it reads.
+            bundle: The files that it reads.
             parcel: What `fetch` makes their contents of.
 
         Raises:
             SimulationFault: workers do not start on this node.
         """
         try:
-            root = self._root_of(luggage, parcel)
+            root = self._root_of(bundle, parcel)
         except (GslCosimError, OSError) as error:
             return NodeJobResult(taken_s=0.0, failure="fault", text=str(error))
-        trial = job.trial if root is None else relocate_trial(job.trial, luggage, root)
+        trial = job.trial if root is None else relocate_trial(job.trial, bundle, root)
         if job.kind == "record":
             return self._record(replace(job, trial=trial), root)
         return self._do(replace(job, trial=trial), root)
@@ -105,22 +105,22 @@ class RayWorker:
         self._pool.close()
 
     # None: they are on this machine where they are on the other.
-    def _root_of(self, luggage: FileBundle, parcel: Any) -> Path | None:
-        if luggage.key not in self._roots:
-            self._roots[luggage.key] = None if luggage.is_here() else unpack_bundle(luggage, self._fetch(parcel))
-        return self._roots[luggage.key]
+    def _root_of(self, bundle: FileBundle, parcel: Any) -> Path | None:
+        if bundle.key not in self._roots:
+            self._roots[bundle.key] = None if bundle.is_here() else unpack_bundle(bundle, self._fetch(parcel))
+        return self._roots[bundle.key]
 
     def _do(self, job: Job, root: Path | None) -> NodeJobResult:
         if job.kind == "room" or job.trial.room not in self._rooms:
             ended = self._ended(Job(key=job.trial.room, kind="room", trial=job.trial))
             if ended.failure is not None:
-                return self._told(ended, root)
+                return self._build_result(ended, root)
             self._rooms[job.trial.room] = ended.result
             if job.kind == "room":
                 folder = ended.result
                 room = NodeEnvironment(folder=folder, content_hash=load_environment(folder).content_hash)
-                return self._told(replace(ended, result=room), root)
-        return self._told(self._ended(replace(job, environment_dir=self._rooms[job.trial.room])), root)
+                return self._build_result(replace(ended, result=room), root)
+        return self._build_result(self._ended(replace(job, environment_dir=self._rooms[job.trial.room])), root)
 
     def _record(self, job: Job, root: Path | None) -> NodeJobResult:
         with ScratchFolder("bench") as scratch:
@@ -139,7 +139,7 @@ class RayWorker:
                 return ended
 
     # What agents say of themselves names files as they are called where the benchmark was started.
-    def _told(self, ended: JobResult, root: Path | None) -> NodeJobResult:
+    def _build_result(self, ended: JobResult, root: Path | None) -> NodeJobResult:
         loops_s = tuple(self._pool.reference_loops_s[self._n_loops_told :])
         self._n_loops_told += len(loops_s)
         done = NodeJobResult(

@@ -29,11 +29,11 @@ from gslcosim.environment.store import load_environment
 def select_recorded_trials(trials: Sequence[Trial], rows: Mapping[str, Row], keep: Sequence[str]) -> list[Trial]:
     """Return the trials of each entry that a suite keeps recordings of, in the order of the suite.
 
-    `first_failure` is its first flight without success, `slowest` its slowest success, `median` the one in the middle
-    of its successes by time. Controls and flights without result are left out.
+    `first_failure` is its first run without success, `slowest` its slowest success, `median` the one in the middle
+    of its successes by time. Controls and runs without result are left out.
 
     Args:
-        trials: All that were flown.
+        trials: All that were run.
         rows: Their rows by id.
         keep: Words of `record.keep`.
     """
@@ -114,8 +114,8 @@ class SuiteRun:
             folder: Where results go.
             start_pool: Starts the workers; not called when there is nothing to fly.
             selection: Which of the plan's trials.
-            flies_failures_again: Whether trials without result are flown again.
-            report: Is told how it goes.
+            flies_failures_again: Whether trials without result are run again.
+            report: Receives progress reports.
         """
         self._plan = plan
         self._folder = folder
@@ -137,7 +137,7 @@ class SuiteRun:
     def fly(self) -> RunSummary:
         """Fly what is missing, write the tables, and return what was done.
 
-        An interruption ends the workers and leaves whole tables of what was flown.
+        An interruption ends the workers and leaves whole tables of what was run.
 
         Raises:
             GslCosimError: the folder cannot be used or written, or a room or tape cannot be made.

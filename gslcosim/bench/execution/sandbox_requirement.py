@@ -112,5 +112,5 @@ def _reasons() -> str:
 
 
 def find_unsandboxed_rows(rows: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Return the rows of flights whose agents were not all in a sandbox; those without a flight have none."""
+    """Return the rows of runs whose agents were not all in a sandbox; those without a run have none."""
     return [row for row in rows if row["digest"] and not is_sandboxed(row["sandbox"])]

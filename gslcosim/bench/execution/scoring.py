@@ -78,13 +78,13 @@ def row_without_result(trial: Trial, environment_hash: str, *, status: str, faul
 
 
 def build_row(trial: Trial, environment_hash: str, outcome: RunOutcome, watch: SeriesCollector) -> Row:
-    """Return the row of a flight; one that ended with a fault of the simulation has no result."""
+    """Return the row of a run; one that ended with a fault of the simulation has no result."""
     sandbox = "; ".join(sorted(set(outcome.sandboxes.values())))
-    told = "\n".join(f"{fault.agent}: {fault.text}" for fault in outcome.agent_faults)
+    faults = "\n".join(f"{fault.agent}: {fault.text}" for fault in outcome.agent_faults)
     if outcome.fault is not None or outcome.verdict is None or outcome.digest is None:
         text = f"{outcome.fault.participant}: {outcome.fault.text}" if outcome.fault else "the flight was interrupted"
         row = row_without_result(trial, environment_hash, status="fault", fault=text)
-        return row | {"agent_faults": told, "sandbox": sandbox}
+        return row | {"agent_faults": faults, "sandbox": sandbox}
     row = row_without_result(trial, environment_hash, status=COMPLETED, fault="")
     results = {result.name: result for result in outcome.verdict.agents}
     names = list(results)
@@ -98,7 +98,7 @@ def build_row(trial: Trial, environment_hash: str, outcome: RunOutcome, watch: S
         success=success, time_to_source_s=results[best].time_to_source_s, limit_s=row["time_limit_s"]
     )
     row |= {
-        "agent_faults": told,
+        "agent_faults": faults,
         "sandbox": sandbox,
         "digest": outcome.digest.hex,
         "outcome": outcome.verdict.end_reason,
@@ -110,7 +110,7 @@ def build_row(trial: Trial, environment_hash: str, outcome: RunOutcome, watch: S
         "n_collisions": watch.n_collisions,
         "n_refusals": watch.n_refusals,
         "total_path_length_m": math.fsum(result.path_length_m for result in results.values()),
-        **_ways(trial, results[best], watch.agents[best]),
+        **_build_path_figures(trial, results[best], watch.agents[best]),
         **_nearness(watch),
         **_declarations(trial, watch),
         **_belief(trial, watch, best),
@@ -126,7 +126,7 @@ def build_row(trial: Trial, environment_hash: str, outcome: RunOutcome, watch: S
     return row
 
 
-def _ways(trial: Trial, result: AgentResult, watch: AgentSeries) -> Row:
+def _build_path_figures(trial: Trial, result: AgentResult, watch: AgentSeries) -> Row:
     sources_m = [source.position_m for source in trial.resolved.gas.sources]
     is_horizontal = trial.resolved.referee.success.is_horizontal
     contact_s = first_contact_s(watch.t_s, watch.gas_ppm, GAS_CONTACT_PPM)

@@ -58,7 +58,7 @@ class EnvironmentCache:
 
 
 def run_trial(trial: Trial, environment_dir: Path, rooms: EnvironmentCache) -> TrialResult:
-    """Fly a trial.
+    """Run a trial.
 
     Args:
         trial: What to fly.
@@ -99,7 +99,7 @@ def run_trial(trial: Trial, environment_dir: Path, rooms: EnvironmentCache) -> T
 
 
 def record_trial(trial: Trial, runs_dir: Path) -> RunResult:
-    """Fly a trial with a recording and leave a run directory of its own.
+    """Run a trial with a recording and leave a run directory of its own.
 
     Args:
         trial: What to fly.

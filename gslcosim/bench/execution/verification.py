@@ -25,7 +25,7 @@ from gslcosim.runtime.processes.sandbox.selection import NONE_IN_THIS_PROCESS
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """A flight that came out differently: the columns, with what was in the row and what came now."""
+    """A run that came out differently: the columns, with what was in the row and what came now."""
 
     trial: str
     case: str
@@ -47,7 +47,7 @@ class Verification:
 
 
 class RepeatableResults:
-    """A results folder whose flights can be flown again: its suite planned anew, its rows by trial."""
+    """A results folder whose runs can be run again: its suite planned again, its rows by trial."""
 
     def __init__(self, folder: ResultsFolder) -> None:
         """Read the folder.
@@ -62,18 +62,18 @@ class RepeatableResults:
         self.plan: Plan = build_plan(load_suite(folder.suite))
         _check_sandboxes(self.plan, folder, self.rows)
         self.trials = {trial.id: trial for trial in self.plan.trials if trial.id in self.rows}
-        told = folder.read_json(folder.manifest)
+        manifest = folder.read_json(folder.manifest)
         self.n_missing = len(self.plan.trials) - len(self.trials)
         if len(self.trials) < len(self.rows):
-            version = told.get("versions", {}).get("gslcosim", "?")
-            same = told.get("software_hash") == self.plan.software_hash
+            version = manifest.get("versions", {}).get("gslcosim", "?")
+            same = manifest.get("software_hash") == self.plan.software_hash
             cause = "the programs of its agents have changed" if same else f"they were made by gslcosim {version}"
             raise UsageError(
                 f"{folder.path}: expected flights that this version can repeat, {len(self.rows) - len(self.trials)} of "
                 f"{len(self.rows)} are others ({cause}). Install that version, or fly the suite again with bench run."
             )
 
-        _check_manifest(self.plan, folder, told)
+        _check_manifest(self.plan, folder, manifest)
 
     def trial(self, beginning: str) -> Trial:
         """Return the one trial whose id begins like this.
@@ -90,7 +90,7 @@ class RepeatableResults:
         return found[0]
 
     def sample(self, n: int, *, seed: int) -> list[Trial]:
-        """Return n of the flights with a result, drawn at random, in the order of the suite."""
+        """Return n of the runs with a result, drawn at random, in the order of the suite."""
         flown = [trial for trial in self.trials.values() if self.rows[trial.id]["status"] == "flown"]
         chosen = stream(seed, "benchmark.verify").permutation(len(flown))[:n]
         return [flown[i] for i in sorted(chosen)]
@@ -104,13 +104,13 @@ def verify_trials(
     *,
     is_trusted: bool = False,
 ) -> Verification:
-    """Fly trials again, compare all columns but those of the clock, and keep the result in this user's state.
+    """Run trials again, compare all columns but those of the clock, and keep the result in this user's state.
 
     Args:
         again: The folder; nothing is written to it.
-        trials: Which of its flights.
+        trials: Which of its runs.
         pool: Who flies.
-        report: Is told how many of how many are done.
+        report: Receives how many of how many are done.
         is_trusted: Whether programs are started as the suite says; otherwise all of them are in a sandbox.
 
     Raises:
@@ -154,11 +154,11 @@ def verify_trials(
 def record_trial_again(
     again: RepeatableResults, trial: Trial, pool: Pool, *, is_trusted: bool = False
 ) -> tuple[Path, str | None]:
-    """Fly a trial again with a recording; return its run directory and its digest.
+    """Run a trial again with a recording; return its run directory and its digest.
 
     Args:
         again: The folder.
-        trial: Which of its flights.
+        trial: Which of its runs.
         pool: Who flies.
         is_trusted: Whether its programs are started as the suite says, and a recording that is there is taken for its
             own; otherwise they are in a sandbox, and what is there is replaced.
@@ -210,12 +210,12 @@ def _rooms(trials: Sequence[Trial], pool: Pool) -> dict[str, Path]:
 
 
 # What a manifest says decides with whom results are ranked, and under which name.
-def _check_manifest(plan: Plan, folder: ResultsFolder, told: Mapping[str, Any]) -> None:
+def _check_manifest(plan: Plan, folder: ResultsFolder, manifest: Mapping[str, Any]) -> None:
     hashes = {entry.spec.name: entry.agent_hash for entry in plan.entries}
     parameters = {entry.spec.name: json.loads(entry.spec.model_dump_json())["parameters"] for entry in plan.entries}
-    found = {"suite_hash": told.get("suite_hash")}
+    found = {"suite_hash": manifest.get("suite_hash")}
     expected: dict[str, Any] = {"suite_hash": plan.suite_hash}
-    for entry in told.get("entries", []):
+    for entry in manifest.get("entries", []):
         name = entry.get("name")
         found |= {f"agent_hash of {name}": entry.get("agent_hash"), f"parameters of {name}": entry.get("parameters")}
         expected |= {f"agent_hash of {name}": hashes.get(name), f"parameters of {name}": parameters.get(name)}

@@ -12,7 +12,7 @@ from gslcosim.bench.execution.machine_speed import reference_loop_s
 from gslcosim.bench.execution.pool import Job
 from gslcosim.bench.execution.trial import EnvironmentCache
 
-# One flight in so many is preceded by the loop that says how fast the machine is.
+# One run in so many is preceded by the loop that says how fast the machine is.
 REFERENCE_EVERY = 25
 
 

@@ -2,7 +2,7 @@
 """Gas map metrics: distance of an estimated map to the true one, its shape and its amount apart.
 
 Gas maps are (nx, ny) mixing ratios in the mean over time at one height, index order ij, of equal square cells. The
-truth is the mean over the time of the flight at the height of the map.
+truth is the mean over the time of the run at the height of the map.
 """
 
 # ruff: noqa: ANN001, ANN201 - kernels have no types, and symbols of equations

@@ -142,7 +142,7 @@ def find_leading_agent(times_to_source_s: Sequence[float | None], nearest_by_age
 
 
 def travel_overhead(length_m: float, shortest_m: float | None, *, success: bool) -> float | None:
-    """Return the length flown in excess of the shortest way, as a fraction of it; None without success.
+    """Return the length flown in excess of the shortest path, as a fraction of it; None without success.
 
     See `gslcosim_services.referee.metrics.movement_overhead`, which has equation and source.
     """
@@ -150,9 +150,9 @@ def travel_overhead(length_m: float, shortest_m: float | None, *, success: bool)
 
 
 def spl(length_m: float, shortest_m: float | None, *, success: bool) -> float | None:
-    """Return success weighted by path length, of one flight.
+    """Return success weighted by path length, of one run.
 
-    SPL = S s / max(d, s)        S 1 with success, else 0; s shortest way [m], d flown [m]; dimensionless, 0 to 1
+    SPL = S s / max(d, s)        S 1 with success, else 0; s shortest path [m], d flown [m]; dimensionless, 0 to 1
 
     Args:
         length_m: Length flown until success, d [m].
@@ -160,11 +160,11 @@ def spl(length_m: float, shortest_m: float | None, *, success: bool) -> float | 
         success: S.
 
     Returns:
-        The figure; 1 where success needed no way and none was flown; None for a success without a shortest way.
+        The figure; 1 where success needed no way and none was run; None for a success without a shortest path.
 
     Source:
         Anderson et al. 2018, On evaluation of embodied navigation agents, arXiv:1807.06757; there the mean of
-        this over flights.
+        this over runs.
     Held by:
         tests/unit/bench/metrics/test_path_metrics.py
     """
@@ -205,7 +205,7 @@ def directness(
         is_horizontal: Whether the height of the source does not count.
 
     Returns:
-        The figures; None when nothing was flown or the start is at the source.
+        The figures; None when nothing was run or the start is at the source.
 
     Source:
         Thesis 7.4, equation (7.1), after Pequeño-Zurro et al.; `towards` is
@@ -267,19 +267,19 @@ class ShortestPaths:
     _known_m: dict[Vec3, float | None] = field(init=False, default_factory=dict, repr=False)
 
     def from_m(self, start_m: Vec3) -> float | None:
-        """Return the length of the shortest way from a start to the ball that is nearest by way [m].
+        """Return the length of the shortest path from a start to the ball that is nearest by way [m].
 
         Returns:
             The length; 0 where the start is within a ball; None where no way leads to any.
         """
         if start_m not in self._known_m:
-            ways_m = (self._way_m(start_m, source_m) for source_m in self.sources_m)
-            self._known_m[start_m] = min((way_m for way_m in ways_m if way_m is not None), default=None)
+            lengths_m = (self._length_m(start_m, source_m) for source_m in self.sources_m)
+            self._known_m[start_m] = min((length_m for length_m in lengths_m if length_m is not None), default=None)
         return self._known_m[start_m]
 
-    def _way_m(self, start_m: Vec3, source_m: Vec3) -> float | None:
-        way_m = shortest_level_path_m if self.is_level else shortest_path_m
-        return way_m(self.room, start_m, source_m, clearance_m=self.clearance_m, within_m=self.within_m)
+    def _length_m(self, start_m: Vec3, source_m: Vec3) -> float | None:
+        find_length_m = shortest_level_path_m if self.is_level else shortest_path_m
+        return find_length_m(self.room, start_m, source_m, clearance_m=self.clearance_m, within_m=self.within_m)
 
 
 def minimum_clearance_m(

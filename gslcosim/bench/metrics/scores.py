@@ -2,7 +2,7 @@
 
 
 def counted_time_s(*, success: bool, time_to_source_s: float | None, limit_s: float) -> float:
-    """Return the time of a flight: min(time to source, T) with success, T for every failure, collisions too [s].
+    """Return the time of a run: min(time to source, T) with success, T for every failure, collisions too [s].
 
     Args:
         success: Whether the source was found.
@@ -15,7 +15,7 @@ def counted_time_s(*, success: bool, time_to_source_s: float | None, limit_s: fl
 def score(
     *, success: bool, time_s: float, limit_s: float, n_false_declarations: int = 0, n_collisions: int = 0
 ) -> float:
-    """Return the score of a flight.
+    """Return the score of a run.
 
     q = S (1 - t / (2 T)) / 2^f, and 0 after a collision        dimensionless; 0 without success, else up to 1
 

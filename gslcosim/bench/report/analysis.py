@@ -41,7 +41,7 @@ SIGNIFICANT = 0.05
 """Corrected p below which one entry is said to beat another."""
 
 _MOST_VIEWS = 24
-# Of more pairs only those over all cases are told.
+# Of more pairs only those over all cases are reported.
 _MANY_PAIRS = 200
 
 
@@ -52,7 +52,7 @@ class EntryComparison:
     Attributes:
         a: The one.
         b: The other.
-        verdict: 1 where a beats b, -1 where b beats a, 0 where they are not told apart.
+        verdict: 1 where a beats b, -1 where b beats a, 0 where they cannot be distinguished.
         score: Mean difference of the score.
         success: Difference of the rates.
         a_better: Share of pairs in which a's score is higher, ties half.
@@ -91,7 +91,7 @@ class ReportView:
 
 @dataclass(frozen=True, kw_only=True)
 class Analysis:
-    """All that the report tells. `draws_plumes` says whether intervals draw whole plumes or single flights."""
+    """All figures of the report. `draws_plumes` says whether intervals draw whole plumes or single runs."""
 
     material: ReportData
     views: tuple[ReportView, ...]
@@ -109,7 +109,7 @@ class Analysis:
 
 
 def analyse(material: ReportData) -> Analysis:
-    """Return everything that the report tells about what was flown."""
+    """Return all figures of a report."""
     tracks = belief_tracks(material)
     rooms = build_plan_drawings(material)
     return Analysis(
@@ -136,7 +136,7 @@ def _parts(material: ReportData) -> list[tuple[str, str, str, Flags]]:
         if 1 < len(names) <= _MOST_VIEWS - len(parts):
             parts += [(f"{kind}:{name}", name, kind, rows[kind] == name) for name in names]
     known: set[bytes] = set()
-    # A family of one scenario is told once.
+    # A family of one scenario is reported once.
     return [part for part in parts if not ((mark := part[3].tobytes()) in known or known.add(mark))]
 
 
@@ -173,7 +173,7 @@ def _compared(material: ReportData, within: Flags, entries: list[int]) -> tuple[
     n_flips = max(N_FLIPS, round(2.0 * n_pairs / SIGNIFICANT))
     scores, success = (
         _matrix(material, within, entries, rows.score, n_flips=n_flips),
-        # Of success only the differences are told, not their p.
+        # Of success only the differences are reported, not their p.
         _matrix(material, within, entries, rows["success"].astype(np.float64), n_flips=1),
     )
     index = {entry.name: i for i, entry in enumerate(material.entries)}
@@ -212,6 +212,6 @@ def _verdict(difference: Estimate, p: float) -> int:
 
 
 def count_runs(material: ReportData) -> tuple[int, int]:
-    """Return the numbers of flights with gas and without."""
+    """Return the numbers of runs with gas and without."""
     n = sum(len(some) for _, some in rows_by_entry(material, np.ones(len(material.rows), dtype=bool)))
     return n, len(material.rows) - n

@@ -50,7 +50,7 @@ class TimeSummary:
         expected_s: With a new start after each failure; infinite without success [s].
         found_s: Mean of the successes alone [s]: it flatters.
         bins: Successes in equal parts of the time from 0 to the limit.
-        n_missed: Flights without success.
+        n_missed: Runs without success.
     """
 
     entry: int
@@ -68,11 +68,11 @@ class DeclarationCounts:
     """Declarations of an entry by outcome: counts of runs, rates, and areas below its curves.
 
     Attributes:
-        right: Flights with gas whose first declaration was within the success radius.
-        elsewhere: Flights with gas whose first declaration was not.
-        silent: Flights with gas without one.
-        alarms: Flights without gas with one.
-        quiet: Flights without gas without one.
+        right: Runs with gas whose first declaration was within the success radius.
+        elsewhere: Runs with gas whose first declaration was not.
+        silent: Runs with gas without one.
+        alarms: Runs without gas with one.
+        quiet: Runs without gas without one.
     """
 
     entry: int
@@ -203,7 +203,7 @@ def _declared(rows: TrialRows, entry: int, some: Ints, controls: Ints) -> Declar
 
 @dataclass(frozen=True, kw_only=True)
 class FinalBelief:
-    """Means over an entry's flights with gas of the figures of its last belief; fields as the columns `belief_…`."""
+    """Means over an entry's runs with gas of the figures of its last belief; fields as the columns `belief_…`."""
 
     entry: int
     distance_m: Estimate
@@ -219,7 +219,7 @@ BELIEF_FIGURES = ("distance_m", "error_m", "mass_near", "entropy_bits", "minus_l
 
 @dataclass(frozen=True, kw_only=True)
 class BeliefTracks:
-    """Figures of beliefs over time: of each trial at common times; the last one is held after the end of a flight.
+    """Figures of beliefs over time: of each trial at common times; the last one is held after the end of a run.
 
     Attributes:
         at_s: (m,) times [s].

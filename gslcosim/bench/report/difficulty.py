@@ -34,7 +34,7 @@ class DifficultyCauses:
     Attributes:
         geometry: D1, how rarely the persistent walk finds the source.
         contact: D2, how rarely the sweep meets gas in the first third of the time.
-        distance: D3, the shortest way over the diagonal of the room.
+        distance: D3, the shortest path over the diagonal of the room.
         legibility: D4, how plainly the plume points to its source; high is easy.
         wind: D5, how much the wind's direction differs along the oracle's way and over time.
     """
@@ -50,14 +50,14 @@ def compute_causes(material: ReportData, rooms: Sequence[PlanDrawing], cells: In
     """Return what makes each case difficult.
 
     Args:
-        material: What was flown.
-        rooms: The rooms that it was flown in.
-        cells: (n,) indices of the cases, as in `rows.cells`.
+        material: What was run.
+        rooms: The rooms that it was run in.
+        cells: (n,) indices of the cases, as in `TrialRows`.
     """
     rows = material.rows
     index = {entry.name: i for i, entry in enumerate(material.entries)}
     maps = _map_of_rows(rooms)
-    ways = _ways_of(material, material.index_of_anchor("lower"))
+    tracks = _tracks_of(material, material.index_of_anchor("lower"))
     found: list[DifficultyCauses] = []
     for cell in cells.tolist():
         flown = np.flatnonzero((rows.cells == cell) & ~rows.is_control)
@@ -69,7 +69,7 @@ def compute_causes(material: ReportData, rooms: Sequence[PlanDrawing], cells: In
                 contact=_contact_difficulty(material, sweep),
                 distance=_distance(shortest_path_m(material, flown), plan),
                 legibility=_legibility(plan) if plan else math.nan,
-                wind=_wind(plan, [ways[row] for row in flown.tolist() if row in ways]) if plan else math.nan,
+                wind=_wind(plan, [tracks[row] for row in flown.tolist() if row in tracks]) if plan else math.nan,
             )
         )
     return found
@@ -83,9 +83,9 @@ def _contact_difficulty(material: ReportData, sweep: Ints) -> float:
 
 
 def shortest_path_m(material: ReportData, flown: Ints) -> float:
-    """Return the shortest way of the flights of one case [m]: equal for all, nan where none has a result."""
-    ways_m = material.rows["shortest_path_m"][flown]
-    known_m = ways_m[np.isfinite(ways_m)]
+    """Return the shortest path of the runs of one case [m]: equal for all, nan where none has a result."""
+    lengths_m = material.rows["shortest_path_m"][flown]
+    known_m = lengths_m[np.isfinite(lengths_m)]
     return float(known_m[0]) if known_m.size else math.nan
 
 
@@ -103,7 +103,7 @@ def _map_of_rows(rooms: Sequence[PlanDrawing]) -> dict[int, EnvironmentMap]:
 
 
 # The ways of an entry, (m, 2) each, world frame [m], by row.
-def _ways_of(material: ReportData, entry: int | None) -> Mapping[int, Floats]:
+def _tracks_of(material: ReportData, entry: int | None) -> Mapping[int, Floats]:
     if material.tracks is None or entry is None:
         return {}
     rows = material.rows
@@ -117,16 +117,16 @@ def _ways_of(material: ReportData, entry: int | None) -> Mapping[int, Floats]:
     return found
 
 
-def _wind(plan: EnvironmentMap, ways: Sequence[Floats]) -> float:
-    if plan.wind_toward is None or not ways:
+def _wind(plan: EnvironmentMap, tracks: Sequence[Floats]) -> float:
+    if plan.wind_toward is None or not tracks:
         return math.nan
-    cells = np.unique(np.concatenate([_cells_of(plan, way) for way in ways]), axis=0)
+    cells = np.unique(np.concatenate([_cells_of(plan, track) for track in tracks]), axis=0)
     return wind_difficulty(plan.wind_toward[cells[:, 0], cells[:, 1]])
 
 
 # Where a robot waits its cell is counted once.
-def _cells_of(plan: EnvironmentMap, way_m: Floats) -> Ints:
-    cells = np.floor((way_m - plan.origin_m) / plan.cell_m).astype(np.int64)
+def _cells_of(plan: EnvironmentMap, track_m: Floats) -> Ints:
+    cells = np.floor((track_m - plan.origin_m) / plan.cell_m).astype(np.int64)
     return np.clip(cells, 0, np.array(plan.occupied.shape) - 1)
 
 
@@ -170,13 +170,13 @@ class CaseDifficulty:
     """Difficulty of a case.
 
     Attributes:
-        grade: easy, medium or hard: thirds of the suite's cases; empty where nothing tells cases apart.
+        grade: easy, medium or hard: thirds of the suite's cases; empty where nothing distinguishes cases.
         difficulty: Of the Rasch model [logit], mean 0; higher is harder; the anchors that know the source left out.
-        is_informative: Whether some flights succeeded and some did not.
-        success: Share of all entries' flights, the oracle's left out.
+        is_informative: Whether some runs succeeded and some did not.
+        success: Share of all entries' runs, the oracle's left out.
         oracle_s: Restricted mean time of the oracle [s]; undefined without one.
         walker: Success of the random walker; undefined without one.
-        contact: Share of flights that met gas.
+        contact: Share of runs that met gas.
         causes: What makes it difficult.
     """
 
@@ -196,12 +196,12 @@ class CaseDifficulty:
 
 @dataclass(frozen=True, kw_only=True)
 class FailureGroup:
-    """Flights that ended alike without success.
+    """Runs that ended alike without success.
 
     Attributes:
         status: flown, or why there is no result.
         outcome: Of the referee; empty without a result.
-        rows: Which flights, in the order of the suite.
+        rows: Which runs, in the order of the suite.
         by_entry: How many of each entry, most first.
     """
 
@@ -271,7 +271,7 @@ def _contact(material: ReportData, some: Ints) -> Estimate:
 
 
 def group_failures(material: ReportData) -> tuple[FailureGroup, ...]:
-    """Return the flights with gas that did not succeed, and all without a result, largest group first."""
+    """Return the runs with gas that did not succeed, and all without a result, largest group first."""
     rows = material.rows
     failed = np.flatnonzero((~rows["success"] & ~rows.is_control) | (rows["status"] != "flown"))
     keys = list(zip(rows["status"][failed].tolist(), rows["outcome"][failed].tolist()))

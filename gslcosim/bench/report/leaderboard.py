@@ -19,21 +19,21 @@ _FEWEST_PLUMES = 5
 
 @dataclass(frozen=True, kw_only=True)
 class LeaderboardRow:
-    """An entry's row: its rank, and its figures over the flights with gas.
+    """An entry's row: its rank, and its figures over the runs with gas.
 
     Attributes:
-        rank: From 1 on; entries that share it have not been told apart.
-        score: Interquartile mean over cases of the mean q of each: that of single flights is 0 below 25 % success.
+        rank: From 1 on; entries that share it cannot be distinguished.
+        score: Interquartile mean over cases of the mean q of each: that of single runs is 0 below 25 % success.
         normalised: (score - walker) / (oracle - walker), both anchors taken as they are; undefined without them.
-        success: Share of flights.
-        lift: Success less luck in flights without gas; undefined without such flights.
+        success: Share of runs.
+        lift: Success less luck in runs without gas; undefined without such runs.
         time_s: Restricted mean time [s].
         spl: Mean of SPL.
         overhead: Median travel overhead of the successes.
-        false_alarms: Share of the flights without gas with a declaration; without such flights, share of the others
+        false_alarms: Share of the runs without gas with a declaration; without such runs, share of the others
             with a declaration of a wrong place.
-        decision_ms: Median over flights of the median time of a decision [ms of wall clock].
-        n: Flights with gas.
+        decision_ms: Median over runs of the median time of a decision [ms of wall clock].
+        n: Runs with gas.
     """
 
     entry: int
@@ -54,7 +54,7 @@ def build_leaderboard(material: ReportData, within: Flags) -> tuple[LeaderboardR
     """Return the rows of all entries that flew, best first.
 
     Args:
-        material: What was flown.
+        material: What was run.
         within: (n,) which rows count.
     """
     rows = material.rows
@@ -113,12 +113,12 @@ def median_with_interval(values: Floats) -> Estimate:
 
 
 def lift_with_interval(rows: TrialRows, chosen: Ints, controls: Ints) -> Estimate:
-    """Return success less luck; paired where every flight has its control.
+    """Return success less luck; paired where every run has its control.
 
     Args:
         rows: All rows.
-        chosen: Flights of an entry with gas.
-        controls: Flights of it without.
+        chosen: Runs of an entry with gas.
+        controls: Runs of it without.
     """
     if not len(controls) or not len(chosen):
         return UNDEFINED
@@ -144,11 +144,11 @@ def _normalised(score: Estimate, walker: float | None, oracle: float | None) -> 
 
 
 def build_matrix(rows: TrialRows, within: Flags, entries: Sequence[int], values: Floats) -> tuple[Floats, Ints]:
-    """Return values by pair and entry, (n_units, n_entries), nan where one has not flown, and a row of each unit.
+    """Return values by pair and entry, (n_units, n_entries), nan where one has not run, and a row of each unit.
 
     Args:
         rows: All rows.
-        within: (n,) which count; flights without gas do not.
+        within: (n,) which count; runs without gas do not.
         entries: Which columns.
         values: (n,) of all rows.
     """

@@ -46,7 +46,7 @@ def render_page(analysis: Analysis) -> str:
     """Return the page as HTML.
 
     Args:
-        analysis: What it tells.
+        analysis: The figures that it shows.
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(FOLDER), autoescape=True, trim_blocks=True, lstrip_blocks=True,
@@ -107,7 +107,7 @@ def _script_safe(text: str) -> str:
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
-# A cell of a table: figure, interval, and how many flights it stands on.
+# A cell of a table: figure, interval, and how many runs it stands on.
 def _figure(estimate: Estimate, form: number_formats.Format, n: int | None = None) -> Markup:
     if math.isnan(estimate.value):
         return Markup('<td data-v=""><span class="none">{}</span></td>').format(number_formats.ABSENT)
@@ -150,7 +150,7 @@ def _data(analysis: Analysis, looks: Sequence[LineStyle]) -> dict[str, Any]:
         "quantum": QUANTUM_M,
         "views": [_view(view) for view in analysis.views],
         "rooms": [_room(room) for room in analysis.rooms],
-        "starts": [[s.room, s.entry, _number(s.x_m), _number(s.y_m), _told(s.success)] for s in analysis.starts],
+        "starts": [[s.room, s.entry, _number(s.x_m), _number(s.y_m), _to_list(s.success)] for s in analysis.starts],
         "tracks": [
             {
                 "r": track.room, "e": int(rows.entry[track.row]), "s": int(rows["success"][track.row]),
@@ -171,8 +171,9 @@ def _view(view: ReportView) -> dict[str, Any]:
         "curves": {"t": _list(view.curves[0].x, 6), "lines": _lines(view.curves)} if view.curves else None,
         "times": [
             {
-                "e": t.entry, "rmst": _told(t.restricted_s), "median": _told(t.median_s), "ert": _told(t.expected_s),
-                "found": _told(t.found_s), "bins": t.bins.tolist(), "missed": t.n_missed, "n": t.n,
+                "e": t.entry, "rmst": _to_list(t.restricted_s), "median": _to_list(t.median_s),
+                "ert": _to_list(t.expected_s), "found": _to_list(t.found_s), "bins": t.bins.tolist(),
+                "missed": t.n_missed, "n": t.n,
             }
             for t in view.times
         ],
@@ -189,7 +190,7 @@ def _view(view: ReportView) -> dict[str, Any]:
         "pairs": {
             "order": [row.entry for row in view.standings],
             "cells": [
-                [p.a, p.b, p.verdict, _told(p.score), _told(p.success), _told(p.a_better), _number(p.p_holm)]
+                [p.a, p.b, p.verdict, _to_list(p.score), _to_list(p.success), _to_list(p.a_better), _number(p.p_holm)]
                 for p in view.pairs
             ],
         }
@@ -217,7 +218,7 @@ def _roc(entry: int, curve: Roc) -> dict[str, Any]:
     keep = np.unique(np.linspace(0, len(x) - 1, min(_ROC_POINTS, len(x))).round().astype(int))
     return {
         "e": entry, "x": _list(x[keep]), "v": _list(y[keep]), "n": curve.n_positive + curve.n_negative,
-        "auc": _told(curve.area),
+        "auc": _to_list(curve.area),
     }  # fmt: skip
 
 
@@ -238,7 +239,7 @@ def _room(room: PlanDrawing) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _told(estimate: Estimate) -> list[float | int | None]:
+def _to_list(estimate: Estimate) -> list[float | int | None]:
     return [_number(estimate.value), _number(estimate.low), _number(estimate.high), estimate.n]
 
 

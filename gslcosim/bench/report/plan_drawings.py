@@ -30,7 +30,7 @@ _DECADES = 2.5
 class PlanDrawing:
     """A plan to draw on: (nx, ny) bytes, 255 solid, else how much gas there is, 0 to 250 on a logarithmic scale.
 
-    `rows` are the flights in it; `plan` is the map it was drawn from, if there is one; `box_m` is what is shown,
+    `rows` are the runs in it; `plan` is the map it was drawn from, if there is one; `box_m` is what is shown,
     (x0, y0, x1, y1) [m]. `greatest_ppm` is 0 without gas.
     """
 
@@ -68,7 +68,7 @@ class DrawnTrack:
 
 
 def build_plan_drawings(material: ReportData) -> tuple[PlanDrawing, ...]:
-    """Return the rooms that were flown in; those without a map are the box around starts and sources."""
+    """Return the rooms that were run in; those without a map are the box around starts and sources."""
     rows, rooms = material.rows, list[PlanDrawing]()
     for scenario in dict.fromkeys(rows["scenario"].tolist()):
         here = np.flatnonzero(rows["scenario"] == scenario)

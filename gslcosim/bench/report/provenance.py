@@ -21,7 +21,7 @@ class Provenance:
     Attributes:
         title: Of the suite.
         question: That it asks; may be empty.
-        flown: One line of what was flown.
+        flown: One line of what was run.
         warnings: What the reader has to know before the figures.
         made: Pairs of what and how, for the last section.
         split_s: Time by the clock of all trials together, by part [s].
@@ -104,9 +104,9 @@ def _warnings(analysis: Analysis) -> list[str]:
 
 
 def _unverified(material: ReportData) -> str:
-    told = [entry for entry in material.entries if entry.is_verified is not None]
-    if told:
-        names = [entry.name for entry in told if not entry.is_verified]
+    checked = [entry for entry in material.entries if entry.is_verified is not None]
+    if checked:
+        names = [entry.name for entry in checked if not entry.is_verified]
         return f"Not verified by flying a sample again: {', '.join(names)}." if names else ""
     if material.mark is None or not material.mark.sample:
         return "Not verified: no sample of these trials has been flown again."

@@ -35,9 +35,10 @@ class ReportEntry:
 
     Attributes:
         anchor: `lower` (the oracle), `upper` (the walker) or empty.
-        submission: Of merged results, the folder that its flights are of; else empty.
-        is_verified: Of merged results, whether a sample of its flights came out the same here; None where that is told
-            of all flights together.
+        submission: Of merged results, the folder that its runs are of; else empty.
+        is_verified: Of merged results, whether a sample of its runs came out the same here; None where that is
+        reported
+            of all runs together.
     """
 
     name: str
@@ -148,12 +149,12 @@ class ReportData:
         return planned if isinstance(planned, int) and "merged_from" not in self.manifest else None
 
     def command_of(self, entry: int) -> str:
-        """Return what stands before a trial's id in the command that flies it again."""
+        """Return what stands before a trial's id in the command that runs it again."""
         folder = self.entries[entry].submission or str(self.folder)
         return f"gslcosim bench show {shlex.quote(folder)} --trial "
 
     def index_of_anchor(self, which: str) -> int | None:
-        """Return the entry that bounds from below (`lower`) or above (`upper`); None where it has not flown."""
+        """Return the entry that bounds from below (`lower`) or above (`upper`); None where it has not run."""
         return next((i for i, entry in enumerate(self.entries) if entry.anchor == which), None)
 
 
@@ -197,29 +198,29 @@ def _suite(path: Path) -> Mapping[str, Any]:
 
 
 def _entries(manifest: Mapping[str, Any], table: pa.Table, mark: VerificationMark | None) -> tuple[ReportEntry, ...]:
-    told = {str(entry.get("name")): entry for entry in manifest.get("entries") or ()}
+    listed = {str(entry.get("name")): entry for entry in manifest.get("entries") or ()}
     flown = dict.fromkeys(table.column("entry").to_pylist())
     anchors = {name: which for which, name in (manifest.get("anchors") or {}).items() if name}
-    names = [*(name for name in told if name in flown), *(name for name in flown if name not in told)]
+    names = [*(name for name in listed if name in flown), *(name for name in flown if name not in listed)]
     verified = mark.entries if mark is not None else {}
     is_merged = "merged_from" in manifest
     return tuple(
-        _entry(name, told.get(name) or {}, anchors.get(name, ""), verified.get(name, False) if is_merged else None)
+        _entry(name, listed.get(name) or {}, anchors.get(name, ""), verified.get(name, False) if is_merged else None)
         for name in names
     )
 
 
-def _entry(name: str, told: Mapping[str, Any], anchor: str, is_verified: bool | None) -> ReportEntry:  # noqa: FBT001 - as it is kept
+def _entry(name: str, listed: Mapping[str, Any], anchor: str, is_verified: bool | None) -> ReportEntry:  # noqa: FBT001 - as it is kept
     return ReportEntry(
         name=name,
-        title=str(told.get("title") or name),
-        family=str(told.get("family") or ""),
-        language=str(told.get("language") or ""),
-        knows=_text(told.get("knows")),
-        parameters=told.get("parameters") or {},
-        agent_hash=str(told.get("agent_hash") or ""),
+        title=str(listed.get("title") or name),
+        family=str(listed.get("family") or ""),
+        language=str(listed.get("language") or ""),
+        knows=_text(listed.get("knows")),
+        parameters=listed.get("parameters") or {},
+        agent_hash=str(listed.get("agent_hash") or ""),
         anchor=anchor,
-        submission=str(told.get("submission") or ""),
+        submission=str(listed.get("submission") or ""),
         is_verified=is_verified,
     )
 
@@ -261,25 +262,25 @@ def _codes(values: NDArray[Any]) -> Ints:
 
 def _maps(content: Mapping[str, Any], path: Path) -> tuple[EnvironmentMap, ...]:
     try:
-        return tuple(_map(told) for told in content.get("maps") or ())
+        return tuple(_map(listed) for listed in content.get("maps") or ())
     except (KeyError, TypeError, ValueError) as error:
         raise UsageError(f"{path}: expected maps of the rooms, was a damaged file. Take it from a copy.") from error
 
 
-def _map(told: Mapping[str, Any]) -> EnvironmentMap:
-    nx, ny = (int(n) for n in told["shape"])
-    x_m, y_m = told["origin_m"][:2]
+def _map(listed: Mapping[str, Any]) -> EnvironmentMap:
+    nx, ny = (int(n) for n in listed["shape"])
+    x_m, y_m = listed["origin_m"][:2]
     return EnvironmentMap(
-        scenario=str(told["scenario"]),
-        varied=str(told.get("varied") or "{}"),
-        height_m=float(told["height_m"]),
+        scenario=str(listed["scenario"]),
+        varied=str(listed.get("varied") or "{}"),
+        height_m=float(listed["height_m"]),
         origin_m=(float(x_m), float(y_m)),
-        cell_m=float(told["cell_m"]),
-        occupied=_grid(told["occupied"], np.dtype("u1"), (nx, ny)) > 0,
-        mean_gas_ppm=_optional_grid(told.get("mean_gas_ppm"), (nx, ny)),
-        intermittency=_optional_grid(told.get("intermittency"), (nx, ny)),
-        wind_toward=_optional_grid(told.get("wind_toward"), (nx, ny, 2)),
-        sources_m=tuple((float(x), float(y), float(z)) for x, y, z in told.get("sources_m") or ()),
+        cell_m=float(listed["cell_m"]),
+        occupied=_grid(listed["occupied"], np.dtype("u1"), (nx, ny)) > 0,
+        mean_gas_ppm=_optional_grid(listed.get("mean_gas_ppm"), (nx, ny)),
+        intermittency=_optional_grid(listed.get("intermittency"), (nx, ny)),
+        wind_toward=_optional_grid(listed.get("wind_toward"), (nx, ny, 2)),
+        sources_m=tuple((float(x), float(y), float(z)) for x, y, z in listed.get("sources_m") or ()),
     )
 
 

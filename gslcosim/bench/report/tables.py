@@ -47,7 +47,7 @@ def write_tables(analysis: Analysis, folder: Path) -> None:
     """Write the CSV tables: numbers in full, a row of names first, empty where there is no value.
 
     Args:
-        analysis: What they tell.
+        analysis: The figures that they hold.
         folder: Where to; made if need be.
     """
     folder.mkdir(exist_ok=True)
@@ -190,16 +190,16 @@ def _difficulty(analysis: Analysis) -> Iterator[Sequence[Any]]:
     yield ["case", "family", "grade", "is_informative", "shortest_m", *heads, *(f"cause_{name}" for name in causes)]
     for g in analysis.grades:
         parts = [part for name in figures for part in _parts(getattr(g, name))]
-        told = [getattr(g.causes, name) for name in causes]
-        yield [g.case, g.family, g.grade, g.is_informative, g.shortest_m, *parts, *told]
+        values = [getattr(g.causes, name) for name in causes]
+        yield [g.case, g.family, g.grade, g.is_informative, g.shortest_m, *parts, *values]
 
 
 def _failures(analysis: Analysis) -> Iterator[Sequence[Any]]:
-    told = ("entry", "case", "repetition", "is_control", "status", "outcome", "nearest_m", "end_s", "agent_faults",
+    names = ("entry", "case", "repetition", "is_control", "status", "outcome", "nearest_m", "end_s", "agent_faults",
             "fault", "trial")  # fmt: skip
-    yield [*told, "command"]
+    yield [*names, "command"]
     material = analysis.material
-    columns = [material.rows[name].tolist() for name in told]
+    columns = [material.rows[name].tolist() for name in names]
     for group in analysis.failures:
         for row in group.rows.tolist():
             command = material.command_of(int(material.rows.entry[row]))
@@ -241,13 +241,13 @@ def build_leaderboard_json(analysis: Analysis) -> str:
 
 def _json_row(analysis: Analysis, row: LeaderboardRow) -> dict[str, Any]:
     entry = analysis.material.entries[row.entry]
-    told = {
+    facts = {
         "rank": row.rank, "entry": entry.name, "title": entry.title, "family": entry.family,
         "language": entry.language, "knows": entry.knows, "anchor": entry.anchor or None,
         "agent_hash": entry.agent_hash or None, "submission": entry.submission or None, "verified": entry.is_verified,
         "n": row.n,
     }  # fmt: skip
-    return told | {name: _json_figure(getattr(row, name)) for name in FIGURES}
+    return facts | {name: _json_figure(getattr(row, name)) for name in FIGURES}
 
 
 def _json_figure(estimate: Estimate) -> dict[str, float | int | None] | None:
@@ -258,7 +258,7 @@ def _json_figure(estimate: Estimate) -> dict[str, float | int | None] | None:
 
 
 def write_summary(analysis: Analysis) -> str:
-    """Return the summary as Markdown: the question, what was flown, the leaderboard, and who beats whom."""
+    """Return the summary as Markdown: the question, what was run, the leaderboard, and who beats whom."""
     facts, view = describe_provenance(analysis), analysis.everything
     lines = [f"# {_plain(facts.title)}", ""]
     lines += [f"> {_plain(facts.question)}", ""] if facts.question else []
@@ -274,15 +274,15 @@ def write_summary(analysis: Analysis) -> str:
 
 def _table(analysis: Analysis) -> list[str]:
     standings = analysis.everything.standings
-    told = [
+    columns = [
         (name, head, form)
         for name, (head, form) in zip(_SUMMED, _COLUMNS, strict=True)
         if any(getattr(row, name).n for row in standings)
     ]
-    lines = ["| # | Entry | " + " | ".join(head for _, head, _ in told) + " | n |"]
-    lines.append("|--:|---|" + "--:|" * (len(told) + 1))
+    lines = ["| # | Entry | " + " | ".join(head for _, head, _ in columns) + " | n |"]
+    lines.append("|--:|---|" + "--:|" * (len(columns) + 1))
     for row in standings:
-        cells = [number_formats.format_estimate(getattr(row, name), form) for name, _, form in told]
+        cells = [number_formats.format_estimate(getattr(row, name), form) for name, _, form in columns]
         name = _plain(analysis.material.entries[row.entry].name)
         lines.append(f"| {row.rank} | {name} | " + " | ".join(cells) + f" | {row.n} |")
     return lines

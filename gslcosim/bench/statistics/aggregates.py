@@ -77,7 +77,7 @@ def stratified_bootstrap(
     n_draws: int = N_DRAWS,
     level: float = LEVEL,
 ) -> Estimate:
-    """Return a statistic of trials with an interval from trials drawn anew inside each stratum.
+    """Return a statistic of trials with an interval from trials drawn again inside each stratum.
 
     Entries whose rows have the same strata and clusters in the same order get the same draws, and so stay paired.
 

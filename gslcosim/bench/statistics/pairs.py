@@ -353,10 +353,10 @@ def _tossed_sums(differences: np.ndarray, n_flips: int, seed: Seed) -> Iterator[
 # Two-sided p of a rank sum; doubled ranks are whole numbers also with ties.
 def _exact_rank_sum(ranks: np.ndarray, above: float) -> float:
     doubled = np.rint(2.0 * ranks).astype(np.int64)
-    ways = np.zeros(int(doubled.sum()) + 1)
-    ways[0] = 1.0
+    n_patterns = np.zeros(int(doubled.sum()) + 1)
+    n_patterns[0] = 1.0
     for rank in doubled:
-        ways[rank:] = ways[rank:] + ways[: ways.size - rank]
-    ways /= 2.0**ranks.size
+        n_patterns[rank:] = n_patterns[rank:] + n_patterns[: n_patterns.size - rank]
+    n_patterns /= 2.0**ranks.size
     seen = round(2.0 * above)
-    return min(1.0, 2.0 * min(float(ways[: seen + 1].sum()), float(ways[seen:].sum())))
+    return min(1.0, 2.0 * min(float(n_patterns[: seen + 1].sum()), float(n_patterns[seen:].sum())))

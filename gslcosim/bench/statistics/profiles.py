@@ -91,7 +91,7 @@ def runtime_distribution(
     Args:
         times_s: (n, m) when each of n trials first met each of m targets, such as radii of 5, 2, 1 and 0.5 m around
             the source [s]; infinite (or nan) where it never did.
-        at_s: (k,) when to tell the share [s].
+        at_s: (k,) when to give the fraction [s].
         clusters: (n,) labels of trials that are drawn together.
         level: Confidence level of the pointwise bootstrap band, 0 to 1.
         seed: Of the bootstrap.

@@ -1,4 +1,4 @@
-"""ROC curves: how well declared confidence tells environments with a source from those without one."""
+"""ROC curves: how well declared confidence separates environments with a source from those without one."""
 
 import math
 from collections.abc import Callable

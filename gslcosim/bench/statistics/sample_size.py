@@ -1,4 +1,4 @@
-"""Sample sizes that tell two rates apart."""
+"""Sample sizes that distinguish two rates."""
 
 import math
 

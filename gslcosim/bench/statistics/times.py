@@ -54,7 +54,7 @@ def kaplan_meier(time_s: np.ndarray, reached: np.ndarray, at_s: np.ndarray, leve
     Args:
         time_s: (n,) time of reaching or of censoring [s].
         reached: (n,) whether the source was reached then.
-        at_s: (m,) when to tell the share [s], in any order.
+        at_s: (m,) when to give the fraction [s], in any order.
         level: Confidence level, 0 to 1.
 
     Returns:
@@ -94,7 +94,7 @@ def cumulative_success(time_s: np.ndarray, reached: np.ndarray, at_s: np.ndarray
     Args:
         time_s: (n,) time of reaching [s]; that of a failure does not count.
         reached: (n,) whether the source was reached.
-        at_s: (m,) when to tell the share, up to the limit [s].
+        at_s: (m,) when to give the fraction, up to the limit [s].
         level: Confidence level, 0 to 1.
 
     Source:
@@ -223,7 +223,7 @@ def expected_running_time(
     seed: Seed = SEED,
     n_draws: int = N_DRAWS,
 ) -> Estimate:
-    """Return the time to the source if one starts anew after each failure [s]; infinite without success.
+    """Return the time to the source if one starts again after each failure [s]; infinite without success.
 
     ERT = sum of all run times, failed ones included / number of successes
 

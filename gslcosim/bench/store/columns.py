@@ -2,7 +2,7 @@
 
 `trials.parquet` has a row for each trial, in the order of the suite. Columns that begin with `wall_`, and
 `sandbox`, depend on the machine and its load; all others are the same to the bit wherever, however often and by however
-many workers the suite is flown. `tracks.parquet` has a row for each agent of each trial, with a value for each second.
+many workers the suite is run. `tracks.parquet` has a row for each agent of each trial, with a value for each second.
 """
 
 import zlib
@@ -31,7 +31,7 @@ class Column:
 _TEXT, _WHOLE, _REAL, _FLAG = pa.string(), pa.int64(), pa.float64(), pa.bool_()
 
 TRIAL_COLUMNS = (
-    # Which flight.
+    # Which run.
     Column("trial", _TEXT, "id: a hash of all that decides the flight"),
     Column("case", _TEXT, "the scenario and what was varied, for people: gsl_bench_1/start=3,3"),
     Column("scenario", _TEXT, "name of the scenario"),

@@ -205,7 +205,7 @@ class VerifiedFacts(TypedDict):
 
 
 class DroppedCase(TypedDict):
-    """A case that could not be flown."""
+    """A case that could not be run."""
 
     case: str
     reason: str

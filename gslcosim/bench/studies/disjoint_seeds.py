@@ -116,7 +116,7 @@ def _word(value: ParameterValue) -> str:
 
 
 def collect_seeds(loaded: LoadedSuite) -> frozenset[int]:
-    """Return all seeds that the flights of a suite have: of runs, of gas, and of what is drawn, such as rooms."""
+    """Return all seeds that the runs of a suite have: of runs, of gas, and of what is drawn, such as rooms."""
     seeds: set[int] = set()
     for _, case in expand_cases(loaded):
         seeds |= {derive_seed(case.suite_seed, case.name, i) for i in range(case.repetitions)}
@@ -152,12 +152,12 @@ def with_disjoint_seeds(
 ) -> LoadedSuite:
     """Return the subject's suite with seeds of their own: none of them is among those taken.
 
-    seed = derive_seed(suite's seed, purpose, number), and with 1, 2, ... behind it should any flight's seed be taken
+    seed = derive_seed(suite's seed, purpose, number), and with 1, 2, ... behind it should any run's seed be taken
 
     Args:
         subject: The method and its cases.
         purpose: For example `training`.
-        number: Tells several of one purpose apart.
+        number: Distinguishes several of one purpose.
         repetitions: Of each case.
         taken: Seeds that may not occur, see `collect_seeds`.
     """

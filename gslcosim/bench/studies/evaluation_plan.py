@@ -26,8 +26,8 @@ class EvaluationPlan:
     Attributes:
         subject: The method, in a suite with these seeds.
         name: What the suite is called.
-        slots: Case and repetition of each flight.
-        seeds: All seeds of it, see `deriving.seeds_of`.
+        slots: Case and repetition of each run.
+        seeds: All seeds of it, see `disjoint_seeds.collect_seeds`.
     """
 
     subject: StudyTarget
@@ -40,7 +40,7 @@ class EvaluationPlan:
         return self.subject.loaded.suite.seed
 
     def plan(self, settings: Sequence[Setting], *, after: Plan | None = None) -> Plan:
-        """Return the flights of some settings behind those of an earlier plan, in the order of a suite of them all."""
+        """Return the runs of some settings behind those of an earlier plan, in the order of a suite of them all."""
         plan = build_plan(build_setting_suite(self.subject, settings, name=self.name))
         slots = set(self.slots)
         trials = [trial for trial in plan.trials if (trial.case, trial.repetition) in slots]
@@ -64,15 +64,15 @@ class EvaluationPlan:
 def build_evaluation_plan(
     subject: StudyTarget, purpose: str, number: int, *, n: int, taken: frozenset[int]
 ) -> EvaluationPlan:
-    """Return a course of n flights.
+    """Return a plan of n runs.
 
-    All cases are flown equally often. What is left over goes to cases of all scenarios in turn, at random within each.
+    All cases are run equally often. What is left over goes to cases of all scenarios in turn, at random within each.
 
     Args:
         subject: The method and its cases.
         purpose: `training` or `validation`; part of the seeds.
         number: Seed of the tuning; part of the seeds, and of the lot.
-        n: Flights of each setting.
+        n: Runs of each setting.
         taken: Seeds that may not occur.
     """
     rounds = 1
@@ -173,13 +173,13 @@ class ReusablePool:
 
 
 class SettingRunner:
-    """Flies settings of a course into a folder; flights that are there are not flown again."""
+    """Runs settings of an evaluation plan into a folder; runs that are there are not repeated."""
 
     def __init__(
-        self, course: EvaluationPlan, folder: ResultsFolder, pool: ReusablePool, report: Callable[[Progress], None]
+        self, evaluation: EvaluationPlan, folder: ResultsFolder, pool: ReusablePool, report: Callable[[Progress], None]
     ) -> None:
-        """Take a course, where its rows go, who flies, and who is told."""
-        self.course = course
+        """Take an evaluation plan, the folder of its rows, the workers, and the receiver of progress."""
+        self.evaluation = evaluation
         self._folder = folder
         self._pool = pool
         self._report = report
@@ -191,10 +191,10 @@ class SettingRunner:
         """Return the rows of each setting by its name, flying what is missing.
 
         Raises:
-            KeyboardInterrupt: it was interrupted; what was flown is kept.
+            KeyboardInterrupt: it was interrupted; what was run is kept.
             GslCosimError: see `SuiteRun.fly`.
         """
-        self._plan = self.course.plan(settings, after=self._plan)
+        self._plan = self.evaluation.plan(settings, after=self._plan)
         names = {setting.name for setting in settings}
         wanted = [trial for trial in self._plan.trials if trial.entry in names]
         if any(trial.id not in self._rows for trial in wanted):
@@ -205,7 +205,7 @@ class SettingRunner:
         return found
 
     def finish(self) -> None:
-        """Leave whole tables, also where a call before this one was killed after its last flight."""
+        """Leave whole tables, also where a call before this one was killed after its last run."""
         if self._plan is not None and self._folder.journal.is_file():
             self._run(self._plan)
 

@@ -12,10 +12,11 @@ STUDY = "tuning"
 
 
 class OptunaSearch:
-    """A study that asks for settings in batches and is told their scores in order: equal calls, equal settings.
+    """A study that asks for settings in batches and gets their scores in order: equal calls, equal settings.
 
-    Nothing of it depends on who flew, or when: settings are drawn by the seed and by the scores told so far.
-    The study is kept in a file that Optuna's own tools read; it is written anew each time, from flights that are there.
+    Nothing of it depends on who flew, or when: settings are drawn by the seed and by the scores given so far.
+    The study is kept in a file that Optuna's own tools read; it is written again each time, from runs that are
+    there.
 
     Source:
         Bergstra et al. 2011, Algorithms for Hyper-Parameter Optimization (TPE); Optuna: Akiba et al. 2019,
@@ -52,7 +53,7 @@ class OptunaSearch:
         )
 
     def ask(self, n: int) -> list[dict[str, int | float]]:
-        """Return the next settings; their scores are told before the next ones are asked for."""
+        """Return the next settings; their scores are given before the next ones are asked for."""
         assert not self._waiting, "scores are told before more is asked for"
         self._waiting = [self._study.ask(self._distributions) for _ in range(n)]
         return [{each.name: each.rounded(trial.params[each.name]) for each in self._ranges} for trial in self._waiting]
@@ -76,7 +77,7 @@ class OptunaSearch:
 
 
 def load_optuna() -> Any:
-    """Return Optuna, which then tells nothing by itself.
+    """Return Optuna, which then prints nothing by itself.
 
     Raises:
         UsageError: it is not installed.

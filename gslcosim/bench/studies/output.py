@@ -17,7 +17,7 @@ SWEEP_SCHEMA, TUNING_SCHEMA = "gslcosim/sweep/1", "gslcosim/tuning/1"
 
 
 def sweep_to_json(sweep: SweepResult) -> dict[str, Any]:
-    """Return a sweep as JSON has it: equal for equal flights."""
+    """Return a sweep as JSON has it: equal for equal runs."""
     return {
         "schema": SWEEP_SCHEMA,
         "suite": sweep.suite,
@@ -55,7 +55,7 @@ def sweep_to_csv(sweep: SweepResult) -> str:
 
 
 def tuning_to_json(tuning: TuningResult) -> dict[str, Any]:
-    """Return a tuning as JSON has it: equal for equal calls, whoever flew and however often it was interrupted."""
+    """Return a tuning as JSON has it: equal for equal calls, whatever the workers and interruptions."""
     budget, checked = tuning.budget, tuning.validation
     return {
         "schema": TUNING_SCHEMA,
@@ -94,7 +94,7 @@ def tuning_to_json(tuning: TuningResult) -> dict[str, Any]:
 
 
 def tuning_to_csv(tuning: TuningResult) -> str:
-    """Return a line for each setting that was flown in training; the default's values are those it was entered with."""
+    """Return a line for each setting that was run in training; the default's values are those it was entered with."""
     names = [each.name for each in tuning.ranges]
     rows = (
         [

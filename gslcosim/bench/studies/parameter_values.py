@@ -35,7 +35,7 @@ class ParameterRange:
         return isinstance(value, int | float) and not isinstance(value, bool) and self.low <= value <= self.high
 
     def rounded(self, value: float) -> int | float:
-        """Return a value as it is flown: with four digits, so that it can be read and typed."""
+        """Return a value as it is run: with four digits, so that it can be read and typed."""
         if self.is_whole:
             return round(value)
         return min(max(float(f"{value:.{_DIGITS}g}"), self.low), self.high)

@@ -250,9 +250,9 @@ def _bar(x0: float, y: float, each: Estimate, most: float) -> list[str]:
 def _document(sweep: SweepResult, width: float, height: float, parts: Sequence[str]) -> str:
     n = sweep.points[0].figures.n
     title = f"{sweep.entry} in {sweep.suite}"
-    told = f"{n} flights for each setting, the same cases, seeds and plumes; 95 % intervals"
+    subtitle = f"{n} flights for each setting, the same cases, seeds and plumes; 95 % intervals"
     if len(sweep.varied) == 2 and sweep.is_reference_default:
-        told += "; outlined: default"
+        subtitle += "; outlined: default"
     return "\n".join(
         [
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}" '
@@ -261,7 +261,7 @@ def _document(sweep: SweepResult, width: float, height: float, parts: Sequence[s
             f"<style>{_STYLE}</style>",
             f'<rect width="{width:.0f}" height="{height:.0f}" fill="#ffffff"/>',
             _text(14, 22, title, "start", "title"),
-            _text(14, 40, told, "start"),
+            _text(14, 40, subtitle, "start"),
             *parts,
             "</svg>\n",
         ]

@@ -21,7 +21,7 @@ _FLOWN = "flown"
 
 @dataclass(frozen=True, kw_only=True)
 class SettingRuns:
-    """Flights of one setting by case and repetition, so that those of two settings go in pairs.
+    """Runs of one setting by case and repetition, so that those of two settings go in pairs.
 
     Attributes:
         score: (n,) score; 0 where there is no result.
@@ -29,7 +29,7 @@ class SettingRuns:
         time_s: (n,) time as it is counted, the limit for every failure [s].
         limit_s: (n,) time limit [s].
         strata: (n,) cell that is drawn from apart; None: one.
-        clusters: (n,) plume, where there are enough of them to draw whole ones; None: each flight for itself.
+        clusters: (n,) plume, where there are enough of them to draw whole ones; None: each run for itself.
         n_without_result: Crashed, hung and the like: they count as failures.
     """
 
@@ -44,7 +44,7 @@ class SettingRuns:
 
 @dataclass(frozen=True, kw_only=True)
 class SettingFigures:
-    """Success rate, mean score and restricted mean time [s] of n flights."""
+    """Success rate, mean score and restricted mean time [s] of n runs."""
 
     n: int
     n_without_result: int
@@ -54,7 +54,7 @@ class SettingFigures:
 
 
 def group_runs(rows: Iterable[Mapping[str, Any]]) -> SettingRuns:
-    """Return flights from rows of `trials.parquet` of one setting."""
+    """Return runs from rows of `trials.parquet` of one setting."""
     ordered = sorted(rows, key=lambda row: (row["case"], row["repetition"]))
     limit_s = np.array([row["time_limit_s"] for row in ordered], dtype=np.float64)
     time_s = [limit if row["time_s"] is None else row["time_s"] for row, limit in zip(ordered, limit_s)]
@@ -83,21 +83,21 @@ def compute_figures(flights: SettingRuns) -> SettingFigures:
 
 
 def compute_difference(a: SettingRuns, b: SettingRuns) -> Estimate:
-    """Return by how much the mean score of a is above that of b over the same flights."""
+    """Return by how much the mean score of a is above that of b over the same runs."""
     return _with_spread(paired_difference(a.score, b.score, clusters=a.clusters, strata=a.strata), a.score - b.score)
 
 
 def paired_p_value(a: SettingRuns, b: SettingRuns) -> float:
-    """Return the p value of the paired permutation test that a and b score the same: honest also for few flights."""
+    """Return the p value of the paired permutation test that a and b score the same: honest also for few runs."""
     return sign_flip(a.score, b.score, clusters=a.clusters)
 
 
-# Draws from equal values are all equal: that is no certainty, so no interval is told.
+# Draws from equal values are all equal: that is no certainty, so no interval is reported.
 def _with_spread(estimate: Estimate, values: NDArray[np.float64]) -> Estimate:
     return estimate if values.size and np.ptp(values) > 0.0 else replace(estimate, low=math.nan, high=math.nan)
 
 
-# The finest cells that all have two flights or more: a cell of one shows no spread.
+# The finest cells that all have two runs or more: a cell of one shows no spread.
 def _strata(rows: list[Mapping[str, Any]]) -> NDArray[Any] | None:
     for column in ("case", "scenario"):
         labels = np.array([row[column] for row in rows])

@@ -18,7 +18,7 @@ MAX_SETTINGS = 500
 
 @dataclass(frozen=True, kw_only=True)
 class SweepPoint:
-    """A setting and what its flights came to; `difference` is that of its mean score from the reference's."""
+    """A setting and what its runs came to; `difference` is that of its mean score from the reference's."""
 
     setting: Setting
     figures: SettingFigures
@@ -29,7 +29,7 @@ class SweepPoint:
 class SweepResult:
     """A response curve: a point for each combination of the values of `varied`.
 
-    `reference` is the setting that the others are compared with: the default where it was flown, else the first.
+    `reference` is the setting that the others are compared with: the default where it was run, else the first.
     `units` are those of the parameters; 1 where they have none or nobody says.
     """
 
@@ -44,7 +44,7 @@ class SweepResult:
 
 
 class SweepPlan:
-    """A sweep before it is flown, and what its rows say afterwards."""
+    """A sweep before it is run, and what its rows say afterwards."""
 
     def __init__(self, subject: StudyTarget, varied: Mapping[str, tuple[ParameterValue, ...]]) -> None:
         """Take a method and the values of its parameters.
@@ -63,7 +63,7 @@ class SweepPlan:
         self.name = f"sweep_{subject.loaded.suite.name}_{subject.entry.name}"
 
     def suite(self) -> LoadedSuite:
-        """Return the suite that has to be flown."""
+        """Return the suite that has to be run."""
         return build_setting_suite(self.subject, self.settings, name=self.name)
 
     def sweep(self, rows: Sequence[Mapping[str, Any]]) -> SweepResult:

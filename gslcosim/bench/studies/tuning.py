@@ -34,7 +34,7 @@ from gslcosim.bench.studies.target import StudyTarget
 
 @dataclass(frozen=True, kw_only=True)
 class Budget:
-    """Flights in all, for each setting in training, and for each of the two that are flown in validation."""
+    """Runs in all, for each setting in training, and for each of the two that are run in validation."""
 
     flights: int
     per_setting: int
@@ -47,12 +47,12 @@ class Budget:
 
     @property
     def validation(self) -> int:
-        """Flights that are kept for the validation of the best setting and the default."""
+        """Runs that are kept for the validation of the best setting and the default."""
         return 2 * self.per_validation
 
     @property
     def search(self) -> int:
-        """Flights of the search."""
+        """Runs of the search."""
         return self.n_settings * self.per_setting
 
 
@@ -64,8 +64,8 @@ def split_budget(flights: int, per_setting: int | None = None) -> Budget:
     setting at least.
 
     Args:
-        flights: All flights.
-        per_setting: Flights of each setting, if told.
+        runs: All runs.
+        per_setting: Runs of each setting, if given.
 
     Raises:
         UsageError: it is too small for the default, one other setting, and their validation.
@@ -91,7 +91,7 @@ TRAINING, VALIDATION, STUDY = "training", "validation", "study.log"
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluatedSetting:
-    """A setting and what its flights came to."""
+    """A setting and what its runs came to."""
 
     setting: Setting
     figures: SettingFigures
@@ -101,7 +101,7 @@ class EvaluatedSetting:
 class Validation:
     """The best setting and the default on seeds that neither the search nor a test suite has.
 
-    `difference` is of mean scores over the same flights, `p` of the paired permutation test that there is none.
+    `difference` is of mean scores over the same runs, `p` of the paired permutation test that there is none.
     """
 
     seed: int
@@ -126,14 +126,14 @@ class TuningResult:
         parameters: Those of the entry as it was entered.
         ranges: What was searched.
         seed: Of the search.
-        budget: How the flights were shared.
-        training_seed: Of the flights of the search.
-        tried: All settings that were flown, the default first, then in the order in which they were asked for.
-        n_asked: How many settings were asked for; of equal ones only the first was flown.
+        budget: How the runs were shared.
+        training_seed: Of the runs of the search.
+        tried: All settings that were run, the default first, then in the order in which they were asked for.
+        n_asked: How many settings were asked for; of equal ones only the first was run.
         best: The one with the highest mean score in training; of equal ones the first.
         difference: Its mean score over the default's in training; None where it is the default.
         validation: None where the best is the default.
-        n_flown_before: Flights that were there already.
+        n_flown_before: Runs that were there already.
     """
 
     suite: str
@@ -157,12 +157,12 @@ class TuningResult:
 
     @property
     def n_search(self) -> int:
-        """Flights of the search."""
+        """Runs of the search."""
         return len(self.tried) * self.budget.per_setting
 
     @property
     def n_validation(self) -> int:
-        """Flights of the validation."""
+        """Runs of the validation."""
         return self.budget.validation if self.validation is not None else 0
 
 
@@ -178,10 +178,10 @@ class TuningProgress:
 
 
 class Tuner:
-    """One call of `gslcosim tune`: asks, flies, tells; then validates.
+    """One call of `gslcosim tune`: asks, runs, reports; then validates.
 
-    It always begins at the first batch. The search is drawn anew by its seed, and flights that are in the folder are
-    not flown again, so that an interrupted call goes on where it stopped and ends as if it had not been interrupted.
+    It always begins at the first batch. The search is drawn again by its seed, and runs that are in the folder are
+    not run again, so that an interrupted call goes on where it stopped and ends as if it had not been interrupted.
     """
 
     def __init__(
@@ -201,12 +201,12 @@ class Tuner:
         Args:
             subject: The method and its cases.
             ranges: What is searched.
-            budget: How many flights.
-            seed: Of the search, and part of the seeds of all its flights.
+            budget: How many runs.
+            seed: Of the search, and part of the seeds of all its runs.
             folder: Where everything is kept.
             start_pool: Starts the workers; not called when there is nothing to fly.
-            report: Is told how flights go.
-            tell: Is told how the search stands, after each batch.
+            report: Receives the status of the run.
+            tell: Receives how the search stands, after each batch.
         """
         self._subject = subject
         self._ranges = tuple(ranges)
@@ -224,24 +224,24 @@ class Tuner:
 
         Raises:
             KeyboardInterrupt: it was interrupted; the same call goes on.
-            GslCosimError: Optuna is not there, the folder cannot be used, or nothing can be flown.
+            GslCosimError: Optuna is not there, the folder cannot be used, or nothing can be run.
         """
         load_optuna()
         with ResultsFolder(self._folder).locked():
             search = OptunaSearch(self._ranges, seed=derive_seed(self._seed, "search"), log=self._folder / STUDY)
-            training, validation = self.courses()
+            training, validation = self.evaluations()
             pool = ReusablePool(self._start_pool)
             try:
-                flyer = SettingRunner(training, ResultsFolder(self._folder / TRAINING), pool, self._report)
-                n_asked = self._search(search, flyer)
-                flyer.finish()
+                runner = SettingRunner(training, ResultsFolder(self._folder / TRAINING), pool, self._report)
+                n_asked = self._search(search, runner)
+                runner.finish()
                 best = max(self._tried, key=lambda tried: tried.figures.score.value)
-                n_now = flyer.n_flown_now
+                n_now = runner.n_flown_now
                 validated = None
                 if best is not self._tried[0]:
-                    flyer = SettingRunner(validation, ResultsFolder(self._folder / VALIDATION), pool, self._report)
-                    validated = self._validate(flyer, best.setting)
-                    n_now += flyer.n_flown_now
+                    runner = SettingRunner(validation, ResultsFolder(self._folder / VALIDATION), pool, self._report)
+                    validated = self._validate(runner, best.setting)
+                    n_now += runner.n_flown_now
             finally:
                 pool.end()
         n_used = len(self._tried) * self._budget.per_setting + (self._budget.validation if validated else 0)
@@ -261,8 +261,8 @@ class Tuner:
             n_flown_before=n_used - n_now,
         )
 
-    def courses(self) -> tuple[EvaluationPlan, EvaluationPlan]:
-        """Return the flights of training and of validation: no seed is one of the other's or of a suite's."""
+    def evaluations(self) -> tuple[EvaluationPlan, EvaluationPlan]:
+        """Return the runs of training and of validation: no seed is one of the other's or of a suite's."""
         self._report(Progress(phase="planning", done=0, total=2, elapsed_s=0.0))
         tests = collect_test_seeds(self._subject.loaded)
         training = build_evaluation_plan(self._subject, TRAINING, self._seed, n=self._budget.per_setting, taken=tests)
@@ -273,8 +273,8 @@ class Tuner:
         )
         return training, validation
 
-    # Batches are of one size and told in order, so that nothing depends on which flight was over first.
-    def _search(self, search: OptunaSearch, flyer: SettingRunner) -> int:
+    # Batches are of one size and given in order, so that nothing depends on which run was over first.
+    def _search(self, search: OptunaSearch, runner: SettingRunner) -> int:
         new = [Setting(name=DEFAULT, parameters={})]
         names = {self._default_values(): DEFAULT}
         n_left = self._budget.n_settings - 1
@@ -288,7 +288,7 @@ class Tuner:
                 if key not in names:
                     names[key] = f"s_{n_asked:03d}"
                     new.append(Setting(name=names[key], parameters=values))
-            self._take(new, flyer.fly(new))
+            self._take(new, runner.fly(new))
             search.tell([float(self._flights[names[tuple(values.items())]].score.mean()) for values in asked])
             if n_asked == len(asked):
                 self._add_default(search)
@@ -323,12 +323,12 @@ class Tuner:
     def _over_default(self, name: str) -> Estimate | None:
         return None if name == DEFAULT else compute_difference(self._flights[name], self._flights[DEFAULT])
 
-    def _validate(self, flyer: SettingRunner, best: Setting) -> Validation:
-        rows = flyer.fly([Setting(name=DEFAULT, parameters={}), best])
-        flyer.finish()
+    def _validate(self, runner: SettingRunner, best: Setting) -> Validation:
+        rows = runner.fly([Setting(name=DEFAULT, parameters={}), best])
+        runner.finish()
         a, b = group_runs(rows[best.name]), group_runs(rows[DEFAULT])
         return Validation(
-            seed=flyer.course.seed,
+            seed=runner.evaluation.seed,
             best=compute_figures(a),
             default=compute_figures(b),
             difference=compute_difference(a, b),

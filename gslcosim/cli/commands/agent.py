@@ -63,14 +63,14 @@ def _add_check_arguments(parser: argparse.ArgumentParser) -> None:
 def _check(arguments: argparse.Namespace) -> int:
     from gslcosim.conformance import ConnectionSpec, SessionLimits, check_agent
 
-    wiring = ConnectionSpec(
+    connection = ConnectionSpec(
         command=tuple(arguments.words),
-        door=arguments.door,
+        transport=arguments.door,
         format=arguments.format,
         observations=arguments.observations,
     )
     limits = SessionLimits(answer_s=arguments.timeout, join_s=max(arguments.timeout, DEFAULT_TIMEOUT_S))
-    report = check_agent(wiring, limits, lambda name: write_note(f"flight: {name}"))
+    report = check_agent(connection, limits, lambda name: write_note(f"flight: {name}"))
     if arguments.json:
         write_json(report.as_fields())
     else:

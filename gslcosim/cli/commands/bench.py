@@ -1,4 +1,4 @@
-"""`gslcosim bench`: suites of flights, from the plan to the report."""
+"""`gslcosim bench`: suites of runs, from the plan to the report."""
 
 import argparse
 import secrets
@@ -314,7 +314,7 @@ def _planned(arguments: argparse.Namespace, *, is_quiet: bool) -> "tuple[LoadedS
     return loaded, plan
 
 
-# A cluster's nodes tell for themselves, flight by flight.
+# A cluster's nodes tell for themselves, run by run.
 def _check_here(arguments: argparse.Namespace, plan: "Plan") -> None:
     from gslcosim.bench.execution.sandbox_requirement import check_sandbox
 

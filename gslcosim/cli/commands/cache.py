@@ -113,9 +113,9 @@ def _free(arguments: argparse.Namespace) -> int:
         write()
     for entry in kept:
         write(f"kept       {entry.folder}: a process uses it")
-    told = "Removed" if arguments.yes else "Would remove"
+    verb = "Removed" if arguments.yes else "Would remove"
     n = "1 entry" if len(chosen) == 1 else f"{len(chosen)} entries"
-    write(f"{told} {n}, {_size(size_bytes)}." + ("" if arguments.yes or not chosen else " Do it with --yes."))
+    write(f"{verb} {n}, {_size(size_bytes)}." + ("" if arguments.yes or not chosen else " Do it with --yes."))
     return 0
 
 

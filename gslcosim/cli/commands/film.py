@@ -67,7 +67,7 @@ def _run(arguments: argparse.Namespace) -> int:
     runs = [open_run(find_in_run(name, runs_dir=arguments.runs_dir, file_name=RECORDING)) for name in names]
     cuts = [FilmSegment.of(run, from_s=arguments.from_s, to_s=arguments.to_s, speed=arguments.speed) for run in runs]
     cut = max(cuts, key=lambda one: one.to_s)
-    frames = render_frames(runs, cut, arguments.size, follow=arguments.follow, has_room=not arguments.plan_only)
+    frames = render_frames(runs, cut, arguments.size, follow=arguments.follow, has_chase_view=not arguments.plan_only)
     n_frames = len(cut.times_s)
     try:
         with show_count_progress("frames", is_quiet=arguments.json) as report:

@@ -121,11 +121,11 @@ def _with_a_person(arguments: argparse.Namespace) -> "tuple[LoadedScenario, str]
     name = arguments.agent or names[0]
     if name not in names:
         raise UsageError(f"--agent: expected one of {', '.join(names)}, which take part, was {name!r}.")
-    crew = plain.agents_by_process().get(name, ())
-    if len(crew) > 1:
+    shared = plain.agents_by_process().get(name, ())
+    if len(shared) > 1:
         raise UsageError(
-            f"--agent {name}: expected an agent whose process flies no other, but it flies {', '.join(crew[1:])} too. "
-            "Take another, or give those a start of their own."
+            f"--agent {name}: expected an agent whose process flies no other, but it flies {', '.join(shared[1:])} "
+            "too. Take another, or give those a start of their own."
         )
     at = f"agents[{names.index(name)}]"
     arguments.set = [

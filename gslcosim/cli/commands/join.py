@@ -1,4 +1,4 @@
-"""`gslcosim join`: take part in a run that is flown on another host."""
+"""`gslcosim join`: take part in a run that is run on another host."""
 
 import argparse
 from collections.abc import Callable
@@ -70,7 +70,7 @@ def _run(arguments: argparse.Namespace) -> int:
         recording = part.recording and str(part.recording)
         write_json({**asdict(part), "run_dir": str(part.run_dir), "recording": recording})
     elif not arguments.quiet:
-        write(_told(part))
+        write(_format_result(part))
     if not part.is_whole:
         write_note(f"{part.run_id}: ended before its verdict; gslcosim up on the run's host says why.")
         return ExitCode.FAULT
@@ -88,7 +88,7 @@ def _fly_agent(joined: "JoinFile", words: list[str], arguments: argparse.Namespa
     return ExitCode.SUCCESS
 
 
-def _told(part: "JoinResult") -> str:
+def _format_result(part: "JoinResult") -> str:
     end = "to its end" if part.is_whole else "not to its end"
     lines = [f"Took part as {', '.join(part.services)} up to tick {part.last_tick}, {end}."]
     if part.n_resends:

@@ -70,7 +70,7 @@ def _wind_solvers() -> list[Row]:
     return _kinds_of(WIND_KINDS)
 
 
-# Packages are imported to be listed; one that cannot be is told in its row, and hides no other.
+# Packages are imported to be listed; one that cannot be is reported in its row, and hides no other.
 def _kinds_of(one_of: "OneOf") -> list[Row]:
     rows: list[Row] = []
     offered = one_of.offers.names() if one_of.offers else ()
@@ -155,7 +155,7 @@ def _run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-# A table for each; those that many kinds share are told with each, as each can have them.
+# A table for each; those that many kinds share are listed with each, as each can have them.
 def _write_settings(rows: list[Row]) -> None:
     for row in rows:
         settings = [[each["key"], each["unit"], each["default"], each["meaning"]] for each in row.get("settings", ())]

@@ -100,9 +100,9 @@ def _top(arguments: argparse.Namespace) -> int:
 
 
 def participant_rows(before: "ActiveRun", now: "ActiveRun") -> list[dict[str, Any]]:
-    """Return the participants of a flight with what two looks tell together.
+    """Return the participants of a run with what two looks show together.
 
-    Beside what a look tells, `tick_rate_hz` is how many ticks a second of wall time it has finished between them, and
+    Beside what a look shows, `tick_rate_hz` is how many ticks a second of wall time it has finished between them, and
     `busy` is the CPU time of its process as a share of the time between them; None where nobody knows.
     """
     then = {participant["name"]: participant for participant in before.facts["participants"]}

@@ -57,10 +57,10 @@ def _check(arguments: argparse.Namespace) -> int:
 
     if not 0.0 < arguments.timeout < 1e6:
         raise UsageError(f"--timeout: expected a number of seconds above 0, was {arguments.timeout:g}.")
-    wiring = ConnectionSpec(command=tuple(arguments.words), door=arguments.door, format=arguments.format)
+    connection = ConnectionSpec(command=tuple(arguments.words), transport=arguments.door, format=arguments.format)
     limits = SessionLimits(answer_s=arguments.timeout, join_s=max(arguments.timeout, 30.0))
     parameters = _parameters(arguments.parameters)
-    report = check_participant(wiring, limits, parameters, lambda name: write_note(f"session: {name}"))
+    report = check_participant(connection, limits, parameters, lambda name: write_note(f"session: {name}"))
     if arguments.json:
         write_json(report.as_fields())
     else:

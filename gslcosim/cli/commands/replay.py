@@ -1,4 +1,4 @@
-"""`gslcosim replay`: fly a run again from its inputs."""
+"""`gslcosim replay`: run a run again from its inputs."""
 
 import argparse
 

@@ -30,7 +30,7 @@ EXAMPLES = """  gslcosim runs
 _SHOWN = ("run", "scenario", "method", "seed", "outcome", "time_s", "speed", "faults", "size_mb", "age_h")
 _HEADINGS = ("run", "scenario", "method", "seed", "outcome", "time", "speed", "faults", "size", "age")
 _ACTIONS = ("remove", "repair")
-# What has no result and was written to so lately may be flown by another user, or on another host.
+# What has no result and was written to so lately may be run by another user, or on another host.
 _QUIET_H = 10 / 60
 _UNITS = ((1 / 60, 3600, "s"), (1.0, 60, "min"), (48.0, 1, "h"), (float("inf"), 1 / 24, "d"))
 
@@ -136,8 +136,8 @@ def _remove(rows: Sequence[Mapping[str, Any]], arguments: argparse.Namespace) ->
     for one in kept:
         write(f"kept       {one['folder']}: {one['why']}")
     runs = "1 run" if len(removable) == 1 else f"{len(removable)} runs"
-    told = "Removed" if arguments.yes else "Would remove"
-    write(f"{told} {runs}, {size_mb:.1f} MB." + ("" if arguments.yes or not removable else " Do it with --yes."))
+    verb = "Removed" if arguments.yes else "Would remove"
+    write(f"{verb} {runs}, {size_mb:.1f} MB." + ("" if arguments.yes or not removable else " Do it with --yes."))
     return 0
 
 
@@ -166,18 +166,18 @@ def _remove_folder(folder: Path) -> None:
 def _repair(rows: Sequence[Mapping[str, Any]], arguments: argparse.Namespace) -> int:
     from gslcosim_services.recorder.repair import repair_recording
 
-    told: list[dict[str, Any]] = []
+    repairs: list[dict[str, Any]] = []
     for row in rows:
         recording = Path(row["folder"]) / RECORDING
         if row["state"] in ("foreign", "running") or row["size_mb"] is None or not recording.is_file():
             continue
         is_repaired = repair_recording(recording)
-        told.append({"run": row["run"], "folder": row["folder"], "repaired": is_repaired})
+        repairs.append({"run": row["run"], "folder": row["folder"], "repaired": is_repaired})
         if not arguments.json:
             write(f"{'repaired' if is_repaired else 'was whole':<11}{recording}")
     if arguments.json:
-        write_json(told)
-    elif not told:
+        write_json(repairs)
+    elif not repairs:
         write("No recording to make whole.")
     return 0
 

@@ -217,7 +217,7 @@ def _run_fields(folder: Path, gas: str | None) -> "FieldSampler":
     return ScenarioFieldSampler(_environment_of_run(folder, scenario), scenario, gas=gas)
 
 
-# The one that the run had; when the cache was cleared since, the same one made anew.
+# The one that the run had; when the cache was cleared since, the same one made again.
 def _environment_of_run(folder: Path, scenario: "Scenario") -> "Environment":
     from gslcosim.base.untrusted_json import MalformedFileError
     from gslcosim.environment.generation import prepare_environment

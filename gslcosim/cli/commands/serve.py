@@ -59,7 +59,7 @@ def _fly(words: Sequence[str], fork_server: "ForkServer") -> int:
 
 COMMAND = Command(
     name="serve",
-    summary="keep a warm server for gslcosim up --warm, which has imported and rehearsed what flights share",
+    summary="keep a warm server for gslcosim up --warm, which has imported and warmed up what runs share",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

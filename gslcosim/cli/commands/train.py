@@ -1,4 +1,4 @@
-"""`gslcosim train`: learn what a train file says, with checkpoints, curves and evaluation flights."""
+"""`gslcosim train`: learn what a train file says, with checkpoints, curves and evaluation runs."""
 
 import argparse
 import contextlib
@@ -19,7 +19,15 @@ EXAMPLES = """  gslcosim train open_halls_ctrnn
   gslcosim train open_halls_ctrnn --out trained/first --resume
   gslcosim train my_training.yaml --record 5 --json"""
 TRAINED_DIR = Path("trained")
-_TOLD = ("best_cost", "mean_cost", "reward", "mean_reward", "success", "validation_cost", "validation_success")
+_REPORTED_FIGURES = (
+    "best_cost",
+    "mean_cost",
+    "reward",
+    "mean_reward",
+    "success",
+    "validation_cost",
+    "validation_success",
+)
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -100,9 +108,9 @@ class _Watch:
         done = int(figures["round"])
         self.tell("rounds", done, last)
         if not self._is_quiet and ("validation_cost" in figures or done == last):
-            told = ", ".join(f"{name} {figures[name]:.3f}" for name in _TOLD if name in figures)
+            values = ", ".join(f"{name} {figures[name]:.3f}" for name in _REPORTED_FIGURES if name in figures)
             self.end()
-            write_note(f"round {done} of {last}: {told}")
+            write_note(f"round {done} of {last}: {values}")
 
     def end(self) -> None:
         """Leave the line empty."""

@@ -1,4 +1,4 @@
-"""`gslcosim tune`: a search for good parameters of a method, within a budget of flights."""
+"""`gslcosim tune`: a search for good parameters of a method, within a budget of runs."""
 
 import argparse
 

@@ -1,4 +1,4 @@
-"""`gslcosim up`: fly a scenario."""
+"""`gslcosim up`: run a scenario."""
 
 import argparse
 import contextlib
@@ -125,7 +125,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def run_scenario(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int:
-    """Fly the scenario of parsed words, tell how it went, and return the exit code.
+    """Run the scenario of parsed words, report how it went, and return the exit code.
 
     Args:
         arguments: Of `gslcosim up`.
@@ -150,7 +150,7 @@ def run_scenario(arguments: argparse.Namespace, fork_server: "ForkServer | None"
                 processes=arguments.processes,
                 network=network,
                 fork_server=fork_server,
-                report=live.passing_on(_telling_where(report, network) if network.elsewhere and is_told else report),
+                report=live.passing_on(_note_join_files(report, network) if network.elsewhere and is_told else report),
             )
         live.end()
         if arguments.json:
@@ -165,14 +165,14 @@ def run_scenario(arguments: argparse.Namespace, fork_server: "ForkServer | None"
 
 
 # Who starts the services needs to know where their join files are.
-def _telling_where(report: Report, network: "Network") -> Report:
-    def told(status: "RunStatus") -> None:
+def _note_join_files(report: Report, network: "Network") -> Report:
+    def note_and_report(status: "RunStatus") -> None:
         if status.run_dir is not None:
             folder = (network.join_dir or status.run_dir / "join") / "services"
             write_note(f"Elsewhere: gslcosim join {folder / 'NAME.json'}, for {', '.join(network.elsewhere)}")
         report(status)
 
-    return told
+    return note_and_report
 
 
 def _network(arguments: argparse.Namespace) -> "Network":

@@ -33,9 +33,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a run's folder, its recording, or its id; or an environment's folder (default: the newest run); several "
         "runs of one room: all in one recording",
     )
-    ways = parser.add_mutually_exclusive_group()
-    ways.add_argument("--screenshot", type=Path, metavar="FILE", help="write a picture to FILE, without a window")
-    ways.add_argument(
+    outputs = parser.add_mutually_exclusive_group()
+    outputs.add_argument("--screenshot", type=Path, metavar="FILE", help="write a picture to FILE, without a window")
+    outputs.add_argument(
         "--web", action="store_true", help="serve a page for a browser of this machine, until Ctrl-C; needs no screen"
     )
     parser.add_argument(

@@ -24,7 +24,7 @@ _LATER_SESSIONS: dict[str, tuple[SessionKind, str]] = {
 
 
 def check_participant(
-    wiring: ConnectionSpec,
+    connection: ConnectionSpec,
     limits: SessionLimits | None = None,
     parameters: Mapping[str, ParameterValue] = MappingProxyType({}),
     report_progress: Callable[[str], None] = lambda _: None,
@@ -32,7 +32,7 @@ def check_participant(
     """Return what a check finds out about a participant.
 
     Args:
-        wiring: How it is started and spoken to.
+        connection: How it is started and spoken to.
         limits: How long it is waited for.
         parameters: What its briefing hands to it.
         report_progress: Gets the name of each session before it begins.
@@ -40,15 +40,15 @@ def check_participant(
     Raises:
         UsageError: there is no such program.
     """
-    wiring.check()
-    return ParticipantCheck(wiring, limits or SessionLimits(), parameters, report_progress).run()
+    connection.check()
+    return ParticipantCheck(connection, limits or SessionLimits(), parameters, report_progress).run()
 
 
 @dataclass
 class ParticipantCheck:
     """One participant under check: what was played with it, and the rules that it has broken so far."""
 
-    wiring: ConnectionSpec
+    connection: ConnectionSpec
     limits: SessionLimits
     parameters: Mapping[str, ParameterValue]
     report_progress: Callable[[str], None]
@@ -74,10 +74,12 @@ class ParticipantCheck:
         )
         rules = PARTICIPANT_RULES
         return CheckReport(
-            command=self.wiring.command,
-            door=self.wiring.door,
-            format=self.wiring.format,
-            findings=build_findings(self.wiring.door, self.failures, self.unjudged, self.notes, beyond, rules=rules),
+            command=self.connection.command,
+            transport=self.connection.transport,
+            format=self.connection.format,
+            findings=build_findings(
+                self.connection.transport, self.failures, self.unjudged, self.notes, beyond, rules=rules
+            ),
             notes=ports,
         )
 
@@ -137,7 +139,7 @@ class ParticipantCheck:
         time.sleep(max(0.0, self._started_at_s + MIN_START_INTERVAL_S - time.monotonic()))
         self._started_at_s = time.monotonic()
         script = SessionScript(name=name, seed=seed, kind=kind)
-        played = ParticipantSession(self.wiring, script, self.limits, self.parameters).play()
+        played = ParticipantSession(self.connection, script, self.limits, self.parameters).play()
         if played.leftover_processes:
             self._add(
                 _build_failure(
@@ -156,8 +158,8 @@ def _find_difference(rule: str, first: SessionResult, later: SessionResult, *, s
         now = later.answers.get(tick)
         if answers != now:
             shown = [_format_answers(each) for each in (answers, now or {})]
-            told = f"ParticipantInputs, tick {tick}{sent}"
-            return _build_failure(rule, later, told, f"{shown[0]}, as in the first session", shown[1])
+            inputs = f"ParticipantInputs, tick {tick}{sent}"
+            return _build_failure(rule, later, inputs, f"{shown[0]}, as in the first session", shown[1])
     return None
 
 

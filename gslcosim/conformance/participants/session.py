@@ -76,7 +76,7 @@ def get_message_name(port: str) -> str | None:
 def build_check_briefing(
     hello: ParticipantHello, seed: int, parameters: Mapping[str, ParameterValue]
 ) -> ParticipantBriefing:
-    """Return what a participant is told first."""
+    """Return the briefing of a participant."""
     return ParticipantBriefing(
         tick=0,
         participant=PARTICIPANT_NAME,
@@ -245,15 +245,15 @@ class ParticipantSession:
 
     def __init__(
         self,
-        wiring: ConnectionSpec,
+        connection: ConnectionSpec,
         script: SessionScript,
         limits: SessionLimits,
         parameters: Mapping[str, ParameterValue],
     ) -> None:
-        self._wiring = wiring
+        self._wiring = connection
         self._limits = limits
         self._parameters = parameters
-        self._started = CheckedProcess(wiring)
+        self._started = CheckedProcess(connection)
         self._connected: queue.SimpleQueue[Stream] = queue.SimpleQueue()
         self._listener: Listener | None = None
         self._exchange: BlockingConnection | None = None
@@ -280,21 +280,21 @@ class ParticipantSession:
         return played
 
     def _start(self) -> None:
-        started, wiring = self._started, self._wiring
+        started, connection = self._started, self._wiring
         started.orphans.begin()
         variables = {PARTICIPANT_VARIABLE: _PROCESS_NAME, **started.orphans.variables}
-        log, cwd = started.log, wiring.directory
-        if wiring.door == "stdio":
+        log, cwd = started.log, connection.directory
+        if connection.transport == "stdio":
             pipes = started.children.start_piped(
                 _PROCESS_NAME, started.command(), variables=variables, log=log, cwd=cwd
             )
             self._connected.put(PipeStream(*pipes))
             return
-        is_unix = wiring.door == "unix"
+        is_unix = connection.transport == "unix"
         listener = self._listener = (
             Listener.open_unix(started.folder / "gateway.sock") if is_unix else Listener.open_tcp()
         )
-        listener.admit(wiring.format, lambda stream, _: self._connected.put(stream), lambda _: None)
+        listener.admit(connection.format, lambda stream, _: self._connected.put(stream), lambda _: None)
         variables |= {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token}
         started.children.start_without_bus(_PROCESS_NAME, started.command(), variables=variables, log=log, cwd=cwd)
 
@@ -352,7 +352,7 @@ class ParticipantSession:
             return answering.failure("encoding", sent, "a frame with ParticipantOutputs", str(error))
         played.slowest_s = max(played.slowest_s, time.monotonic() - asked_s)
         if _read_tick(payload) in played.answers and exchange.comes_within(self._limits.settle_s):
-            # It was on its way when the inputs were told, and their answer comes behind it.
+            # It was on its way when the inputs were sent, and their answer comes behind it.
             return self._one_more(answering, sent)
         answers, failure = find_outputs_failure(answering, payload, message.tick, hello.writes)
         if answers is not None:

@@ -104,7 +104,7 @@ def build_rejected(message_type: type[Message]) -> Iterator[RejectedVector]:
     )
 
 
-# Only what agents write is looked at so closely: see `codec.unpack_foreign`.
+# Only what agents write is looked at so closely: see `codec.unpack_untrusted`.
 def _build_untrusted_rejections(example: Message) -> Iterator[RejectedVector]:
     if not isinstance(example, Command | ParticipantHello | ParticipantOutputs):
         return

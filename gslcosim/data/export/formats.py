@@ -25,14 +25,14 @@ def extract_run(
         folder: Where; a new folder or an empty one.
         to: `parquet` and `csv` write a table for each stream and a dictionary of all columns; `mcap` and `rosbag2`
             write messages of ROS 2.
-        progress: Is told what is being written.
+        progress: Receives what is being written.
 
     Returns:
         The files that were written.
 
     Raises:
         UsageError: the folder holds something, or the extra `ros` is not installed.
-        EnvironmentDataError: the room is needed and is not the one that was flown in.
+        EnvironmentDataError: the room is needed and is not the one that was run in.
         OSError: the machine refuses.
     """
     if folder.exists() and any(folder.iterdir()):

@@ -20,7 +20,7 @@ def write_mcap(messages: Iterable[TimedMessage], path: Path, types: RosTypes, pr
         messages: By time.
         path: The file.
         types: Of the messages.
-        progress: Is told how many have been written, now and then.
+        progress: Receives how many have been written, now and then.
 
     Raises:
         UsageError: the extra `ros` is not installed.
@@ -58,7 +58,7 @@ def write_rosbag2(messages: Iterable[TimedMessage], folder: Path, types: RosType
         messages: By time.
         folder: The bag; it must not exist.
         types: Of the messages.
-        progress: Is told how many have been written, now and then.
+        progress: Receives how many have been written, now and then.
 
     Raises:
         OSError: the machine refuses.

@@ -41,15 +41,15 @@ def instrument_topics(run: RunData, types: RosTypes) -> list[Iterator[Stamped]]:
         truth[series.agent, series.sensor][f"{series.quantity} {series.gas}".strip()] = series
     tick_ns = run.scenario.tick_ns
     streams: list[Iterator[Stamped]] = []
-    for (agent, sensor), told in by_sensor.items():
+    for (agent, sensor), recorded in by_sensor.items():
         spec = specs[agent, sensor]
         topic, frame = _topic(agent, sensor), _frame(agent, sensor)
-        make = _maker(told, spec, types, frame)
+        make = _maker(recorded, spec, types, frame)
         if make is not None:
-            first = next(iter(told.values()))
+            first = next(iter(recorded.values()))
             streams.append(_each(first, topic, tick_ns, make))
-    for (agent, sensor), told in truth.items():
-        for quantity, series in told.items():
+    for (agent, sensor), recorded in truth.items():
+        for quantity, series in recorded.items():
             topic, frame = f"/truth{_topic(agent, sensor)}", _frame(agent, sensor)
             if series.quantity == "mixing_ratio":
                 gas = _gas_sensor(types, frame, series, ros_types.UNKNOWN, 0, 0, ros_types.UNITS["ppm"], 0.0)
@@ -79,24 +79,24 @@ def _each(series: RecordedSeries, topic: str, tick_ns: int, make: Callable[[int,
 
 # How the i-th reading becomes a message; nothing for instruments that no standard message fits.
 def _maker(
-    told: dict[str, RecordedSeries], spec: SensorSpec, types: RosTypes, frame: str
+    series: dict[str, RecordedSeries], spec: SensorSpec, types: RosTypes, frame: str
 ) -> Callable[[int, int], Any] | None:
-    if "response" in told:
-        return _gas_reading(told["response"], spec, types, frame)
-    if "wind_speed" in told:
-        return _wind_reading(told, types, frame)
-    if "specific_force" in told:
-        return _imu(told, types, frame)
+    if "response" in series:
+        return _gas_reading(series["response"], spec, types, frame)
+    if "wind_speed" in series:
+        return _wind_reading(series, types, frame)
+    if "specific_force" in series:
+        return _imu(series, types, frame)
     if spec.model == "gps":
-        return _fix(told["position"], types, frame)
-    if "pressure" in told:
-        return _pressure(told["pressure"], types, frame)
-    if "magnetic_field" in told:
-        return _field(told["magnetic_field"], types, frame)
+        return _fix(series["position"], types, frame)
+    if "pressure" in series:
+        return _pressure(series["pressure"], types, frame)
+    if "magnetic_field" in series:
+        return _field(series["magnetic_field"], types, frame)
     if spec.model == "pose":
-        return _pose(told, types)
+        return _pose(series, types)
     if spec.model == "range_finder" and isinstance(spec, ReachingSensorSpec):
-        return _range(told["range"], spec.max_range_m, types, frame)
+        return _range(series["range"], spec.max_range_m, types, frame)
     return None
 
 
@@ -136,8 +136,8 @@ def _gas_sensor(
 
 
 # GADEN's anemometer tells where the wind blows from, counter-clockwise from x, as ours does; ours is about the world.
-def _wind_reading(told: dict[str, RecordedSeries], types: RosTypes, frame: str) -> Callable[[int, int], Any]:
-    speed, bearing, vector = told["wind_speed"], told.get("wind_from"), told.get("apparent_wind")
+def _wind_reading(series: dict[str, RecordedSeries], types: RosTypes, frame: str) -> Callable[[int, int], Any]:
+    speed, bearing, vector = series["wind_speed"], series.get("wind_from"), series.get("apparent_wind")
 
     def make(i: int, time_ns: int) -> Any:
         from_rad = float(bearing.value[i]) if bearing is not None else _from_rad(vector.values[i] if vector else None)
@@ -166,7 +166,7 @@ def _from_rad(wind_m_s: Vector | None) -> float:
     return 0.0 if wind_m_s is None else math.atan2(-wind_m_s[1], -wind_m_s[0])
 
 
-def _imu(told: dict[str, RecordedSeries], types: RosTypes, frame: str) -> Callable[[int, int], Any]:
+def _imu(series: dict[str, RecordedSeries], types: RosTypes, frame: str) -> Callable[[int, int], Any]:
     # The first number -1 says that there is no attitude.
     no_attitude = np.zeros(9)
     no_attitude[0] = -1.0
@@ -176,9 +176,9 @@ def _imu(told: dict[str, RecordedSeries], types: RosTypes, frame: str) -> Callab
         header=types.header(time_ns, frame),
         orientation=types.turn(upright),
         orientation_covariance=no_attitude,
-        angular_velocity=types.vector(told["angular_velocity"].values[i]),
+        angular_velocity=types.vector(series["angular_velocity"].values[i]),
         angular_velocity_covariance=np.zeros(9),
-        linear_acceleration=types.vector(told["specific_force"].values[i]),
+        linear_acceleration=types.vector(series["specific_force"].values[i]),
         linear_acceleration_covariance=np.zeros(9),
     )
 
@@ -220,11 +220,11 @@ def _field(series: RecordedSeries, types: RosTypes, frame: str) -> Callable[[int
     )
 
 
-def _pose(told: dict[str, RecordedSeries], types: RosTypes) -> Callable[[int, int], Any]:
+def _pose(series: dict[str, RecordedSeries], types: RosTypes) -> Callable[[int, int], Any]:
     return lambda i, time_ns: types.make(
         "geometry_msgs/msg/PoseStamped",
         header=types.header(time_ns, MAP_FRAME),
-        pose=types.pose(told["position"].values[i], told["attitude_quaternion"].values[i]),
+        pose=types.pose(series["position"].values[i], series["attitude_quaternion"].values[i]),
     )
 
 

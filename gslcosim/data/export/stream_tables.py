@@ -129,14 +129,14 @@ def _series(kind: str, meaning: str, all_series: Sequence[RecordedSeries]) -> It
 
 
 def _columns(series: RecordedSeries, rows: NDArray[np.int64], n_rows: int) -> Iterator[TableColumn]:
-    told = "_".join(filter(None, (series.sensor, series.gas)))
+    prefix = "_".join(filter(None, (series.sensor, series.gas)))
     of = " of ".join(filter(None, (series.gas, series.sensor)))
     for i, name in enumerate(series.columns):
         values = np.full(n_rows, np.nan)
         values[rows] = series.values[:, i]
         words = name.replace("_", " ")
         yield TableColumn(
-            name=safe_name(f"{told}_{name}" if told else name),
+            name=safe_name(f"{prefix}_{name}" if prefix else name),
             values=values,
             meaning=f"{words}: {of}" if of else words,
             unit="" if series.unit == "1" else series.unit,
@@ -144,11 +144,11 @@ def _columns(series: RecordedSeries, rows: NDArray[np.int64], n_rows: int) -> It
 
 
 def _commands(commands: Mapping[str, Sequence[Command]]) -> StreamTable:
-    told = [(agent, command) for agent, some in commands.items() for command in some]
-    told.sort(key=lambda each: each[1].tick)
+    rows = [(agent, command) for agent, some in commands.items() for command in some]
+    rows.sort(key=lambda each: each[1].tick)
 
     def vectors(pick: Any, name: str, what: str, unit: str) -> tuple[TableColumn, ...]:
-        values = np.array([pick(command) or (np.nan,) * 3 for _, command in told], dtype=np.float64).reshape(-1, 3)
+        values = np.array([pick(command) or (np.nan,) * 3 for _, command in rows], dtype=np.float64).reshape(-1, 3)
         suffix = unit.replace("/", "_")
         return tuple(
             TableColumn(
@@ -158,7 +158,7 @@ def _commands(commands: Mapping[str, Sequence[Command]]) -> StreamTable:
         )
 
     def numbers(pick: Any) -> NDArray[np.float64]:
-        picked = [pick(command) for _, command in told]
+        picked = [pick(command) for _, command in rows]
         return np.array([np.nan if number is None else number for number in picked], dtype=np.float64)
 
     declared = "declared place of the source"
@@ -168,11 +168,11 @@ def _commands(commands: Mapping[str, Sequence[Command]]) -> StreamTable:
         columns=(
             TableColumn(
                 name="tick",
-                values=np.array([command.tick for _, command in told], dtype=np.int64),
+                values=np.array([command.tick for _, command in rows], dtype=np.int64),
                 meaning="number of the tick whose observation it answers",
             ),
-            TableColumn(name="agent", values=[agent for agent, _ in told], meaning="whose command it is"),
-            TableColumn(name="kind", values=[command.kind for _, command in told], meaning="kind of the command"),
+            TableColumn(name="agent", values=[agent for agent, _ in rows], meaning="whose command it is"),
+            TableColumn(name="kind", values=[command.kind for _, command in rows], meaning="kind of the command"),
             *vectors(lambda c: c.position_world_m, "", "waypoint", "m"),
             *vectors(lambda c: c.velocity_world_m_s, "velocity_", "velocity", "m/s"),
             TableColumn(name="hold_s", values=numbers(lambda c: c.hold_s), meaning="how long it holds", unit="s"),
@@ -184,7 +184,7 @@ def _commands(commands: Mapping[str, Sequence[Command]]) -> StreamTable:
             ),
             TableColumn(
                 name="json",
-                values=[codec.encode_json(command.model_copy(update={"belief": None})).decode() for _, command in told],
+                values=[codec.encode_json(command.model_copy(update={"belief": None})).decode() for _, command in rows],
                 meaning="the whole command but for its belief, as JSON",
             ),
         ),

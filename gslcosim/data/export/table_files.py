@@ -27,7 +27,7 @@ def write_tables(
         run: What to write.
         folder: Where; it exists.
         to: The format.
-        progress: Is told the name of each table before it is written.
+        progress: Receives the name of each table before it is written.
 
     Returns:
         What was written.
@@ -46,8 +46,8 @@ def write_tables(
         else:
             meanings = {column.name: _meaning(column) for column in table.columns}
             fields = [field.with_metadata({"meaning": meanings[field.name]}) for field in content.schema]
-            told = {"meaning": table.meaning, "run_id": run.run_id}
-            pyarrow.parquet.write_table(content.cast(pa.schema(fields, metadata=told)), path)
+            metadata = {"meaning": table.meaning, "run_id": run.run_id}
+            pyarrow.parquet.write_table(content.cast(pa.schema(fields, metadata=metadata)), path)
         files.append(path)
         written.append(table)
     return [*_write_dictionary(run, folder, to, written), *files]
@@ -117,7 +117,7 @@ def _write_dictionary(run: RunData, folder: Path, to: str, tables: Iterable[Stre
         writer = csv.DictWriter(file, fieldnames=[*rows[0]])
         writer.writeheader()
         writer.writerows(rows)
-    told = {
+    dictionary = {
         "run_id": run.run_id,
         "scenario": run.scenario.name,
         "seed": run.scenario.seed,
@@ -136,5 +136,5 @@ def _write_dictionary(run: RunData, folder: Path, to: str, tables: Iterable[Stre
             for table in tables
         ],
     }
-    as_json.write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+    as_json.write_text(json.dumps(dictionary, indent=2) + "\n", encoding="utf-8")
     return [as_csv, as_json]

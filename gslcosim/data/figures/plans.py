@@ -182,8 +182,8 @@ def success_by_start(
     Args:
         axes: Where to draw.
         xy_m: (k, 2) starts [m].
-        rate: (k,) shares of flights that found the source.
-        n: (k,) flights.
+        rate: (k,) shares of runs that found the source.
+        n: (k,) runs.
         solid: (nx, ny) cells of the plan, the corner of the first [m], and their size [m].
         sources_m: (s, 2) sources [m].
         gid: Name of the starts in the figure's file.

@@ -73,7 +73,7 @@ def draw_runs(runs: Mapping[str, RunData], name: str, *, columns: int = 1) -> An
     """Return one figure of several runs, by label; draw it within `style.styled()`.
 
     Raises:
-        UsageError: there is no such figure of several runs, or they were flown in different rooms.
+        UsageError: there is no such figure of several runs, or they were run in different rooms.
     """
     if name not in SEVERAL_FIGURES:
         known = ", ".join(SEVERAL_FIGURES)

@@ -99,7 +99,7 @@ _EXACT = {"path.simplify": False, "agg.path.chunksize": 0, "axes.titlesize": 8, 
 
 
 def get_line_style(i: int) -> dict[str, Any]:
-    """Return colour and line style of the i-th of several lines, told apart in colour and in grey."""
+    """Return colour and line style of the i-th of several lines, distinguished in colour and in grey."""
     return {"color": OKABE_ITO[i % len(OKABE_ITO)], "ls": DASHES[i % len(DASHES)]}
 
 

@@ -42,15 +42,15 @@ def distance_bundle(
     radius_m: float | None = None,
     looks: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> None:
-    """Draw the distances of many flights: thin lines, their median bold, and a band from the 25th to 75th percentile.
+    """Draw the distances of many runs: thin lines, their median bold, and a band from the 25th to 75th percentile.
 
-    A flight that has ended keeps its last distance.
+    A run that has ended keeps its last distance.
 
     Args:
         axes: Where to draw.
-        bundles: By label the flights: times [s] and distances [m] of each.
+        bundles: By label the runs: times [s] and distances [m] of each.
         radius_m: The success radius [m].
-        looks: By label colour and line style, where they are not those of `style.look`.
+        looks: By label colour and line style, where they are not those of `style.get_line_style`.
     """
     end_s = max((float(time_s[-1]) for curves in bundles.values() for time_s, _ in curves), default=1.0)
     at_s = np.linspace(0.0, end_s, _N_TIMES)

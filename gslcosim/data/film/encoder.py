@@ -28,7 +28,7 @@ def write_film(frames: Frames, path: Path, progress: Callable[[int], None] = lam
     Args:
         frames: (height, width, 3) each, all of one size, even numbers for MP4.
         path: Its ending says what it becomes.
-        progress: Is told how many frames have been written.
+        progress: Receives how many frames have been written.
 
     Raises:
         UsageError: the ending is another, or the extra `film` is not installed.

@@ -92,7 +92,7 @@ class PlanPanel:
         x, y = self._pixel(place_m)
         return round(x), round(y)
 
-    # What was flown before the film begins.
+    # What was run before the film begins.
     def _draw_past(self, draw: ImageDraw.ImageDraw, time_s: float) -> None:
         for agent, track in self._run.tracks.items():
             past = [self._pixel(place_m) for place_m in track.position_world_m[track.time_s <= time_s]]

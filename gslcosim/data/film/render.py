@@ -24,7 +24,7 @@ def render_frames(
     size_px: tuple[int, int],
     *,
     follow: str | None = None,
-    has_room: bool = True,
+    has_chase_view: bool = True,
 ) -> Iterator[NDArray[np.uint8]]:
     """Yield the frames of a film, (height, width, 3), 25 for each second.
 
@@ -33,7 +33,7 @@ def render_frames(
         cut: What is shown of each.
         size_px: Width and height.
         follow: The agent that the room is seen with, of one run; absent: the first.
-        has_room: Whether the room is shown beside the plan.
+        has_chase_view: Whether the room is shown beside the plan.
 
     Raises:
         UsageError: there is no such agent, or agents are followed in several runs.
@@ -46,19 +46,19 @@ def render_frames(
     (run,) = runs
     if follow is not None and follow not in run.agents:
         raise UsageError(f"--follow: expected one of {', '.join(run.agents)}, was {follow!r}.")
-    return _one(run, cut, size_px, follow or run.agents[0], has_room=has_room)
+    return _one(run, cut, size_px, follow or run.agents[0], has_chase_view=has_chase_view)
 
 
 def _one(
-    run: RunData, cut: FilmSegment, size_px: tuple[int, int], follow: str, *, has_room: bool
+    run: RunData, cut: FilmSegment, size_px: tuple[int, int], follow: str, *, has_chase_view: bool
 ) -> Iterator[NDArray[np.uint8]]:
     width, height = size_px
     strip_height = round(height * _STRIP_SHARE)
     upper = height - strip_height
-    half = width // 2 if has_room else width
+    half = width // 2 if has_chase_view else width
     plan = PlanPanel(run, (half, upper))
     strip = StripPanel(run, follow, cut, (width, strip_height))
-    chase = ChasePanel(run, follow, (width - half, upper), 1 / FRAMES_PER_S) if has_room else None
+    chase = ChasePanel(run, follow, (width - half, upper), 1 / FRAMES_PER_S) if has_chase_view else None
     try:
         for time_s in cut.times_s.tolist():
             poses = {name: interpolate_pose(track, time_s) for name, track in run.tracks.items()}
@@ -89,8 +89,8 @@ def _tiles(runs: Sequence[RunData], cut: FilmSegment, size_px: tuple[int, int]) 
             poses = {name: interpolate_pose(track, own_s) for name, track in run.tracks.items()}
             picture.paste(plan.picture(own_s, poses), (corner[0], corner[1] + _TITLE_PX))
             methods = ", ".join(dict.fromkeys(run.methods.values()))
-            told = f"{own_s:.1f} s  {methods}, seed {run.scenario.seed}"
+            caption = f"{own_s:.1f} s  {methods}, seed {run.scenario.seed}"
             if time_s >= ends_s[i] and run.result is not None:
-                told += f": {str(run.result['end_reason']).replace('_', ' ')}"
-            draw_text(draw, (corner[0] + 8, corner[1] + 3), told, colors.READING, 14)
+                caption += f": {str(run.result['end_reason']).replace('_', ' ')}"
+            draw_text(draw, (corner[0] + 8, corner[1] + 3), caption, colors.READING, 14)
         yield np.asarray(picture)

@@ -36,11 +36,11 @@ def record_from_tick(
 ) -> None:
     """Write a copy of a recording that opens at a tick.
 
-    The viewer has no other way to be told where its cursor stands than to play a selection, or to follow the end.
+    The viewer has no other way to learn where its cursor stands than to play a selection, or to follow the end.
 
     Args:
         recording: A run's recording.
-        scenario: What was flown.
+        scenario: What was run.
         environment: Where.
         path: The file to write.
         tick: Where it opens.
@@ -130,7 +130,7 @@ _AGENT_ENTITIES = (
     entities.RESPONSE_PLOTS, entities.WIND_PLOTS, entities.DISTANCE_PLOTS, entities.BELIEF_PLOTS,
     entities.TRACKING_PLOTS, entities.DECISION_PLOTS, entities.ON_BOARD_PLOTS,
 )  # fmt: skip
-# What stands still and is not drawn anew.
+# What stands still and is not drawn again.
 _COPIED_STATIC_ENTITIES = (entities.BELIEFS, entities.SLICES)
 # Where lines across the curves say that runs part.
 _MARKED_PLOTS = (entities.GAS_PLOTS, entities.DISTANCE_PLOTS)
@@ -168,7 +168,7 @@ def record_side_by_side(
     environment: Environment,
     path: Path,
     *,
-    parting: Divergence | None = None,
+    divergence: Divergence | None = None,
     is_by_contact: bool = False,
 ) -> None:
     """Write one recording of several runs.
@@ -180,7 +180,7 @@ def record_side_by_side(
         runs: Two runs or more, all in `environment` and with equal ticks.
         environment: Their room.
         path: The file to write.
-        parting: Where they part, to be marked; not where they are moved in time.
+        divergence: Where they part, to be marked; not where they are moved in time.
         is_by_contact: Whether the other runs are moved in time, so that all have their first contact with gas when the
             first run has.
 
@@ -191,7 +191,7 @@ def record_side_by_side(
         raise RecordingError(f"view: expected at most {MAX_RUNS} runs at once, was {len(runs)}.")
     renamed = [_rename_agents(letter, run.scenario) for letter, run in zip(string.ascii_uppercase, runs, strict=False)]
     scenario = _merge_scenarios(runs, renamed)
-    meets_at, parting = (_find_alignment_tick(runs[0]), None) if is_by_contact else (None, parting)
+    meets_at, divergence = (_find_alignment_tick(runs[0]), None) if is_by_contact else (None, divergence)
     chunks = [
         [*_rename_chunks(run.recording, names, is_first=i == 0, meets_at=meets_at)]
         for i, (run, names) in enumerate(zip(runs, renamed, strict=True))
@@ -205,10 +205,10 @@ def record_side_by_side(
         blueprint=default_blueprint(scenario, environment, believers=sorted(believers)),
     )
     try:
-        _draw(file, scenario, environment, believers, _summary(runs, renamed, parting, meets_at))
+        _draw(file, scenario, environment, believers, _summary(runs, renamed, divergence, meets_at))
         file.send_chunks(itertools.chain(*chunks))
-        if parting is not None:
-            _mark_divergence(file, scenario, parting, chunks[0])
+        if divergence is not None:
+            _mark_divergence(file, scenario, divergence, chunks[0])
     finally:
         file.close()
 
@@ -255,14 +255,14 @@ def _draw(
 def _summary(
     runs: Sequence[RecordedRun],
     renamed: Sequence[Mapping[str, str]],
-    parting: Divergence | None,
+    divergence: Divergence | None,
     meets_at: AlignmentTick | None,
 ) -> str:
     lines = [f"**{runs[0].scenario.name}**: {len(runs)} runs", ""]
     for run, names in zip(runs, renamed, strict=True):
         lines.append(f"- **{', '.join(names.values())}**: {run.text}")
-    if parting is not None:
-        lines += ["", f"### {parting.text}"]
+    if divergence is not None:
+        lines += ["", f"### {divergence.text}"]
     if meets_at is not None:
         at_s = seconds_from_ticks(meets_at.tick, meets_at.tick_ns)
         lines += ["", f"### All have their first contact with gas at {at_s:g} s: others than A are moved in time."]
@@ -346,20 +346,20 @@ def _prefix_texts(letter: str, chunk: Chunk, path: str) -> list[Chunk]:
     batch = chunk.to_record_batch()
     i = batch.schema.get_field_index("TextLog:text")
     texts: list[list[str]] = batch.column(i).to_pylist()
-    told = pa.array([[f"{letter}  {text}" for text in row] for row in texts], type=batch.schema.field(i).type)
-    said = Chunk.from_record_batch(batch.set_column(i, batch.schema.field(i), told))
+    column = pa.array([[f"{letter}  {text}" for text in row] for row in texts], type=batch.schema.field(i).type)
+    said = Chunk.from_record_batch(batch.set_column(i, batch.schema.field(i), column))
     return [piece.with_entity_path(f"{path}/{letter}") for piece in said]
 
 
 # A line across the curves, and a point where the first vehicle is then.
-def _mark_divergence(file: RecordingFile, scenario: Scenario, parting: Divergence, chunks: Sequence[Chunk]) -> None:
-    label = f"they part at {seconds_from_ticks(parting.tick, scenario.tick_ns):g} s"
+def _mark_divergence(file: RecordingFile, scenario: Scenario, divergence: Divergence, chunks: Sequence[Chunk]) -> None:
+    label = f"they part at {seconds_from_ticks(divergence.tick, scenario.tick_ns):g} s"
     names = build_entities(scenario)[0]
-    place_m = _find_position_m(chunks, names.vehicle, parting.tick)
+    place_m = _find_position_m(chunks, names.vehicle, divergence.tick)
     if place_m is not None:
         columns = rr.Points3D.columns(positions=[place_m], labels=[label], radii=[0.15], show_labels=[True])
         file.draw(f"{names.markers}/{_DIVERGENCE_ENTITY}", rr.Points3D.from_fields(colors=[_DIVERGENCE_COLOR]))
-        file.send(f"{names.markers}/{_DIVERGENCE_ENTITY}", [parting.tick], columns)
+        file.send(f"{names.markers}/{_DIVERGENCE_ENTITY}", [divergence.tick], columns)
     for plot in _MARKED_PLOTS:
         values = [value for chunk in chunks if _is_plotted(chunk, plot) for value in _numbers(chunk)]
         if values:
@@ -370,8 +370,10 @@ def _mark_divergence(file: RecordingFile, scenario: Scenario, parting: Divergenc
             file.draw(entity, line)
             # A tick wide: of two values at one tick the viewer draws the last.
             ends = [min(values), max(values)]
-            file.send(entity, [parting.tick, parting.tick + 1], rr.Scalars.columns(scalars=ends))
-    file.send(f"{entities.EVENTS}/parting", [parting.tick], rr.TextLog.columns(text=[parting.text], level=["WARN"]))
+            file.send(entity, [divergence.tick, divergence.tick + 1], rr.Scalars.columns(scalars=ends))
+    file.send(
+        f"{entities.EVENTS}/parting", [divergence.tick], rr.TextLog.columns(text=[divergence.text], level=["WARN"])
+    )
 
 
 def _is_plotted(chunk: Chunk, plot: str) -> bool:

@@ -132,7 +132,7 @@ def tail_file(path: Path, is_over: Callable[[], bool]) -> Iterator[bytes]:
     """Yield the bytes of a file from its beginning, and further ones as it grows, until it is complete.
 
     Args:
-        path: The file; it may not be there yet. It is read as it was opened, whoever puts another in its place.
+        path: The file; it may not be there yet. It is read as it was opened, even where another is put in its place.
         is_over: Whether nobody writes it any more; what was written before is still read.
     """
     was_over = False
@@ -170,7 +170,7 @@ class LiveViewer:
 
     Args:
         kind: A window of this machine's screen, or a page for a browser of this machine.
-        on_address: Is told, on a thread of the viewer's, where a browser finds the page; there is one once the viewer
+        on_address: Receives, on a thread of the viewer's, where a browser finds the page; there is one once the viewer
             has something to show.
         prefix: What precedes the viewer's command line, for example so that it ends with this process.
 
@@ -185,7 +185,7 @@ class LiveViewer:
         call = [*prefix, str(rerun_program()), "-", "--bind", _LOOPBACK, "--port", str(_free_port()), *options]
         self._said: list[str] = []
         self._on_address = on_address
-        # In a session of its own: Ctrl-C is for the flight first.
+        # In a session of its own: Ctrl-C is for the run first.
         self._viewer = subprocess.Popen(
             call,
             stdin=subprocess.PIPE,

@@ -47,7 +47,7 @@ def import_log(log: RobotLog, source: Path, loaded: LoadedScenario, runs_dir: Pa
     before, where the referee sees success; collisions are not judged.
 
     Args:
-        log: What was flown.
+        log: What was run.
         source: The file it comes from; the manifest has its name and hash.
         loaded: Room, source, vehicle and sensors; its only agent is who flew.
         runs_dir: Where the run's folder is made.
@@ -130,13 +130,13 @@ def _hash_of(source: Path) -> str:
 
 @dataclass
 class _Retold:
-    """A log told again as the messages of a run."""
+    """A log replayed as the messages of a run."""
 
     log: RobotLog
     setup: RunSetup
 
     def outcome(self) -> RunOutcome:
-        """Tell it to referee and recorder, and return what has come of it."""
+        """Send it to referee and recorder, and return what has come of it."""
         setup, scenario = self.setup, self.setup.scenario
         referee = RefereeCore(scenario, setup.environment)
         recorder = RecorderCore(scenario, setup.environment, setup.run_dir.recording)
@@ -150,7 +150,7 @@ class _Retold:
         tick, path_m = 0, 0.0
         try:
             while verdict is None:
-                inbox, path_m = self._told(tick, path_m)
+                inbox, path_m = self._build_inbox(tick, path_m)
                 judged = referee.step(tick, inbox)
                 verdict = judged.get(keys.VERDICT)  # type: ignore[assignment]
                 recorder.step(tick, {**inbox, **judged})
@@ -167,7 +167,7 @@ class _Retold:
             digest=RunDigest.of(trails, writers, verdict.tick),
         )
 
-    def _told(self, tick: int, path_m: float) -> tuple[Inbox, float]:
+    def _build_inbox(self, tick: int, path_m: float) -> tuple[Inbox, float]:
         agent, tick_ns = self.setup.scenario.agents[0], self.setup.scenario.tick_ns
         time_s = float(self.log.time_s[0]) + seconds_from_ticks(tick, tick_ns)
         before_m, here_m = self._place(time_s - seconds_from_ticks(1, tick_ns)), self._place(time_s)
@@ -197,12 +197,12 @@ class _Retold:
             awaiting_command=False,
             readings=tuple(self._readings(time_s)),
         )
-        told: dict[str, Message] = {
+        inbox: dict[str, Message] = {
             keys.BODIES: BodyPoses(tick=tick, bodies=(body,)),
             keys.SAMPLES: FieldSamples(tick=tick, samples=()),
             keys.observation(agent.name): observation,
         }
-        return told, path_m
+        return inbox, path_m
 
     def _place(self, time_s: float) -> Floats:
         log = self.log

@@ -226,8 +226,8 @@ def _of_mcap(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, Any]]
         with open_regular_file(path) as file:
             for schema, channel, message in make_reader(file).iter_messages():
                 if schema is not None and (schema.name in _POSES or schema.name in _VALUES):
-                    told = types.store.deserialize_cdr(message.data, schema.name)
-                    yield channel.topic, schema.name, message.log_time, told
+                    content = types.store.deserialize_cdr(message.data, schema.name)
+                    yield channel.topic, schema.name, message.log_time, content
     except Exception as error:
         raise UsageError(f"{path}: expected an MCAP file, was something else ({error}).") from error
 

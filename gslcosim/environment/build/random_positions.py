@@ -51,7 +51,7 @@ def draw_positions(
     return places
 
 
-# Nothing when the room has problems, which others tell.
+# Nothing when the room has problems, which other checks report.
 def _room(spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path) -> EnvironmentGeometry | Environment | None:
     if spec.path is None:
         has_problems = bool(find_source_problems(spec, wind, scenario_dir=scenario_dir))
@@ -68,17 +68,17 @@ def _random_start_m(
     grid = room.grid
     layer = int((START_HEIGHT_M + 1e-9) / grid.cell_m)
     cells = np.argwhere(room.occupancy[:, :, min(layer, grid.shape[2] - 1)] != Cell.SOLID)
-    way_out = None if vehicle.avoidance == "none" else _WayOut(room, vehicle)
+    escape = None if vehicle.avoidance == "none" else _EscapePath(room, vehicle)
     for i, j in rng.permutation(cells)[:N_TRIES]:
         x_m, y_m = (grid.origin_m[axis] + (n + 0.5) * grid.cell_m for axis, n in ((0, i), (1, j)))
         start_m = _rounded((x_m, y_m, grid.origin_m[2] + START_HEIGHT_M))
         is_apart = all(np.hypot(x_m - other[0], y_m - other[1]) >= 1.0 for other in taken_m)
-        if is_apart and can_start_at(start_m, vehicle, room) and (way_out is None or way_out.leads_from(x_m, y_m)):
+        if is_apart and can_start_at(start_m, vehicle, room) and (escape is None or escape.leads_from(x_m, y_m)):
             return start_m
     return None
 
 
-class _WayOut:
+class _EscapePath:
     """Check that a vehicle's planner finds a way from its start: not out of what is narrower than the vehicle."""
 
     def __init__(self, room: EnvironmentGeometry | Environment, vehicle: VehicleSpec) -> None:
@@ -87,15 +87,15 @@ class _WayOut:
         self._height_m = floor_m + body.half_height_m if vehicle.drives else vehicle.search_height_m
         self._space = free_space(room, radius_m=body.radius_m, margin_m=MARGIN_M, ground_m=ground_m)
         is_flat = vehicle.drives or vehicle.avoidance == "2d"
-        self._ways = self._space.slab(self._height_m, self._height_m) if is_flat else self._space
-        self._way_height_m = 0.0 if is_flat else self._height_m
-        sizes = np.bincount(self._ways.parts[self._ways.parts > 0], minlength=2)
+        self._free_cells = self._space.slab(self._height_m, self._height_m) if is_flat else self._space
+        self._path_height_m = 0.0 if is_flat else self._height_m
+        sizes = np.bincount(self._free_cells.parts[self._free_cells.parts > 0], minlength=2)
         self._largest = int(sizes.argmax())
 
     # A start too near to something is left to the nearest free place in sight, as in flight.
     def leads_from(self, x_m: float, y_m: float) -> bool:
-        place_m = self._ways.nearest_m((x_m, y_m, self._way_height_m), in_sight=True)
-        return place_m is not None and self._ways.part_of(place_m) == self._largest
+        place_m = self._free_cells.nearest_m((x_m, y_m, self._path_height_m), in_sight=True)
+        return place_m is not None and self._free_cells.part_of(place_m) == self._largest
 
 
 def _rounded(point_m: Vec3) -> Vec3:

@@ -8,7 +8,7 @@ Layout of such a folder (GSL-Bench, environments/NNN; described by GSL-Bench's o
 
 The grids hold the walls, one or two cells thick, with the openings as cells of code 2 in them. GSL-Bench's published
 folders have no wind. AutoGDM+ has the files of all its environments in one folder: there a room is named by its head
-file. It also puts frames of wind together in whatever order its system lists files, which the array does not tell.
+file. It also puts frames of wind together in whatever order its system lists files, which the array does not say.
 """
 
 from pathlib import Path

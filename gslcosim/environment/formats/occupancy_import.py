@@ -31,7 +31,7 @@ def geometry_from_grid(
         grid: Its cells.
         occupancy: (nx, ny, nz) of `Cell`; becomes read-only.
         has_inlet_at_x_min: Openings on the face x_min are inlets, where AutoGDM+ has its inlet. Other openings, and
-            those of formats that do not tell, are outlets. All of them end filaments.
+            those of formats that do not say, are outlets. All of them end filaments.
     """
     solids = boxes_from_solid(occupancy == Cell.SOLID, grid)
     occupancy.setflags(write=False)

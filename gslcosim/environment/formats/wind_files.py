@@ -4,8 +4,8 @@ A file is one frame, or all that it holds. A folder, or the beginning of a path 
 is a series: files that differ by their last number, frame after frame. What is read:
 
     uniform       lines `u,v,w`, one a frame
-    points        csv of ParaView, csv or raw sets of OpenFOAM: see `wind_files_points`
-    OpenFOAM      a time folder with `U` and `C`, or a case with several: see `wind_files_foam`
+    points        csv of ParaView, csv or raw sets of OpenFOAM: see `wind_points`
+    OpenFOAM      a time folder with `U` and `C`, or a case with several: see `wind_points`
     components    GADEN's `<name>_i.csv_U`, `_V`, `_W`, text or binary
     results       GADEN's `wind_iteration_i`, versions 1 to 3
     arrays        `.npy` of (t, cells, 3), as AutoGDM+ and GSL-Bench have it, or (t, nx, ny, nz, 3)
@@ -60,7 +60,7 @@ class WindGapsWarning(UserWarning):
 
 @dataclass(frozen=True, kw_only=True)
 class _Series:
-    # Frames of one kind, in order; `period_s` where the names tell it.
+    # Frames of one kind, in order; `period_s` where the names say it.
     kind: str
     paths: tuple[Path, ...]
     period_s: float | None = None

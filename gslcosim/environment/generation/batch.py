@@ -90,7 +90,7 @@ def generate_many(
     Args:
         orders: What to make.
         jobs: How many processes make them; with 1 it is this one.
-        report: Is told what is being done and how much of it all is over, from 0 to 1.
+        report: Receives what is being done and how much of it all is over, from 0 to 1.
 
     Returns:
         An outcome for each order, in their order.
@@ -153,16 +153,16 @@ def _made(order: GenerationJob, progress: Progress | None = None) -> GenerationR
         rng = stream(order.seed, "layout.random_source")
         random_source_m = random_free_point_m(made.environment, rng)
     except (GslCosimError, OSError, MemoryError) as error:
-        told = error
+        problem = error
         if isinstance(error, OSError):
-            told = build_path_error(error, str(order.folder), "a folder that can be written", path=order.folder)
+            problem = build_path_error(error, str(order.folder), "a folder that can be written", path=order.folder)
         elif isinstance(error, MemoryError):
-            told = build_machine_error(error, str(order.folder), "memory to make it")
+            problem = build_machine_error(error, str(order.folder), "memory to make it")
         return GenerationResult(
             order=order,
             duration_s=time.perf_counter() - started_s,
-            error=str(told),
-            is_refused_by_machine=isinstance(told, MachineError),
+            error=str(problem),
+            is_refused_by_machine=isinstance(problem, MachineError),
         )
     environment = made.environment
     n_solid = int((environment.occupancy == Cell.SOLID).sum())

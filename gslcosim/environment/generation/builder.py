@@ -50,7 +50,7 @@ def generate_environment(
         folder: Where; an environment that stands there is replaced.
         scenario_dir: What relative paths are relative to.
         sources_m: Sources of gas to show in the picture, world frame [m].
-        progress: Is told what is being done and how much of it is over, from 0 to 1.
+        progress: Receives what is being done and how much of it is over, from 0 to 1.
 
     Raises:
         ScenarioError: the room is impossible.
@@ -93,7 +93,7 @@ def save_with_scene_and_picture(
         environment: What to save.
         folder: Where; an environment that stands there is replaced.
         made_from: How it was made.
-        notices: What to tell of it.
+        notices: Notices about it.
         sources_m: Sources of gas to show in the picture, world frame [m].
         extras: Further files by name.
 

@@ -32,13 +32,13 @@ def prepare_environment(
     An environment from a layout, or from the folder of another program, is kept in the cache under a hash of all it
     depends on: layout or files, wind, the code that makes rooms and solves the wind, and the packages that compile it.
     Processes may call this at the same time: each makes the environment, the first to finish keeps its folder, and all
-    return it. A folder that was damaged since is made anew.
+    return it. A folder that was damaged since is made again.
 
     Args:
         scenario: Its `environment` and `wind`; with `environment.path` its `wind` has no meaning.
         scenario_dir: What relative paths are relative to; the working directory if absent.
         cache_dir: Where made environments are kept; `environments` in `gslcosim`'s cache if absent.
-        progress: Is told what is being done and how much of it is over, from 0 to 1; only when there is work.
+        progress: Receives what is being done and how much of it is over, from 0 to 1; only when there is work.
 
     Raises:
         ScenarioError: the room is impossible.

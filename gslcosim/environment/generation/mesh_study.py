@@ -99,7 +99,7 @@ def _order(r21: float, r32: float, ratio: float) -> float | None:
     return low
 
 
-# Where the room is looked at unless told otherwise, as shares of its size: before, between and behind, and high up.
+# Where the room is looked at unless set otherwise, as shares of its size: before, between and behind, and high up.
 DEFAULT_PROBES_FRAC = ((0.2, 0.1, 0.25), (0.2, 0.8, 0.25), (0.8, 0.2, 0.25), (0.8, 0.9, 0.25), (0.5, 0.5, 0.75))
 # Of the meshes wanted, how far one may be off for its cells to divide the room.
 _MM = 1000
@@ -143,7 +143,7 @@ def study_meshes(
         recipe: A layout and its wind.
         cells_m: Edges of cells [m], at least three.
         probes_m: Where to look, world frame [m]; by default five places across the room that are air on all meshes.
-        progress: Is told what is being done and how much of it is over, from 0 to 1.
+        progress: Receives what is being done and how much of it is over, from 0 to 1.
 
     Raises:
         UsageError: there is no layout, or there are too few meshes.

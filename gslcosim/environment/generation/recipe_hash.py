@@ -54,7 +54,7 @@ def recipe(environment: EnvironmentSpec, wind: SolverSpec) -> dict[str, Any]:
 
 
 def sources(environment: EnvironmentSpec, wind: SolverSpec) -> list[Path]:
-    """Return the code that decides what an environment holds: when it changes, environments are made anew."""
+    """Return the code that decides what an environment holds: when it changes, environments are made again."""
     parts = ["gslcosim/environment/*", "gslcosim/environment/layouts", "gslcosim/environment/build/geometry_source.py"]
     if environment.geometry is not None:
         parts.append("gslcosim/environment/geometry")

@@ -32,7 +32,7 @@ def compare_solvers_in(recipe: Recipe, folder: Path, *, progress: Progress | Non
     Args:
         recipe: The room and its wind; without an end of its own the fields after 5 s are compared.
         folder: Where.
-        progress: Is told what is being done and how much of it is over, from 0 to 1.
+        progress: Receives what is being done and how much of it is over, from 0 to 1.
 
     Raises:
         UsageError: the wind changes in time.

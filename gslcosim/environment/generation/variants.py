@@ -26,15 +26,15 @@ def prepare_variants(
     Args:
         scenario: Its `events`, `environment` and `wind`.
         scenario_dir: What relative paths are relative to; the working directory if absent.
-        progress: Is told what is being done; only when there is work.
+        progress: Receives what is being done; only when there is work.
 
     Raises:
         GslCosimError: one cannot be made; see `prepare_environment`.
     """
     folders: dict[EnvironmentVariant, Path] = {}
-    for situation in find_variants(scenario)[1:]:
-        changed = scenario_in_variant(scenario, situation)
-        folders[situation] = prepare_environment(changed, scenario_dir=scenario_dir, progress=progress).resolve()
+    for variant in find_variants(scenario)[1:]:
+        changed = scenario_in_variant(scenario, variant)
+        folders[variant] = prepare_environment(changed, scenario_dir=scenario_dir, progress=progress).resolve()
     return folders
 
 
@@ -49,7 +49,7 @@ def with_variants(environment: Environment, folders: Mapping[EnvironmentVariant,
         EnvironmentDataError: one is of another room.
     """
     rooms: dict[EnvironmentVariant, Environment] = {}
-    for situation, folder in folders.items():
+    for variant, folder in folders.items():
         room = load_environment(folder)
         has_moved_door = room.boxes != environment.boxes
         if room.grid != environment.grid or not (
@@ -59,5 +59,5 @@ def with_variants(environment: Environment, folders: Mapping[EnvironmentVariant,
                 f"events: expected a room on the grid of {environment.name}, {environment.grid}, was another, "
                 f"{room.grid}. Remove the folder so that it is made anew.\nFolder: {folder}"
             )
-        rooms[situation] = room
+        rooms[variant] = room
     return replace(environment, later_rooms=rooms) if rooms else environment

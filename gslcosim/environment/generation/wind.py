@@ -39,7 +39,7 @@ class SolvedWind:
 
 
 def no_progress(_text: str, _fraction: float) -> None:
-    """Tell nobody."""
+    """Report to no one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,7 @@ class WindSetup:
         room: Geometry, occupancy and openings.
         environment: Where the room comes from; it may bring its wind.
         scenario_dir: What relative paths are relative to.
-        progress: Is told what is being done and how much of it is over, from 0 to 1.
+        progress: Receives what is being done and how much of it is over, from 0 to 1.
     """
 
     room: EnvironmentGeometry
@@ -85,7 +85,7 @@ def solve_wind_of_scenario(
         spec: Where the room comes from; it may bring its wind.
         wind: What the scenario says of the wind.
         scenario_dir: What relative paths are relative to.
-        progress: Is told what is being done and how much of it is over, from 0 to 1.
+        progress: Receives what is being done and how much of it is over, from 0 to 1.
 
     Raises:
         FlowError: the wind cannot be solved, or does not fit the room.
@@ -201,7 +201,7 @@ def _by_openfoam(room: EnvironmentGeometry, wind: WindSpec, progress: Progress) 
     return SolvedWind(frames=WindFrames(velocity_m_s=velocity_m_s[np.newaxis]))
 
 
-# What both solvers are told.
+# Inputs of both solvers.
 def _posed(
     solve: Callable[..., _Solution], room: EnvironmentGeometry, wind: WindSpec, progress: Callable[[float], None]
 ) -> Callable[..., _Solution]:

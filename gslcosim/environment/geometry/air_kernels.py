@@ -37,7 +37,7 @@ def flood_untouched(marks, seeds):
     A hole lets the flood pass only where it is as large as the whole face of a cell.
 
     Args:
-        marks: (nx, ny, nz) uint8 of `surface_kernels`, C order.
+        marks: (nx, ny, nz) uint8 of `triangle_kernels`, C order.
         seeds: (n,) int64 flat cell indices; touched ones are passed over.
 
     Returns:
@@ -78,7 +78,7 @@ def assign_touched_cells(marks, is_air):
     surface has a hole smaller than a cell.
 
     Args:
-        marks: (nx, ny, nz) uint8 of `surface_kernels`, C order.
+        marks: (nx, ny, nz) uint8 of `triangle_kernels`, C order.
         is_air: (nx, ny, nz) bool, the untouched cells that are air.
 
     Returns:
@@ -163,7 +163,7 @@ def split_at_narrows(marks, clearance, seed):
     holes between them.
 
     Args:
-        marks: (nx, ny, nz) uint8 of `surface_kernels`, C order.
+        marks: (nx, ny, nz) uint8 of `triangle_kernels`, C order.
         clearance: (nx, ny, nz) uint8 of `clearances`; 0 is not reached.
         seed: flat index of a reached cell; the outside starts at all reached cells of the grid's border.
 

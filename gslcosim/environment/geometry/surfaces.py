@@ -155,7 +155,7 @@ class Crossings:
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceVoxels:
-    """Surfaces on a grid. `marks` is (nx, ny, nz) uint8 with the bits of `surface_kernels`."""
+    """Surfaces on a grid. `marks` is (nx, ny, nz) uint8 with the bits of `triangle_kernels`."""
 
     grid: Grid
     surfaces: Surfaces

@@ -1,4 +1,4 @@
-"""Layouts: environments from a few numbers, one module a family, and their furniture.
+"""Layouts: environments from a few numbers, one module for each group, and their furniture.
 
-From outside: `kinds` turns any layout into a room of named boxes.
+`builder` turns any layout into an environment of named boxes.
 """

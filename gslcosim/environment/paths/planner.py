@@ -280,7 +280,7 @@ def shorten_path(points_m, blocked, origin_m, cell_m):
 
 @numba.njit(cache=True, nogil=True)
 def is_curve_free(coefficients, duration_s, blocked, origin_m, cell_m, n_samples):
-    """Tell whether a polynomial path stays in free cells, looked at in equal steps of time.
+    """Return whether a polynomial path stays in free cells, looked at in equal steps of time.
 
     p_a(t) = sum over powers n of c[a, n] t^n        [m] = [m/s^n] * [s]^n
 

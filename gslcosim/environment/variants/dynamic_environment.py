@@ -30,14 +30,14 @@ class DynamicEnvironment:
         self._closed, self._i_wind = self._first.closed, OWN_WIND
 
     @property
-    def situation(self) -> EnvironmentVariant:
+    def variant(self) -> EnvironmentVariant:
         """Current variant: the closed doors, and whose inlet makes the wind."""
         return EnvironmentVariant(self._closed, self._i_wind)
 
     @property
     def now(self) -> Environment:
         """The room and the wind as they are now."""
-        return self._rooms[self.situation]
+        return self._rooms[self.variant]
 
     @property
     def rooms(self) -> dict[EnvironmentVariant, Environment]:
@@ -47,8 +47,8 @@ class DynamicEnvironment:
     def by_doors(self) -> dict[Closed, Environment]:
         """Return a room for each set of closed doors, whatever its wind; the first one first."""
         rooms = {self._first.closed: self._rooms[self._first]}
-        for situation, room in self._rooms.items():
-            rooms.setdefault(situation.closed, room)
+        for variant, room in self._rooms.items():
+            rooms.setdefault(variant.closed, room)
         return rooms
 
     def reset(self) -> None:
@@ -59,10 +59,10 @@ class DynamicEnvironment:
         """Take the events of this tick, and return whether a door has moved."""
         closed = self._closed
         for i, event in find_due_events(self._scenario, inbox):
-            self._closed, self._i_wind = variant_after(self.situation, i, event)
+            self._closed, self._i_wind = variant_after(self.variant, i, event)
         return self._closed != closed
 
 
-def _text(situation: EnvironmentVariant) -> str:
-    doors = f"{', '.join(situation.closed) or 'no door'} closed"
-    return doors if situation.i_wind == OWN_WIND else f"{doors} and the wind of events[{situation.i_wind}]"
+def _text(variant: EnvironmentVariant) -> str:
+    doors = f"{', '.join(variant.closed) or 'no door'} closed"
+    return doors if variant.i_wind == OWN_WIND else f"{doors} and the wind of events[{variant.i_wind}]"

@@ -61,16 +61,16 @@ class ScaledWind:
         for _, event in find_due_events(self._scenario, inbox):
             if isinstance(event, WindChangesSpec):
                 self._event_share, self._scaled_frame = event.share, -1
-        before = self.room.situation
+        before = self.room.variant
         has_moved = self.room.obey(inbox)
-        if self.room.situation != before:
+        if self.room.variant != before:
             self._scaled_frame = -1
         return has_moved
 
     def at(self, time_s: float) -> NDArray[np.float32]:
         """Return the wind at a time [s], (nx, ny, nz, 3), cell centres, world frame [m/s]."""
         i_frame = self.room.now.wind.frame_at(time_s)
-        frames, share = self._frames[self.room.situation], self._share * self._event_share
+        frames, share = self._frames[self.room.variant], self._share * self._event_share
         if share == 1.0:
             return frames[i_frame]
         scaled = self._scaled

@@ -8,9 +8,9 @@ from gslcosim.scenario.models.events import DoorClosesSpec, DoorOpensSpec, Event
 from gslcosim.scenario.models.scenario import Scenario
 
 
-def variant_after(situation: EnvironmentVariant, i_event: int, event: EventSpec) -> EnvironmentVariant:
+def variant_after(variant: EnvironmentVariant, i_event: int, event: EventSpec) -> EnvironmentVariant:
     """Return what an event of a scenario makes of a situation; the same where it is about something else."""
-    closed, i_wind = situation
+    closed, i_wind = variant
     match event:
         case DoorOpensSpec():
             return EnvironmentVariant(tuple(name for name in closed if name != event.door), i_wind)
@@ -19,7 +19,7 @@ def variant_after(situation: EnvironmentVariant, i_event: int, event: EventSpec)
         case WindChangesSpec():
             return EnvironmentVariant(closed, OWN_WIND if event.inlet_velocity_m_s is None else i_event)
         case _:
-            return situation
+            return variant
 
 
 def first_variant(scenario: Scenario) -> EnvironmentVariant:
@@ -42,9 +42,9 @@ def find_variants(scenario: Scenario) -> list[EnvironmentVariant]:
     found = {first: None}
     waiting = [first]
     while waiting:
-        situation = waiting.pop()
+        variant = waiting.pop()
         for i, event in mattering:
-            later = variant_after(situation, i, event)
+            later = variant_after(variant, i, event)
             if later not in found:
                 found[later] = None
                 waiting.append(later)
@@ -58,14 +58,14 @@ def variant_scenarios(scenario: Scenario) -> list[Scenario]:
     return [scenario, *rooms.values()]
 
 
-def scenario_in_variant(scenario: Scenario, situation: EnvironmentVariant) -> Scenario:
+def scenario_in_variant(scenario: Scenario, variant: EnvironmentVariant) -> Scenario:
     """Return the scenario whose room and wind are at the start what they are in a situation."""
     doors = tuple(
-        door.model_copy(update={"is_open": door.name not in situation.closed}) for door in scenario.environment.doors
+        door.model_copy(update={"is_open": door.name not in variant.closed}) for door in scenario.environment.doors
     )
     wind = scenario.wind
-    if situation.i_wind != OWN_WIND:
-        event = scenario.events[situation.i_wind]
+    if variant.i_wind != OWN_WIND:
+        event = scenario.events[variant.i_wind]
         assert isinstance(event, WindChangesSpec), "only such an event brings a wind"
         wind = wind.model_copy(update={"inlet_velocity_m_s": event.inlet_velocity_m_s})
     environment = scenario.environment.model_copy(update={"doors": doors})
@@ -76,7 +76,7 @@ def _one_after_another(
     first: EnvironmentVariant, events: Iterable[tuple[int, EventSpec]]
 ) -> Iterable[EnvironmentVariant]:
     yield first
-    situation = first
+    variant = first
     for i, event in events:
-        situation = variant_after(situation, i, event)
-        yield situation
+        variant = variant_after(variant, i, event)
+        yield variant

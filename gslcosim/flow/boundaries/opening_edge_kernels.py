@@ -1,4 +1,4 @@
-"""Momentum that air carries past an obstacle's edge; lists are those of `opening_edges.LipEdges`."""
+"""Momentum that air carries past an obstacle's edge; lists are those of `opening_edges.OpeningEdges`."""
 # pyright: basic
 
 import numba

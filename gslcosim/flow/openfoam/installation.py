@@ -1,4 +1,4 @@
-"""OpenFOAM installations on this machine, whoever packaged them."""
+"""OpenFOAM installations on this machine, however packaged."""
 
 import os
 import re

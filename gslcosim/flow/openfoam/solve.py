@@ -93,7 +93,7 @@ def run_case(case: FoamCase, installation: Installation, *, on_time: Callable[[f
     Args:
         case: A written case that was not run yet.
         installation: OpenFOAM.
-        on_time: Is told the flow's time [s] at each step.
+        on_time: Receives the flow's time [s] at each step.
 
     Raises:
         FlowError: a tool failed; the message has the last lines of its log and says where the log is.

@@ -1,5 +1,6 @@
 """Agents in a run: sessions, validation of commands, transports, and the loading of their programs.
 
-`desk.Desk` is the place of one agent in a run. It speaks to the agent over a link (`links.AgentLink`), of which there
-are three kinds: to an object in this process, to a process on the bus, and to a process behind the gateway.
+`session.AgentSession` stands for one agent in a run: `validator` decides which of its commands count, and a
+transport carries the messages: to an object in this process (`transport`), to a process on the bus (`bus_transport`),
+or to a process behind the gateway (`gateway_transport`).
 """

@@ -39,7 +39,7 @@ class BusTransport:
         self._received_bytes = 0
         self._handled_bytes = 0
         self._has_told = False
-        # While nobody else writes what the agent is told, because it lies before the tick at which the run goes on.
+        # While nobody else writes what the agent is sent, because it lies before the tick at which the run goes on.
         self.is_writer = False
 
     def listen(self) -> None:
@@ -48,14 +48,14 @@ class BusTransport:
         self._bus.subscribe(key, self.on_command, max_bytes=MAX_COMMAND_BYTES, on_longer=self.on_longer)
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
-        """Keep the briefing for a repetition; see `AgentLink`."""
+        """Keep the briefing for a repetition; see `AgentTransport`."""
         del briefing
         self._briefing = payload
         if self.is_writer:
             self._bus.publish(keys.briefing(self._agent), payload, encoding=codec.get_encoding(Briefing))
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Keep a question for a repetition; see `AgentLink`."""
+        """Keep a question for a repetition; see `AgentTransport`."""
         if observation.awaiting_command:
             self._question = payload
         if self.is_writer:
@@ -63,7 +63,7 @@ class BusTransport:
                 self._bus.publish(key(self._agent), payload, encoding=codec.get_encoding(Observation), urgent=True)
 
     def repeat(self) -> None:
-        """Publish briefing and last question again, which is harmless; see `AgentLink`."""
+        """Publish briefing and last question again, which is harmless; see `AgentTransport`."""
         if self._briefing is not None:
             self._bus.publish(keys.briefing(self._agent), self._briefing)
         if self._question is not None:
@@ -71,12 +71,12 @@ class BusTransport:
                 self._bus.publish(key, self._question, urgent=True)
 
     def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
-        """Take note that a command has been judged; see `AgentLink`."""
+        """Take note that a command has been judged; see `AgentTransport`."""
         if isinstance(event, CommandReceived):
             self._handled_bytes += len(event.payload) + _EVENT_BYTES
 
     def end(self, ending: Ending, payload: bytes) -> None:
-        """Publish the end of the run; see `AgentLink`."""
+        """Publish the end of the run; see `AgentTransport`."""
         self._bus.publish(keys.ending(self._agent), payload, encoding=codec.get_encoding(type(ending)), urgent=True)
 
     def on_command(self, key: str, payload: bytes) -> None:
@@ -101,15 +101,17 @@ class AgentHost:
     """Session of one agent as a participant on the bus: observations in, commands out, losses repaired.
 
     Args:
-        desk: The desk.
+        session: The agent's session.
         bus: The supervisor's connection.
-        on_resent: Is told, on any thread, an observation that was asked for again.
+        on_resent: Receives, on any thread, an observation that was asked for again.
         more_ticks: For so many ticks more commands are kept for who has missed them.
     """
 
-    def __init__(self, desk: AgentSession, bus: Bus, on_resent: Callable[[bytes], None], more_ticks: int = 0) -> None:
-        self.desk = desk
-        self._name = get_agent_participant(desk.agent)
+    def __init__(
+        self, session: AgentSession, bus: Bus, on_resent: Callable[[bytes], None], more_ticks: int = 0
+    ) -> None:
+        self.session = session
+        self._name = get_agent_participant(session.agent)
         self._bus = bus
         self._on_resent = on_resent
         self._in_order: ReorderBuffer[tuple[codec.ObservationHead, bytes]] = ReorderBuffer()
@@ -122,11 +124,11 @@ class AgentHost:
         self._bus.answer(protocol.build_finished_key(self._name), lambda _: [self._finished()])
 
     def _finished(self) -> bytes:
-        return protocol.ReaderReport(name=self._name, tick=self.desk.last_tick).to_bytes()
+        return protocol.ReaderReport(name=self._name, tick=self.session.last_tick).to_bytes()
 
     def brief(self, payload: bytes) -> None:
         """Take the agent's briefing."""
-        self.desk.brief(codec.decode_trusted(Briefing, payload), payload)
+        self.session.brief(codec.decode_trusted(Briefing, payload), payload)
 
     def observe(self, payload: bytes) -> None:
         """Take an observation, in any order; ask for one that seems to be lost."""
@@ -134,24 +136,24 @@ class AgentHost:
         for next_head, message in self._in_order.take(head.tick, (head, payload)):
             self._observe(next_head, message)
         if (tick := self._in_order.lost()) is not None:
-            question = protocol.ResendRequest(port=keys.observation(self.desk.agent), tick=tick).to_bytes()
+            question = protocol.ResendRequest(port=keys.observation(self.session.agent), tick=tick).to_bytes()
             self._bus.ask(protocol.build_resend_key("sensing"), question, lambda _, resent: self._on_resent(resent))
 
     def handle(self, event: AgentEvent) -> None:
         """Take what the agent did."""
-        self._publish(self.desk.handle(event))
+        self._publish(self.session.handle(event))
 
-    def lose(self, reason: str) -> None:
+    def mark_lost(self, reason: str) -> None:
         """Take note that the agent is gone."""
-        self._publish(self.desk.lose(reason))
+        self._publish(self.session.mark_lost(reason))
 
     def check_deadline(self) -> None:
         """Give the agent up where it has owed an answer for too long."""
-        self._publish(self.desk.check_deadline())
+        self._publish(self.session.check_deadline())
 
     # The agent is sent the bytes as they are, so nobody has to look at the rest.
     def _observe(self, head: codec.ObservationHead, payload: bytes) -> None:
-        passed = self.desk.observe(head, payload)
+        passed = self.session.observe(head, payload)
         if head.tick - self._told_tick >= PROGRESS_PERIOD_TICKS:
             self._told_tick = head.tick
             self._bus.publish(protocol.build_progress_key(self._name), protocol.TickReport(tick=head.tick).to_bytes())
@@ -164,7 +166,7 @@ class AgentHost:
 
 
 def replay_observations(
-    setup: RunSetup, doors: Mapping[str, AgentHost], links: Mapping[str, BusTransport]
+    setup: RunSetup, hosts: Mapping[str, AgentHost], links: Mapping[str, BusTransport]
 ) -> Iterator[None]:
     """Brief all agents, send them the observations before the snapshot tick by tick, and wait for their answers.
 
@@ -172,7 +174,7 @@ def replay_observations(
 
     Args:
         setup: The run.
-        doors: The agents' doors, by agent.
+        hosts: The hosts of the agents' sessions, by agent.
         links: Those of agents on the bus, by agent, to whom sensing writes otherwise.
 
     Yields:
@@ -186,11 +188,11 @@ def replay_observations(
     for kind in list_services(scenario):
         if kind.build_briefings is not None:
             for agent, briefing in kind.build_briefings(setup).items():
-                doors[agent].brief(codec.encode(briefing))
-    for told in snapshot.told():
-        for agent, payload in told:
-            doors[agent].observe(payload)
-        while any(door.desk.is_pending for door in doors.values()):
+                hosts[agent].brief(codec.encode(briefing))
+    for observations in snapshot.read_observations():
+        for agent, payload in observations:
+            hosts[agent].observe(payload)
+        while any(host.session.is_pending for host in hosts.values()):
             yield
     for link in links.values():
         link.is_writer = False

@@ -108,36 +108,36 @@ class GatewayTransport:
         self._waiting: list[bytes] | None = []
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
-        """Send the briefing, then what has waited for it; see `AgentLink`."""
+        """Send the briefing, then what has waited for it; see `AgentTransport`."""
         del briefing
         if self._waiting is None:
             return
         waiting, self._waiting = self._waiting, None
-        self._process.link.tell("Briefing", payload)
+        self._process.link.send("Briefing", payload)
         for observation in waiting:
-            self._process.link.tell("Observation", observation)
+            self._process.link.send("Observation", observation)
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Send an observation, after the briefing; only questions where the agent wants no others; see `AgentLink`."""
+        """Send an observation; only questions where the agent wants no others; see `AgentTransport`."""
         if self._process.spec.start.observations == "asked" and not observation.awaiting_command:
             return
         if self._waiting is None:
-            self._process.link.tell("Observation", payload)
+            self._process.link.send("Observation", payload)
         else:
             self._waiting.append(payload)
 
     def repeat(self) -> None:
-        """Do nothing: a stream loses nothing; see `AgentLink`."""
+        """Do nothing: a stream loses nothing; see `AgentTransport`."""
 
     def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
-        """Let the next frame come; see `AgentLink`."""
+        """Let the next frame come; see `AgentTransport`."""
         del event
         self._process.link.acknowledge()
 
     def end(self, ending: Ending, payload: bytes) -> None:
-        """Tell the process the end of the run, and end its stream; see `AgentLink`."""
+        """Send the process the end of the run, and end its stream; see `AgentTransport`."""
         del ending
-        self._process.link.tell("Ending", payload)
+        self._process.link.send("Ending", payload)
         self._process.link.end()
 
 
@@ -153,8 +153,8 @@ class GatewayAgents:
         specs = {agent.name: agent for agent in setup.scenario.agents}
         for process, agents in setup.scenario.agents_by_process().items():
             if specs[process].start.is_behind_gateway:
-                guest = _AgentProcess(specs[process], agents, put)
-                self._by_agent |= dict.fromkeys(agents, guest)
+                member = _AgentProcess(specs[process], agents, put)
+                self._by_agent |= dict.fromkeys(agents, member)
 
     def __contains__(self, agent: str) -> bool:
         return agent in self._by_agent
@@ -169,11 +169,11 @@ class GatewayAgents:
         Raises:
             GslCosimError: a command cannot be started, or an address not be listened on.
         """
-        for guest in self._processes():
-            if guest.spec.start.door == "stdio":
-                self._start_piped(guest, children, socket_dir)
+        for process in self._processes():
+            if process.spec.start.door == "stdio":
+                self._start_piped(process, children, socket_dir)
             else:
-                self._start_connecting(guest, children, socket_dir)
+                self._start_connecting(process, children, socket_dir)
 
     def get_transport(self, agent: str) -> GatewayTransport:
         """Return a link to an agent."""
@@ -182,17 +182,17 @@ class GatewayAgents:
     def exited(self, process: str, code: int, how: str) -> bool:
         """Take note of a process's end, in words, on any thread; return whether it is one of these."""
         del code
-        for guest in self._processes():
-            if get_agent_participant(guest.spec.name) == process:
-                guest.exited(how)
+        for member in self._processes():
+            if get_agent_participant(member.spec.name) == process:
+                member.exited(how)
                 return True
         return False
 
     def stopped(self, process: str) -> bool:
         """Take note, on any thread, that a process was stopped for too long; return whether it is one of these."""
-        for guest in self._processes():
-            if get_agent_participant(guest.spec.name) == process:
-                guest.was_stopped()
+        for member in self._processes():
+            if get_agent_participant(member.spec.name) == process:
+                member.was_stopped()
                 return True
         return False
 
@@ -203,61 +203,61 @@ class GatewayAgents:
 
     def close(self) -> None:
         """End all streams, and let nobody in any more."""
-        for guest in self._processes():
-            guest.link.end()
-            if guest.listener is not None:
-                guest.listener.close()
+        for process in self._processes():
+            process.link.end()
+            if process.listener is not None:
+                process.listener.close()
 
     def _processes(self) -> list[_AgentProcess]:
-        return [guest for name, guest in self._by_agent.items() if guest.spec.name == name]
+        return [process for name, process in self._by_agent.items() if process.spec.name == name]
 
-    def _start_piped(self, guest: _AgentProcess, children: ChildProcesses, private_dir: Path) -> None:
-        name = guest.spec.name
-        command = build_start_command(guest.spec, self._directory) or []
+    def _start_piped(self, process: _AgentProcess, children: ChildProcesses, private_dir: Path) -> None:
+        name = process.spec.name
+        command = build_start_command(process.spec, self._directory) or []
         pipes = children.start_piped(
             get_agent_participant(name),
             command,
-            variables=self._variables(guest),
+            variables=self._variables(process),
             log=self._setup.run_dir.log(get_agent_participant(name)),
             cwd=self._directory,
-            confinement=self._confinement(guest, command, private_dir),
+            confinement=self._confinement(process, command, private_dir),
         )
-        self._open(guest, PipeStream(*pipes))
+        self._open(process, PipeStream(*pipes))
 
-    def _start_connecting(self, guest: _AgentProcess, children: ChildProcesses, socket_dir: Path) -> None:
-        name = guest.spec.name
-        listener = guest.listener = self._listener(guest, socket_dir)
+    def _start_connecting(self, process: _AgentProcess, children: ChildProcesses, socket_dir: Path) -> None:
+        name = process.spec.name
+        listener = process.listener = self._listener(process, socket_dir)
         listener.admit(
-            guest.spec.start.format,
-            lambda stream, _: self._open(guest, stream),
-            lambda text: setattr(guest, "refused_connection", text),
+            process.spec.start.format,
+            lambda stream, _: self._open(process, stream),
+            lambda text: setattr(process, "refused_connection", text),
         )
-        command = build_start_command(guest.spec, self._directory)
+        command = build_start_command(process.spec, self._directory)
         if command is None:
             fields = {
                 "name": name,
                 "gateway": listener.address,
                 "token": listener.token,
-                "format": guest.spec.start.format,
-                **({"agents": guest.agents} if len(guest.agents) > 1 else {}),
+                "format": process.spec.start.format,
+                **({"agents": process.agents} if len(process.agents) > 1 else {}),
             }
             self._network.write_join_file("agents", name, fields, self._setup.run_dir.path)
             return
         children.start_without_bus(
             get_agent_participant(name),
             command,
-            variables=self._variables(guest) | {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token},
+            variables=self._variables(process) | {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token},
             log=self._setup.run_dir.log(get_agent_participant(name)),
             cwd=self._directory,
-            confinement=self._confinement(guest, command, socket_dir, listener.address),
+            confinement=self._confinement(process, command, socket_dir, listener.address),
         )
 
     def _confinement(
-        self, guest: _AgentProcess, command: list[str], private_dir: Path, address: str = ""
+        self, process: _AgentProcess, command: list[str], private_dir: Path, address: str = ""
     ) -> Confinement:
         kind, _, place = address.partition(":")
         return build_confinement(
-            guest.spec,
+            process.spec,
             command,
             self._setup,
             directory=self._directory,
@@ -266,21 +266,21 @@ class GatewayAgents:
             tcp_port=int(place.rpartition(":")[2]) if kind == "tcp" else None,
         )
 
-    def _listener(self, guest: _AgentProcess, socket_dir: Path) -> Listener:
-        if guest.spec.start.door == "unix":
+    def _listener(self, process: _AgentProcess, socket_dir: Path) -> Listener:
+        if process.spec.start.door == "unix":
             # Addresses of sockets are short, agents' names may be long.
-            return Listener.open_unix(socket_dir / f"{list(self._by_agent).index(guest.spec.name)}.sock")
-        if guest.spec.start.attach and (endpoint := self._network.public_endpoint):
+            return Listener.open_unix(socket_dir / f"{list(self._by_agent).index(process.spec.name)}.sock")
+        if process.spec.start.attach and (endpoint := self._network.public_endpoint):
             return Listener.open_tcp("0.0.0.0", public_name=_parse_host(endpoint))
         return Listener.open_tcp()
 
-    def _variables(self, guest: _AgentProcess) -> dict[str, str]:
-        return {AGENT_VARIABLE: ",".join(guest.agents)}
+    def _variables(self, process: _AgentProcess) -> dict[str, str]:
+        return {AGENT_VARIABLE: ",".join(process.agents)}
 
-    def _open(self, guest: _AgentProcess, stream: Stream) -> None:
-        guest.is_open = True
-        guest.link.open(stream)
-        for name in guest.agents:
+    def _open(self, process: _AgentProcess, stream: Stream) -> None:
+        process.is_open = True
+        process.link.open(stream)
+        for name in process.agents:
             self._put(AgentJoined(agent=name))
 
 

@@ -1,7 +1,7 @@
 """Compilation of the kernels of bundled agents, by a process of ours, before they are started in sandboxes.
 
-An agent in a sandbox keeps nothing of what it compiles. So that bundled agents need not compile anew in every run, each
-of them is run once in a small room of ours, as an object in a process that runs code of the installation only.
+An agent in a sandbox keeps nothing of what it compiles. So that bundled agents need not compile again in every run,
+each of them is run once in a small room of ours, as an object in a process that runs code of the installation only.
 """
 
 import contextlib

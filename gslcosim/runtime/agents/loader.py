@@ -27,20 +27,20 @@ def build_start_command(agent: AgentSpec, directory: Path) -> list[str] | None:
     return None
 
 
-def load_agent_types(scenario: Scenario, directory: Path, guests: Container[str]) -> dict[str, type[Agent]]:
+def load_agent_types(scenario: Scenario, directory: Path, elsewhere: Container[str]) -> dict[str, type[Agent]]:
     """Return the classes of agents that are objects in this process, by process, so that its agents share here, too.
 
     Args:
         scenario: The scenario.
         directory: Its folder; relative paths start there.
-        guests: The agents that are processes.
+        elsewhere: The agents that are processes.
 
     Raises:
         UsageError: an agent is neither, or cannot be loaded.
     """
     types: dict[str, type[Agent]] = {}
     for agent in scenario.agents:
-        if agent.name in guests or agent.process != agent.name:
+        if agent.name in elsewhere or agent.process != agent.name:
             continue
         if agent.start.python is None:
             raise UsageError(

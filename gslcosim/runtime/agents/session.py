@@ -32,19 +32,19 @@ REPEAT_QUESTION_AFTER_S = 1.0
 class AgentSession:
     """Agent of a run: its validator and its transport, with deadlines, log and statistics.
 
-    Methods return the commands that count now, with their bytes; whoever holds the desk delivers them. `journal` is
-    told each of them; `last_words` returns the end of the agent's log; `told` keeps what the agent is told, where the
-    run takes snapshots; `machine` notes decisions and faults where the run is recorded. Times are those
-    of the monotonic clock [s].
+    Methods return the commands that count now, with their bytes; the holder of the session delivers them. `journal`
+    gets each of them; `log_tail` returns the end of the agent's log; `observation_log` keeps the agent's observations
+    where the run takes snapshots; `machine` notes decisions and faults where the run is recorded. Times are those of
+    the monotonic clock [s].
     """
 
     agent: str
-    door: CommandValidator
-    link: AgentTransport
+    validator: CommandValidator
+    transport: AgentTransport
     answer_within_s: float
     journal: Callable[[Command], None] = lambda _: None
     log_tail: Callable[[], str] = lambda: ""
-    told: ObservationLog | None = None
+    observation_log: ObservationLog | None = None
     machine: MachineLog = field(default_factory=MachineLog)
     trail: HashChain = field(default_factory=HashChain)
     decisions_s: list[float] = field(default_factory=list[float])
@@ -62,22 +62,22 @@ class AgentSession:
     @property
     def is_awaited(self) -> bool:
         """True when the run cannot start without the agent; one that is known to be lost is not waited for."""
-        return not (self.is_ready or self.door.faults)
+        return not (self.is_ready or self.validator.faults)
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
         """Send the agent its briefing."""
-        self.link.brief(briefing, payload)
+        self.transport.brief(briefing, payload)
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> list[SentMessage]:
         """Send the agent an observation."""
         self.last_tick = observation.tick
-        if self.told is not None:
-            self.told.add(payload)
-        commands = self.door.observed(observation)
-        if self.door.pending and self._asked_at_s is None:
+        if self.observation_log is not None:
+            self.observation_log.add(payload)
+        commands = self.validator.on_observation(observation)
+        if self.validator.pending and self._asked_at_s is None:
             self._asked_at_s = self._repeated_at_s = time.monotonic()
-        passed = self._pass(commands)
-        self.link.observe(observation, payload)
+        passed = self._publish(commands)
+        self.transport.observe(observation, payload)
         return passed
 
     def handle(self, event: AgentEvent) -> list[SentMessage]:
@@ -87,16 +87,16 @@ class AgentSession:
                 self.is_ready = True
                 return []
             case CommandReceived() | CommandRefused():
-                return self._hear(event)
+                return self._handle_answer(event)
             case AnswerMissed(text=text):
-                return self.lose(text) if self.door.pending else []
+                return self.mark_lost(text) if self.validator.pending else []
             case AgentLost(reason=reason):
-                return self.lose(reason)
+                return self.mark_lost(reason)
 
-    def lose(self, reason: str) -> list[SentMessage]:
+    def mark_lost(self, reason: str) -> list[SentMessage]:
         """Record that the agent is lost."""
         words = self.log_tail()
-        return self._pass(self.door.lost(f"{reason} The end of its log: {words}" if words else reason))
+        return self._publish(self.validator.on_lost(f"{reason} The end of its log: {words}" if words else reason))
 
     def check_deadline(self) -> list[SentMessage]:
         """Give the agent up where it has owed an answer for too long; repeat a question that may have got lost."""
@@ -104,10 +104,10 @@ class AgentSession:
             return []
         now_s = time.monotonic()
         if now_s - self._asked_at_s > self.answer_within_s:
-            return self.lose(f"the agent did not answer within {self.answer_within_s:g} s.")
-        if self.link.is_lossy and now_s - self._repeated_at_s > REPEAT_QUESTION_AFTER_S:
+            return self.mark_lost(f"the agent did not answer within {self.answer_within_s:g} s.")
+        if self.transport.is_lossy and now_s - self._repeated_at_s > REPEAT_QUESTION_AFTER_S:
             self._repeated_at_s = now_s
-            self.link.repeat()
+            self.transport.repeat()
         return []
 
     def extend_deadlines(self, missed_s: float) -> None:
@@ -117,31 +117,31 @@ class AgentSession:
 
     def end(self, ending: Ending) -> None:
         """Send the agent the end of the run."""
-        if self.told is not None:
-            self.told.flush()
+        if self.observation_log is not None:
+            self.observation_log.flush()
         self.machine.close()
-        self.link.end(ending, codec.encode(ending))
+        self.transport.end(ending, codec.encode(ending))
 
-    def _hear(self, event: CommandReceived | CommandRefused) -> list[SentMessage]:
+    def _handle_answer(self, event: CommandReceived | CommandRefused) -> list[SentMessage]:
         match event:
             case CommandReceived(payload=payload, decided_in_s=decided_in_s):
-                commands = self.door.received(payload)
+                commands = self.validator.on_answer(payload)
             case CommandRefused(text=text):
-                commands, decided_in_s = self.door.refused(text), None
+                commands, decided_in_s = self.validator.on_refusal(text), None
         if self._asked_at_s is not None:
             waited_s = time.monotonic() - self._asked_at_s
             self.decisions_s.append(waited_s if decided_in_s is None else decided_in_s)
-            # What is flown again was decided before.
+            # What is run again was decided before.
             if decided_in_s != 0.0:
                 asked_tick = commands[0].tick if commands else self.last_tick
                 self.machine.decided(self.agent, asked_tick, self.decisions_s[-1])
-        self.link.acknowledge(event)
-        return self._pass(commands)
+        self.transport.acknowledge(event)
+        return self._publish(commands)
 
-    def _pass(self, commands: Iterable[Command]) -> list[SentMessage]:
-        for fault in self.door.faults[self._n_faults_noted :]:
+    def _publish(self, commands: Iterable[Command]) -> list[SentMessage]:
+        for fault in self.validator.faults[self._n_faults_noted :]:
             self.machine.failed(f"agent {fault.agent}", fault.tick, fault.text)
-        self._n_faults_noted = len(self.door.faults)
+        self._n_faults_noted = len(self.validator.faults)
         passed: list[SentMessage] = []
         for command in commands:
             sent = SentMessage(keys.command(self.agent), command, codec.encode(command))
@@ -150,31 +150,34 @@ class AgentSession:
             passed.append(sent)
         if passed:
             self._repeated_at_s = time.monotonic()
-            self._asked_at_s = self._repeated_at_s if self.door.pending else None
+            self._asked_at_s = self._repeated_at_s if self.validator.pending else None
         return passed
 
 
-def build_session(agent: AgentSpec, setup: RunSetup, link: AgentTransport) -> AgentSession:
+def build_session(agent: AgentSpec, setup: RunSetup, transport: AgentTransport) -> AgentSession:
     """Return the session of an agent of a run."""
     run_dir = setup.run_dir
     return AgentSession(
         agent.name,
         build_validator(agent, setup.scenario, setup.past),
-        link,
+        transport,
         agent.answer_within_s,
         journal=lambda command: run_dir.log_command(agent.name, command),
         log_tail=lambda: run_dir.log_tail(get_agent_participant(agent.process)),
-        told=ObservationLog(run_dir, agent.name) if setup.scenario.snapshots is not None else None,
+        observation_log=ObservationLog(run_dir, agent.name) if setup.scenario.snapshots is not None else None,
         machine=MachineLog(run_dir.path if setup.scenario.recording.enabled else None),
     )
 
 
-def build_agent_statuses(desks: Mapping[str, AgentSession]) -> list[ParticipantStatus]:
+def build_agent_statuses(sessions: Mapping[str, AgentSession]) -> list[ParticipantStatus]:
     """Return one moment of all agents."""
-    return [ParticipantStatus(name=name, state=_get_state(desk), tick=desk.last_tick) for name, desk in desks.items()]
+    return [
+        ParticipantStatus(name=name, state=_get_state(session), tick=session.last_tick)
+        for name, session in sessions.items()
+    ]
 
 
-def _get_state(desk: AgentSession) -> ParticipantState:
-    if desk.is_awaited:
+def _get_state(session: AgentSession) -> ParticipantState:
+    if session.is_awaited:
         return "joining"
-    return "deciding" if desk.is_pending else "waiting"
+    return "deciding" if session.is_pending else "waiting"

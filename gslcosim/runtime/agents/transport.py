@@ -22,7 +22,7 @@ class AgentJoined:
 
 @dataclass(frozen=True, kw_only=True)
 class CommandReceived:
-    """Bytes for the agent's door; `decided_in_s` is what the decision took by the clock, where that is known."""
+    """Bytes for the agent's validator; `decided_in_s` is what the decision took by the clock, where that is known."""
 
     agent: str
     payload: bytes
@@ -87,7 +87,7 @@ class AgentTransport(Protocol):
         ...
 
     def end(self, ending: Ending, payload: bytes) -> None:
-        """Tell the agent that the run is over."""
+        """Send the agent the end of the run."""
         ...
 
 
@@ -131,7 +131,7 @@ class ObjectTransport:
         """Do nothing: an object waits until it is asked; see `AgentTransport`."""
 
     def end(self, ending: Ending, payload: bytes) -> None:
-        """Tell the agent; see `AgentTransport`."""
+        """Send it to the agent; see `AgentTransport`."""
         del payload
         if self._agent is None:
             return
@@ -166,7 +166,7 @@ class WorkerThread:
         self._has_begun = False
 
     def do(self, task: Callable[[], None]) -> None:
-        """Let the thread do something after all that it was told before."""
+        """Let the thread do something after all that it was given before."""
         if not self._has_begun:
             self._has_begun = True
             self._thread.start()
@@ -198,23 +198,23 @@ class ThreadedTransport:
         self._is_over = False
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
-        """Let the agent be made; see `AgentLink`."""
+        """Let the agent be made; see `AgentTransport`."""
         self._worker.do(lambda: self._link.brief(briefing, payload))
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
-        """Let the agent look, and decide unless there is something newer by then; see `AgentLink`."""
+        """Let the agent look, and decide unless there is something newer by then; see `AgentTransport`."""
         if observation.awaiting_command:
             self._newest_question = observation.tick
         self._worker.do(lambda: self._look(codec.decode(Observation, payload), payload))
 
     def repeat(self) -> None:
-        """Do nothing: no message gets lost; see `AgentLink`."""
+        """Do nothing: no message gets lost; see `AgentTransport`."""
 
     def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
-        """Do nothing: it says at most one thing to each observation; see `AgentLink`."""
+        """Do nothing: it says at most one thing to each observation; see `AgentTransport`."""
 
     def end(self, ending: Ending, payload: bytes) -> None:
-        """Tell the agent when it is done with what it does now, and wait a moment for that; see `AgentLink`."""
+        """Send the agent the end after its present work, and wait a moment for that; see `AgentTransport`."""
         self._is_over = True
         self._worker.do(lambda: self._link.end(ending, payload))
         self._worker.finish()

@@ -40,7 +40,7 @@ BELIEF_PERIOD_S = 1
 MAX_EARLY_ANSWERS = 16
 MAX_EARLY_TICKS = 64
 MAX_FAULTS = 50
-# How a process ended differs from run to run; the fault tells it, the run's digest must not depend on it.
+# How a process ended differs from run to run; the fault names it, the run's digest must not depend on it.
 AGENT_LOST_REASON = "the agent is gone"
 FAILED_KIND_FAULT = f"Command: kind: expected one of {', '.join(AGENT_KINDS)}, was 'failed'."
 
@@ -107,7 +107,7 @@ class CommandValidator:
     _early: list[tuple[int, bytes]] = field(default_factory=list[tuple[int, bytes]])
     _gone: str | None = None
     _refused_early: tuple[int, str] | None = None
-    _told_contract: str | None = None
+    _checked_contract: str | None = None
     _belief_tick: int | None = None
 
     @property
@@ -115,7 +115,7 @@ class CommandValidator:
         """The ticks of the observations that await an answer, oldest first."""
         return tuple(self._pending)
 
-    def observed(self, observation: Observation | codec.ObservationHead) -> list[Command]:
+    def on_observation(self, observation: Observation | codec.ObservationHead) -> list[Command]:
         """Take note of an observation on its way to the agent; return the commands that can pass now."""
         if not self._is_new(observation.tick):
             return []
@@ -128,7 +128,7 @@ class CommandValidator:
         early, self._early = self._early, []
         return [command for tick, payload in early for command in self._judge_early(tick, payload)]
 
-    def received(self, payload: bytes) -> list[Command]:
+    def on_answer(self, payload: bytes) -> list[Command]:
         """Take what the agent sent; return the commands that can pass now."""
         if self.is_closed or self._gone is not None:
             return []
@@ -140,11 +140,11 @@ class CommandValidator:
             return self._keep_early(tick, payload)
         return self._judge(tick, said)
 
-    def refused(self, text: str) -> list[Command]:
+    def on_refusal(self, text: str) -> list[Command]:
         """Take note that what the agent sent could not even be read; return the commands that can pass now."""
         return [] if self.is_closed or self._gone is not None else self._refuse(text)
 
-    def lost(self, reason: str) -> list[Command]:
+    def on_lost(self, reason: str) -> list[Command]:
         """Take note that the agent is gone; return `failed` when it owes an answer."""
         if self.is_closed or self._gone is not None:
             return []
@@ -171,7 +171,7 @@ class CommandValidator:
         try:
             command = self._read(said)
         except ContractVersionError as error:
-            return self.lost(str(error))
+            return self.on_lost(str(error))
         except ContractError as error:
             return self._refuse(str(error))
         if command.tick not in self._pending:
@@ -188,9 +188,9 @@ class CommandValidator:
     def _read(self, said: UnpackedAnswer) -> Command:
         if isinstance(said, ContractError):
             raise said
-        told = said.get("contract")
-        if isinstance(told, str):
-            self._check_contract(told)
+        contract = said.get("contract")
+        if isinstance(contract, str):
+            self._check_contract(contract)
         return codec.build_message(Command, said)
 
     # By ticks and not by a clock, so that the same commands always leave the same trail.
@@ -214,12 +214,12 @@ class CommandValidator:
         del self._pending[tick]
         return [Command(tick=tick, kind="hold", reason=f"refused: {refused[1]}"[:500])]
 
-    def _check_contract(self, told: str) -> None:
-        if told == self._told_contract:
+    def _check_contract(self, contract: str) -> None:
+        if contract == self._checked_contract:
             return
-        self._told_contract = told
+        self._checked_contract = contract
         try:
-            check_contract(told)
+            check_contract(contract)
         except ContractVersionError:
             raise
         except ContractError as error:
@@ -285,9 +285,9 @@ def _describe_unreadable(said: UnpackedAnswer) -> str:
     return "expected no command now (no observation awaits one), one came."
 
 
-def collect_faults(doors: Iterable[CommandValidator]) -> list[AgentFault]:
+def collect_faults(validators: Iterable[CommandValidator]) -> list[AgentFault]:
     """Return all recorded faults, by tick."""
-    return sorted((fault for door in doors for fault in door.faults), key=lambda fault: fault.tick)
+    return sorted((fault for validator in validators for fault in validator.faults), key=lambda fault: fault.tick)
 
 
 _MAX_RADIO_TEXTS = 16
@@ -312,7 +312,7 @@ class FreeRunningValidator(CommandValidator):
     _waiting: list[Command] = field(default_factory=list[Command])
     _last_payload: bytes = b""
 
-    def observed(self, observation: Observation | codec.ObservationHead) -> list[Command]:
+    def on_observation(self, observation: Observation | codec.ObservationHead) -> list[Command]:
         """Take note of an observation on its way to the agent; return the command that passes now."""
         tick = observation.tick
         if not self._is_new(tick):
@@ -328,25 +328,25 @@ class FreeRunningValidator(CommandValidator):
             self._close()
         return [command]
 
-    def received(self, payload: bytes) -> list[Command]:
+    def on_answer(self, payload: bytes) -> list[Command]:
         """Take what the agent sent; it passes with the next observation."""
         if self.is_closed or self._gone is not None or payload == self._last_payload:
             return []
         self._last_payload = payload
         if len(payload) > MAX_COMMAND_BYTES:
-            return self.refused(f"expected at most {MAX_COMMAND_BYTES} bytes, was {len(payload)}.")
+            return self.on_refusal(f"expected at most {MAX_COMMAND_BYTES} bytes, was {len(payload)}.")
         try:
             command = self._read(unpack_answer(payload))
         except ContractVersionError as error:
-            return self.lost(str(error))
+            return self.on_lost(str(error))
         except ContractError as error:
-            return self.refused(str(error))
+            return self.on_refusal(str(error))
         if command.kind == "failed":
-            return self.refused(FAILED_KIND_FAULT)
+            return self.on_refusal(FAILED_KIND_FAULT)
         self._keep(command.model_copy(update={"contract": None}))
         return []
 
-    def refused(self, text: str) -> list[Command]:
+    def on_refusal(self, text: str) -> list[Command]:
         """Take note that what the agent sent could not even be read; it holds from the next observation on."""
         if not (self.is_closed or self._gone is not None):
             self._note(text)
@@ -388,21 +388,21 @@ class ReplayValidator(CommandValidator):
     past: Mapping[int, Command] = field(default_factory=dict[int, Command])
     until_tick: int = 0
 
-    def observed(self, observation: Observation | codec.ObservationHead) -> list[Command]:
+    def on_observation(self, observation: Observation | codec.ObservationHead) -> list[Command]:
         """Take note of an observation on its way to the agent; return the commands that can pass now."""
-        return self._as_it_was(super().observed(observation))
+        return self._as_it_was(super().on_observation(observation))
 
-    def received(self, payload: bytes) -> list[Command]:
+    def on_answer(self, payload: bytes) -> list[Command]:
         """Take what the agent sent; return the commands that can pass now."""
-        return self._as_it_was(super().received(payload))
+        return self._as_it_was(super().on_answer(payload))
 
-    def refused(self, text: str) -> list[Command]:
+    def on_refusal(self, text: str) -> list[Command]:
         """Take note that what the agent sent could not even be read; return the commands that can pass now."""
-        return self._as_it_was(super().refused(text))
+        return self._as_it_was(super().on_refusal(text))
 
-    def lost(self, reason: str) -> list[Command]:
+    def on_lost(self, reason: str) -> list[Command]:
         """Take note that the agent is gone; return `failed` when it owes an answer that counts."""
-        return self._as_it_was(super().lost(reason))
+        return self._as_it_was(super().on_lost(reason))
 
     # What it owes from before the fork is known, and does not end its part in the run.
     def _fail(self) -> list[Command]:
@@ -426,20 +426,20 @@ class ReplayValidator(CommandValidator):
 
 def build_validator(agent: AgentSpec, scenario: Scenario, past: RecordedCommands | None) -> CommandValidator:
     """Return the validator of an agent of a scenario, with recorded commands where the run is a fork."""
-    door = build_plain_validator(agent, scenario)
+    validator = build_plain_validator(agent, scenario)
     known, until_tick = dict[int, Command](), 0
     if past is not None:
         known, until_tick = dict(past.commands.get(agent.name, known)), past.until_tick
     if agent.is_free:
         return FreeRunningValidator(
-            door.agent, belief_every_ticks=door.belief_every_ticks, past=known, until_tick=until_tick
+            validator.agent, belief_every_ticks=validator.belief_every_ticks, past=known, until_tick=until_tick
         )
     if past is None:
-        return door
+        return validator
     return ReplayValidator(
-        door.agent,
-        may_overlap=door.may_overlap,
-        belief_every_ticks=door.belief_every_ticks,
+        validator.agent,
+        may_overlap=validator.may_overlap,
+        belief_every_ticks=validator.belief_every_ticks,
         past=known,
         until_tick=until_tick,
     )

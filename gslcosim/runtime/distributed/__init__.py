@@ -1,4 +1,4 @@
 """Runs as independent processes over a bus: supervisor, hosts of services, and their protocol.
 
-From outside: `launch.fly_over_bus` flies a scenario so, `service.main` is the life of a service's process.
+`process_launch.run_distributed` runs a scenario so; `service_main.main` is the program of a service's process.
 """

@@ -46,12 +46,12 @@ class SubscriberBarrier:
     """
 
     def __init__(self, readers: Iterable[str], dataflow: Dataflow) -> None:
-        # Agents are told at their doors, which are there already.
+        # Agents get messages from their sessions, which are there already.
         self._names = {name for name in readers if not _is_agent(name, dataflow)}
         self._deadline_s: float | None = None
 
     def watch(self, bus: Bus, on_came: Callable[[str], None]) -> None:
-        """Let `on_came` be told, on any thread, who is there."""
+        """Let `on_came` be called, on any thread, for each one that is there."""
         for name in self._names:
             bus.watch_alive(
                 protocol.build_liveliness_key(name), lambda _, is_alive, name=name: on_came(name) if is_alive else None
@@ -220,13 +220,13 @@ class ParticipantRunner:
             self._bus.publish(protocol.build_question_key(sent.port), sent.payload, encoding=encoding, urgent=True)
 
     def report_progress_if_due(self) -> None:
-        """Tell now and then which tick is finished: writers count on it, and the supervisor."""
+        """Report now and then which tick is finished: writers count on it, and the supervisor."""
         n_ticks = self.last_tick - self._told_tick
         if n_ticks >= self._progress_every_ticks or time.monotonic() - self._told_at_s > PROGRESS_PERIOD_S:
             self.report_progress()
 
     def report_progress(self) -> None:
-        """Tell which tick is finished, unless that is known."""
+        """Report which tick is finished, unless that is known."""
         if self.last_tick > self._told_tick:
             self._told_tick, self._told_at_s = self.last_tick, time.monotonic()
             self._bus.publish(
@@ -234,7 +234,7 @@ class ParticipantRunner:
             )
 
     def report_waiting(self) -> None:
-        """Tell what it waits for."""
+        """Report what it waits for."""
         note = protocol.WaitingReport(
             tick=self.gate.next_tick,
             missing=[(missing.port, missing.tick) for missing in self.gate.missing()],
@@ -244,7 +244,7 @@ class ParticipantRunner:
 
     # Who has missed how far its readers are, or did not live yet when they told it, would wait for ever.
     def query_readers(self, put: Callable[[bytes], None]) -> None:
-        """Ask those whose credit it lacks how far they are; `put` is told, on any thread."""
+        """Ask those whose credit it lacks how far they are; `put` is called, on any thread."""
         for reader in self.gate.lacking_credit():
             if reader in self.outer_readers:
                 self._bus.ask(protocol.build_finished_key(reader), b"", lambda _, payload: put(payload))
@@ -284,14 +284,14 @@ class ParticipantRunner:
 
     def send_final_report(self) -> None:
         """Send the final report with the digests; sent again until the supervisor has it."""
-        bye = protocol.FinalReport(
+        report = protocol.FinalReport(
             name=self.name,
             last_tick=self.last_tick,
             trails={port: trail.as_fields() for port, trail in self.stepper.trails.items()},
             timing=self.stepper.timing.as_fields(),
             summary=self._account(),
         )
-        self._bus.publish(protocol.build_final_report_key(self.name), bye.to_bytes(), urgent=True)
+        self._bus.publish(protocol.build_final_report_key(self.name), report.to_bytes(), urgent=True)
 
     def _account(self) -> dict[str, Any]:
         own = dict(self._core.summary()) if isinstance(self._core, SupportsSummary) else {}
@@ -310,8 +310,8 @@ class Host:
     """Host of the participants of a process on a bus, from joining to the final report: mostly one, or a group.
 
     What they write for each other is handed over as it is; the rest travels. `run` returns when the supervisor has
-    dismissed them. It raises what a core raises, after telling the supervisor, and `RunTimeoutError` when the link to
-    the router is lost.
+    dismissed them. It raises what a core raises, after reporting to the supervisor, and `RunTimeoutError` when the
+    link to the router is lost.
     """
 
     def __init__(
@@ -329,7 +329,7 @@ class Host:
             bus: The process's connection.
             cores: From upstream to downstream.
             dataflow: Of the whole run.
-            episode: What is flown.
+            episode: What is run.
             pace: Holds the ticks of `PACED_PARTICIPANT` back, if anything does.
             keeping: What is kept of the run's state; absent: nothing.
         """
@@ -337,7 +337,7 @@ class Host:
         self._dataflow = dataflow
         self._episode = episode
         names = {core.spec.name for core in cores}
-        self._hosted = [
+        self._runners = [
             ParticipantRunner(
                 bus, core, dataflow, names, pace if core.spec.name == PACED_PARTICIPANT else None, keeping
             )
@@ -346,17 +346,17 @@ class Host:
         self._is_paced = pace is not None
         self._keeping = keeping
         self._readers = {
-            port: [hosted for hosted in self._hosted if port in hosted.ports_read] for port in dataflow.writer_of
+            port: [runner for runner in self._runners if port in runner.ports_read] for port in dataflow.writer_of
         }
         # A process of one participant is woken by what it waits for most, without a callback between.
         self._events = bus.mailbox(
-            protocol.build_incoming_bundles_key(self._hosted[0].name) if len(names) == 1 else None
+            protocol.build_incoming_bundles_key(self._runners[0].name) if len(names) == 1 else None
         )
         self._once: list[tuple[ParticipantRunner, list[SentMessage]]] = []
         # Who is at fault where something goes wrong now.
-        self._acting = self._hosted[0]
+        self._acting = self._runners[0]
         # Receiving and waiting are the process's: they are counted for its first participant.
-        self._timing = self._hosted[0].stepper.timing
+        self._timing = self._runners[0].stepper.timing
         self._handlers: dict[str, Callable[[bytes], object]] = {
             protocol.START_KEY: lambda _: self._set_started(),
             protocol.STOP_KEY: self._on_stop,
@@ -365,7 +365,7 @@ class Host:
             _READER_REPORTED: self._on_reader_told,
             _READER_CONNECTED: lambda payload: self._absent.mark_connected(payload.decode()),
         }
-        self._outer_readers = set[str]().union(*(hosted.outer_readers for hosted in self._hosted))
+        self._outer_readers = set[str]().union(*(runner.outer_readers for runner in self._runners))
         self._absent = SubscriberBarrier(self._outer_readers, dataflow)
         self._is_started = False
         self._is_dismissed = False
@@ -379,13 +379,13 @@ class Host:
 
         Those that only read are reset last: nobody waits for what they write, and messages wait for them.
         """
-        awaited = [hosted for hosted in self._hosted if hosted.is_awaited]
+        awaited = [runner for runner in self._runners if runner.is_awaited]
         self._reset(awaited)
-        ports = sorted(set[str]().union(*(hosted.outer_ports_read for hosted in self._hosted)))
+        ports = sorted(set[str]().union(*(runner.outer_ports_read for runner in self._runners)))
         for port in ports:
             if not protocol.is_read_by_agents(port):
                 self._listen(port, lambda payload, port=port: self._on_input(port, payload))
-        for writer in sorted({self._dataflow.writer_of[port] for port in ports if len(self._hosted) > 1}):
+        for writer in sorted({self._dataflow.writer_of[port] for port in ports if len(self._runners) > 1}):
             self._bus.subscribe(protocol.build_outgoing_bundles_key(writer), self._events.put)
         for reader in sorted(self._outer_readers):
             self._listen(
@@ -394,19 +394,19 @@ class Host:
         self._absent.watch(self._bus, lambda name: self._events.put(_READER_CONNECTED, name.encode()))
         for key in (protocol.START_KEY, protocol.STOP_KEY, protocol.CLOSE_KEY):
             self._listen(key, self._handlers[key])
-        for hosted in self._hosted:
-            self._bus.answer(protocol.build_resend_key(hosted.name), hosted.kept.answer)
+        for runner in self._runners:
+            self._bus.answer(protocol.build_resend_key(runner.name), runner.kept.answer)
             self._bus.answer(
-                protocol.build_description_key(hosted.name), lambda _, hosted=hosted: [hosted.description()]
+                protocol.build_description_key(runner.name), lambda _, runner=runner: [runner.description()]
             )
-            self._bus.answer(protocol.build_finished_key(hosted.name), lambda _, hosted=hosted: [hosted.finished()])
-            self._bus.answer(protocol.build_inspection_key(hosted.name), lambda _, hosted=hosted: [hosted.inspection()])
-        for hosted in self._hosted:
-            self._bus.declare_alive(protocol.build_liveliness_key(hosted.name))
-        self._reset([hosted for hosted in self._hosted if hosted not in awaited])
+            self._bus.answer(protocol.build_finished_key(runner.name), lambda _, runner=runner: [runner.finished()])
+            self._bus.answer(protocol.build_inspection_key(runner.name), lambda _, runner=runner: [runner.inspection()])
+        for runner in self._runners:
+            self._bus.declare_alive(protocol.build_liveliness_key(runner.name))
+        self._reset([runner for runner in self._runners if runner not in awaited])
 
     def on_link_lost(self) -> None:
-        """Tell the host, from any thread, that the link to the router is gone."""
+        """Notify the host, from any thread, that the link to the router is gone."""
         self._events.put(_LINK_LOST, b"")
 
     def run(self) -> None:
@@ -418,8 +418,8 @@ class Host:
                 with contextlib.suppress(queue.Empty):
                     self._handle(self._events.get(left_s))
             if self._is_started:
-                for hosted, outputs in self._once:
-                    self._pass_on(hosted, outputs)
+                for runner, outputs in self._once:
+                    self._pass_on(runner, outputs)
                 self._fly()
                 self._flush()
             self._say_goodbye()
@@ -429,13 +429,13 @@ class Host:
 
     def _reset(self, several: Sequence[ParticipantRunner]) -> None:
         try:
-            for hosted in several:
-                self._acting = hosted
-                self._once.append((hosted, hosted.reset(self._episode)))
+            for runner in several:
+                self._acting = runner
+                self._once.append((runner, runner.reset(self._episode)))
             if self._keeping is not None:
-                self._keeping.go_on([hosted.stepper for hosted in several], self._dataflow)
-                for hosted in several:
-                    hosted.go_on()
+                self._keeping.go_on([runner.stepper for runner in several], self._dataflow)
+                for runner in several:
+                    runner.go_on()
         except Exception as error:
             self._report(error)
             raise
@@ -443,12 +443,12 @@ class Host:
     @property
     def last_tick(self) -> int:
         """The last tick that all its participants have finished, -1 before the first."""
-        return min(hosted.last_tick for hosted in self._hosted)
+        return min(runner.last_tick for runner in self._runners)
 
     @property
     def is_whole(self) -> bool:
         """True when all its participants have come to the end of the run."""
-        return self._has_end and all(hosted.gate.is_finished for hosted in self._hosted)
+        return self._has_end and all(runner.gate.is_finished for runner in self._runners)
 
     @property
     def n_resends(self) -> int:
@@ -457,7 +457,7 @@ class Host:
 
     @property
     def _are_finished(self) -> bool:
-        return self._is_dismissed or (self._has_end and all(hosted.gate.is_finished for hosted in self._hosted))
+        return self._is_dismissed or (self._has_end and all(runner.gate.is_finished for runner in self._runners))
 
     def _fly(self) -> None:
         while not self._are_finished:
@@ -469,26 +469,26 @@ class Host:
     # A tick each, in the order of the dataflow, so that what one writes is still warm when the next reads it.
     def _step_those_that_may(self) -> bool:
         has_stepped = False
-        for hosted in self._hosted:
-            if hosted.can_step():
-                self._acting = hosted
-                self._pass_on(hosted, hosted.step())
-                hosted.write_snapshot_if_due()
-                hosted.report_progress_if_due()
+        for runner in self._runners:
+            if runner.can_step():
+                self._acting = runner
+                self._pass_on(runner, runner.step())
+                runner.write_snapshot_if_due()
+                runner.report_progress_if_due()
                 has_stepped = True
         return has_stepped
 
-    def _pass_on(self, hosted: ParticipantRunner, outputs: list[SentMessage]) -> None:
+    def _pass_on(self, runner: ParticipantRunner, outputs: list[SentMessage]) -> None:
         for sent in outputs:
             for reader in self._readers[sent.port]:
                 reader.gate.deliver(sent.port, sent.message)
-        for other in self._hosted:
-            if other is not hosted:
-                other.gate.grant(hosted.name, hosted.last_tick)
-                if hosted.gate.final_tick is not None:
-                    other.gate.final_tick = hosted.gate.final_tick
-        self._has_end = self._has_end or hosted.gate.final_tick is not None
-        hosted.publish(outputs)
+        for other in self._runners:
+            if other is not runner:
+                other.gate.grant(runner.name, runner.last_tick)
+                if runner.gate.final_tick is not None:
+                    other.gate.final_tick = runner.gate.final_tick
+        self._has_end = self._has_end or runner.gate.final_tick is not None
+        runner.publish(outputs)
 
     def _drain(self) -> None:
         started = time.perf_counter_ns()
@@ -497,8 +497,8 @@ class Host:
         self._timing.receiving_ns += time.perf_counter_ns() - started
 
     def _flush(self) -> None:
-        for hosted in self._hosted:
-            hosted.flush()
+        for runner in self._runners:
+            runner.flush()
 
     def _wait_for_input(self) -> None:
         started = time.perf_counter_ns()
@@ -506,22 +506,22 @@ class Host:
         ask_at_s = time.monotonic() + patience_s
         self._asked.clear()
         if self._was_resent:
-            # Where one was missing the next most likely is, too: whoever catches up waits for nothing else.
+            # Where one was missing the next most likely is, too: a participant that catches up waits for nothing else.
             self._was_resent = False
-            for hosted in self._hosted:
-                self._ask_again(hosted, only_lost=False)
+            for runner in self._runners:
+                self._ask_again(runner, only_lost=False)
         # Nobody could step just now; where time alone is waited for, that may have changed.
         is_known_to_wait = not self._is_paced
-        while not self._are_finished and (is_known_to_wait or not any(hosted.can_step() for hosted in self._hosted)):
+        while not self._are_finished and (is_known_to_wait or not any(runner.can_step() for runner in self._runners)):
             is_known_to_wait = False
             # However much else arrives meanwhile: it may be about anything but what is missing.
             if time.monotonic() >= ask_at_s and not (self._is_paced and self._early_s()):
                 self._ask_for_all_missing()
                 patience_s = min(2 * patience_s, MAX_RESEND_AFTER_S)
                 ask_at_s = time.monotonic() + patience_s
-            for hosted in self._hosted:
-                if hosted.gate.has_waiting_inputs:
-                    self._ask_again(hosted, only_lost=True)
+            for runner in self._runners:
+                if runner.gate.has_waiting_inputs:
+                    self._ask_again(runner, only_lost=True)
             event = self._events.get_nowait()
             while event is None and self._work_ahead():
                 event = self._events.get_nowait()
@@ -535,27 +535,27 @@ class Host:
 
     def _ask_for_all_missing(self) -> None:
         self._asked.clear()
-        for hosted in self._hosted:
-            hosted.report_progress()
-            self._ask_again(hosted, only_lost=False)
-            hosted.query_readers(lambda payload: self._events.put(_READER_REPORTED, payload))
-            hosted.report_waiting()
+        for runner in self._runners:
+            runner.report_progress()
+            self._ask_again(runner, only_lost=False)
+            runner.query_readers(lambda payload: self._events.put(_READER_REPORTED, payload))
+            runner.report_waiting()
 
     # Whose inputs are here waits for its time alone, and everybody for it.
     def _early_s(self) -> float:
-        return max((hosted.pace_wait_s for hosted in self._hosted if hosted.gate.can_step()), default=0.0)
+        return max((runner.pace_wait_s for runner in self._runners if runner.gate.can_step()), default=0.0)
 
     def _work_ahead(self) -> bool:
-        for hosted in self._hosted:
-            self._acting = hosted
-            if hosted.prefetch():
+        for runner in self._runners:
+            self._acting = runner
+            if runner.prefetch():
                 return True
         return False
 
     # What later messages of the same port have overtaken is lost for sure; after a while anything may be.
-    def _ask_again(self, hosted: ParticipantRunner, *, only_lost: bool) -> None:
-        for missing in hosted.missing_external_inputs():
-            if missing in self._asked or (only_lost and not hosted.gate.has_later(missing)):
+    def _ask_again(self, runner: ParticipantRunner, *, only_lost: bool) -> None:
+        for missing in runner.missing_external_inputs():
+            if missing in self._asked or (only_lost and not runner.gate.has_later(missing)):
                 continue
             # Once in a while: each answer brings many messages, and each of them would ask again.
             self._asked.add(missing)
@@ -569,8 +569,8 @@ class Host:
 
     def _on_reader_told(self, payload: bytes) -> None:
         note = protocol.ReaderReport.from_bytes(payload)
-        for hosted in self._hosted:
-            hosted.gate.grant(note.name, note.tick)
+        for runner in self._runners:
+            runner.gate.grant(note.name, note.tick)
 
     def _on_resent(self, port: str, payload: bytes) -> None:
         self._events.put(f"resent:{port}", payload)
@@ -579,13 +579,13 @@ class Host:
         report_fault(self._bus, self._acting.name, error, tick=self._acting.last_tick)
 
     def _say_goodbye(self) -> None:
-        for hosted in self._hosted:
-            self._acting = hosted
-            hosted.close()
-            hosted.report_progress()
+        for runner in self._runners:
+            self._acting = runner
+            runner.close()
+            runner.report_progress()
         while not self._is_dismissed:
-            for hosted in self._hosted:
-                hosted.send_final_report()
+            for runner in self._runners:
+                runner.send_final_report()
             self._has_said_goodbye = True
             resend_at = time.monotonic() + FINAL_REPORT_PERIOD_S
             while not self._is_dismissed and (left_s := resend_at - time.monotonic()) > 0:
@@ -621,13 +621,13 @@ class Host:
 
     def _on_progress(self, reader: str, payload: bytes) -> None:
         tick = protocol.TickReport.from_bytes(payload).tick
-        for hosted in self._hosted:
-            hosted.gate.grant(reader, tick)
+        for runner in self._runners:
+            runner.gate.grant(reader, tick)
 
     def _on_stop(self, payload: bytes) -> None:
         tick = protocol.TickReport.from_bytes(payload).tick
-        for hosted in self._hosted:
-            hosted.gate.final_tick = tick
+        for runner in self._runners:
+            runner.gate.final_tick = tick
         self._has_end = True
 
     def _on_lost_link(self) -> None:

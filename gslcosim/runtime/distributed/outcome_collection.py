@@ -15,7 +15,7 @@ from gslcosim.runtime.outcome import RunOutcome
 def collect_outcome(
     outcome: RunOutcome,
     watchdog: Watchdog,
-    doors: Mapping[str, AgentHost],
+    hosts: Mapping[str, AgentHost],
     verdict: Verdict | None,
     dataflow: Dataflow,
     restarts: RestartPolicy,
@@ -24,24 +24,24 @@ def collect_outcome(
 
     Args:
         outcome: Is added to.
-        watchdog: Has the goodbyes of the services.
-        doors: Of the agents.
+        watchdog: Has the final reports of the services.
+        hosts: Of the agents.
         verdict: The run's, if it came to one.
         dataflow: Of the run.
         restarts: Those of services.
     """
-    byes = watchdog.final_reports
+    reports = watchdog.final_reports
     outcome.verdict = verdict
-    outcome.agent_faults = collect_faults(door.desk.door for door in doors.values())
-    outcome.timing = {name: bye.timing for name, bye in sorted(byes.items())}
-    accounts = (*(bye.summary for bye in byes.values()), restarts.summary)
-    outcome.summary = {key: told for account in accounts for key, told in account.items()}
+    outcome.agent_faults = collect_faults(host.session.validator for host in hosts.values())
+    outcome.timing = {name: report.timing for name, report in sorted(reports.items())}
+    accounts = (*(report.summary for report in reports.values()), restarts.summary)
+    outcome.summary = {key: value for account in accounts for key, value in account.items()}
     outcome.ticks_flown = verdict.tick if verdict else watchdog.finished_tick
     if verdict is None or not watchdog.is_finished:
         return
     trails: dict[str, HashChain] = {}
-    for bye in byes.values():
-        trails |= {port: HashChain.from_fields(fields) for port, fields in bye.trails.items()}
-    for name, door in doors.items():
-        trails[keys.command(name)] = door.desk.trail
+    for report in reports.values():
+        trails |= {port: HashChain.from_fields(fields) for port, fields in report.trails.items()}
+    for name, host in hosts.items():
+        trails[keys.command(name)] = host.session.trail
     outcome.digest = RunDigest.of(trails, dataflow.writer_of, verdict.tick)

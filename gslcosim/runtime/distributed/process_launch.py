@@ -45,7 +45,7 @@ def run_distributed(
         setup: The run.
         directory: The scenario's folder, where relative paths of agents start.
         network: How processes reach the run's router.
-        report: Is told how the flight goes.
+        report: Receives the status of the run.
         groups: The services of each process.
         fork_server: Forks the services, if there is one already.
     """
@@ -53,24 +53,24 @@ def run_distributed(
     outcome = RunOutcome()
     began = time.perf_counter()
     notices: queue.SimpleQueue[SupervisorEvent] = queue.SimpleQueue()
-    guests = GatewayAgents(setup, directory, network, notices.put)
+    gateway = GatewayAgents(setup, directory, network, notices.put)
 
     # On the thread that waits for the process.
     def on_exit(name: str, exit_code: int, how: str) -> None:
         if fork_server is not None and fork_server.has_failed:
             name = FORK_SERVER
-        if not guests.exited(name, exit_code, how):
+        if not gateway.exited(name, exit_code, how):
             notices.put(ProcessEnded(name, exit_code, how))
 
     # On the thread of the watch.
     def on_stopped(name: str) -> None:
-        if not guests.stopped(name):
+        if not gateway.stopped(name):
             notices.put(ProcessStopped(name))
 
-    crews = {name: agents for name, agents in setup.scenario.agents_by_process().items() if name not in guests}
+    crews = {name: agents for name, agents in setup.scenario.agents_by_process().items() if name not in gateway}
     with ExitStack() as stack:
         socket_dir = stack.enter_context(ScratchFolder.for_sockets()).path
-        stack.callback(guests.close)
+        stack.callback(gateway.close)
         interruption = stack.enter_context(Interruption(lambda: notices.put(Interrupted())))
         starts_services = not all(network.is_remote(group[0]) for group in groups)
         if fork_server is None and starts_services and ForkServer.is_possible():
@@ -88,7 +88,7 @@ def run_distributed(
             _start_services(setup, network, router, children, [group], fork_server)
 
         restarts = RestartPolicy(setup.scenario, groups, start_again)
-        supervisor = Supervisor(setup, bus, guests, notices, report, groups, restarts)
+        supervisor = Supervisor(setup, bus, gateway, notices, report, groups, restarts)
         expected = [group[0] for group in groups if network.is_remote(group[0])]
         offering = RunServer(setup, expected) if expected else None
         try:
@@ -99,7 +99,7 @@ def run_distributed(
             if fork_server is not None:
                 fork_server.release_unused()
             _start_agents(setup, directory, network, router, children, tuple(crews), socket_dir)
-            guests.start(children, socket_dir)
+            gateway.start(children, socket_dir)
             supervisor.await_all_ready(interruption)
             outcome.start_up_s = time.perf_counter() - began
             supervisor.fly(interruption)

@@ -46,12 +46,12 @@ def build_liveliness_key(name: str) -> str:
 
 
 def build_progress_key(name: str) -> str:
-    """Return the key on which a participant tells which tick it has finished."""
+    """Return the key on which a participant reports which tick it has finished."""
     return f"ctl/progress/{name}"
 
 
 def build_waiting_key(name: str) -> str:
-    """Return the key on which a participant tells what it has been waiting for."""
+    """Return the key on which a participant reports what it has been waiting for."""
     return f"ctl/waiting/{name}"
 
 
@@ -74,7 +74,7 @@ def build_incoming_bundles_key(reader: str) -> str:
 
 
 def build_outgoing_bundles_key(writer: str) -> str:
-    """Return the keys on which a participant sends bundles, whoever reads them."""
+    """Return the keys on which a participant sends bundles, to any reader."""
     return f"{BUNDLE_PREFIX}{writer}/*"
 
 
@@ -84,7 +84,7 @@ def is_read_by_agents(port: str) -> bool:
 
 
 def is_always_published(port: str) -> bool:
-    """Return whether a port is sent whoever shares the writer's process: agents read it, or the supervisor."""
+    """Return whether a port is sent even within the writer's process: agents read it, or the supervisor."""
     return is_read_by_agents(port) or port == keys.VERDICT
 
 
@@ -296,7 +296,7 @@ class VerdictReceived:
 
 @dataclass(frozen=True)
 class ProgressReported:
-    """A participant tells which tick it has finished."""
+    """A participant reports which tick it has finished."""
 
     name: str
     payload: bytes
@@ -304,7 +304,7 @@ class ProgressReported:
 
 @dataclass(frozen=True)
 class WaitingReported:
-    """A participant tells what it waits for."""
+    """A participant reports what it waits for."""
 
     name: str
     payload: bytes

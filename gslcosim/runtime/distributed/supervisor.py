@@ -58,9 +58,9 @@ class StatusReporter:
     """Reporter of a run's status: not too often, but each state at once.
 
     Args:
-        report: Is told the status.
+        report: Receives the status.
         tick_ns: How long a tick is.
-        participants: Looks at the participants, for whoever is told the status.
+        participants: Looks at the participants, for the receiver of the status.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class StatusReporter:
         self._told_at_s, self._told_state = 0.0, ""
 
     def report_awaited(self, names: Sequence[str], waited_s: float) -> None:
-        """Tell who has not joined yet, and after a while for how long."""
+        """Report who has not joined yet, and after a while for how long."""
         text = f"waiting for {', '.join(names)}"
         if waited_s <= LATE_AFTER_S:
             self._tell(RunStatus(state="starting", text=text))
@@ -83,7 +83,7 @@ class StatusReporter:
             self._tell(RunStatus(state="starting", text=f"{text}, not here after {waited_s:.0f} s", is_late=True))
 
     def report_run(self, state: str, tick: int, wall_s: float, text: str = "") -> None:
-        """Tell how far the flight has come, and what else there is to tell."""
+        """Report how far the run has come, and notes besides."""
         sim_time_s = seconds_from_ticks(tick, self._tick_ns)
         factor = sim_time_s / wall_s if wall_s > 0 else 0.0
         self._tell(RunStatus(state=state, text=text, sim_time_s=sim_time_s, real_time_factor=factor))
@@ -105,17 +105,17 @@ class ParticipantInspector:
     Args:
         bus: The supervisor's connection.
         services: Those of the run.
-        watchdog: Knows who has said goodbye.
-        desks: Of the agents.
+        watchdog: Knows which services have sent their final reports.
+        sessions: Of the agents.
     """
 
     def __init__(
-        self, bus: Bus, services: Sequence[str], watchdog: Watchdog, desks: Mapping[str, AgentSession]
+        self, bus: Bus, services: Sequence[str], watchdog: Watchdog, sessions: Mapping[str, AgentSession]
     ) -> None:
         self._bus = bus
         self._services = services
         self._watchdog = watchdog
-        self._desks = desks
+        self._sessions = sessions
 
     def look(self) -> list[ParticipantStatus]:
         """Return one moment of all participants; may be called on any thread."""
@@ -124,22 +124,22 @@ class ParticipantInspector:
         for name in asked:
             self._bus.ask(protocol.build_inspection_key(name), b"", lambda _, payload: answers.put(payload))
         came = _collect_answers(answers, len(asked))
-        return [self._service(name, came.get(name)) for name in self._services] + build_agent_statuses(self._desks)
+        return [self._service(name, came.get(name)) for name in self._services] + build_agent_statuses(self._sessions)
 
-    def _service(self, name: str, told: protocol.ParticipantInspection | None) -> ParticipantStatus:
-        if told is None:
+    def _service(self, name: str, inspection: protocol.ParticipantInspection | None) -> ParticipantStatus:
+        if inspection is None:
             state: ParticipantState = "done" if name in self._watchdog.final_reports else "silent"
             return ParticipantStatus(name=name, state=state, tick=self._watchdog.tick_of(name))
         return ParticipantStatus(
             name=name,
-            state="done" if told.is_finished else "waiting" if told.waits_for else "working",
-            tick=told.tick,
-            waits_for=tuple(told.waits_for),
-            queued_ticks=told.queued_ticks,
-            pid=told.pid,
-            cpu_s=told.cpu_s,
-            memory_bytes=told.memory_bytes,
-            n_resends=told.n_resends,
+            state="done" if inspection.is_finished else "waiting" if inspection.waits_for else "working",
+            tick=inspection.tick,
+            waits_for=tuple(inspection.waits_for),
+            queued_ticks=inspection.queued_ticks,
+            pid=inspection.pid,
+            cpu_s=inspection.cpu_s,
+            memory_bytes=inspection.memory_bytes,
+            n_resends=inspection.n_resends,
         )
 
 
@@ -148,10 +148,10 @@ def _collect_answers(answers: "queue.SimpleQueue[bytes]", n_asked: int) -> dict[
     deadline_s = time.monotonic() + INSPECTION_TIMEOUT_S
     with suppress(queue.Empty):
         while len(came) < n_asked:
-            told: protocol.ParticipantInspection = protocol.ParticipantInspection.from_bytes(
+            inspection: protocol.ParticipantInspection = protocol.ParticipantInspection.from_bytes(
                 answers.get(timeout=max(0.0, deadline_s - time.monotonic()))
             )
-            came[told.name] = told
+            came[inspection.name] = inspection
     return came
 
 
@@ -178,7 +178,7 @@ class Supervisor:
         self,
         setup: RunSetup,
         bus: ZenohBus,
-        guests: GatewayAgents,
+        gateway: GatewayAgents,
         notices: "queue.SimpleQueue[SupervisorEvent]",
         report: Callable[[RunStatus], None],
         groups: Sequence[ServiceGroup],
@@ -186,7 +186,7 @@ class Supervisor:
     ) -> None:
         self._setup = setup
         self._bus = bus
-        self._guests = guests
+        self._gateway = gateway
         self._events = notices
         self._dataflow = build_dataflow(setup.scenario)
         self._services = list_service_names(setup.scenario)
@@ -195,13 +195,13 @@ class Supervisor:
         self._bus_links = {
             agent.name: BusTransport(agent.name, bus, notices.put)
             for agent in setup.scenario.agents
-            if agent.name not in guests
+            if agent.name not in gateway
         }
-        self._doors = {agent.name: self._door_host(agent.name) for agent in setup.scenario.agents}
-        desks = {name: door.desk for name, door in self._doors.items()}
-        inspector = ParticipantInspector(bus, self._services, self._watchdog, desks)
-        self._teller = StatusReporter(report, setup.scenario.tick_ns, inspector.look)
-        self._observed_by = {keys.observation(name): door for name, door in self._doors.items()}
+        self._agent_hosts = {agent.name: self._door_host(agent.name) for agent in setup.scenario.agents}
+        sessions = {name: host.session for name, host in self._agent_hosts.items()}
+        inspector = ParticipantInspector(bus, self._services, self._watchdog, sessions)
+        self._status_reporter = StatusReporter(report, setup.scenario.tick_ns, inspector.look)
+        self._observed_by = {keys.observation(name): host for name, host in self._agent_hosts.items()}
         self._described: set[str] = set()
         self._departed_at_s: dict[str, float] = {}
         self._verdict: Verdict | None = None
@@ -217,9 +217,9 @@ class Supervisor:
     def listen(self) -> None:
         """Hear services and agents from now on."""
         bus, put = self._bus, self._events.put
-        for name, door in self._doors.items():
+        for name, host in self._agent_hosts.items():
             bus.subscribe(keys.briefing(name), lambda _, payload, name=name: put(BriefingReceived(name, payload)))
-            door.listen()
+            host.listen()
         for link in self._bus_links.values():
             link.listen()
         for name in ("sensing", "referee"):
@@ -248,7 +248,7 @@ class Supervisor:
             waited_s = time.monotonic() - began_s
             if waited_s > JOIN_TIMEOUT_S:
                 self._give_up_on(lacking)
-            self._teller.report_awaited(lacking, waited_s)
+            self._status_reporter.report_awaited(lacking, waited_s)
             self._handle_next()
 
     def fly(self, interruption: Interruption) -> None:
@@ -262,7 +262,7 @@ class Supervisor:
         self._started_at_s = time.perf_counter()
         self._watchdog.moved(time.monotonic())
         for _ in takewhile(
-            lambda _: not interruption.is_set(), replay_observations(self._setup, self._doors, self._bus_links)
+            lambda _: not interruption.is_set(), replay_observations(self._setup, self._agent_hosts, self._bus_links)
         ):
             self._handle_next()
             self._check_time()
@@ -279,22 +279,25 @@ class Supervisor:
     def shut_down(self) -> None:
         """Send agents and services the end of the run."""
         self._ended_at_s = time.perf_counter()
-        for door in self._doors.values():
-            door.desk.end(build_ending(self._verdict))
+        for host in self._agent_hosts.values():
+            host.session.end(build_ending(self._verdict))
         self._bus.publish(protocol.CLOSE_KEY, b"", urgent=True)
 
     def complete(self, outcome: RunOutcome) -> None:
         """Add to the outcome what the run has brought in."""
         if self._started_at_s is not None and self._ended_at_s is not None:
             outcome.flight_wall_s = self._ended_at_s - self._started_at_s
-        collect_outcome(outcome, self._watchdog, self._doors, self._verdict, self._dataflow, self._restarts)
+        collect_outcome(outcome, self._watchdog, self._agent_hosts, self._verdict, self._dataflow, self._restarts)
 
     def _door_host(self, name: str) -> AgentHost:
         agent = next(agent for agent in self._setup.scenario.agents if agent.name == name)
-        link = self._bus_links.get(name) or self._guests.get_transport(name)
+        link = self._bus_links.get(name) or self._gateway.get_transport(name)
         put = self._events.put
-        desk, more_ticks = build_session(agent, self._setup, link), SnapshotPolicy.of(self._setup).extra_retained_ticks
-        return AgentHost(desk, self._bus, lambda got: put(ObservationReceived(name, got)), more_ticks)
+        session, more_ticks = (
+            build_session(agent, self._setup, link),
+            SnapshotPolicy.of(self._setup).extra_retained_ticks,
+        )
+        return AgentHost(session, self._bus, lambda got: put(ObservationReceived(name, got)), more_ticks)
 
     # ------------------------------------------------------------ what it hears
 
@@ -327,13 +330,13 @@ class Supervisor:
             case WaitingReported(name, payload):
                 self._watchdog.record_waiting(name, protocol.WaitingReport.from_bytes(payload))
             case ServiceFinished(_, payload):
-                self._on_bye(protocol.FinalReport.from_bytes(payload))
+                self._on_final_report(protocol.FinalReport.from_bytes(payload))
             case VerdictReceived(payload):
                 self._on_verdict(payload)
             case BriefingReceived(agent, payload):
-                self._doors[agent].brief(payload)
+                self._agent_hosts[agent].brief(payload)
             case ObservationReceived(agent, payload):
-                self._doors[agent].observe(payload)
+                self._agent_hosts[agent].observe(payload)
             case FaultReported() | ServiceAppeared() | ServiceDescribed() | ServiceVanished():
                 self._on_life(notice)
             case ProcessEnded(name, _, how):
@@ -346,7 +349,7 @@ class Supervisor:
             case Interrupted() | ProcessStopped():
                 return
             case _:
-                self._doors[notice.agent].handle(notice)
+                self._agent_hosts[notice.agent].handle(notice)
 
     def _on_life(self, notice: FaultReported | ServiceAppeared | ServiceDescribed | ServiceVanished) -> None:
         match notice:
@@ -377,9 +380,9 @@ class Supervisor:
 
     def _on_bundle(self, payload: bytes) -> None:
         for port, message in protocol.unpack_bundle(payload):
-            door = self._observed_by.get(port)
-            if door is not None:
-                door.observe(message)
+            host = self._observed_by.get(port)
+            if host is not None:
+                host.observe(message)
             elif port == keys.VERDICT:
                 self._on_verdict(message)
 
@@ -391,11 +394,11 @@ class Supervisor:
         if self._verdict is not None:
             self._bus.publish(protocol.STOP_KEY, protocol.TickReport(tick=self._verdict.tick).to_bytes(), urgent=True)
 
-    def _on_bye(self, bye: protocol.FinalReport) -> None:
-        self._watchdog.record_final_report(bye, time.monotonic())
-        if bye.name == "referee" and self._verdict is None:
+    def _on_final_report(self, report: protocol.FinalReport) -> None:
+        self._watchdog.record_final_report(report, time.monotonic())
+        if report.name == "referee" and self._verdict is None:
             # It has ended the run, so its verdict got lost on the way.
-            question = protocol.ResendRequest(port=keys.VERDICT, tick=bye.last_tick).to_bytes()
+            question = protocol.ResendRequest(port=keys.VERDICT, tick=report.last_tick).to_bytes()
             put = self._events.put
             self._bus.ask(
                 protocol.build_resend_key("referee"), question, lambda _, payload: put(VerdictReceived(payload))
@@ -412,19 +415,19 @@ class Supervisor:
         for agent in self._setup.scenario.agents:
             if get_agent_participant(agent.process) == name:
                 reason = f"the agent's process {how} before the end of the run."
-                self._doors[agent.name].handle(AgentLost(agent=agent.name, reason=reason))
+                self._agent_hosts[agent.name].handle(AgentLost(agent=agent.name, reason=reason))
 
     # ------------------------------------------------------------ time
 
     def _not_ready(self) -> list[str]:
         services = [name for name in self._services if name not in self._described]
-        return services + [name for name, door in self._doors.items() if door.desk.is_awaited]
+        return services + [name for name, host in self._agent_hosts.items() if host.session.is_awaited]
 
     def _give_up_on(self, lacking: list[str]) -> None:
         for name in lacking:
-            if name not in self._doors:
+            if name not in self._agent_hosts:
                 raise RunEndedError(self._watchdog.fault(name, describe_absence(), ExitCode.TIMEOUT))
-            self._doors[name].lose(self._guests.describe_absence(name))
+            self._agent_hosts[name].mark_lost(self._gateway.describe_absence(name))
 
     # While this process stood still nobody was late.
     def _renew(self) -> float:
@@ -432,9 +435,9 @@ class Supervisor:
         missed_s = self._pauses.missed_s(now_s)
         if missed_s > 0:
             self._watchdog.extend_deadlines(missed_s, now_s)
-            # An agent's deadlines are those of its desk; one that has left has left.
-            for door in self._doors.values():
-                door.desk.extend_deadlines(missed_s)
+            # An agent's deadlines are those of its session; one that has left has left.
+            for host in self._agent_hosts.values():
+                host.session.extend_deadlines(missed_s)
         return missed_s
 
     def _check_time(self) -> None:
@@ -443,12 +446,12 @@ class Supervisor:
         for name, since_s in list(self._departed_at_s.items()):
             if now_s - since_s > LOST_CONTACT_GRACE_S:
                 del self._departed_at_s[name]
-                self._doors[name].lose(f"the agent left the run before its end.{self._watchdog.pause_text}")
-        for door in self._doors.values():
-            if door.desk.is_pending:
+                self._agent_hosts[name].mark_lost(f"the agent left the run before its end.{self._watchdog.pause_text}")
+        for host in self._agent_hosts.values():
+            if host.session.is_pending:
                 # An agent that owes an answer is not a stall of the run; it has its own deadline.
                 self._watchdog.moved(now_s)
-                door.check_deadline()
+                host.check_deadline()
         fault = self._watchdog.check(now_s, is_judged=self._verdict is not None)
         if fault is not None:
             raise RunEndedError(fault)
@@ -456,4 +459,4 @@ class Supervisor:
     def _report_run(self) -> None:
         wall_s = time.perf_counter() - self._started_at_s if self._started_at_s is not None else 0.0
         state = "flying" if self._verdict is None else "closing"
-        self._teller.report_run(state, self._watchdog.tick_of("referee"), wall_s, self._restarts.text)
+        self._status_reporter.report_run(state, self._watchdog.tick_of("referee"), wall_s, self._restarts.text)

@@ -45,7 +45,7 @@ class Watchdog:
         Args:
             process: Its name.
             now_s: The time.
-            begin: Is told the last tick that all its services have finished, and starts it where that is wanted.
+            begin: Receives the last tick that all its services have finished, and starts it where that is wanted.
         """
         services = [name for name, its in self._process_of.items() if its == process]
         if all(name in self._byes for name in services):
@@ -83,7 +83,7 @@ class Watchdog:
         self._moved_at_s = now_s
 
     def record_progress(self, name: str, note: TickReport, now_s: float) -> None:
-        """Take note of a finished tick; doors of agents tell theirs too, which says nothing of services."""
+        """Take note of a finished tick; sessions of agents report theirs too, which says nothing about services."""
         if note.tick > self._progress.get(name, note.tick):
             self._progress[name] = note.tick
             self._moved_at_s = now_s
@@ -93,10 +93,10 @@ class Watchdog:
         """Take note of what a service waits for."""
         self._waiting[name] = note
 
-    def record_final_report(self, bye: FinalReport, now_s: float) -> None:
+    def record_final_report(self, report: FinalReport, now_s: float) -> None:
         """Take note that a service is done."""
-        if bye.name not in self._byes:
-            self._byes[bye.name] = bye
+        if report.name not in self._byes:
+            self._byes[report.name] = report
             self._moved_at_s = now_s
 
     def record_contact_lost(self, name: str, now_s: float) -> None:
@@ -172,13 +172,13 @@ class RestartPolicy:
     Args:
         scenario: Says whether services are started again.
         groups: The services of each process.
-        start: Starts the process of a group, and is told how it ended.
+        start: Starts the process of a group, and gets how it ended.
     """
 
     scenario: Scenario
     groups: Sequence[ServiceGroup]
     start: Callable[[ServiceGroup, str], object]
-    told: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+    restarts: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
     _deaths: dict[str, _FailureCount] = field(default_factory=dict[str, _FailureCount])
     _faults: dict[str, protocol.FaultReport] = field(default_factory=dict[str, protocol.FaultReport])
     _awaited: set[str] = field(default_factory=set[str])
@@ -206,7 +206,7 @@ class RestartPolicy:
         spec = self.scenario.restart
         if spec is None or not self.covers(process):
             return False
-        # Who tells of an error knows its tick; of others the last that they have told is known.
+        # Who reports an error knows its tick; of others the last reported tick is known.
         fault = self._faults.get(process)
         if fault is not None:
             tick = max(tick, fault.tick)
@@ -217,8 +217,8 @@ class RestartPolicy:
             return False
         self._faults.pop(process, None)
         self._awaited |= set(self._group(process))
-        told = how if fault is None else fault.text.strip()
-        self.told.append({"process": process, "tick": tick, "how": told.splitlines()[-1]})
+        reason = how if fault is None else fault.text.strip()
+        self.restarts.append({"process": process, "tick": tick, "how": reason.splitlines()[-1]})
         self.start(self._group(process), how)
         return True
 
@@ -246,14 +246,14 @@ class RestartPolicy:
     @property
     def summary(self) -> dict[str, Any]:
         """Entry of restarts in `result.json`."""
-        return {"restarts": self.told} if self.told else {}
+        return {"restarts": self.restarts} if self.restarts else {}
 
     @property
     def text(self) -> str:
         """Text for the status line."""
-        if not self.told:
+        if not self.restarts:
             return ""
-        return f"{self.told[-1]['process']} was started again, restart {len(self.told)}"
+        return f"{self.restarts[-1]['process']} was started again, restart {len(self.restarts)}"
 
     def _group(self, process: str) -> ServiceGroup:
         return next((group for group in self.groups if get_process_name(group) == process), ())

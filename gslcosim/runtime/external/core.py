@@ -80,7 +80,7 @@ def _find_file(command: tuple[str, ...], i: int, directory: Path) -> Path | None
         return None
 
 
-# Beside the time that a run waits for whoever joins; a program that has to load much first says hello before that.
+# Beside the time that a run waits for joining hosts; a program that has to load much first sends its hello before that.
 HELLO_TIMEOUT_S = 60.0
 EXIT_TIMEOUT_S = 2.0
 PARTICIPANT_VARIABLE = "GSLCOSIM_PARTICIPANT"
@@ -144,7 +144,7 @@ class ParticipantProgram:
         self._children.start_without_bus(name, command, variables=variables, log=log, cwd=cwd, confinement=confinement)
         self._open(self._awaited(connected, refused))
 
-    def say(self, name: str, payload: bytes) -> None:
+    def send(self, name: str, payload: bytes) -> None:
         """Send the canonical bytes of a message, named by its type.
 
         Raises:
@@ -157,7 +157,7 @@ class ParticipantProgram:
         except AnswerTimeoutError as error:
             raise self.fault(f"expected a program that reads {name}, {error}.") from error
 
-    def hear(self, message_type: type[Message], what: str, *, within_s: float) -> bytes:
+    def receive(self, message_type: type[Message], what: str, *, within_s: float) -> bytes:
         """Return what the program says next, as msgpack.
 
         Args:
@@ -192,7 +192,7 @@ class ParticipantProgram:
         return SimulationFault(f"{text} The end of its log:\n{words}" if words else text)
 
     def end(self, reason: str) -> None:
-        """Tell the program that the run is over, and end it where it does not; nothing of it is left.
+        """Send the program the end of the run, and end it where it does not; nothing of it is left.
 
         One that has failed is not waited for.
         """
@@ -279,18 +279,18 @@ class ExternalCore:
         self._answers_hash = b""
 
     def reset(self, episode: Episode) -> Outbox:
-        """Start the program anew, hear its hello and tell it its briefing."""
+        """Start the program again, receive its hello and send it its briefing."""
         self.close()
         self._room_outputs, self._past, self._answers_hash = {}, [], b""
         program = self._program = ParticipantProgram(self._own, self._setup)
         program.start()
-        payload = program.hear(ParticipantHello, "its hello (ParticipantHello)", within_s=HELLO_TIMEOUT_S)
+        payload = program.receive(ParticipantHello, "its hello (ParticipantHello)", within_s=HELLO_TIMEOUT_S)
         try:
             hello = read_hello(payload)
             check_hello(hello, reads=(read.port for read in self._own.reads), writes=self._own.writes)
         except ContractError as error:
             raise program.fault(str(error)) from error
-        program.say("ParticipantBriefing", codec.encode(self._briefing(episode)))
+        program.send("ParticipantBriefing", codec.encode(self._briefing(episode)))
         return {}
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:
@@ -321,7 +321,7 @@ class ExternalCore:
             )
 
     def close(self) -> None:
-        """Tell the program the end, and end it."""
+        """Send the program the end of the run, and end it."""
         program, self._program = self._program, None
         if program is not None:
             program.end(END_REASON)
@@ -335,8 +335,8 @@ class ExternalCore:
         program = self._running()
         what = f"an answer to the inputs of tick {tick}"
         program.check_silence(f"no answer before the inputs of tick {tick}")
-        program.say("ParticipantInputs", inputs)
-        payload = program.hear(ParticipantOutputs, what, within_s=self._own.answer_within_s)
+        program.send("ParticipantInputs", inputs)
+        payload = program.receive(ParticipantOutputs, what, within_s=self._own.answer_within_s)
         try:
             answers = read_outputs(payload, tick, self._own.writes)
         except ContractError as error:

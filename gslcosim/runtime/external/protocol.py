@@ -59,7 +59,7 @@ def find_declaration_problems(
     Args:
         scenario: The scenario.
         services: The names of all services that there are, whether the run has them or not.
-        specs: All participants of the run, doors of agents and these among them.
+        specs: All participants of the run, sessions of agents and these among them.
     """
     found = [*_find_reserved_names(scenario, services), *_find_unknown_ports(scenario, specs)]
     if found:
@@ -136,11 +136,11 @@ def check_hello(hello: ParticipantHello, *, reads: Iterable[str], writes: Iterab
     Raises:
         ContractError: it was made for others.
     """
-    for key, told, declared in (("reads", hello.reads, tuple(reads)), ("writes", hello.writes, tuple(writes))):
-        if {*told} != {*declared}:
+    for key, answered, declared in (("reads", hello.reads, tuple(reads)), ("writes", hello.writes, tuple(writes))):
+        if {*answered} != {*declared}:
             raise ContractError(
                 f"ParticipantHello: {key}: expected what the scenario declares, {_join_words(declared)}, was "
-                f"{_join_words(told)}. Correct the scenario or the program."
+                f"{_join_words(answered)}. Correct the scenario or the program."
             )
 
 

@@ -80,7 +80,7 @@ class ProcessLog:
 
     def _copy(self) -> None:
         n_kept = n_dropped = 0
-        # A disk without room costs the log, not the flight: what the run needs itself is told by who writes it.
+        # A disk without room costs the log, not the run: what the run needs itself is reported by its writer.
         with contextlib.suppress(OSError):
             while data := os.read(self._from, _LOG_READ_BYTES):
                 kept = data[: self._most_bytes - n_kept]
@@ -106,7 +106,7 @@ EXIT_TIMEOUT_S = 3.0
 TERM_TIMEOUT_S = 2.0
 # A descendant that has left the process group may hold its output open for ever.
 LOG_TIMEOUT_S = 0.5
-# What a process of a run is told in its environment.
+# What a process of a run gets in its environment.
 JOIN_VARIABLES = (JOIN_VARIABLE, "GSLCOSIM_AGENT", "GSLCOSIM_GATEWAY", "GSLCOSIM_TOKEN")
 
 
@@ -150,7 +150,7 @@ class ChildProcesses:
     """All processes that the supervisor has started; leaving the context ends them.
 
     Args:
-        on_exit: Is told a process that has ended, its exit code, and in words how it ended, on a thread of its own.
+        on_exit: Receives a process that has ended, its exit code, and in words how it ended, on a thread of its own.
     """
 
     def __init__(self, on_exit: Callable[[str, int, str], object]) -> None:
@@ -216,7 +216,7 @@ class ChildProcesses:
         cwd: Path,
         confinement: Confinement | None = None,
     ) -> tuple[FileIO, FileIO]:
-        """Start a process as `start_guest`, but return its standard input and output; only its errors are logged.
+        """Start a process as `start`, but return its standard input and output; only its errors are logged.
 
         Raises:
             UsageError: the command cannot be started.
@@ -318,7 +318,7 @@ class ChildProcesses:
             self.wait(TERM_TIMEOUT_S)
         for child in self._children.values():
             child.signal_group(signal.SIGKILL)
-        # Who forked one may be stopped and not tell its end; it is ended next, and Linux ends the forks with it.
+        # Who forked one may be stopped and not report its end; it is ended next, and Linux ends the forks with it.
         self.wait(TERM_TIMEOUT_S)
         for log in self._logs:
             log.wait(LOG_TIMEOUT_S)
@@ -349,9 +349,9 @@ MIN_PAUSE_S = 1.0
 
 
 class PauseDetector:
-    """Tells from looks that come many times a second which time nobody has lived through.
+    """Finds from looks that come many times a second which time nobody has lived through.
 
-    What has been waited for meanwhile is not late: whoever keeps deadlines moves them by that time. It reads no clock:
+    What has been waited for meanwhile is not late: holders of deadlines move them by that time. It reads no clock:
     times [s] of a monotonic one are handed in. That clock does not run while a machine is suspended.
     """
 
@@ -373,7 +373,7 @@ _MAX_LAUNCHER_DEPTH = 8
 
 
 def can_detect_stops() -> bool:
-    """Return whether this machine tells which processes are stopped."""
+    """Return whether this machine shows which processes are stopped."""
     return sys.platform == "linux" and _read_state(os.getpid()) is not None
 
 
@@ -420,7 +420,7 @@ class StopMonitor:
 
     Args:
         pids: Returns the processes by name; 0 stands for one that has not begun.
-        on_stopped: Is told a name, on the watch's thread.
+        on_stopped: Receives a name, on the watch's thread.
     """
 
     def __init__(self, pids: Callable[[], Mapping[str, int]], on_stopped: Callable[[str], object]) -> None:
@@ -441,13 +441,13 @@ class StopMonitor:
             self._thread.join()
 
     def _watch(self) -> None:
-        told: set[str] = set()
+        reported: set[str] = set()
         while not self._is_over.wait(STOP_POLL_PERIOD_S):
             pids = {name: pid for name, pid in self._pids().items() if pid}
             stopped = [name for name, pid in pids.items() if is_stopped(pid)]
             for name in self._stops.look(stopped, time.monotonic()):
-                if name not in told:
-                    told.add(name)
+                if name not in reported:
+                    reported.add(name)
                     self._on_stopped(name)
                 _kill(pids[name])
 

@@ -58,7 +58,7 @@ def read_cpu_s() -> float:
 def read_memory_bytes() -> int | None:
     """Return the memory of this process: what it alone holds, and its share of what it has in common with others.
 
-    None where the system does not tell.
+    None where the system does not say.
     """
     with contextlib.suppress(OSError, ValueError, IndexError):
         for line in _ROLLUP.read_text().splitlines():

@@ -1,8 +1,8 @@
 """Daemon of `gslcosim serve`: imports and warms up once, then forks the supervisor of each run asked for.
 
-It has one thread, holds nothing of any run, and forks only while it has one. A fork has the whole flight to itself: it
+It has one thread, holds nothing of any run, and forks only while it has one. A fork has the whole run to itself: it
 forks the run's own fork server first, takes over the caller's streams, folder and environment, and flies. So what is
-warm is what was imported, and nothing else differs from a flight without a server.
+warm is what was imported, and nothing else differs from a run without a server.
 """
 
 import contextlib
@@ -47,7 +47,7 @@ REQUEST_TIMEOUT_S = 10.0
 END_TIMEOUT_S = 20.0
 _POLL_PERIOD_S = 0.05
 _BACKLOG = 64
-# What a flight imports besides what its services share.
+# What a run imports besides what its services share.
 _SUPERVISOR_MODULES = (
     "gslcosim.runtime.run",
     "gslcosim.runtime.distributed.process_launch",
@@ -68,7 +68,7 @@ def serve_daemon(fly: CommandRunner, *, announce: Callable[[Path], None]) -> Non
 
     Args:
         fly: Flies a command line with a fork server, and returns its exit code; called in a fork.
-        announce: Is told the socket as soon as it is listened at.
+        announce: Receives the socket as soon as it is listened at.
 
     Raises:
         UsageError: there is a server already, or its folder belongs to others.
@@ -192,7 +192,7 @@ class _Daemon:
                 self._reap()
 
     def end_flights(self) -> None:
-        """Interrupt all flights, wait for their ends in order, and kill what is left."""
+        """Interrupt all runs, wait for their ends in order, and kill what is left."""
         for number, limit_s in ((signal.SIGINT, END_TIMEOUT_S), (signal.SIGKILL, 1.0)):
             for pid in self._flights:
                 with contextlib.suppress(ProcessLookupError):

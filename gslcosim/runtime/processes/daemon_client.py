@@ -34,7 +34,7 @@ def get_daemon_socket() -> Path:
 
 
 def get_daemon_secret_file() -> Path:
-    """Return the file with what a caller has to know; it is made anew by each server, and hidden from sandboxes."""
+    """Return the file with what a caller has to know; it is made again by each server, and hidden from sandboxes."""
     return get_daemon_folder() / "secret"
 
 
@@ -102,7 +102,7 @@ def run_on_daemon(words: Sequence[str]) -> int:
     Raises:
         UsageError: there is no server, or it has ended, does not answer, has imported other code, or it and this
             process are not confined alike.
-        SimulationFault: the flight's process has ended without a word.
+        SimulationFault: the run's process has ended without a word.
     """
     # The streams are those of this process, so that nothing of it may wait in them.
     sys.stdout.flush()
@@ -182,7 +182,7 @@ def _iter_answers(connection: socket.socket) -> Iterator[dict[str, Any]]:
         yield from (json.loads(line) for line in lines)
 
 
-# A signal reaches this process only: the flight is in a session of its own.
+# A signal reaches this process only: the run is in a session of its own.
 def _read_result(connection: socket.socket, answers: Iterator[dict[str, Any]]) -> dict[str, Any] | None:
     def interrupt(number: int, frame: object) -> None:
         del number, frame

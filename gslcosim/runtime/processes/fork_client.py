@@ -49,7 +49,7 @@ class ForkedProcess:
 
     @property
     def pid(self) -> int:
-        """Its number, 0 until the server has told it."""
+        """Its number, 0 until the server has sent it."""
         return self._pid
 
     def poll(self) -> int | None:
@@ -224,11 +224,11 @@ class ForkServer:
         """Let a fork compile the kernels of a scenario's services while its environment is made, as far as it comes.
 
         Args:
-            scenario: What will be flown; its environment is any but one with a `path`.
+            scenario: What will be run; its environment is any but one with a `path`.
             directory: Where its relative paths start.
 
         Returns:
-            The fork; None where the server has ended, which whoever asks for a service is told.
+            The fork; None where the server has ended, which the caller is informed of.
         """
         from gslcosim.runtime.early_warmup import build_warmup_request
 
@@ -262,7 +262,7 @@ class ForkServer:
         return "\n" + "\n".join(lines) if lines else ""
 
     def wake(self) -> None:
-        """Let the server go on where it has been stopped: it tells how its forks end."""
+        """Let the server go on where it has been stopped: it reports how its forks end."""
         with contextlib.suppress(ProcessLookupError):
             os.kill(self._process.pid, signal.SIGCONT)
 
@@ -291,7 +291,7 @@ class ForkServer:
             while received := self._socket.recv(1 << 16):
                 *lines, unread = (unread + received).split(b"\n")
                 for line in lines:
-                    self._hear(json.loads(line))
+                    self._receive(json.loads(line))
         with self._lock:
             self._is_gone = True
         # Linux has killed them with it.
@@ -299,7 +299,7 @@ class ForkServer:
             if process.poll() is None:
                 process.mark_ended(-signal.SIGKILL)
 
-    def _hear(self, answer: dict[str, str | int]) -> None:
+    def _receive(self, answer: dict[str, str | int]) -> None:
         name = str(answer.get("started") or answer.get("ended"))
         process = self._forked.get(name)
         if process is None:

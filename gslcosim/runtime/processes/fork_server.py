@@ -82,7 +82,7 @@ def exit_fork(code: int) -> NoReturn:
     os._exit(code)
 
 
-# A service without a log can fly; what ends it is told over the bus.
+# A service without a log can fly; what ends it is reported over the bus.
 def _redirect_output(log: str) -> None:
     nothing = os.open(os.devnull, os.O_RDWR)
     try:
@@ -152,7 +152,7 @@ def _preforked_main(
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         for fd in unwanted:
             os.close(fd)
-        # What cannot be imported is told by the service that needs it, in its log.
+        # What cannot be imported is reported by the service that needs it, in its log.
         with contextlib.suppress(Exception):
             import_early()
         request = b""
@@ -175,22 +175,22 @@ def main(fd: int) -> None:
     keep_memory_private()
     # What is imported stays; looking through it for garbage would take a fifth of the start.
     gc.disable()
-    apprentices = prefork_children(fd)
+    children = prefork_children(fd)
     import_shared_modules()
     gc.freeze()
-    serve_requests(socket.socket(fileno=fd), apprentices)
+    serve_requests(socket.socket(fileno=fd), children)
 
 
-def serve_requests(requests: socket.socket, apprentices: dict[str, PreforkedChild]) -> None:
+def serve_requests(requests: socket.socket, children: dict[str, PreforkedChild]) -> None:
     """Serve requests from a socket until its other end is closed; what services share has been imported.
 
     Args:
         requests: The socket.
-        apprentices: By the service that each will become.
+        children: By the service that each will become.
     """
     # Ctrl-C is the supervisor's to handle.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _Server(requests, apprentices).serve()
+    _Server(requests, children).serve()
 
 
 def prefork_children(fd: int) -> dict[str, PreforkedChild]:
@@ -201,13 +201,13 @@ def prefork_children(fd: int) -> dict[str, PreforkedChild]:
     """
     from gslcosim.runtime.services import default_services
 
-    apprentices: dict[str, PreforkedChild] = {}
+    children: dict[str, PreforkedChild] = {}
     with contextlib.suppress(OSError):
         for kind in default_services():
             if kind.import_early is not None:
-                others = [apprentice.fd for apprentice in apprentices.values()]
-                apprentices[kind.name] = PreforkedChild(kind.import_early, [fd, *others])
-    return apprentices
+                others = [child.fd for child in children.values()]
+                children[kind.name] = PreforkedChild(kind.import_early, [fd, *others])
+    return children
 
 
 def import_shared_modules() -> None:
@@ -223,7 +223,7 @@ def import_shared_modules() -> None:
                 importlib.import_module(module)
     # The first kernel that a process calls loads numba's compiler, a fifth of a second: once here, not in each fork.
     importlib.import_module("gslcosim.environment.ray_kernels").to_next_border(0.5, 0, 1.0)
-    # Each service tells it; it is made from the descriptions of all messages.
+    # Each service states it; it is made from the descriptions of all messages.
     importlib.import_module("gslcosim.contract.schema").get_contract_hash()
 
 
@@ -239,9 +239,9 @@ def _environment_variable(name: str, value: str) -> Generator[None]:
 
 
 class _Server:
-    def __init__(self, requests: socket.socket, apprentices: dict[str, PreforkedChild]) -> None:
+    def __init__(self, requests: socket.socket, children: dict[str, PreforkedChild]) -> None:
         self._requests = requests
-        self._apprentices = apprentices
+        self._preforked = children
         self._unread = b""
         self._names: dict[int, str] = {}
         self._woken, self._waker = os.pipe()
@@ -288,9 +288,9 @@ class _Server:
 
     def _start(self, request: dict[str, Any]) -> None:
         name = str(request["name"])
-        apprentice = self._apprentices.pop(name, None) if request.get("services") == [name] else None
-        if apprentice is not None and apprentice.take(request):
-            self._has_started(name, apprentice.pid)
+        child = self._preforked.pop(name, None) if request.get("services") == [name] else None
+        if child is not None and child.take(request):
+            self._has_started(name, child.pid)
         else:
             self._fork(name, request)
 
@@ -313,15 +313,15 @@ class _Server:
 
     @property
     def _open_descriptors(self) -> list[int]:
-        apprentices = [apprentice.fd for apprentice in self._apprentices.values()]
-        return [self._requests.fileno(), self._woken, self._waker, *apprentices]
+        children = [child.fd for child in self._preforked.values()]
+        return [self._requests.fileno(), self._woken, self._waker, *children]
 
     def _dismiss_apprentices(self) -> None:
-        for apprentice in self._apprentices.values():
-            apprentice.shut_down()
+        for child in self._preforked.values():
+            child.shut_down()
             with contextlib.suppress(ChildProcessError):
-                os.waitpid(apprentice.pid, 0)
-        self._apprentices.clear()
+                os.waitpid(child.pid, 0)
+        self._preforked.clear()
 
     def _tell_who_ended(self) -> None:
         with contextlib.suppress(ChildProcessError):

@@ -1,5 +1,5 @@
 """Runs on several hosts: the server on the run's own host, and how another host joins with services or an agent.
 
-From outside: `taking_part.serve_from_here` and `agents_from_here.fly_agent_from_here` are the two lives of
-`gslcosim join`; `offering.Offering` is the side of the host that flies the run.
+`service_join.join_as_services` and `agent_join.join_as_agent` are the two forms of `gslcosim join`;
+`run_server.RunServer` is the side of the run's own host.
 """

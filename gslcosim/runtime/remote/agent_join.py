@@ -55,7 +55,7 @@ def join_as_agent(joined: JoinFile, command: Sequence[str], *, say: ProgressHand
     Args:
         joined: The agent's join file.
         command: Its command line.
-        say: Is told how it goes.
+        say: Receives progress reports.
 
     Raises:
         SimulationFault: it has ended otherwise.

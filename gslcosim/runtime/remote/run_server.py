@@ -43,7 +43,7 @@ class SoftwareVersions(BaseModel):
     """Versions that have to be equal on all hosts of a run, so that it has the digest that it has on one.
 
     `code` is a hash of gslcosim's own code without comments and layout, `contract` that of the messages. `processor`
-    is told and not compared: on another one the last bits of a result may be others.
+    is reported and not compared: on another one the last bits of a result may be others.
     """
 
     model_config = ConfigDict(frozen=True, extra="ignore")
@@ -256,7 +256,7 @@ ProgressHandler = Callable[[str], None]
 
 
 def fetch_offer(bus: Bus) -> RunOffer:
-    """Return what the run's own host tells of it.
+    """Return what the run's own host offers.
 
     Raises:
         RunTimeoutError: it does not answer.
@@ -315,7 +315,7 @@ def fetch_environment(bus: Bus, offer: OfferedEnvironment, say: ProgressHandler)
     Args:
         bus: The connection to the run.
         offer: What it offers.
-        say: Is told how far it has come.
+        say: Receives how far it has come.
 
     Raises:
         RunTimeoutError: a piece does not come.

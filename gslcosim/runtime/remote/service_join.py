@@ -54,7 +54,7 @@ def join_as_services(
         join: How to join the run.
         names: The services.
         runs_dir: Where a folder for what this host writes is made; where the run's own folder is here too, in that.
-        say: Is told how it goes.
+        say: Receives progress reports.
         is_trusted: Whether programs that the run's scenario names are started here, for its own models.
 
     Raises:
@@ -64,7 +64,7 @@ def join_as_services(
         SimulationFault: it cannot be joined.
     """
     keep_memory_private()
-    # Who ends this process otherwise than by Ctrl-C is told of in the same way.
+    # Who ends this process otherwise than by Ctrl-C is reported in the same way.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with ZenohBus.open_member(join) as bus:
         offer = fetch_offer(bus)
@@ -102,7 +102,7 @@ def check_offer(offer: RunOffer, names: Sequence[str], here: SoftwareVersions) -
     """Refuse to take part where the run does not want it, or its digest would not be what it is on one host.
 
     Args:
-        offer: What the run tells of itself.
+        offer: The offer of the run.
         names: The services that would be served.
         here: What this host has.
 

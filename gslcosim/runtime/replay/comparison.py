@@ -47,11 +47,11 @@ class RunComparison:
         if kinship is None or divergence is None:
             return cls(a=digests[0], b=digests[1], divergence=divergence, kinship=kinship, told_otherwise=())
         briefings = {port for digest in digests for port in digest.trails if _find_briefed_agent(port)}
-        told = tuple(sorted(_find_briefed_agent(port) for port in briefings if not _are_equal(port, *digests)))
+        agents = tuple(sorted(_find_briefed_agent(port) for port in briefings if not _are_equal(port, *digests)))
         # A fork that had no events and has some now is the same until one of them happens.
         other = briefings | ({EVENTS} if len([1 for digest in digests if EVENTS in digest.trails]) == 1 else set[str]())
         later = find_first_divergence(*(digest.without(other) for digest in digests))
-        return cls(a=digests[0], b=digests[1], divergence=later or divergence, kinship=kinship, told_otherwise=told)
+        return cls(a=digests[0], b=digests[1], divergence=later or divergence, kinship=kinship, told_otherwise=agents)
 
 
 def _find_fork_relation(a: Path, b: Path) -> ForkRelation | None:

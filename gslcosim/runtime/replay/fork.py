@@ -31,7 +31,7 @@ from gslcosim.scenario.yaml_tree import read_yaml
 class Fork:
     """A run to fork, the tick from which agents' own answers count, and the scenario from there on.
 
-    `snapshot` is where it is flown from, absent where from the start; `note` says why one that is there is not used.
+    `snapshot` is where it is run from, absent where from the start; `note` says why one that is there is not used.
     """
 
     past: PastRun
@@ -56,7 +56,7 @@ class Fork:
 
 @dataclass(frozen=True, kw_only=True)
 class ForkResult:
-    """A fork flown: the flight, and where its past is not that of the run it forks, which must not be."""
+    """A fork flown: the run, and where its past is not that of the run it forks, which must not be."""
 
     flight: RunResult
     divergence: Divergence | None
@@ -82,7 +82,7 @@ def prepare_fork(
         at_s: From when on agents' own answers count [s of simulated time].
         overrides: Values to replace in its scenario, such as `agents[0].parameters.step_m=2`.
         checks: Further rules of scenarios; see `load_scenario`.
-        uses_snapshots: Whether it may be flown from a snapshot of the run, where there is one at or before the time.
+        uses_snapshots: Whether it may be run from a snapshot of the run, where there is one at or before the time.
 
     Raises:
         UsageError: the time is none of the run's, its log is not whole, or what it would change is past by then.
@@ -118,17 +118,17 @@ def run_fork(
     fork_server: ForkServer | None = None,
     report: Callable[[RunStatus], None] = lambda _: None,
 ) -> ForkResult:
-    """Fly a fork and compare its past with that of the run, to the bit.
+    """Run a fork and compare its past with that of the run, to the bit.
 
     Args:
-        fork: What is flown.
+        fork: What is run.
         runs_dir: Where the new run's folder is made.
         processes: How the run is spread over processes; absent: as the scenario says.
         fork_server: Forks the services; absent: one is started where it is needed.
-        report: Is told how preparation and flight go.
+        report: Receives the status of the run.
 
     Raises:
-        GslCosimError: it cannot be flown at all; see `run_scenario`.
+        GslCosimError: it cannot be run at all; see `run_scenario`.
     """
     past = fork.past
     repetition = PriorRun(
@@ -177,7 +177,7 @@ def _check_agents(fork: Fork) -> None:
             )
 
 
-# What agents are told may be other, and what is recorded; everything else was to be the same.
+# What agents are sent may be other, and what is recorded; everything else was to be the same.
 def _find_past_divergence(fork: Fork, run_dir: RunDir) -> Divergence | None:
     if fork.past.digest is None or not run_dir.digest.is_file():
         return None

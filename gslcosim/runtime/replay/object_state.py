@@ -239,7 +239,7 @@ Node = dict[str, Any]
 
 
 class StateReader:
-    """Reads one state; see `StateKeeper`."""
+    """Reads one state; see `ObjectState`."""
 
     def __init__(self, known: Baseline, packages: frozenset[str]) -> None:
         self._known = known
@@ -248,7 +248,7 @@ class StateReader:
         self._index: dict[int, int] = {}
         # So that no identity is given away twice.
         self._alive: list[Any] = []
-        self._way: list[str] = []
+        self._path: list[str] = []
 
     def read(self, root: object) -> dict[str, Any]:
         """Return the state of an object."""
@@ -266,11 +266,11 @@ class StateReader:
             return ["s", value.dtype.str, value.tobytes()]
         if id(value) in self._index:
             return ["n", self._index[id(value)]]
-        self._way.append(label)
+        self._path.append(label)
         try:
             return self._reference_to_thing(value)
         finally:
-            self._way.pop()
+            self._path.pop()
 
     def _reference_to_thing(self, value: Any) -> Any:
         found = self._known.of(value)
@@ -291,9 +291,9 @@ class StateReader:
         self._fill(node, value, found)
         return ["n", index]
 
-    # One that was made anew in the same place, of settings alone, does the same.
+    # One that was made again in the same place, of settings alone, does the same.
     def _known_function(self, value: FunctionType) -> str | None:
-        found = self._known.at("".join(self._way))
+        found = self._known.at("".join(self._path))
         if found is None or getattr(found.value, "__code__", None) is not value.__code__:
             return None
         cells = [cell.cell_contents for cell in value.__closure__ or ()]
@@ -372,7 +372,7 @@ class StateReader:
         if before is not None and (gone := [name for name in before if name not in attributes]):
             node["g"] = gone
 
-    # Views are told as such: what they share goes on being shared, and kernels are compiled for how they lie.
+    # Views are stored as such: what they share goes on being shared, and kernels are compiled for how they lie.
     def _fill_array(self, node: Node, value: "np.ndarray[Any, Any]", found: BaselineEntry | None) -> None:
         if value.dtype.hasobject:
             raise self._cannot_keep(value)
@@ -396,7 +396,7 @@ class StateReader:
     def _cannot_keep(self, value: Any) -> SnapshotError:
         kind = type(value)
         return SnapshotError(
-            f"{''.join(self._way) or 'the core'}: expected something whose state can be kept, was a "
+            f"{''.join(self._path) or 'the core'}: expected something whose state can be kept, was a "
             f"{kind.__module__}.{kind.__qualname__}."
         )
 
@@ -419,7 +419,7 @@ _CONTAINER_TYPES_BY_NAME: dict[str, type] = {"list": list, "dict": dict, "odict"
 
 
 class StateWriter:
-    """Writes one state; see `StateKeeper`."""
+    """Writes one state; see `ObjectState`."""
 
     def __init__(self, known: Baseline, packages: frozenset[str]) -> None:
         self._known = known

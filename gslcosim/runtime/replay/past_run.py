@@ -95,7 +95,7 @@ class PastRun:
         """Hold `inputs.log` against the chains of commands in `digest.json`, where there is one.
 
         Raises:
-            UsageError: the run was flown elsewhere and imported, or a command is missing, is one too many, or is
+            UsageError: the run was run elsewhere and imported, or a command is missing, is one too many, or is
                 another than the one that took effect.
         """
         self.check_flown_here()
@@ -147,16 +147,16 @@ def read_recorded_commands(path: Path) -> dict[str, dict[int, Command]]:
 
 
 def find_environment(past: PastRun, report: Callable[[RunStatus], None]) -> Path:
-    """Return the folder of the room in which a run was flown, made anew where it is gone.
+    """Return the folder of the room in which a run was run, made again where it is gone.
 
     Raises:
-        EnvironmentDataError: the room is not the one that was flown in.
+        EnvironmentDataError: the room is not the one that was run in.
     """
     folder = Path(past.run_dir.load_setup()["environment"])
     try:
         environment = load_environment(folder)
     except EnvironmentDataError:
-        # It was in the cache, and is made anew.
+        # It was in the cache, and is made again.
         folder = prepare_environment(
             past.scenario,
             scenario_dir=past.run_dir.path,

@@ -38,9 +38,9 @@ from gslcosim.scenario.models.scenario import RecordingSpec, SnapshotsSpec
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayResult:
-    """A run flown again: the flight, and where it differs from the past one; `n_ticks` of both were compared.
+    """A run run again: the run, and where it differs from the past one; `n_ticks` of both were compared.
 
-    `snapshot` is where it was flown from, absent where from the start; `note` says why one that is there was not used.
+    `snapshot` is where it was run from, absent where from the start; `note` says why one that is there was not used.
     """
 
     flight: RunResult
@@ -69,7 +69,7 @@ class RecordedTransport:
         self._put = put
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
-        """Do nothing: nobody decides anew."""
+        """Do nothing: nobody decides again."""
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
         """Answer where the agent was asked."""
@@ -107,7 +107,7 @@ def replay_run(
 ) -> ReplayResult:
     """Repeat a run in this process, without its agents, and compare it with the past one to the bit.
 
-    A run that came to no verdict is flown as far as all its services had come.
+    A run that came to no verdict is run as far as all its services had come.
 
     Args:
         past: The run.
@@ -116,11 +116,11 @@ def replay_run(
         until_s: Where to end [s of simulated time]; absent: where the run ended.
         snapshots_every_s: Take snapshots so often; absent: as the run did.
         uses_snapshots: Whether it may begin at a snapshot before `recording.from_s`, where there is one.
-        report: Is told how preparation and flight go.
+        report: Receives the status of the run.
 
     Raises:
-        UsageError: it was flown elsewhere, it cannot be recorded like that, or the end is none of the run's.
-        EnvironmentDataError: the room is not the one that was flown in.
+        UsageError: it was run elsewhere, it cannot be recorded like that, or the end is none of the run's.
+        EnvironmentDataError: the room is not the one that was run in.
     """
     past.check_flown_here()
     began = time.perf_counter()
@@ -132,7 +132,7 @@ def replay_run(
     outcome, flight = run_into_directory(
         scenario,
         environment_dir,
-        lambda setup, told: _execute(past, setup, until_tick, told),
+        lambda setup, progress: _execute(past, setup, until_tick, progress),
         runs_dir=runs_dir,
         processes="one",
         began=began,
@@ -173,20 +173,20 @@ def _find_last_tick(past: PastRun, until_s: float | None) -> int | None:
 
 def _execute(past: PastRun, setup: RunSetup, until_tick: int | None, report: Callable[[RunStatus], None]) -> RunOutcome:
     events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
-    # An agent in free mode was not asked: what took effect when is known of its door alone.
-    told = replace(setup, past=RecordedCommands(commands=past.commands, until_tick=past.last_tick + 1))
-    desks = {
+    # An agent in free mode was not asked: what took effect when is known of its session alone.
+    recorded = replace(setup, past=RecordedCommands(commands=past.commands, until_tick=past.last_tick + 1))
+    sessions = {
         agent.name: build_session(
             agent,
-            told if agent.is_free else setup,
+            recorded if agent.is_free else setup,
             RecordedTransport(agent.name, None if agent.is_free else past.commands.get(agent.name, {}), events.put),
         )
         for agent in setup.scenario.agents
     }
-    for desk in desks.values():
-        desk.is_ready = True
+    for session in sessions.values():
+        session.is_ready = True
     with Interruption() as interruption:
-        flight = InProcessRun(setup, desks, events, report, until_tick=until_tick)
+        flight = InProcessRun(setup, sessions, events, report, until_tick=until_tick)
         return flight.fly(interruption.is_set)
 
 

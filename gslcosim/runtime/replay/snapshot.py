@@ -246,7 +246,7 @@ class Snapshot:
             for port, payload in self.part(spec.name).outputs
         ]
 
-    def told(self) -> Iterator[list[tuple[str, bytes]]]:
+    def read_observations(self) -> Iterator[list[tuple[str, bytes]]]:
         """Yield for each tick before the snapshot the observations, by agent."""
         streams = [read_observations(self.folder.parent / OBSERVATIONS_FOLDER, agent) for agent in self.agents]
         for _ in range(self.tick):
@@ -284,7 +284,7 @@ def find_nearest_snapshot(
 
     Args:
         run_dir: The run's folder.
-        scenario: The run's; what its agents were told must be there too.
+        scenario: The run's; what its agents were sent must be there too.
         participants: Those whose parts it takes.
         until_tick: The tick.
     """
@@ -295,7 +295,7 @@ def find_nearest_snapshot(
         try:
             for participant in participants:
                 snapshot.part(participant)
-            for _ in snapshot.told():
+            for _ in snapshot.read_observations():
                 pass
         except SnapshotError as error:
             reason = (

@@ -221,7 +221,7 @@ def _unknown_gases(values: dict[str, Any]) -> Iterator[Problem]:
                 yield replace(problem, remedy=f"A {sensor} is no MOX sensor.") if is_other else problem
 
 
-# What is estimated from a MOX sensor's reading is told under the sensor's name with an ending.
+# What is estimated from a MOX sensor's reading is reported under the sensor's name with an ending.
 def _taken_by_estimates(values: dict[str, Any]) -> Iterator[Problem]:
     for i, agent in blocks_in(values, "agents"):
         sensors = blocks_in(agent, "sensors")

@@ -60,7 +60,7 @@ class PlaybackSpec(Spec):
     """Stored gas: a `folder` of frames of GADEN, GSL-Bench or AutoGDM+, or a movie (`.npz`).
 
     `period_s` is the time between frames (absent: 1 s for GSL-Bench, 0.5 s for GADEN; a movie has times of its own);
-    with `loop` time begins anew after the last frame, otherwise the last one stays.
+    with `loop` time begins again after the last frame, otherwise the last one stays.
     """
 
     folder: str = Field(description="frames of GADEN, GSL-Bench or AutoGDM+, or a movie (.npz)")

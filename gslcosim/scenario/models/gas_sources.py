@@ -14,7 +14,7 @@ from gslcosim.scenario.models.one_of import KindedSpec
 class ReleaseSpec(KindedSpec):
     """Times at which filaments are born.
 
-    `constant` evenly, `poisson` independently of each other; `variable` draws a rate from 0 to `filaments_per_s` anew
+    `constant` evenly, `poisson` independently of each other; `variable` draws a rate from 0 to `filaments_per_s` again
     every `interval_s`; `intermittent` releases for `on_s` and pauses for `off_s`; `scheduled` changes the rate as
     `schedule` says: pairs of time [s since the start of the warm-up] and filaments per second, times ascending.
     """

@@ -153,7 +153,7 @@ class MagnetometerSensorSpec(MeasuringSensorSpec, OnBoardSensorSpec):
 
 
 class PoseSensorSpec(OnBoardSensorSpec):
-    """A localization system; the pose that an agent is told is then this one."""
+    """A localization system; the pose that an agent gets is then this one."""
 
     pose: PoseSpec = Field(default=PoseSpec(), description="its errors")
 

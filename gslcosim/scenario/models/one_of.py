@@ -23,7 +23,7 @@ from gslcosim.scenario.models.base import Spec, broken_rule_error
 # Told apart by identity: annotations are hashed.
 @dataclass(frozen=True, eq=False)
 class OneOf:
-    """Says of an annotation that its block is one of several kinds, told apart by the key `tag_key`.
+    """Says of an annotation that its block is one of several kinds, distinguished by the key `tag_key`.
 
     It stands in `Annotated[Base, OneOf(...)]`. A block is validated as its kind; the places of problems have the kind
     between the block and its key, as those of pydantic's own tagged unions have.

@@ -6,7 +6,7 @@ from pydantic import AfterValidator, Field
 
 from gslcosim.scenario.models.base import Positive, Spec, broken_rule_error
 
-# What a run tells its processes there.
+# What a run gives its processes there.
 _OUR_PREFIX = "GSLCOSIM_"
 
 

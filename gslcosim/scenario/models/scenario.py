@@ -271,7 +271,7 @@ class VehicleSpec(Spec):
 
 
 class KnowledgeSpec(Spec):
-    """The knowledge that an agent is granted beyond its sensors, told in its briefing; `result.json` says so.
+    """The knowledge that an agent is granted beyond its sensors, given in its briefing; `result.json` says so.
 
     `map` is the occupancy of the room: `true` or `2d` cut at the agent's search height, `3d` the whole of it.
     `plume` are nominal figures of the plume: strength, spread, wind speed. `source` are the places of the sources, for

@@ -1,4 +1,4 @@
-"""Success criteria: a block for each, with what agents are told and what is recorded of it.
+"""Success criteria: a block for each, with what agents are sent and what is recorded of it.
 
 The blocks hold settings and words. `gslcosim_services.referee.success` judges by them.
 """
@@ -37,7 +37,7 @@ class SuccessSpec(Spec):
         """Distance to a source that the shortest sufficient path has to reach [m].
 
         0: to the source itself, where nothing has to be approached. None: the way to one source does not suffice, and
-        no shortest way is told.
+        no shortest way is reported.
         """
         return 0.0
 
@@ -118,7 +118,7 @@ class DeclarationSuccess(_PlaceSpec):
 class AllSourcesSuccess(_PlaceSpec):
     """The vehicle has been within `within_m` of every source, in any order; each agent for itself.
 
-    With `horizontal` heights do not count: distances are those in the plane. Agents are not told how many sources
+    With `horizontal` heights do not count: distances are those in the plane. Agents do not learn how many sources
     there are.
     """
 

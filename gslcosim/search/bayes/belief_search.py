@@ -41,7 +41,7 @@ def mass_around(p: Array, reach_cells: int) -> Array:
 
 
 def expected_information_bits(p: Array, chance: Array) -> Array:
-    """Return how much the next finding, gas or none, is expected to tell of the source, for a sensor in each cell.
+    """Return how much the next finding, gas or none, is expected to yield about the source, for a sensor in each cell.
 
     I(x) = h(sum over s of p(s) F(s - x)) - sum over s of p(s) h(F(s - x)),  h(q) = -q log2 q - (1 - q) log2(1 - q)
     [bit]; F(o) chance that gas is detected of a source at the offset o from the sensor
@@ -90,9 +90,9 @@ def choose_goal(
     Held by:
         tests/unit/search/bayes/test_source_goals.py
     """
-    ways_m = distances_m(grid, here_m)
-    per_metre = worth if math.isinf(near_m) else worth / (ways_m + near_m)
-    far = goals & (ways_m >= least_m)
+    lengths_m = distances_m(grid, here_m)
+    per_metre = worth if math.isinf(near_m) else worth / (lengths_m + near_m)
+    far = goals & (lengths_m >= least_m)
     i, j = np.unravel_index(int(np.where(far if far.any() else goals, per_metre, -1.0).argmax()), grid.shape)
     x_m, y_m = grid.centre_m((int(i), int(j)))
     return x_m, y_m
@@ -136,8 +136,8 @@ class GoalNavigator:
         """Return the command for the next step towards a goal, world frame [m]."""
         self._goal_m = goal_m
         pilot, here_m = self.flights.pilot, observation.position_world_m[:2]
-        way_m = shortest_path(self.flights.flyable, self.flights.grid, here_m, goal_m)
-        bend_m = goal_m if way_m is None or len(way_m) < 2 else (float(way_m[1][0]), float(way_m[1][1]))
+        path_m = shortest_path(self.flights.flyable, self.flights.grid, here_m, goal_m)
+        bend_m = goal_m if path_m is None or len(path_m) < 2 else (float(path_m[1][0]), float(path_m[1][1]))
         return pilot.leg(observation, step_towards_m(here_m, bend_m, self._step_m), hold_s=hold_s)
 
     def is_goal(self, place_m: Sequence[float]) -> bool:
@@ -146,7 +146,7 @@ class GoalNavigator:
         return cell is not None and bool(self.goals[cell])
 
     def note_refusal(self, observation: Observation) -> None:
-        """Give up the last goal if the vehicle tells that it could not go on; call it before the next is chosen."""
+        """Give up the last goal if the notice says that it could not go on; call it before the next is chosen."""
         if self._goal_m is None or not self.flights.pilot.was_refused(observation):
             return
         left = self.goals & (distances_m(self.flights.grid, self._goal_m) > self._radius_m)
@@ -177,11 +177,11 @@ _SURGE_WIND_S = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class BeliefSearchSettings:
-    """Settings that searches with a belief share; each card tells their values and where they come from. Those with a
+    """Settings that searches with a belief share; each card gives their values and where they come from. Those with a
     default here are not in the card of every method.
 
     `cell_m` and `max_cells` make the grid, `wall_margin_m` and `clearance_m` say where to fly, `step_m` is the longest
-    leg. `planner` is `maximum` (the likeliest place), `information` (what tells most and where the source is likely,
+    leg. `planner` is `maximum` (the likeliest place), `information` (what yields most and where the source is likely,
     for the way there) or `moth` (a surge upwind for `surge_s` after gas, else as `information`). A visit tells of a
     square with half the edge `visit_m`, and every way costs `near_m` more than its length. After gas in the last
     `surge_s` legs end with `hold_s` (absent: the briefing's), else with `explore_hold_s`. `finding_s` is the span of a
@@ -254,7 +254,7 @@ class BeliefSearch:
         self.field = WindField(self.grid, reach_m=settings.wind_reach_m) if settings.wind == "measured" else None
         self._publisher, self._declared = BeliefPublisher(), DeclarationGuard()
         self._trusted = TrustedWind(threshold_m_s=settings.wind_threshold_m_s)
-        self._leash = StuckDetector(n_legs=settings.leash_legs, radius_m=settings.leash_m)
+        self._stuck_detector = StuckDetector(n_legs=settings.leash_legs, radius_m=settings.leash_m)
         self._rejected_m: tuple[float, float] | None = None
 
     def observe(self, observation: Observation) -> Finding | None:
@@ -283,9 +283,9 @@ class BeliefSearch:
         if self.flights.pilot.is_busy(observation):
             return self.flights.pilot.stay(observation)
         belief = self._publisher.message(observation, p, self.grid, height_m=self.height_m)
-        self._leash.note(observation.position_world_m)
-        if self._leash.is_stuck:
-            self._leash.release()
+        self._stuck_detector.note(observation.position_world_m)
+        if self._stuck_detector.is_stuck:
+            self._stuck_detector.release()
             self._rejected_m = (observation.position_world_m[0], observation.position_world_m[1])
         return self._answer(observation, found, next_leg).model_copy(update={"belief": belief})
 

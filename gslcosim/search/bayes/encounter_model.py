@@ -295,7 +295,7 @@ def meander_diffusivity_m2_s(speed_m_s: float, spread_rad: float, correlation_s:
 
 
 def count_outcomes(mean_hits: float) -> int:
-    """Return how many outcomes of a stop to tell apart: 0, 1, ... and "so many or more".
+    """Return how many outcomes of a stop to distinguish: 0, 1, ... and "so many or more".
 
     n = ceil(mu + sqrt(mu)) + 1        mu mean one cell away from the source
 

@@ -50,7 +50,7 @@ def hop_chances(wind_m_s, step_s, cell_m, spread_m_sqrt_s):
 
     Args:
         wind_m_s: (n_x, n_y, 2) wind W, world frame [m/s]; n_x = n_y = 1: the same everywhere.
-        step_s: Time of a hop dt [s], short enough: see `hidden_markov.steps_per`.
+        step_s: Time of a hop dt [s], short enough: see `count_hops_per_step`.
         cell_m: Edge of a cell c [m].
         spread_m_sqrt_s: A parcel wanders by s times the root of its age on each axis [m / sqrt(s)].
 

@@ -215,7 +215,7 @@ class ParticleCloud:
         self._log_weights -= self._log_weights.max()
 
     def resample(self, *, jitter_m: float | None = None) -> None:
-        """Draw particles anew by their weights, and jitter them; all weights are then equal.
+        """Draw particles again by their weights, and jitter them; all weights are then equal.
 
         h = (4 / (d + 2))^(1 / (d + 4)) N^(-1 / (d + 4)) = N^(-1/6) for d = 2; jitter N(0, h^2 cov)
 

@@ -146,7 +146,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class PuffModel:
-    """Model of travelling puffs: `step_s` between releases that are told apart, over the last `window_s`.
+    """Model of travelling puffs: `step_s` between releases that are distinguished, over the last `window_s`.
 
     A puff is `initial_sigma_m` wide at birth and wanders by `spread_m_sqrt_s` times the root of its age, on each axis;
     where it is met, within `sensed_m2` of its place (absent: one cell), it is detected with `detection_probability`.

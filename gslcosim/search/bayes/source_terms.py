@@ -195,7 +195,7 @@ def sampled_reading(amount, uniform, normal, threshold, noise_frac, noise_floor,
 
 @numba.njit(cache=True)
 def expected_gain_bits(terms, place_m, wind, truth, uniform, normal, plume, sensor, figures):
-    """Return how many bits a reading at each of several places is expected to tell of the source terms.
+    """Return how many bits a reading at each of several places is expected to yield about the source terms.
 
     gain(x) = mean over t of KL(w | z_t),  z_t a reading at x if terms t were true,  w_i ~ p(z_t | terms i)
     KL = sum over i of w_i log2(n w_i)        [bit]
@@ -395,7 +395,7 @@ class SourceTermFilter:
     """A sequential Monte Carlo filter of source terms: weigh, resample, move.
 
     1. A reading multiplies each particle's weight by its likelihood.
-    2. When fewer than half of the particles count, N_eff < N / 2, they are drawn anew by their weights and moved:
+    2. When fewer than half of the particles count, N_eff < N / 2, they are drawn again by their weights and moved:
        each proposes a step of the kernel, h L xi with the weighted covariance L L' of before and xi standard normal,
        and takes it with the chance min(1, p(new) / p(old)) of all that is known: prior and every reading so far.
        Then each proposes a draw from the prior, taken with the chance min(1, L(new) / L(old)) of the readings: a way
@@ -425,7 +425,7 @@ class SourceTermFilter:
             model: Plume and sensor.
             n_particles: How many.
             rng: For particles and moves.
-            n_moves: How many steps particles propose after they were drawn anew.
+            n_moves: How many steps particles propose after they were drawn again.
         """
         self.model = model
         self.terms: Array = prior.draw(n_particles, rng)
@@ -450,7 +450,7 @@ class SourceTermFilter:
         return dict(zip(TERMS, (self.weights() @ self.terms).tolist(), strict=True))
 
     def read(self, place_m: Sequence[float], ppm: float, *, speed_m_s: float = 1.0, direction_rad: float = 0.0) -> None:
-        """Take a reading, and draw particles anew where too few count.
+        """Take a reading, and draw particles again where too few count.
 
         Args:
             place_m: Where it was taken, world frame [m].
@@ -487,7 +487,7 @@ class SourceTermFilter:
         n_particles: int = 200,
         n_truths: int = 25,
     ) -> Array:
-        """Return how many bits a reading at each place is expected to tell; see `expected_gain_bits`.
+        """Return how many bits a reading at each place is expected to yield; see `expected_gain_bits`.
 
         Args:
             places_m: (k, 3) candidate places, world frame [m].

@@ -51,7 +51,7 @@ _ARRIVAL = re.compile(r"come within ([0-9.]+) m of it")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanningContext:
-    """Planning context before a step: belief, reachable places, and what stops there would tell.
+    """Planning context before a step: belief, reachable places, and what stops there would find.
 
     Args:
         p: (c,) the belief, flat.
@@ -61,7 +61,7 @@ class PlanningContext:
         places_m: (m, d) where the next stop may be [m].
         novelty: (m,) 1 where nothing was found out near a place yet, and 1 / (1 + n) after n findings.
         step_m: Length of a step [m].
-        survey: Returns what stops at places would tell: a hit, or none.
+        survey: Returns what stops at places would find: a hit, or none.
         neighbours: Returns where a step from a place may end, the place itself first.
     """
 
@@ -85,8 +85,8 @@ class PlanningContext:
         """Mean of the belief [m]."""
         return tuple(float(x) for x in self.p @ self.cells_m)
 
-    def foresight(self, *, alpha: float = 0.0) -> Predictions:
-        """Return what is expected of the next stop, hit or not; see `information.foresee`."""
+    def predict(self, *, alpha: float = 0.0) -> Predictions:
+        """Return what is expected of the next stop, hit or not; see `objectives.predict_stops`."""
         return predict_stops(self.p, self.survey([tuple(place) for place in self.places_m]), alpha=alpha)
 
     def tree(self, depth: int) -> MoveTree:
@@ -100,7 +100,7 @@ class PlanningContext:
             for place in known[len(rows) :]:
                 following = [_key(end) for end in self.neighbours(place)] if level < depth else []
                 rows.append([numbers.setdefault(end, len(numbers)) for end in following])
-        return MoveTree(prospect=self.survey(list(numbers)), moves=rows, start=start)
+        return MoveTree(candidates=self.survey(list(numbers)), moves=rows, start=start)
 
 
 @dataclass(kw_only=True)
@@ -142,10 +142,10 @@ class GridSearch:
         *,
         dimensions: Literal[2, 3] = 2,
     ) -> None:
-        """Begin with an even belief over free cells, and rehearse a decision so that nothing compiles in flight.
+        """Begin with an even belief over free cells, and warm up a decision so that nothing compiles in flight.
 
         Args:
-            briefing: What the agent is told.
+            briefing: The agent's briefing.
             settings: The method's settings.
             costs: Cost of each place of an outlook; the least is best.
             dimensions: 2 searches at the briefing's search height, 3 in the volume.
@@ -170,7 +170,7 @@ class GridSearch:
             free = self.grid.free_cells(briefing.known_map)
         p = beliefs.normalised(free.reshape(-1).astype(np.float64))
         self._memory = _Memory(p=p, passed=np.zeros(self.grid.n_cells, np.bool_))
-        self._costs(self.outlook(self._room.nearest(self._cells_m.mean(axis=0))))
+        self._costs(self.build_context(self._room.nearest(self._cells_m.mean(axis=0))))
 
     @property
     def p(self) -> Array:
@@ -201,7 +201,7 @@ class GridSearch:
         x_m, y_m, z_m = (*memory.aimed_m, self._height_m)[:3]
         return commands.waypoint(observation, x_m, y_m, z_m, hold_s=self.settings.hold_s, belief=belief)
 
-    def outlook(self, here_m: Place) -> PlanningContext:
+    def build_context(self, here_m: Place) -> PlanningContext:
         """Return what a method weighs at a place."""
         places_m = np.array(self.neighbours(here_m))
         return PlanningContext(
@@ -234,7 +234,7 @@ class GridSearch:
         return ends or [self._room.nearest(here_m)]
 
     def survey(self, places: Sequence[Place]) -> Candidates:
-        """Return what stops at places would tell; where arrival ends the run, cells within reach count as found."""
+        """Return what stops at places would find; where arrival ends the run, cells within reach count as found."""
         places_m = np.array(places)
         likelihood, weight, log_weight = likelihoods(
             self.model().log_mean_hits(places_m, self._cells_m),
@@ -286,8 +286,8 @@ class GridSearch:
             memory.p = beliefs.normalised(np.where(fresh, _PASSED_WEIGHT * memory.p, memory.p))
 
     def _next_place(self, here_m: Place) -> Place:
-        outlook = self.outlook(here_m)
-        return tuple(float(x) for x in outlook.places_m[find_min_cost_index(self._costs(outlook))])
+        context = self.build_context(here_m)
+        return tuple(float(x) for x in context.places_m[find_min_cost_index(self._costs(context))])
 
     def _estimate(self) -> Estimate | None:
         settings, found = self.settings, None

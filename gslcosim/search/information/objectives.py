@@ -232,17 +232,17 @@ def log_or_zero(p: Array) -> Array:
     return log_p
 
 
-def predict_stops(p: Array, prospect: Candidates, *, alpha: float = 0.0) -> Predictions:
+def predict_stops(p: Array, candidates: Candidates, *, alpha: float = 0.0) -> Predictions:
     """Return what a belief, flat, expects of the stops of a prospect; `alpha` is the order of the Renyi divergence."""
-    figures = np.empty((*prospect.likelihood.shape[:2], N_FIGURES))
+    figures = np.empty((*candidates.likelihood.shape[:2], N_FIGURES))
     predict_stops_into(
         p,
         log_or_zero(p),
-        prospect.likelihood,
-        prospect.weight,
-        prospect.log_weight,
-        prospect.cells_m,
-        prospect.places_m,
+        candidates.likelihood,
+        candidates.weight,
+        candidates.log_weight,
+        candidates.cells_m,
+        candidates.places_m,
         alpha,
         figures,
     )
@@ -281,7 +281,7 @@ def find_min_cost_index(costs: Array) -> int:
 # ---------------------------------------------------------------- criteria: costs of stops, the least is best
 
 
-def infotaxis_cost(foresight: Predictions) -> Array:
+def infotaxis_cost(predictions: Predictions) -> Array:
     """Return the expected entropy after each stop [bit]; a found source leaves none.
 
     J = (1 - P_found) sum_h rho_h H_h        rho predictive probability of the outcome h, H entropy it leaves
@@ -291,17 +291,17 @@ def infotaxis_cost(foresight: Predictions) -> Array:
     Source:
         Vergassola, Villermaux, Shraiman 2007, doi:10.1038/nature05464.
     """
-    return _with_sure_finds_first((foresight.probability * foresight.entropy_bits).sum(axis=1), foresight)
+    return _with_sure_finds_first((predictions.probability * predictions.entropy_bits).sum(axis=1), predictions)
 
 
-def space_aware_cost(foresight: Predictions, *, step_m: float, cells_per_step: float = 1.0) -> Array:
+def space_aware_cost(predictions: Predictions, *, step_m: float, cells_per_step: float = 1.0) -> Array:
     """Return the expected logarithm of the steps that remain after each stop.
 
     J = (1 - P_found) sum_h rho_h log2(D_h + 2^(H_h - 1) - 1/2)        0 where the bracket is not positive
     D expected distance along the axes in steps [1], H entropy counted in cells of a step's size [bit]
 
     Args:
-        foresight: Of the stops.
+        predict: Of the stops.
         step_m: Length of a step [m].
         cells_per_step: How many cells of the belief a square or cube of a step's size has: entropy is less by the
             logarithm of that, and at least 0.
@@ -311,13 +311,13 @@ def space_aware_cost(foresight: Predictions, *, step_m: float, cells_per_step: f
     Deviation:
         Their cells are one step large; ours may be smaller.
     """
-    entropy = np.maximum(0.0, foresight.entropy_bits - math.log2(cells_per_step))
-    steps = foresight.manhattan_m / step_m + 2.0 ** (entropy - 1.0) - 0.5
+    entropy = np.maximum(0.0, predictions.entropy_bits - math.log2(cells_per_step))
+    steps = predictions.manhattan_m / step_m + 2.0 ** (entropy - 1.0) - 0.5
     value = np.where(steps > 0.0, np.log2(np.maximum(steps, 1e-300)), 0.0)
-    return _with_sure_finds_first((foresight.probability * value).sum(axis=1), foresight)
+    return _with_sure_finds_first((predictions.probability * value).sum(axis=1), predictions)
 
 
-def entrotaxis_cost(foresight: Predictions) -> Array:
+def entrotaxis_cost(predictions: Predictions) -> Array:
     """Return minus the entropy of the next reading [bit]: the stop with the least certain outcome is best.
 
     J = sum_h rho_h log2 rho_h
@@ -325,11 +325,11 @@ def entrotaxis_cost(foresight: Predictions) -> Array:
     Source:
         Hutchinson, Oh, Chen 2018, Entrotaxis, doi:10.1016/j.inffus.2017.10.009 (doi remembered, unverified).
     """
-    rho = foresight.predictive
+    rho = predictions.predictive
     return (rho * np.log2(np.where(rho > 0.0, rho, 1.0))).sum(axis=1)
 
 
-def information_gain_cost(foresight: Predictions) -> Array:
+def information_gain_cost(predictions: Predictions) -> Array:
     """Return minus the expected divergence of the next belief from this one [bit].
 
     J = -sum_h rho_h sum_s p'_h log2(p'_h / p)
@@ -340,10 +340,10 @@ def information_gain_cost(foresight: Predictions) -> Array:
     Source:
         Hutchinson, Liu, Chen 2018, doi:10.1109/TCST.2018.2860548, as in AutoSTE: there over particles and one draw.
     """
-    return -(foresight.predictive * foresight.gain_bits).sum(axis=1)
+    return -(predictions.predictive * predictions.gain_bits).sum(axis=1)
 
 
-def renyi_cost(foresight: Predictions) -> Array:
+def renyi_cost(predictions: Predictions) -> Array:
     """Return minus the expected Renyi divergence of the next belief from this one [bit].
 
     J = -sum_h rho_h log2(sum_s p'_h^alpha p^(1 - alpha)) / (alpha - 1)
@@ -351,10 +351,10 @@ def renyi_cost(foresight: Predictions) -> Array:
     Source:
         Ristic, Skvortsov, Gunatilaka 2016, Information Fusion 28 (cognitive search; remembered, unverified).
     """
-    return -(foresight.predictive * foresight.renyi_bits).sum(axis=1)
+    return -(predictions.predictive * predictions.renyi_bits).sum(axis=1)
 
 
-def free_energy_cost(foresight: Predictions, *, step_m: float, temperature: float) -> Array:
+def free_energy_cost(predictions: Predictions, *, step_m: float, temperature: float) -> Array:
     """Return the expected free energy after each stop: distance in steps and entropy, weighed by a temperature.
 
     J = (1 - P_found) sum_h rho_h (D_h + T H_h)        D expected distance along the axes [steps], T [steps/bit]
@@ -362,17 +362,19 @@ def free_energy_cost(foresight: Predictions, *, step_m: float, temperature: floa
     Source:
         Masson, Bailly-Bechet, Vergassola 2009, J. Phys. A 42, 434009 (remembered, unverified).
     """
-    energy = foresight.manhattan_m / step_m + temperature * foresight.entropy_bits
-    return (foresight.probability * energy).sum(axis=1)
+    energy = predictions.manhattan_m / step_m + temperature * predictions.entropy_bits
+    return (predictions.probability * energy).sum(axis=1)
 
 
-def dual_control_cost(foresight: Predictions, places_m: Array, mean_m: Sequence[float], *, exploration: float) -> Array:
+def dual_control_cost(
+    predictions: Predictions, places_m: Array, mean_m: Sequence[float], *, exploration: float
+) -> Array:
     """Return the squared distance to the estimate of now and the variance expected after each stop [m2].
 
     J = |x - E[s]|^2 + b sum_h rho_h tr cov(p'_h)        b weight of exploration
 
     Args:
-        foresight: Of the stops.
+        predict: Of the stops.
         places_m: (m, d) the stops x [m].
         mean_m: Mean of the belief of now [m].
         exploration: b; 0 goes straight to the estimate.
@@ -386,21 +388,21 @@ def dual_control_cost(foresight: Predictions, places_m: Array, mean_m: Sequence[
         tests/unit/search/information/test_objectives.py (that law, too)
     """
     exploitation = ((places_m - np.asarray(mean_m)) ** 2).sum(axis=1)
-    return exploitation + exploration * (foresight.predictive * foresight.variance_m2).sum(axis=1)
+    return exploitation + exploration * (predictions.predictive * predictions.variance_m2).sum(axis=1)
 
 
-def greedy_cost(foresight: Predictions) -> Array:
+def greedy_cost(predictions: Predictions) -> Array:
     """Return the chance not to find the source with each stop."""
-    return foresight.probability.sum(axis=1)
+    return predictions.probability.sum(axis=1)
 
 
-def mean_distance_cost(foresight: Predictions) -> Array:
+def mean_distance_cost(predictions: Predictions) -> Array:
     """Return the expected distance along the axes after each stop [m]; a found source has none.
 
     Source:
         Loisy and Eloy 2022, doi:10.1098/rspa.2022.0118.
     """
-    return (foresight.probability * foresight.manhattan_m).sum(axis=1)
+    return (predictions.probability * predictions.manhattan_m).sum(axis=1)
 
 
 def voting_cost(p: Array, cells_m: Array, here_m: Sequence[float], places_m: Array) -> Array:
@@ -431,8 +433,8 @@ def most_likely_state_cost(p: Array, cells_m: Array, places_m: Array) -> Array:
 
 
 # Costs are 0 for a sure find, and may be 0 elsewhere too.
-def _with_sure_finds_first(costs: Array, foresight: Predictions) -> Array:
-    return np.where(foresight.found_frac > 1.0 - SAME_COST, costs - 1.0, costs)
+def _with_sure_finds_first(costs: Array, predictions: Predictions) -> Array:
+    return np.where(predictions.found_frac > 1.0 - SAME_COST, costs - 1.0, costs)
 
 
 # ---------------------------------------------------------------- several steps ahead
@@ -443,12 +445,12 @@ class MoveTree:
     """Places within reach of several steps, and which leads where.
 
     Args:
-        prospect: Of all places that may be reached.
+        candidates: Of all places that may be reached.
         moves: Sequence for each place of the places that are one step from it, by number.
         start: For the first step: the places that are one step from here.
     """
 
-    prospect: Candidates
+    candidates: Candidates
     moves: Sequence[Sequence[int]]
     start: Sequence[int]
 
@@ -479,9 +481,9 @@ def n_step_costs(p: Array, tree: MoveTree, *, depth: int, discount: float = 0.99
 
 
 def _gain_of(p: Array, log_p: Array, place: int, tree: MoveTree, depth: int, discount: float) -> float:
-    prospect = tree.prospect
+    candidates = tree.candidates
     likelihood, weight, log_weight = (
-        table[place] for table in (prospect.likelihood, prospect.weight, prospect.log_weight)
+        table[place] for table in (candidates.likelihood, candidates.weight, candidates.log_weight)
     )
     before_bits = -float(p @ log_p) / math.log(2.0)
     gain = before_bits - remaining_entropy_bits(p, log_p, likelihood, weight, log_weight)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gslcosim.agent_kit import Briefing, Observation, Reading
 from gslcosim.contract.messages import SensorDescription
 
-# Rays of a lidar are told as the nearest range in so many sectors of the same width.
+# Rays of a lidar are reported as the nearest range in so many sectors of the same width.
 N_SECTORS = 16
 
 # Scales: what is shown as 1, or as tanh 1.
@@ -99,12 +99,12 @@ class ObservationVector:
         names = ["x", "y", "z", "yaw_sin", "yaw_cos", "vx", "vy", "vz", "time", "refused"]
         left_out: list[str] = []
         for sensor in briefing.sensors:
-            told = _names_of(sensor)
-            if told is None:
+            channels = _names_of(sensor)
+            if channels is None:
                 left_out.append(sensor.name)
                 continue
-            names += [f"{sensor.name}.{name}" for name in told]
-            self._sensors.append((sensor.name, _CHANNELS.get((sensor.quantity, sensor.unit)), len(told)))
+            names += [f"{sensor.name}.{name}" for name in channels]
+            self._sensors.append((sensor.name, _CHANNELS.get((sensor.quantity, sensor.unit)), len(channels)))
         self.names: tuple[str, ...] = tuple(names)
         self.left_out: tuple[str, ...] = tuple(left_out)
         self._ranges: dict[str, list[float]] = {}

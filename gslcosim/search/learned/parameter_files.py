@@ -50,7 +50,7 @@ def with_learned_parameters(settings: SimpleNamespace, program: str) -> SimpleNa
     """Return the settings of a method with the learned parameters of the file beside its program.
 
     Args:
-        settings: What the method's card leaves to the scenario, as `settings_of` returns it.
+        settings: What the method's card leaves to the scenario, as `load_settings` returns it.
         program: The agent's file (`__file__`).
 
     Raises:

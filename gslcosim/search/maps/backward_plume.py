@@ -91,7 +91,7 @@ class PlumeModel:
 
 
 class BackwardPlume:
-    """Tells what share of the time a puff of a source in any cell is in a given cell, in a steady wind.
+    """Gives the fraction of the time that a puff of a source in any cell is in a given cell, in a steady wind.
 
     A c = e_s for a source of one puff a second in cell s (A as of `transport_band`); c_m(s) = g_m(s), A^T g_m = e_m
     N = q h^2 g_m(s)        puffs in cell m on average: [1] = [1/s] [m2] [s/m2]

@@ -71,7 +71,7 @@ class ReadingCollector:
 
 
 def choose_next_cell(
-    maps: GasMaps, flyable: Free, way_m: NDArray[np.float64], *, curiosity: float, travel_per_m: float
+    maps: GasMaps, flyable: Free, lengths_m: NDArray[np.float64], *, curiosity: float, travel_per_m: float
 ) -> tuple[int, int] | None:
     """Return the cell to go to next: much gas, or not known, and not far; None where nothing can be flown to.
 
@@ -90,11 +90,11 @@ def choose_next_cell(
     Held by:
         tests/unit/search/maps/test_gas_mapping.py
     """
-    possible = flyable & np.isfinite(way_m)
+    possible = flyable & np.isfinite(lengths_m)
     if not possible.any():
         return None
     spread = float(maps.mean.max() - maps.mean.min()) or 1.0
-    cost = np.where(possible, travel_per_m * way_m, 0.0)
+    cost = np.where(possible, travel_per_m * lengths_m, 0.0)
     worth = maps.mean + (curiosity * (1.0 - maps.confidence) - cost) * spread
     i, j = np.unravel_index(int(np.where(possible, worth, -np.inf).argmax()), worth.shape)
     return int(i), int(j)

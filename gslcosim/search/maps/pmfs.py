@@ -311,7 +311,7 @@ class Pmfs:
         self._is_closed[self._cell(point_m)] = True
 
     def score(self, wind_m_s: Array) -> None:
-        """Believe anew, in a wind.
+        """Believe again, in a wind.
 
         Args:
             wind_m_s: (nx, ny, 2) wind as it is estimated, world frame [m/s].

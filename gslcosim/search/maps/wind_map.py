@@ -57,7 +57,7 @@ class WindMap:
         Monroy, Jaimez, Gonzalez-Jimenez 2017, Online estimation of 2D wind maps for olfactory robots, ISOEN; terms and
         weights as in the group's public code [C].
     Deviation:
-        Solved by the factors of the prior instead of anew for each reading, which is the same to rounding. `calm` is
+        Solved by the factors of the prior instead of again for each reading, which is the same to rounding. `calm` is
         ours: without it a room that is open all round has no unique answer. Edges of the grid are walls, or open.
     Held by:
         tests/unit/search/maps/test_wind_map.py (against numpy's dense least squares)

@@ -135,7 +135,7 @@ def _is_free_at(free, i, j, k):
 
 @numba.njit(cache=True, nogil=True)
 def is_line_free(free, ax, ay, az, bx, by, bz):
-    """Tell whether a straight line passes through free cells only; where it meets an edge, all beside it count.
+    """Return whether a straight line passes through free cells only; where it meets an edge, all beside it count.
 
     Args:
         free: (nx, ny, nz) bool, whether a cell is free; outside the grid nothing is.

@@ -50,6 +50,6 @@ class KnownPaths:
     def _bends_m(self, start_m: Sequence[float], end_m: Vec3) -> tuple[Vec3, ...]:
         if self._grid is None:
             return ()
-        way_m = shortest_path(self._free, self._grid, start_m, end_m)
-        bends_m = () if way_m is None else way_m[1:].tolist()
+        path_m = shortest_path(self._free, self._grid, start_m, end_m)
+        bends_m = () if path_m is None else path_m[1:].tolist()
         return tuple((x_m, y_m, rest[0] if rest else float(start_m[2])) for x_m, y_m, *rest in bends_m)

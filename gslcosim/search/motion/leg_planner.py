@@ -53,7 +53,7 @@ class LegPlanner:
         self._rest_since_tick: int | None = None
 
     def was_refused(self, observation: Observation) -> bool:
-        """Return whether the vehicle tells that it did not do as it was asked."""
+        """Return whether the vehicle's notice says that it did not do as it was asked."""
         return observation.notice is not None and self._end_m is not None
 
     def is_busy(self, observation: Observation) -> bool:

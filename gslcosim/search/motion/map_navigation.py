@@ -72,7 +72,7 @@ class StopRecorder:
         """Begin without findings; the first gas sensor and the first anemometer are used.
 
         Args:
-            briefing: What the agent is told.
+            briefing: The agent's briefing.
             threshold_ppm: What counts as gas, for sensors in ppm.
             every_s: How long the span of one finding is [s].
         """
@@ -95,7 +95,7 @@ class StopRecorder:
             self._findings.append(finding)
 
     def stop(self, observation: Observation) -> Stop:
-        """Return what was measured here, and begin anew."""
+        """Return what was measured here, and begin again."""
         self.add(observation)
         findings, self._findings = self._findings, []
         here_m = observation.position_world_m
@@ -162,12 +162,12 @@ class MapNavigator:
         if self.goal_m is None:
             return None
         here_m = observation.position_world_m[:2]
-        way_m = shortest_path(self.flyable, self.grid, here_m, self.goal_m)
-        if way_m is None:
+        path_m = shortest_path(self.flyable, self.grid, here_m, self.goal_m)
+        if path_m is None:
             return None
-        x_m, y_m = way_m[-1]
+        x_m, y_m = path_m[-1]
         self.goal_m = (float(x_m), float(y_m))
-        bends_m = [point_m for point_m in way_m[1:] if math.dist(point_m, here_m) > _ARRIVED_M] or [way_m[-1]]
+        bends_m = [point_m for point_m in path_m[1:] if math.dist(point_m, here_m) > _ARRIVED_M] or [path_m[-1]]
         is_last = len(bends_m) == 1 and math.dist(here_m, bends_m[0]) <= at_most_m
         x_m, y_m = point_along(np.array([here_m, bends_m[0]]), at_most_m)
         return self.pilot.leg(observation, (float(x_m), float(y_m)), hold_s=hold_s if is_last else 0.0)

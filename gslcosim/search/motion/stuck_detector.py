@@ -1,6 +1,6 @@
 """Stuck detector: notices that many legs have led nowhere, as in an eddy.
 
-Where the wind turns in a circle, "upwind" leads a reactive search round the eddy for ever. A leash notices.
+Where the wind turns in a circle, "upwind" leads a reactive search round the eddy for ever. The stuck detector notices.
 """
 
 import math
@@ -23,7 +23,7 @@ class StuckDetector:
         """Begin without places.
 
         Args:
-            n_legs: How many legs must end close together; 0 switches the leash off.
+            n_legs: How many legs must end close together; 0 switches it off.
             radius_m: How close to their mean [m].
         """
         self._places_m: deque[tuple[float, float]] = deque(maxlen=max(n_legs, 1))

@@ -68,13 +68,13 @@ def _along_m(place_m: Sequence[float], upwind_rad: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class ReactiveSettings:
-    """Settings that every reactive method has; its card tells their values and where they come from.
+    """Settings that every reactive method has; its card gives their values and where they come from.
 
     `margin_m` is kept to the walls; `hold_s` is held after a leg (absent: the briefing's) and `explore_hold_s` after
-    one that only explores or casts; `explore_step_m` is the edge of the squares of `unseen.UnseenSquares`;
+    one that only explores or casts; `explore_step_m` is the edge of the squares of `coverage_grid.CoverageGrid`;
     `threshold_ppm` and `threshold_m_s` are the least gas and wind that count; `leash_legs` legs within `leash_m` are
     too many, after which `leash_away_legs` legs only explore; `declares` switches declarations, by
-    `declaring.ReactiveRule` and, after `n_lost` losses of the plume within `spread_m`, by `detections.LastDetections`.
+    `declaration.ReactiveRule` and, after `n_lost` losses of the plume within `spread_m`, by `LossPoints`.
     """
 
     margin_m: float
@@ -102,7 +102,7 @@ class ReactiveSearcher:
     At a question `ask` returns the command while a leg is under way, or when the source is to be declared. Otherwise it
     returns what is known, and the method answers with `fly_to`, `follow` or `explore`.
 
-    State: that of its parts, and for how many more legs the leash sends it away.
+    State: that of its parts, and for how many more legs the stuck detector sends it away.
 
     Held by:
         tests/unit/search/reactive/test_reactive_searcher.py
@@ -117,7 +117,7 @@ class ReactiveSearcher:
         )
         self.unseen = CoverageGrid(self.pilot.room, edge_m=settings.explore_step_m)
         self._contact: Contact | None = None
-        self._leash = StuckDetector(n_legs=settings.leash_legs, radius_m=settings.leash_m)
+        self._stuck_detector = StuckDetector(n_legs=settings.leash_legs, radius_m=settings.leash_m)
         self._rule = ReactiveRule(threshold=settings.threshold_ppm)
         self._losses = LossPoints(n=settings.n_lost, spread_m=settings.spread_m)
         self._declared = DeclarationGuard()
@@ -162,9 +162,9 @@ class ReactiveSearcher:
         return None if passed is None else declaration(observation, passed.position_m, passed.confidence)
 
     def _pull(self, observation: Observation) -> None:
-        self._leash.note(observation.position_world_m)
-        if self._leash.is_stuck:
-            self._leash.release()
+        self._stuck_detector.note(observation.position_world_m)
+        if self._stuck_detector.is_stuck:
+            self._stuck_detector.release()
             self._n_away = self.settings.leash_away_legs
 
     @property

@@ -81,8 +81,8 @@ def void_state(n_decisions: int) -> int:
 class TemporalMemory:
     """The memory of a searcher: amounts of the last T seconds, all amounts met, and how long ago gas was.
 
-    T is as long as the last blank (`casting.BlankMemory`), or fixed where `adapts` is false. Amounts above `noise` are
-    gas. The history is of the amounts that are gas, at most `MOST_HISTORY` of them, the last ones.
+    T is as long as the last blank (`cast_and_surge.BlankMemory`), or fixed where `adapts` is false. Amounts above
+    `noise` are gas. The history is of the amounts that are gas, at most `MOST_HISTORY` of them, the last ones.
 
     State: the amounts with their times, the history, the blanks, and decisions since the last state with gas.
 

@@ -103,7 +103,7 @@ class GasLevel:
 
 
 class OnsetDetector:
-    """Tells from the slope of ln R when a MOX sensor meets gas, and when it leaves it.
+    """Finds from the slope of ln R when a MOX sensor meets gas, and when it leaves it.
 
     s' = (ln R - s) / tau        smoothed logarithm s; its slope s' is the smoothed d(ln R)/dt [1/s]
     onset:  s' < -max(k sd, least_slope)        sd of the slope that noise alone makes [1/s]
@@ -200,7 +200,7 @@ class OnsetDetector:
 
 
 class BoutDetector:
-    """Tells bouts of growing gas from slow changes, for any sensor, by three moving averages.
+    """Distinguishes bouts of growing gas from slow changes, for any sensor, by three moving averages.
 
     D = E3(c) - E8(c)        En exponential moving average of n samples, weight 2 / (n + 1)
     S = E5(D)

@@ -124,7 +124,7 @@ def find_vane(briefing: Briefing) -> Vane:
     """Return the first anemometer.
 
     Raises:
-        IndexError: there is none; `settings_of` says so in a sentence where the method's card needs one.
+        IndexError: there is none; `load_settings` says so in a sentence where the method's card needs one.
     """
     return find_vanes(briefing)[0]
 

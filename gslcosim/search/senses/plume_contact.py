@@ -33,7 +33,7 @@ class Contact:
     is_calm: bool
     gas_ppm: float
 
-    def way_left_m(self, here_m: Sequence[float], lost_m: float) -> float:
+    def remaining_m(self, here_m: Sequence[float], lost_m: float) -> float:
         """Return how far to fly on without gas before the plume counts as lost [m].
 
         Infinite with gas on the last leg, negative where there never was any; else `lost_m` less the distance to where
@@ -91,7 +91,7 @@ class PlumeContactDetector:
             self._hits_m.append(self._last_m)
 
     def contact(self, observation: Observation) -> Contact:
-        """Return what is known now, and begin to collect hits anew."""
+        """Return what is known now, and begin to collect hits again."""
         self.add(observation)
         measured = self._hold.measured()
         if measured is not None and measured.wind is not None:

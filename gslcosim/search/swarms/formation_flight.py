@@ -91,8 +91,8 @@ class FormationFlight:
         if self.pilot.is_busy(observation):
             return None
         best = None if self.best is None else self.best.faded(observation.time_s, self.settings.fades_s)
-        told = None if best is None else ReportedBest(position_m=(*best.place_m, self.height_m), amount=best.amount)
-        now = self.rounds.complete(observation, numbers, best=told)
+        reported = None if best is None else ReportedBest(position_m=(*best.place_m, self.height_m), amount=best.amount)
+        now = self.rounds.complete(observation, numbers, best=reported)
         if now is not None:
             self._learn(now, observation.time_s)
         return now
@@ -145,16 +145,16 @@ class FormationFlight:
     def step(self, observation: Observation, target_m: Sequence[float] | Floats) -> Command:
         """Return the leg to a place, or as near to it as the room allows; another one where that was refused."""
         inside_m = self.room.nearest([float(x) for x in target_m[:2]])
-        told = observation.model_copy(update={"notice": self._notice})
+        noted = observation.model_copy(update={"notice": self._notice})
         self._notice = None
-        leg = self.pilot.leg(told, inside_m, hold_s=self.settings.hold_s)
+        leg = self.pilot.leg(noted, inside_m, hold_s=self.settings.hold_s)
         return leg.model_copy(update={"outgoing": self.rounds.call()})
 
     def _plume_memory(self, lane_m: float, inset_m: float) -> PlumeMemory:
         if self._memory is None:
             s = self.settings
-            course_m = plan_crosswind_lanes(self.room, self.upwind_rad, lane_m, inset_m=inset_m)
-            self._memory = PlumeMemory(course_m, step_m=s.search_step_m, cast_m=s.cast_m, n_casts=s.n_casts)
+            lanes_m = plan_crosswind_lanes(self.room, self.upwind_rad, lane_m, inset_m=inset_m)
+            self._memory = PlumeMemory(lanes_m, step_m=s.search_step_m, cast_m=s.cast_m, n_casts=s.n_casts)
         return self._memory
 
     def _learn(self, now: Round, time_s: float) -> None:
@@ -171,8 +171,8 @@ class FormationFlight:
 
 # What a report says of gas at places: its own reading, and the best place that it knows of.
 def _sightings(report: Report) -> list[Sighting]:
-    told = [Sighting((report.position_m[0], report.position_m[1]), report.amount, report.time_s)]
+    sightings = [Sighting((report.position_m[0], report.position_m[1]), report.amount, report.time_s)]
     best = report.best
     if best is None:
-        return told
-    return [*told, Sighting((best.position_m[0], best.position_m[1]), best.amount, report.time_s)]
+        return sightings
+    return [*sightings, Sighting((best.position_m[0], best.position_m[1]), best.amount, report.time_s)]

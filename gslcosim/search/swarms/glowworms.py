@@ -173,7 +173,7 @@ def is_in_excluded_region(place_m: Sequence[float], declared_m: Sequence[Sequenc
     |x - s| < R for any declared s        [m]
 
     Source:
-        Zhang et al. 2011 (CCC), modified GSO as told in the thesis on GSL-Bench; R 2 m remembered, unverified.
+        Zhang et al. 2011 (CCC), modified GSO as described in the thesis on GSL-Bench; R 2 m remembered, unverified.
     Held by:
         tests/unit/search/swarms/test_glowworms.py
     """
@@ -294,7 +294,7 @@ class Glowworm(SwarmRobot):
         self.side = 1 if self.team.index % 2 else -1
 
     def give_up(self) -> None:
-        """Begin anew from rest, and with another spiral."""
+        """Begin again from rest, and with another spiral."""
         super().give_up()
         self.spiral.forget()
 

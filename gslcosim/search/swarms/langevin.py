@@ -121,19 +121,19 @@ def temperature_ladder(n: int, coldest: float, hottest: float) -> tuple[float, .
     return tuple(coldest * (hottest / coldest) ** (k / (n - 1)) for k in range(n))
 
 
-def settle_roles(told: Mapping[str, int], n_roles: int) -> dict[str, int]:
-    """Return a role for each robot, no two the same: what it told where that is free, else the lowest that is left.
+def settle_roles(claimed: Mapping[str, int], n_roles: int) -> dict[str, int]:
+    """Return a role for each robot, no two the same: what it reported where that is free, else the lowest that is left.
 
     Args:
-        told: Which role each robot says it has; names decide in sorted order who keeps one that two claim.
+        claimed: Which role each robot says it has; names decide in sorted order who keeps one that two claim.
         n_roles: How many there are, at least as many as robots.
     """
     roles: dict[str, int] = {}
-    for name in sorted(told):
-        if 0 <= told[name] < n_roles and told[name] not in roles.values():
-            roles[name] = told[name]
+    for name in sorted(claimed):
+        if 0 <= claimed[name] < n_roles and claimed[name] not in roles.values():
+            roles[name] = claimed[name]
     left = iter([role for role in range(n_roles) if role not in roles.values()])
-    return {name: roles[name] if name in roles else next(left) for name in sorted(told)}
+    return {name: roles[name] if name in roles else next(left) for name in sorted(claimed)}
 
 
 def swap_roles(
@@ -153,7 +153,8 @@ def swap_roles(
     Args:
         roles: Which rung of the ladder each robot has.
         potentials: The potential at each robot's place.
-        fractions: A number uniform in [0, 1) that each robot has drawn and told; that of the pair's first name decides,
+        fractions: A number uniform in [0, 1) that each robot has drawn and reported; that of the pair's first name
+        decides,
             so all who have heard it come to the same.
         ladder: The temperatures, from cold to hot.
         is_odd: Which pairs it is the turn of.

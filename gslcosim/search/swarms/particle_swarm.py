@@ -245,7 +245,7 @@ class Stagnation:
         self.n_unchanged = 0
 
     def note(self, best: Sighting | None) -> bool:
-        """Take the best of an iteration; return whether it has been the same for too long, and count anew then."""
+        """Take the best of an iteration; return whether it has been the same for too long, and count again then."""
         is_same = best is not None and self._best is not None and best.place_m == self._best.place_m
         self.n_unchanged = self.n_unchanged + 1 if is_same else 0
         self._best = best

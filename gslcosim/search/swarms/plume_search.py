@@ -18,13 +18,13 @@ def nearest_axis_rad(heading_rad: float) -> float:
 
 
 def plan_crosswind_lanes(room: LegSpace, upwind_rad: float, lane_m: float, *, inset_m: float = 0.0) -> Floats:
-    """Return the (m, 2) turns of a course back and forth across the wind, lane by lane up the wind.
+    """Return the (m, 2) turns of lanes back and forth across the wind, one after the other up the wind.
 
     Lanes lie along the axis of the room that is nearest to across the wind, as few as cover the room when each covers
     `lane_m`: n = ceil(L / lane), L / n apart and L / (2 n) from the walls.
 
     Args:
-        room: Where the course lies.
+        room: Where the lanes lie.
         upwind_rad: Direction the wind comes from, world frame [rad].
         lane_m: How wide a lane is at most [m].
         inset_m: How far before the room's sides the lanes turn [m]; at most to the middle.
@@ -32,7 +32,7 @@ def plan_crosswind_lanes(room: LegSpace, upwind_rad: float, lane_m: float, *, in
     Source:
         Marjovi and Marques 2013 (abstract: sweeps across the wind). Lanes along walls are ours: they leave no corner.
     Held by:
-        tests/unit/search/swarms/test_plume_search.py (no place is farther than half a lane from the course)
+        tests/unit/search/swarms/test_plume_search.py (no place is farther than half a lane from the lanes)
     """
     along_rad = nearest_axis_rad(upwind_rad)
     along = 0 if abs(math.cos(along_rad)) > 0.5 else 1
@@ -50,35 +50,35 @@ def plan_crosswind_lanes(room: LegSpace, upwind_rad: float, lane_m: float, *, in
     return turns_m
 
 
-def find_lane_point(course_m: Floats, distance_m: float) -> Floats:
-    """Return the place (2,) after a distance along a course [m]; after its end it begins again at its beginning."""
-    lengths_m = np.hypot(*np.diff(course_m, axis=0).T)
+def find_lane_point(lanes_m: Floats, distance_m: float) -> Floats:
+    """Return the place (2,) after a distance along lanes [m]; after its end it begins again at its beginning."""
+    lengths_m = np.hypot(*np.diff(lanes_m, axis=0).T)
     total_m = float(lengths_m.sum())
     if total_m == 0.0:
-        return course_m[0]
+        return lanes_m[0]
     rest_m = distance_m % total_m
-    for start_m, end_m, length_m in zip(course_m, course_m[1:], lengths_m):
+    for start_m, end_m, length_m in zip(lanes_m, lanes_m[1:], lengths_m):
         if rest_m <= length_m and length_m > 0.0:
             return start_m + rest_m / length_m * (end_m - start_m)
         rest_m -= length_m
-    return course_m[-1]
+    return lanes_m[-1]
 
 
-def find_next_lane_point(course_m: Floats, place_m: Sequence[float] | Floats, step_m: float) -> Floats:
-    """Return where to go from a place to follow a course: a step on from its nearest point, from its end to its start.
+def find_next_lane_point(lanes_m: Floats, place_m: Sequence[float] | Floats, step_m: float) -> Floats:
+    """Return where to go from a place to follow lanes: a step on from its nearest point, from its end to its start.
 
     It needs no memory, so all of a team that know where they are go the same way.
 
     Args:
-        course_m: (m, 2) turns [m].
+        lanes_m: (m, 2) turns [m].
         place_m: Where the team is [m].
-        step_m: How far along the course [m].
+        step_m: How far along the lanes [m].
 
     Held by:
         tests/unit/search/swarms/test_plume_search.py
     """
     place = np.asarray(place_m[:2], dtype=np.float64)
-    starts_m, spans_m = course_m[:-1], np.diff(course_m, axis=0)
+    starts_m, spans_m = lanes_m[:-1], np.diff(lanes_m, axis=0)
     lengths_m = np.hypot(spans_m[:, 0], spans_m[:, 1])
     fractions = np.sum((place - starts_m) * spans_m, axis=1) / np.maximum(lengths_m, 1e-9) ** 2
     fractions = np.clip(fractions, 0.0, 1.0)
@@ -88,12 +88,12 @@ def find_next_lane_point(course_m: Floats, place_m: Sequence[float] | Floats, st
     along_m = float(lengths_m[:i].sum() + fractions[i] * lengths_m[i])
     total_m = float(lengths_m.sum())
     if total_m - along_m < 0.05:
-        return course_m[0]
-    return course_m[-1] if along_m + step_m >= total_m else find_lane_point(course_m, along_m + step_m)
+        return lanes_m[0]
+    return lanes_m[-1] if along_m + step_m >= total_m else find_lane_point(lanes_m, along_m + step_m)
 
 
 class PlumeMemory:
-    """Goals of a team while it has no gas: casts about the last place with gas, then the course.
+    """Goals of a team while it has no gas: casts about the last place with gas, then the lanes.
 
     State: the last place with gas and the wind there, and how far the cast about it has come.
 
@@ -103,16 +103,16 @@ class PlumeMemory:
         tests/unit/search/swarms/test_plume_search.py
     """
 
-    def __init__(self, course_m: Floats, *, step_m: float, cast_m: float, n_casts: int) -> None:
+    def __init__(self, lanes_m: Floats, *, step_m: float, cast_m: float, n_casts: int) -> None:
         """Prepare for a search without gas.
 
         Args:
-            course_m: (m, 2) turns of the course [m].
+            course_m: (m, 2) turns of the lanes [m].
             step_m: Step along the course [m].
             cast_m: First leg of a cast [m].
-            n_casts: Legs of a cast before the course is taken up again; 0 for none.
+            n_casts: Legs of a cast before the lanes are taken up again; 0 for none.
         """
-        self._course_m, self._step_m, self._cast_m, self._n_casts = course_m, step_m, cast_m, n_casts
+        self._lanes_m, self._step_m, self._cast_m, self._n_casts = lanes_m, step_m, cast_m, n_casts
         self._cast: CastSequence | None = None
 
     def met_gas(self, place_m: Sequence[float] | Floats, upwind_rad: float) -> None:
@@ -128,4 +128,4 @@ class PlumeMemory:
         if turn_m is not None:
             return np.array(turn_m)
         self._cast = None
-        return find_next_lane_point(self._course_m, place_m, self._step_m)
+        return find_next_lane_point(self._lanes_m, place_m, self._step_m)

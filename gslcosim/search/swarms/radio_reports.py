@@ -112,15 +112,15 @@ class Team:
         """Return the robot's own place among the sorted names of all members."""
         return self.members.index(self.name)
 
-    def hear(self, observation: Observation) -> tuple[tuple[str, Report], ...]:
+    def receive(self, observation: Observation) -> tuple[tuple[str, Report], ...]:
         """Take in what an observation brings; return the news, as (sender, report). For `observe`: every tick."""
         news: list[tuple[str, Report]] = []
-        for heard in observation.incoming:
-            report = parse(heard.text)
-            if report is None or not self._is_news(heard.sender, heard.channel, report, observation.time_s):
+        for reception in observation.incoming:
+            report = parse(reception.text)
+            if report is None or not self._is_news(reception.sender, reception.channel, report, observation.time_s):
                 continue
-            self.reports[heard.sender] = report
-            news.append((heard.sender, report))
+            self.reports[reception.sender] = report
+            news.append((reception.sender, report))
         return tuple(news)
 
     def age_s(self, name: str, now_s: float) -> float:
@@ -129,11 +129,11 @@ class Team:
 
     def recent(self, now_s: float, max_age_s: float = float("inf")) -> dict[str, Report]:
         """Return the last reports that are no older than `max_age_s`, by name in sorted order."""
-        heard = (name for name in self.others if name in self.reports)
-        return {name: self.reports[name] for name in heard if self.age_s(name, now_s) <= max_age_s}
+        names = (name for name in self.others if name in self.reports)
+        return {name: self.reports[name] for name in names if self.age_s(name, now_s) <= max_age_s}
 
     def call(self, report: Report, to: str = "all") -> tuple[RadioMessage, ...]:
-        """Return what goes into `outgoing` to tell the others; nothing without a channel or where it does not fit."""
+        """Return the `outgoing` texts for the others; nothing without a channel or where it does not fit."""
         if self.channel is None:
             return ()
         text = encode(report, max_bytes=self.channel.max_bytes)

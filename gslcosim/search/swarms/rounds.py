@@ -49,12 +49,12 @@ class Round:
 
     @property
     def winds_m_s(self) -> NDArray[np.float64]:
-        """The (n, 2) winds, where the air goes [m/s]; NaN for a robot that did not tell."""
+        """The (n, 2) winds, where the air goes [m/s]; NaN for a robot that did not send any."""
         return np.array([report.wind_m_s or (np.nan, np.nan) for report in self.reports.values()], dtype=np.float64)
 
     @property
     def mean_wind_m_s(self) -> tuple[float, float]:
-        """The mean of the winds that were told; zero where none was."""
+        """The mean of the winds that were reported; zero where none was."""
         winds = [report.wind_m_s for report in self.reports.values() if report.wind_m_s is not None]
         if not winds:
             return 0.0, 0.0
@@ -69,7 +69,7 @@ class Round:
 class Rounds:
     """Keeps a team in step: a robot that has read waits until the others have read too, and only then steps.
 
-    Each tells its report when it has read, and again with every wait and with its step, so that a text may be lost.
+    Each sends its report when it has read, and again with every wait and with its step, so that a text may be lost.
     A robot that is silent for `timeout_s` counts as lost and is not waited for until it is heard again. Who hears that
     others are a round ahead has missed them: it steps at once and counts on from their number. All compute with the
     reports as they are heard, its own included, so those who have heard the same come to the same.
@@ -104,14 +104,14 @@ class Rounds:
         """Join the team on the first channel of a briefing.
 
         Args:
-            briefing: What the agent is told.
+            briefing: The agent's briefing.
             nose: What the gas is read with.
             vane: What the wind is read with.
             amount: Gives the gas of a measurement, for the reports; by default its mixing ratio.
             timeout_s: How long a silent robot is waited for [s].
             first_timeout_s: The same in the first round, in which all take off [s].
-            wait_s: How long a wait lasts before the report is told again [s].
-            n_calls: How often a report is told at least.
+            wait_s: How long a wait lasts before the report is sent again [s].
+            n_calls: How often a report is sent at least.
             window_s: Over how long a robot that stays where it is averages what it reads [s].
         """
         self.team = Team(briefing)
@@ -121,7 +121,7 @@ class Rounds:
         self._wait_s, self._n_calls = wait_s, n_calls
         self._amount = amount
         self._measure = StopAndMeasure((nose,), vane, window_s=window_s)
-        self._heard: dict[str, dict[int, Report]] = {name: {} for name in self.team.others}
+        self._received: dict[str, dict[int, Report]] = {name: {} for name in self.team.others}
         self._own: Report | None = None
         self._last: Report | None = None
         self._since_s = 0.0
@@ -140,15 +140,15 @@ class Rounds:
     def observe(self, observation: Observation) -> None:
         """Take note of an observation: readings, and what is heard."""
         self._measure.add(observation)
-        for name, report in self.team.hear(observation):
+        for name, report in self.team.receive(observation):
             self.lost.discard(name)
             if report.numbers:
-                self._heard[name][int(report.numbers[_NUMBER])] = report
+                self._received[name][int(report.numbers[_NUMBER])] = report
 
     def complete(
         self, observation: Observation, numbers: Sequence[float] = (), *, best: ReportedBest | None = None
     ) -> Round | None:
-        """Return the round's reports once all that are not lost have told; None as long as there is to wait.
+        """Return the round's reports once all that are not lost have reported; None as long as there is to wait.
 
         A round is returned once; the next call begins the next one with what the vehicle reads then.
 
@@ -174,7 +174,7 @@ class Rounds:
         return self._close()
 
     def wait(self, observation: Observation) -> Command:
-        """Return the command that waits for the others, and tells them the own report again."""
+        """Return the command that waits for the others, and sends them the own report again."""
         return Command(tick=observation.tick, kind="hold", hold_s=self._wait_s, outgoing=self.call())
 
     def call(self) -> tuple[RadioMessage, ...]:
@@ -183,7 +183,7 @@ class Rounds:
         return () if self._last is None else self.team.call(self._last)
 
     def _has_told(self, name: str) -> bool:
-        return any(number >= self.number for number in self._heard[name])
+        return any(number >= self.number for number in self._received[name])
 
     def _report(
         self, observation: Observation, measured: Measurement, numbers: Sequence[float], best: ReportedBest | None
@@ -204,28 +204,28 @@ class Rounds:
         assert self._own is not None
         reports = {self.team.name: self._own}
         for name in self.team.others:
-            told = {number: report for number, report in self._heard[name].items() if number >= self.number}
-            if told and name not in self.lost:
-                reports[name] = told.get(self.number, told[max(told)])
+            received = {number: report for number, report in self._received[name].items() if number >= self.number}
+            if received and name not in self.lost:
+                reports[name] = received.get(self.number, received[max(received)])
         closed = Round(number=self.number, reports=dict(sorted(reports.items())))
-        self.number = max(self.number + 1, *(max(told, default=0) for told in self._heard.values()), 0)
-        self._heard = {
-            name: {number: report for number, report in told.items() if number >= self.number}
-            for name, told in self._heard.items()
+        self.number = max(self.number + 1, *(max(received, default=0) for received in self._received.values()), 0)
+        self._received = {
+            name: {number: report for number, report in received.items() if number >= self.number}
+            for name, received in self._received.items()
         }
         self._own = None
         return closed
 
 
 def round_to_sent_digits(report: Report, team: Team) -> Report:
-    """Return a report with the digits in which the others hear it; as it is where it cannot be told.
+    """Return a report with the digits in which the others hear it; as it is where it cannot be sent.
 
     Where not everything fits, the best place goes before the wind: the others know of best places themselves.
     """
-    for told in (report, replace(report, best=None)):
-        text = None if team.channel is None else encode(told, max_bytes=team.channel.max_bytes)
+    for candidate in (report, replace(report, best=None)):
+        text = None if team.channel is None else encode(candidate, max_bytes=team.channel.max_bytes)
         heard = None if text is None else parse(text)
-        if heard is not None and (heard.wind_m_s is not None or told.wind_m_s is None or told.best is None):
+        if heard is not None and (heard.wind_m_s is not None or candidate.wind_m_s is None or candidate.best is None):
             return heard
     return report
 

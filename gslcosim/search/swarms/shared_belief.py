@@ -122,10 +122,10 @@ class SharedBelief:
         self._sum_from(i)
         return True
 
-    def prospect(
+    def candidates(
         self, places_m: Sequence[tuple[float, float]], wind_m_s: tuple[float, float], spread_rad: float
     ) -> Candidates:
-        """Return what stops at places would tell in a wind; cells within reach would be searched through."""
+        """Return what stops at places would find in a wind; cells within reach would be searched through."""
         places = np.array(places_m, dtype=np.float64).reshape(-1, 2)
         log_mean = self.dispersal.model(wind_m_s, spread_rad).log_mean_hits(places, self._cells_m)
         powers = self.power / (1.0 + self._are_near(places, self._places_m()).sum(axis=1))
@@ -138,7 +138,7 @@ class SharedBelief:
             places_m=places, cells_m=self._cells_m, likelihood=likelihood, weight=weight, log_weight=log_weight
         )
 
-    # A late finding moves to its place, and the sums after it are taken anew: the same as if it had come in time.
+    # A late finding moves to its place, and the sums after it are taken again: the same as if it had come in time.
     def _sum_from(self, i: int) -> None:
         places_m = self._places_m()
         for k in range(i, len(self._known)):
@@ -164,8 +164,8 @@ def assigned_costs(p: Array, own: Candidates, planned: Sequence[Candidates]) -> 
 
     J = sum_h1 rho_h1 ... sum_hk rho_hk J_infotaxis(p given h1 ... hk)        h outcomes at the stops of the k others
 
-    The others have chosen; this robot chooses what adds most to what they will tell. One after the other they so reach
-    at least half of what the best joint choice would tell (greedy choice of a submodular gain).
+    The others have chosen; this robot chooses what adds most to what they will find. One after the other they so reach
+    at least half of what the best joint choice would find (greedy choice of a submodular gain).
 
     Args:
         p: Belief, flat.

@@ -209,7 +209,7 @@ class Bug:
     waypoint was where it met the wall, and where the wall was last seen.
 
     Source:
-        Duisterhof et al. 2021, as told in words; the details of wall following are ours.
+        Duisterhof et al. 2021, as described in words; the details of wall following are ours.
     Held by:
         tests/unit/search/swarms/test_sniffy_bug.py
     """
@@ -306,11 +306,11 @@ def _between_rad(beam: int, bearing_rad: float) -> float:
 
 # The beam along a wall that blocks one, on the side nearer to the goal, and the side on which the wall then is.
 def _along_wall(blocked: int, bearing_rad: float, is_free: list[bool]) -> tuple[int, int]:
-    ways = sorted((1, -1), key=lambda turn: _between_rad((blocked + turn) % N_BEAMS, bearing_rad))
-    for turn in ways:
+    sides = sorted((1, -1), key=lambda turn: _between_rad((blocked + turn) % N_BEAMS, bearing_rad))
+    for turn in sides:
         if is_free[(blocked + turn) % N_BEAMS]:
             return (blocked + turn) % N_BEAMS, -turn
-    return (blocked + 2) % N_BEAMS, -ways[0]
+    return (blocked + 2) % N_BEAMS, -sides[0]
 
 
 def find_four_ranges(briefing: Briefing) -> RangeFinder:

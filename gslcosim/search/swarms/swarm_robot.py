@@ -106,12 +106,12 @@ class Explorer:
 
 
 class SwarmMember:
-    """One of a swarm: it measures, remembers its own best, hears what the others know, tells them, and declares.
+    """One of a swarm: it measures, remembers its own best, receives what the others know, reports, and declares.
 
     Its settings: `gas_floor`, `mox_band_frac`, `fades_s`, `declares`, `near_m`, `near_s`, `unchanged_s`.
 
     State: where and when it is, what it smells, its own best, what the others said, and its declaration. A method may
-    set `numbers`, what it tells the others besides, and `is_ignored`, the places whose gas does not count.
+    set `numbers`, what it sends the others besides, and `is_ignored`, the places whose gas does not count.
 
     Held by:
         tests/unit/search/swarms/test_swarm_robot.py
@@ -137,7 +137,7 @@ class SwarmMember:
     def observe(self, observation: Observation) -> tuple[tuple[str, Report], ...]:
         """Measure and listen, at every observation; return the news of the others."""
         self._measure.add(observation)
-        return self.team.hear(observation)
+        return self.team.receive(observation)
 
     def take(self, observation: Observation) -> None:
         """Take the measurement that ends with a question: place, gas, wind, and the own best."""
@@ -153,21 +153,23 @@ class SwarmMember:
             self.own_best = better(self.own_best, self._here(), fades_s=self.settings.fades_s)
 
     def forget(self) -> None:
-        """Forget all bests, its own and those that the others told."""
+        """Forget all bests, its own and those that the others reported."""
         self.own_best = None
         for name in self.team.reports:
             self.forget_best_of(name)
 
     def forget_best_of(self, name: str) -> None:
-        """Forget what another robot told of gas, but not where it is."""
+        """Forget what another robot reported of gas, but not where it is."""
         self.team.reports[name] = replace(self.team.reports[name], amount=0.0, best=None)
 
     def swarm_best(self) -> Sighting | None:
         """Return the best place that the robot knows of, as it counts now."""
         known = [] if self.own_best is None else [self.own_best]
         for report in self.team.recent(self.now_s).values():
-            told = (report.best, ReportedBest(position_m=report.position_m, amount=report.amount))
-            known += [Sighting(best.position_m[:2], best.amount, report.time_s) for best in told if best is not None]
+            reported = (report.best, ReportedBest(position_m=report.position_m, amount=report.amount))
+            known += [
+                Sighting(best.position_m[:2], best.amount, report.time_s) for best in reported if best is not None
+            ]
         counting = (place for place in known if place.amount > 0.0 and not self.is_ignored(place.place_m))
         now = [sighting.faded(self.now_s, self.settings.fades_s) for sighting in counting]
         return max(now, key=lambda sighting: sighting.amount, default=None)
@@ -205,7 +207,7 @@ class SwarmMember:
         )
         return self.team.call(report)
 
-    # In centimetres, as the others are told it: the same best has the same place for all.
+    # In centimetres, as the others get it: the same best has the same place for all.
     def _here(self) -> Sighting:
         x_m, y_m = self._place()
         return Sighting((round(x_m, 2), round(y_m, 2)), self.amount, self.now_s)
@@ -233,7 +235,7 @@ class SwarmRobot(SwarmMember):
         self.pilot = LegPlanner(briefing, self.draws, margin_m=settings.wall_margin_m)
 
     def decide(self, observation: Observation, step: Callable[[Sighting | None], Vector]) -> Command:
-        """Return the next leg, or a declaration, and tell the others; after a refused leg one in a random direction.
+        """Return the next leg, or a declaration, and report it; after a refused leg one in a random direction.
 
         Args:
             observation: The question.
@@ -250,7 +252,7 @@ class SwarmRobot(SwarmMember):
         return self.declared(observation, best) or self.leg(observation, self.random_step() if was_refused else step_m)
 
     def give_up(self) -> None:
-        """Begin anew from rest: the last leg could not be flown."""
+        """Begin again from rest: the last leg could not be flown."""
         self.step_m = _NO_STEP
 
     def random_step(self) -> Vector:
@@ -294,7 +296,7 @@ class Particle(SwarmRobot):
         )  # fmt: skip
 
     def give_up(self) -> None:
-        """Begin anew from rest, and with another waypoint."""
+        """Begin again from rest, and with another waypoint."""
         super().give_up()
         self.explorer.forget()
 

@@ -36,7 +36,7 @@ from gslcosim_services.world.paths.trajectory import (
 )
 from gslcosim_services.world.physics.vehicle_records import STATE
 
-# See `gslcosim_services.world.guidance.path_follower` and `guidance.conduct`.
+# See `gslcosim_services.world.guidance.path_follower` and `guidance.autopilot`.
 _ARRIVED_WITHIN_M = 0.15
 _ARRIVED_BELOW_M_S = 0.2
 _GIVE_UP_AFTER_S = 10.0
@@ -128,7 +128,7 @@ def _follow_leg(search, path, case, work, tick):
 
 @reference_free_njit()
 def take_off(search, path, case, work):
-    """Leave the start at the first tick; see `Conduct.take_off`."""
+    """Leave the start at the first tick; see `FlightStateMachine.take_off`."""
     path.is_armed = 1
     x_m, y_m = path.end_world_m[0], path.end_world_m[1]
     _begin_leg(search, path, case, work, 0, x_m, y_m, case.search_height_m, case.usual_hold_ticks)
@@ -170,7 +170,7 @@ def _copy_path(to, path):
 
 @reference_free_njit()
 def receive_task(search, path, case, room, work, tick, task, vector):
-    """Do a task of the agent, keep it for after take-off, or refuse it; see `Guide._hear`.
+    """Do a task of the agent, keep it for after take-off, or refuse it; see `Autopilot`.
 
     Args:
         search: Record of `SEARCH`.
@@ -261,7 +261,7 @@ def _give_up(search, path, case, room, tick, distance_m):
 
 @reference_free_njit()
 def end_tick(search, path, case, room, work, tick):
-    """Notice arrivals and edges, begin a task that was kept, and decide whether the agent is asked; see `Guide`.
+    """Notice arrivals and edges, begin a task that was kept, and decide whether the agent is asked; see `Autopilot`.
 
     Args:
         search: Record of `SEARCH`, with the true position and velocity at the end of the tick.

@@ -76,14 +76,14 @@ _CHUNK = 256
 
 
 class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
-    """Independent searches, each in a case drawn anew at its resets, stepped by compiled code in one call.
+    """Independent searches, each in a case drawn again at its resets, stepped by compiled code in one call.
 
     Observations, actions, rewards and `infos` are those of `SearchEnv`, whose flights these are: with the same case,
     seed and actions all numbers of point robots are the same, to the bit. A step lasts from each search's question to
     its next, so searches with `mode: on_request` fly on for different times.
 
     `infos` has arrays: `distance_to_source_m`, `path_length_m`, `n_commands`, `time_s`; and of searches that end
-    `outcome`, `success` and `case`, the number of the case that they flew. A search that is over begins anew with its
+    `outcome`, `success` and `case`, the number of the case that they flew. A search that is over begins again with its
     next step (`AutoresetMode.NEXT_STEP`), whose action is of no account and whose reward is 0, or at once with
     `autoreset_mode="same_step"`.
 
@@ -103,7 +103,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         flying: `exact` takes point robots alone; `first_order` takes rotorcraft too, which then fly as point masses
             whose force lags what their control wants. Their searches are near to single flights, not equal.
         n_threads: How many threads fly; absent: as many as there are processors. Results do not depend on it.
-        report: Is told how many of how many cases are prepared.
+        report: Receives how many of how many cases are prepared.
 
     Raises:
         UsageError: a scenario cannot be batched, or an argument is not one of those.
@@ -177,7 +177,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin all searches anew.
+        """Begin all searches again.
 
         Args:
             seed: Decides what all searches draw from now on; absent: drawn at the first reset, and kept.
@@ -379,7 +379,7 @@ def _turned_by(rates: NDArray[np.float64], places: NDArray[np.float64]) -> NDArr
 
 
 def _as_objects(observations: NDArray[np.float32], chosen: NDArray[np.bool_]) -> NDArray[np.object_]:
-    told = np.full(len(chosen), None, dtype=object)
+    finals = np.full(len(chosen), None, dtype=object)
     for i in np.flatnonzero(chosen).tolist():
-        told[i] = observations[i].copy()
-    return told
+        finals[i] = observations[i].copy()
+    return finals

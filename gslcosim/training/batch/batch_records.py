@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-# Where arrays of different shapes are told by their address, the Python side keeps them alive.
+# Where arrays of different shapes are given by their address, the Python side keeps them alive.
 ROOM = np.dtype(
     [
         ("origin_m", np.float64, (3,)),
@@ -24,7 +24,7 @@ ROOM = np.dtype(
         ("near_shape", np.int64, (3,)),
         ("near_first", np.int64),  # address of (n_blocks + 1,) int32
         ("near_members", np.int64),  # address of int32
-        ("solid_sums", np.int64),  # address of (nx + 1, ny + 1, nz + 1) int32, see `sums_of_solids`
+        ("solid_sums", np.int64),  # address of (nx + 1, ny + 1, nz + 1) int32, see `build_solid_sums`
         ("ray_boxes_m", np.int64),  # what rays meet, see `RayScene`: address of (n, 6) float64
         ("n_ray_boxes", np.int64),
         ("ray_first", np.int64),  # address of (n_bins + 1,) int64
@@ -47,7 +47,7 @@ CASE = np.dtype(
         ("n_substeps", np.int64),
         ("physics_step_s", np.float64),
         ("radius_m", np.float64),
-        ("is_lagged", np.int64),  # whether it flies as `lagging_kernels` say, for which the next five are
+        ("is_lagged", np.int64),  # whether it flies as `point_mass` say, for which the next five are
         ("half_height_m", np.float64),
         ("tilt_share", np.float64),  # of what is wanted sideways and upwards, given in a physics step
         ("lift_share", np.float64),
@@ -77,7 +77,7 @@ CASE = np.dtype(
         ("cutoff_sigma", np.float64),
         ("n_gases", np.int64),
         ("gas_ticks_per_step", np.int64),
-        ("gas_steps_per_tick", np.int64),  # what follows is for meandering plumes, see `wandering_kernels`
+        ("gas_steps_per_tick", np.int64),  # what follows is for meandering plumes, see `meander`
         ("gas_step_s", np.float64),
         ("warm_up_steps", np.int64),
         ("gas_seed", np.int64),  # -1: the search's
@@ -241,7 +241,7 @@ CASES = np.dtype(
         ("n_cases", np.int64),
         ("n_sensors", np.int64),
         ("n_places", np.int64),
-        ("rooms", np.int64),  # addresses of what `batch_arrays.Cases` has
+        ("rooms", np.int64),  # addresses of what `Cases` has
         ("n_rooms", np.int64),
         ("cases", np.int64),
         ("vehicles", np.int64),
@@ -276,7 +276,7 @@ WORK = np.dtype(
         ("sample", np.float64, (SAMPLE_LENGTH,)),
         ("raw", np.float64, (MOST_VALUES,)),
         ("parts", np.float64, (64,)),
-        ("most_filaments", np.int64),  # of what follows: see `tape_kernels`
+        ("most_filaments", np.int64),  # of what follows: see `filament_tape`
         ("hits", np.int64),  # address of int32
         ("slots", np.int64),  # address of int32
         ("marks", np.int64),  # address of (most_filaments // 64 + 1,) uint64
@@ -311,7 +311,7 @@ class Cases(NamedTuple):
 class Searches(NamedTuple):
     """All searches: (n,) records of `SEARCH` and `records.STATE`, (n, n_sensors) of `GAUGE`, and (n, n_memory) numbers.
 
-    The latter are samples of late, see `sensing_kernels`, and knots of the (n, n_wanders) records of `WANDER`.
+    The latter are samples of late, see `sensors`, and knots of the (n, n_wanders) records of `WANDER`.
     """
 
     searches: Any

@@ -259,7 +259,7 @@ def prepare_cases(
         loaded: At least one scenario, places drawn.
         hold_s: How long a waypoint is held and a velocity kept [s]; absent: as each scenario says.
         flying: One of `FLYING`.
-        report: Is told how many of how many are prepared.
+        report: Receives how many of how many are prepared.
 
     Raises:
         UsageError: a scenario cannot be batched, or its observations are not those of the first.
@@ -317,7 +317,7 @@ def lags_s(vehicle: Vehicle) -> tuple[float, float]:
     return control.rate_gain_s[0] / control.attitude_gain_s2[0] + rotors_s, rotors_s
 
 
-# How a rotorcraft flies in a case, see `lagging_kernels`.
+# How a rotorcraft flies in a case, see `point_mass`.
 def _fill_lags(case: Any, vehicle: Vehicle, constants: Any, tick_ms: int) -> None:
     # As long as point robots' steps, or whole ticks where those are no whole number of them.
     n_substeps = max(1, round(tick_ms / POINT_ROBOT_STEP_MS))

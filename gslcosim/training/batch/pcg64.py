@@ -227,14 +227,14 @@ def seed_inplace(stream, seed, name):
         value, constant = _hashed(_U(name[k]), constant)
         p3 = _mixed(p3, value)
     constant = _INIT_B
-    w0, constant = _told(p0, constant)
-    w1, constant = _told(p1, constant)
-    w2, constant = _told(p2, constant)
-    w3, constant = _told(p3, constant)
-    w4, constant = _told(p0, constant)
-    w5, constant = _told(p1, constant)
-    w6, constant = _told(p2, constant)
-    w7, constant = _told(p3, constant)
+    w0, constant = _describe(p0, constant)
+    w1, constant = _describe(p1, constant)
+    w2, constant = _describe(p2, constant)
+    w3, constant = _describe(p3, constant)
+    w4, constant = _describe(p0, constant)
+    w5, constant = _describe(p1, constant)
+    w6, constant = _describe(p2, constant)
+    w7, constant = _describe(p3, constant)
     state_high, state_low = w0 | (w1 << _32), w2 | (w3 << _32)
     sequence_high, sequence_low = w4 | (w5 << _32), w6 | (w7 << _32)
     stream[2] = (sequence_high << _ONE) | (sequence_low >> _63)
@@ -250,7 +250,7 @@ def seed_inplace(stream, seed, name):
 
 
 @reference_free_njit(inline="always")
-def _told(value, constant):
+def _describe(value, constant):
     value ^= constant
     constant = (constant * _MULT_B) & _LOW
     value = (value * constant) & _LOW

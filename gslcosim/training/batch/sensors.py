@@ -270,30 +270,30 @@ def write_reading_inplace(numbers, instrument, gauge):
         instrument: Record of `INSTRUMENT`.
         gauge: Record of `GAUGE`.
     """
-    i, values, told = instrument.first_number, gauge.values, instrument.numbers
+    i, values, kind = instrument.first_number, gauge.values, instrument.numbers
     if gauge.is_warming_up:
         for k in range(instrument.n_numbers):
             numbers[i + k] = 0.0
         if instrument.has_estimate:
             numbers[instrument.estimate_number] = 0.0
-    elif told == LOG_RESISTANCE:
+    elif kind == LOG_RESISTANCE:
         _show(numbers, i, math.log10(max(values[0], 1.0) / _CLEAN_OHM))
         if instrument.has_estimate:
             _show(numbers, instrument.estimate_number, amount(estimated_ppm(instrument, values[0])))
-    elif told == PLANAR_WIND:
+    elif kind == PLANAR_WIND:
         _show(numbers, i, math.tanh(values[0] / _SPEED_M_S))
         _show(numbers, i + 1, math.sin(values[1]))
         _show(numbers, i + 2, math.cos(values[1]))
-    elif told == AMOUNT:
+    elif kind == AMOUNT:
         _show(numbers, i, amount(values[0]))
-    elif told == PLAIN:
+    elif kind == PLAIN:
         _show(numbers, i, values[0])
-    elif told == COUNT:
+    elif kind == COUNT:
         _show(numbers, i, math.tanh(values[0] / _HITS))
-    elif told == SPEEDS:
+    elif kind == SPEEDS:
         for k in range(3):
             _show(numbers, i + k, math.tanh(values[k] / _SPEED_M_S))
-    elif told == CLOSENESS:
+    elif kind == CLOSENESS:
         for k in range(instrument.n_numbers):
             _show(numbers, i + k, _RANGE_M / (_RANGE_M + max(values[k], 0.0)))
 

@@ -223,7 +223,7 @@ def _reset(search, path, gauges, memory, wanders, cases, i_case, seed):
 def fly(rows, how, case_of, seed_of, tasks, vectors, touch, all_cases, searches, works, observations):
     """Fly searches to their next questions or ends, or to where they touch something.
 
-    BEGIN begins them anew, in a case and with a seed; STEP gives those that are asked a task; FINISH ends the tick in
+    BEGIN begins them again, in a case and with a seed; STEP gives those that are asked a task; FINISH ends the tick in
     which one has touched something, when its pose and motion are those of the tick's end, and goes on.
 
     Args:
@@ -233,9 +233,9 @@ def fly(rows, how, case_of, seed_of, tasks, vectors, touch, all_cases, searches,
         seed_of: (n,) the seed of each.
         tasks: (n,) CRUISE, GO_TO or HOLD for each search.
         vectors: (n, 3) velocity [m/s] or place [m], world frame.
-        touch: `batch_arrays.Touch`; it counts with FINISH.
+        touch: `batch_records.TouchState`; it counts with FINISH.
         all_cases: (1,) record of `CASES`.
-        searches: `batch_arrays.Searches`.
+        searches: `batch_records.Searches`.
         works: (1,) record of `WORK` of this thread.
         observations: (n, n_numbers) float32; the rows of these searches are written.
 

@@ -193,7 +193,7 @@ class FamilySpec(Spec):
 FAMILY_FILE = "family.yaml"
 _DIGITS = 6
 
-# Is told how many of how many are done.
+# Receives how many of how many are done.
 Told = Callable[[int, int], None]
 
 
@@ -231,7 +231,7 @@ class Family:
         Args:
             split: `training`, `validation` or `test`.
             n: How many.
-            report: Is told how many are done.
+            report: Receives how many are done.
 
         Raises:
             UsageError: there is no such split, or it has fewer seeds.
@@ -273,7 +273,7 @@ class Family:
         return values
 
     def prepare(self, cases: Sequence[LoadedScenario], *, report: Told = lambda done, total: None) -> None:
-        """Make the rooms and winds of cases that were not made before, each once; `report` is told of rooms."""
+        """Make the rooms and winds of cases that were not made before, each once; `report` is called for rooms."""
         rooms = {get_environment_key(case): case for case in cases}
         for i, case in enumerate(rooms.values()):
             prepare_environment(case.scenario, scenario_dir=case.directory)

@@ -78,8 +78,8 @@ def load_checkpoint(folder: Path, *, identity: str) -> Checkpoint:
     try:
         with np.lib.npyio.NpzFile(io.BytesIO(path.read_bytes()), own_fid=True, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
-        told = parse_json(str(arrays.pop(_ABOUT)[()]), _About, place=_ABOUT)
-        schema, found, about = told["schema"], told["identity"], told["about"]
+        header = parse_json(str(arrays.pop(_ABOUT)[()]), _About, place=_ABOUT)
+        schema, found, about = header["schema"], header["identity"], header["about"]
     except (*_NOT_READABLE, IndexError, MalformedFileError) as error:
         raise UsageError(
             f"{path}: expected a checkpoint of gslcosim train, was a file that is corrupt ({error}). Take it away and "

@@ -34,7 +34,7 @@ from gslcosim.training.trainers.trainer import CtrnnSettings, MethodSettings, Ta
 CURVES = "curves.json"
 _PACKAGES = ("gslcosim", "numpy", "numba", "cma", "jax", "jaxlib", "optax")
 
-# Is told what is being done, and how much of how much is over.
+# Receives what is being done, and how much of how much is over.
 Told = Callable[[str, int, int], None]
 
 
@@ -58,8 +58,8 @@ class Training:
         file: The train file.
         folder: Where checkpoint, policy and curves go; made where it is not there.
         is_resumed: Whether to go on from the checkpoint there.
-        tell: Is told how it goes.
-        show: Is told the figures of each round, and the number of the last.
+        tell: Receives progress reports.
+        show: Receives the figures of each round, and the number of the last.
         command: What makes the policy again, for its card.
 
     Raises:
@@ -195,10 +195,10 @@ class Training:
             return EvolvedMethod(family.name, cases, settings=settings, seed=seed, weights=weights)
         from gslcosim.training.trainers.recurrent_ppo import PpoSettings, RecurrentPpo
 
-        told = PpoSettings.of(settings.settings)
-        pool = self._pool(cases, settings.searches, told.discount)
+        ppo = PpoSettings.of(settings.settings)
+        pool = self._pool(cases, settings.searches, ppo.discount)
         return RecurrentPpo(
-            pool.envs, observation_names=pool.observation_names, action=action, settings=told, seed=seed,
+            pool.envs, observation_names=pool.observation_names, action=action, settings=ppo, seed=seed,
             doping=pool.costs(weights) if self._has_doping else None,
         )  # fmt: skip
 

@@ -40,19 +40,19 @@ class Curriculum:
         """Remember the searches that have ended, in their order.
 
         Args:
-            infos: What a batch tells of a step, or its `final_info` where searches begin again at once.
+            infos: What a batch returns of a step, or its `final_info` where searches begin again at once.
             ends: Which searches have ended.
 
         Raises:
-            UsageError: the environment does not tell which case a search flew, or how it went.
+            UsageError: the environment does not say which case a search flew, or how it went.
         """
-        told = infos.get("final_info", infos)
-        if missing := [name for name in _NEEDED if name not in told]:
+        ended = infos.get("final_info", infos)
+        if missing := [name for name in _NEEDED if name not in ended]:
             raise UsageError(
                 f"doping: expected environments that tell {', '.join(_NEEDED)} of searches that end, was without "
                 f"{', '.join(missing)}. Take a BatchSearchEnv, or train without doping."
             )
-        cases, success, time_s, distance_m = (np.asarray(told[name])[ends] for name in _NEEDED)
+        cases, success, time_s, distance_m = (np.asarray(ended[name])[ends] for name in _NEEDED)
         cases = cases.astype(np.int64)
         costs = compute_costs(
             success.astype(bool), time_s / self._limits_s[cases], distance_m / self._diagonals_m[cases]

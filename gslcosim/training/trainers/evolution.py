@@ -15,7 +15,8 @@ from gslcosim.training.trainers.trainer import check_state
 class Evolution:
     """A population whose distribution moves to where costs are low: equal costs, equal generations.
 
-    Its state is the costs that it was told. To resume it asks and is told again, so that it goes on to the same bits.
+    Its state is the costs that it was given. To resume it asks and is given them again, so that it goes on to the same
+    bits.
 
     Args:
         n: How many numbers an individual has.
@@ -33,14 +34,14 @@ class Evolution:
 
     def __init__(self, n: int, *, population: int, spread: float, seed: int) -> None:
         self._n, self._population, self._spread, self._seed = n, population, spread, seed
-        self._told: list[NDArray[np.float64]] = []
+        self._costs: list[NDArray[np.float64]] = []
         self._strategy = self._begun()
         self._asked: list[NDArray[np.float64]] | None = None
 
     @property
     def n_generations(self) -> int:
         """Number of generations whose costs are known."""
-        return len(self._told)
+        return len(self._costs)
 
     @property
     def centre(self) -> NDArray[np.float64]:
@@ -61,12 +62,12 @@ class Evolution:
         """Take the costs of the individuals asked for, (population,)."""
         assert self._asked is not None, "costs are told of what was asked for"
         self._strategy.tell(self._asked, [float(cost) for cost in costs])
-        self._told.append(np.array(costs, np.float64))
+        self._costs.append(np.array(costs, np.float64))
         self._asked = None
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return all costs that were told, (generations, population)."""
-        return {"told": np.array(self._told, np.float64).reshape(-1, self._population)}
+        """Return all costs that were given, (generations, population)."""
+        return {"told": np.array(self._costs, np.float64).reshape(-1, self._population)}
 
     def resume(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Live through the generations of a state again.
@@ -75,7 +76,7 @@ class Evolution:
             UsageError: it is that of another population.
         """
         check_state(state, {"told": (None, self._population)})
-        self._told, self._strategy = [], self._begun()
+        self._costs, self._strategy = [], self._begun()
         for costs in state["told"]:
             self.ask()
             self.tell(costs)

@@ -113,5 +113,5 @@ class EvolvedCtrnn:
         ):  # fmt: skip
             arrays[name] = scale * arrays[name]
         singles = {name: np.ascontiguousarray(array, np.float32) for name, array in arrays.items()}
-        told = {"dt_s": dt_s, "spread": self.settings.flown_spread}
-        return CtrnnPolicy.of_arrays(self.names, self.action, singles, told)
+        settings = {"dt_s": dt_s, "spread": self.settings.flown_spread}
+        return CtrnnPolicy.of_arrays(self.names, self.action, singles, settings)

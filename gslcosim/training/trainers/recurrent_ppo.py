@@ -249,10 +249,10 @@ class PpoSettings:
         known = [item.name for item in fields(cls)]
         if unknown := sorted(set(values).difference(known)):
             raise UsageError(f"recurrent_ppo: expected settings among {', '.join(known)}, was {', '.join(unknown)}.")
-        told = dict(values)
-        if (names := told.get("observations")) is not None:
-            told["observations"] = tuple(map(str, names))
-        return cls(**told)
+        given = dict(values)
+        if (names := given.get("observations")) is not None:
+            given["observations"] = tuple(map(str, names))
+        return cls(**given)
 
 
 class RecurrentPpo:
@@ -342,11 +342,11 @@ class RecurrentPpo:
         for _ in range(self.settings.segments):
             figures += self._learn(self._fly(flight, rng), rng)
         n_steps = self.n_envs * self.settings.horizon * self.settings.segments
-        told = {name: float(np.mean([one[name] for one in figures])) for name in figures[0]}
+        means = {name: float(np.mean([one[name] for one in figures])) for name in figures[0]}
         return {
             "round": float(self.n_rounds), "steps": float(self.n_rounds * n_steps), "searches": float(len(flight.sums)),
             "reward": float(np.mean(flight.sums)) if flight.sums else float("nan"),
-            "success": flight.success, **told,
+            "success": flight.success, **means,
         }  # fmt: skip
 
     def state(self) -> dict[str, NDArray[Any]]:
@@ -442,8 +442,8 @@ class RecurrentPpo:
                     "log_likely": flown.log_likely[:, agents], "advantages": gains[:, agents],
                     "returns": returns[:, agents], "weights": flown.weights[:, agents],
                 }  # fmt: skip
-                self._arrays, self._optimiser, told = self._update(self._arrays, self._optimiser, part)
-                figures.append(told)
+                self._arrays, self._optimiser, losses = self._update(self._arrays, self._optimiser, part)
+                figures.append(losses)
         return figures
 
 

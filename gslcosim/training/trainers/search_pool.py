@@ -21,7 +21,7 @@ class SearchPool:
         action: What their actions mean.
         discount: Of the shaping of rewards.
         flying: As for `BatchSearchEnv`.
-        report: Is told how many of how many cases are prepared.
+        report: Receives how many of how many cases are prepared.
 
     Raises:
         UsageError: a case cannot be batched.

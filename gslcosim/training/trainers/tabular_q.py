@@ -107,7 +107,7 @@ class TabularQ:
             next_values = self._values[after]
             worth = (1.0 - explore) * next_values.max(axis=1) + explore * next_values.mean(axis=1)
             wanted = np.asarray(rewards) + s.discount * goes_on * worth
-            # In the step after its end a search begins anew, and learns nothing.
+            # In the step after its end a search begins again, and learns nothing.
             self._learn(states[~begins], choices[~begins], wanted[~begins], rate)
             rewarded += float(np.asarray(rewards)[~begins].sum())
             self._n_steps += int((~begins).sum())

@@ -11,7 +11,7 @@ from gslcosim.scenario.models.base import NonNegative, Positive, Spec
 
 
 class Trainer(Protocol):
-    """Learns in rounds. Nothing but what `state` tells goes from one round into the next."""
+    """Learns in rounds. Nothing but what `state`` holds goes from one round into the next."""
 
     @property
     def is_over(self) -> bool:
@@ -31,7 +31,7 @@ class Trainer(Protocol):
         ...
 
     def policy(self) -> Any:
-        """Return what has been learned so far: a `Policy`, or `MethodParameters`."""
+        """Return what has been learned so far: a `Policy`, or `EvolvedParameters`."""
         ...
 
 

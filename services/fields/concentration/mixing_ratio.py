@@ -27,7 +27,7 @@ class WallCells(NamedTuple):
     """Walls that hide gas from readings, in the form for kernels.
 
     `is_opaque` says whether gas is hidden at all; `occupancy` (nx, ny, nz) uint8, 1 is solid; `solid_sums`
-    (nx + 1, ny + 1, nz + 1) int32, number of solid cells below each corner (see `sums_of_solids`); `origin_m` (3,)
+    (nx + 1, ny + 1, nz + 1) int32, number of solid cells below each corner (see `build_solid_sums`); `origin_m` (3,)
     corner of cell (0, 0, 0), world frame [m]; `cell_m` edge of the cubic cells [m].
     """
 

@@ -13,14 +13,14 @@ MAX_PREFETCHED_FRAMES = 64
 class PrefetchedPlume:
     """Live plume with prefetched frames of its future; see `FilamentSource`.
 
-    `go_ahead` moves the plume and keeps what will be seen; `advance` then only takes the next frame. What is seen is
-    the same to the bit, whenever and however often `go_ahead` is called. An error of the plume is kept as a frame too,
+    `prefetch` moves the plume and keeps what will be seen; `advance` then only takes the next frame. What is seen is
+    the same to the bit, whenever and however often `prefetch` is called. An error of the plume is kept as a frame too,
     so that it is raised at the step in which it happens.
 
     Args:
         plume: What moves. Its wind must not depend on what happens in the run.
         step_s: Length of its steps [s].
-        steps_per_frame: Frames are kept that many steps apart: whoever reads advances by as many.
+        steps_per_frame: Frames are kept that many steps apart: a reader advances by as many.
     """
 
     def __init__(self, plume: FilamentPlume, *, step_s: float, steps_per_frame: int) -> None:

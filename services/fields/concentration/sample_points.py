@@ -96,9 +96,9 @@ def distance_to_wall_m(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz):
     next_x, gap_x = to_next_border(sx, i, dx)
     next_y, gap_y = to_next_border(sy, j, dy)
     next_z, gap_z = to_next_border(sz, k, dz)
-    way = 0.0
+    distance = 0.0
     while 0 <= i < nx and 0 <= j < ny and 0 <= k < nz and occupancy[i, j, k] != SOLID:
-        way = min(next_x, next_y, next_z)
+        distance = min(next_x, next_y, next_z)
         if next_x <= next_y and next_x <= next_z:
             i += 1 if dx > 0.0 else -1
             next_x += gap_x
@@ -108,7 +108,7 @@ def distance_to_wall_m(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz):
         else:
             k += 1 if dz > 0.0 else -1
             next_z += gap_z
-    return way * cell_m
+    return distance * cell_m
 
 
 # Models whose readings are means along a beam.

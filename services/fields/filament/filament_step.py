@@ -145,7 +145,7 @@ def find_reach(is_open, cell_m, n, cell, work):
     A place on a face may count to either cell here: from both, the neighbours of neighbours are out of reach.
 
     Args:
-        is_open: (nx, ny, nz) uint8, not zero where a cell and its 26 neighbours are free (see `room_cells.open_cells`).
+        is_open: (nx, ny, nz) uint8, not zero where a cell and its 26 neighbours are free (see `plume.find_open_cells`).
         cell_m: Edge of the cubic cells [m].
         n: How many filaments, at most BATCH.
         cell: (BATCH,) int64 working memory.
@@ -384,7 +384,7 @@ def move_filaments_inplace(
         buoyancy_power: Its power q of the size (see `Buoyancy`).
         velocity_m_s: (nx, ny, nz, 3) wind at cell centres, world frame [m/s], held over the step.
         occupancy: (nx, ny, nz) uint8, 0 free, 1 solid, 2 outlet.
-        is_open: (nx, ny, nz) uint8, not zero where a cell and its 26 neighbours are free (see `room_cells.open_cells`).
+        is_open: (nx, ny, nz) uint8, not zero where a cell and its 26 neighbours are free (see `plume.find_open_cells`).
         origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
         cell_m: Edge of the cubic cells [m].
         step: Number of the step; it covers the time from (step - 1) dt to step dt.

@@ -69,7 +69,7 @@ class PoissonRelease:
 
 @dataclass(frozen=True, kw_only=True)
 class VariableRelease:
-    """A rate that is drawn anew every `interval_s`, uniform from 0 to `filaments_per_s`: half of it in the mean.
+    """A rate that is drawn again every `interval_s`, uniform from 0 to `filaments_per_s`: half of it in the mean.
 
     Source: GADEN's variable rate, which draws for each step of its own; here the interval is a parameter.
     """

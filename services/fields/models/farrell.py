@@ -107,7 +107,7 @@ def advance_gusts_inplace(gusts_m_s, rates_m_s2, transition, spread, draws):
     Args:
         gusts_m_s: (2, 4) gusts x by component and corner [m/s]; modified.
         rates_m_s2: (2, 4) their rates y [m/s2]; modified.
-        transition: (2, 2) solution of the equation without noise over a step (see `exact_step`).
+        transition: (2, 2) solution of the equation without noise over a step (see `exact_gust_step`).
         spread: (2, 2) lower triangle L with L L^T the covariance that a step's noise adds.
         draws: (2, 4, 2) standard normal numbers.
     """
@@ -325,7 +325,7 @@ class FarrellWind:
 
 
 class OpenFieldPlume:
-    """Filaments in Farrell's wind, which begins anew with them; see `FilamentSource`."""
+    """Filaments in Farrell's wind, which begins again with them; see `FilamentSource`."""
 
     def __init__(self, plume: FilamentPlume, wind: FarrellWind) -> None:
         self._plume = plume

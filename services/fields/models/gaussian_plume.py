@@ -236,7 +236,7 @@ PLUME_RECORD = np.dtype(
         ("spread", np.float64, (4,)),  # a, b, c, p of sigma_y = a x / sqrt(1 + 1e-4 x), sigma_z = b x (1 + c x)^p
         ("has_ground", np.int64),
         ("gas", np.int64),  # which of the scenario's gases
-        ("exp_address", np.int64),  # of numpy's loops, see `numpy_loop_kernels`
+        ("exp_address", np.int64),  # of numpy's loops, see `numpy_loops`
         ("power_address", np.int64),
     ]
 )
@@ -383,7 +383,7 @@ def _build_meandering_field(gas: MeanderingPlumeGasSpec, setup: GasSetup) -> Gas
 
 
 def build_plume_records(gas: FormulaGasSpec, setup: GasSetup) -> NDArray[np.void]:
-    """Return the (n,) mean plumes of the sources as records of `formula_plume_kernels.PLUME`, for kernels.
+    """Return the (n,) mean plumes of the sources as records of `PLUME`, for kernels.
 
     Raises:
         ScenarioError: the air is calm.

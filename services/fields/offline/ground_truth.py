@@ -76,7 +76,7 @@ def compute_ground_truth(
     spacing_m: float = 0.25,
     seed: int | None = None,
 ) -> GroundTruth:
-    """Return all gas of a scenario at a time, computed anew; rotors that blow gas away are not in it.
+    """Return all gas of a scenario at a time, computed again; rotors that blow gas away are not in it.
 
     Args:
         scenario: Its gas and sources.

@@ -49,7 +49,7 @@ class GasFrame:
 
     Either `filaments` or `mixing_ratio_ppm` (nx, ny, nz) at the cell centres of `grid` is there. Amounts are converted
     to this project's reference air (298 K, 1 atm), so that readings are those of the writer's own air. `gas` and
-    `source_position_m` are absent where the format does not tell. `version` is the format's. A grid of one layer
+    `source_position_m` are absent where the format does not say. `version` is the format's. A grid of one layer
     `is_plane` when it holds at all heights.
     """
 

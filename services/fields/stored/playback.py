@@ -45,7 +45,7 @@ class GasPlayback:
         Args:
             folder: Holds `iteration_i` or `iteration_i_fil.npy` and `iteration_i_head.npy`.
             period_s: Time between frame i and frame i + 1 [s]; see `default_period_s`.
-            is_looping: Whether time begins anew after the last frame.
+            is_looping: Whether time begins again after the last frame.
 
         Raises:
             EnvironmentDataError: the folder holds no frames.
@@ -182,7 +182,7 @@ class GasMovie:
     """Pictures of gas, played by their times.
 
     A picture holds from its time until that of the next; before the first there is no gas. After the last it stays, or
-    time begins anew: then the last lasts as long as the one before it. Nothing is interpolated.
+    time begins again: then the last lasts as long as the one before it. Nothing is interpolated.
     """
 
     def __init__(self, path: Path, *, is_looping: bool = False) -> None:

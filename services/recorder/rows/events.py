@@ -154,14 +154,14 @@ class AllDoorRows:
         for name, all_rows in self._rows.items():
             for rows in all_rows:
                 rows.draw(file)
-                rows.add(0, is_closed=name in self._room.situation.closed)
+                rows.add(0, is_closed=name in self._room.variant.closed)
 
     def add(self, tick: int, inbox: Inbox) -> None:
         """Take note of the doors that move in a tick."""
         if self._room.obey(inbox):
             for name, all_rows in self._rows.items():
                 for rows in all_rows:
-                    rows.add(tick, is_closed=name in self._room.situation.closed)
+                    rows.add(tick, is_closed=name in self._room.variant.closed)
         for _, event in find_due_events(self._scenario, inbox):
             if isinstance(event, DoorEventSpec) and event.door in self._boxes:
                 box = self._boxes[event.door]

@@ -103,11 +103,11 @@ class WindRows:
         """Draw what all rows share; the whole wind where it is always the same."""
         self._layer.draw(file, self._entity, is_one_of_many=bool(self._later))
 
-    def add(self, tick: int, time_s: float, situation: EnvironmentVariant | None = None) -> None:
+    def add(self, tick: int, time_s: float, variant: EnvironmentVariant | None = None) -> None:
         """Take note of the wind's time [s] at the end of a tick, and of the situation then."""
         if self._layer.is_steady and not self._later:
             return
-        layer = self._later.get(situation, self._layer) if situation is not None else self._layer
+        layer = self._later.get(variant, self._layer) if variant is not None else self._layer
         shown = (layer, layer.wind.frame_at(time_s))
         if shown != self._last:
             self._last = shown

@@ -48,7 +48,7 @@ Phase = Literal["on_ground", "taking_off", "flying", "holding", "failed", "landi
 class FlightStateMachine:
     """State machine of one vehicle's phases. Methods return a notice for the agent where something goes wrong.
 
-    State: phase, course, the task under way (none once it stops), the tick until which it holds, whether its
+    State: phase, path follower, the task under way (none once it stops), the tick until which it holds, whether its
     rotors or wheels turn, whether it has left the ground, and whether it lies overturned.
     """
 
@@ -68,9 +68,9 @@ class FlightStateMachine:
         self._abilities = abilities
         self._avoidance = avoidance
         self._tick_ns = tick_ns
-        self.course = PathFollower(abilities, tick_ns, position_world_m)
+        self.follower = PathFollower(abilities, tick_ns, position_world_m)
         self.edges = BrakingMonitor(space=space, abilities=abilities, tick_ns=tick_ns, avoidance=avoidance)
-        self._evasion = Evasion(self.course, space, abilities.limits, tick_ns, avoidance=avoidance)
+        self._evasion = Evasion(self.follower, space, abilities.limits, tick_ns, avoidance=avoidance)
         self._overturn_detector = OverturnDetector(tick_ns)
         self.under_way: Phase = "driving" if abilities.has_wheels else "flying"
         self.phase: Phase = "on_ground"
@@ -87,9 +87,9 @@ class FlightStateMachine:
     @property
     def yields(self) -> bool:
         """True while the vehicle yields to others where that is needed."""
-        return self._vehicle.separation_m > 0 and self.phase == "flying" and self.course.setpoint is None
+        return self._vehicle.separation_m > 0 and self.phase == "flying" and self.follower.setpoint is None
 
-    # ------------------------------------------------------------ what it is told to do
+    # ------------------------------------------------------------ commands
 
     def set_goal(self, goal: Task | None) -> None:
         """Set the task that the following calls carry out."""
@@ -102,12 +102,12 @@ class FlightStateMachine:
         self.is_armed = True
         self.phase = "holding"
         self.hold_for(0, self._vehicle.hold_s)
-        self.course.look(UNCHANGED_HEADING)
+        self.follower.look(UNCHANGED_HEADING)
         return None
 
     def take_off(self, tick: int) -> str | None:
         """Rise to the height of search; with avoidance only as far as nothing is in the way."""
-        place_m = self.course.position_m if self.has_taken_off else self.course.trajectory.end_world_m
+        place_m = self.follower.position_m if self.has_taken_off else self.follower.trajectory.end_world_m
         wanted_m = self._vehicle.search_height_m
         to_m = wanted_m if self._avoidance is None else clear_height_m(self._space, place_m, wanted_m)
         found = f"take_off: expected a free way to a height of {wanted_m:g} m, was free as far as {to_m:.2f} m"
@@ -123,8 +123,8 @@ class FlightStateMachine:
 
     def land(self, tick: int) -> None:
         """Come down to what is below."""
-        x_m, y_m, _ = self.course.motion(tick).state[0].tolist()
-        height_m = self._space.support_height_m(self.course.position_m) + self._abilities.standing_height_m
+        x_m, y_m, _ = self.follower.motion(tick).state[0].tolist()
+        height_m = self._space.support_height_m(self.follower.position_m) + self._abilities.standing_height_m
         self._begin(tick, [self._change_of_height("land", (x_m, y_m, height_m))])
         self.phase = "landing"
 
@@ -138,7 +138,7 @@ class FlightStateMachine:
         """
         notice = None
         if self._avoidance is not None:
-            plan = self._avoidance.plan(legs, self.course.motion(tick).state)
+            plan = self._avoidance.plan(legs, self.follower.motion(tick).state)
             notice, legs = plan.notice, plan.legs
         if legs:
             self._begin(tick, legs, is_new=not is_return)
@@ -148,14 +148,14 @@ class FlightStateMachine:
 
     def cruise(self, tick: int, velocity_m_s: Vec3, heading: Heading, for_s: float) -> None:
         """Take a velocity and keep it; the agent is asked after a time [s]."""
-        self.course.cruise(tick, velocity_m_s, heading)
+        self.follower.cruise(tick, velocity_m_s, heading)
         self.hold_for(tick, for_s)
         self.phase = self.under_way
 
     def follow_setpoint(self, tick: int, setpoint: Setpoint, for_s: float) -> None:
         """Follow a setpoint of the agent; it is asked after a time [s]."""
         self.is_armed = self.has_taken_off = True
-        self.course.follow_setpoint(tick, setpoint)
+        self.follower.follow_setpoint(tick, setpoint)
         self.hold_for(tick, for_s)
         self.phase = self.under_way
 
@@ -170,10 +170,10 @@ class FlightStateMachine:
         self.hold_for(tick, hold_s)
         if self.phase == "on_ground":
             return
-        self.course.stop(tick)
+        self.follower.stop(tick)
         self.phase = "holding"
         if heading != UNCHANGED_HEADING:
-            self.course.look(heading)
+            self.follower.look(heading)
 
     def hold_for(self, tick: int, hold_s: float) -> None:
         """Ask the agent after a time [s]."""
@@ -182,8 +182,8 @@ class FlightStateMachine:
     def fail(self, tick: int) -> None:
         """Stop for good."""
         if self.phase not in ("taking_off", "on_ground"):
-            self.course.stop(tick)
-        self.course.clear_legs()
+            self.follower.stop(tick)
+        self.follower.clear_legs()
         self.phase = "failed"
 
     # ------------------------------------------------------------ what it does by itself
@@ -201,25 +201,25 @@ class FlightStateMachine:
 
     def end_tick(self, tick: int, uprightness: float) -> str | None:
         """Detect arrivals and faults, and start the next leg; the path follower has the true state already."""
-        self.has_taken_off = self.has_taken_off or self.course.is_over(tick)
+        self.has_taken_off = self.has_taken_off or self.follower.is_over(tick)
         notice = self._check_overturn(tick, uprightness)
-        if self.course.is_preparing:
+        if self.follower.is_preparing:
             notice = self._prepare(tick) or notice
-        elif self.course.is_continuous:
+        elif self.follower.is_continuous:
             notice = self._brake_before_edge(tick) or notice
         elif self.phase in ("taking_off", self.under_way, "landing") and not self._evasion.is_under_way:
             notice = self._notice_arrival(tick) or notice
-        if self.course.ahead and self.phase == "holding" and tick >= self.hold_until_tick:
+        if self.follower.ahead and self.phase == "holding" and tick >= self.hold_until_tick:
             self._begin_leg(tick)
         return notice
 
     def _begin(self, tick: int, legs: Sequence[Leg], *, is_new: bool = True) -> None:
-        self.course.plan(legs)
+        self.follower.plan(legs)
         self._begin_leg(tick, is_new=is_new)
 
     def _begin_leg(self, tick: int, *, is_new: bool = True) -> None:
         self._evasion.begin_leg(tick, is_new=is_new)
-        self.course.begin_leg(tick)
+        self.follower.begin_leg(tick)
         self.phase = self.under_way
 
     def _stands_at(self, place_m: Vec3) -> bool:
@@ -231,15 +231,15 @@ class FlightStateMachine:
 
     # Where ways are planned the way back is: what was straight before may no longer be.
     def _return_to_path(self, tick: int) -> str | None:
-        if self._avoidance is None or self.course.kept_velocity_m_s is not None or self.course.leg is None:
-            self.course.replan(tick)
+        if self._avoidance is None or self.follower.kept_velocity_m_s is not None or self.follower.leg is None:
+            self.follower.replan(tick)
             return None
-        legs = [leg for leg in (self.course.leg, *self.course.ahead) if not leg.is_bend]
+        legs = [leg for leg in (self.follower.leg, *self.follower.ahead) if not leg.is_bend]
         return self.follow_legs(tick, legs, is_return=True)
 
     def _check_overturn(self, tick: int, uprightness: float) -> str | None:
         if self.phase == "failed" or not self._overturn_detector.detect_overturn(
-            tick, uprightness, self.course.velocity_m_s
+            tick, uprightness, self.follower.velocity_m_s
         ):
             return None
         self._stand(tick)
@@ -247,23 +247,23 @@ class FlightStateMachine:
 
     # A vehicle on wheels has stopped, or has turned: the same goal again, as long as that brings it further.
     def _prepare(self, tick: int) -> str | None:
-        if not self.course.is_over(tick):
+        if not self.follower.is_over(tick):
             return None
-        if self.course.preparation_time_s(tick) > MAX_TURN_S:
-            self.course.stay(tick, self.course.position_m)
+        if self.follower.preparation_time_s(tick) > MAX_TURN_S:
+            self.follower.stay(tick, self.follower.position_m)
             self._arrive(tick)
             return f"turn: expected to look where it goes within {MAX_TURN_S:g} s, did not; the vehicle holds."
-        self.course.replan(tick)
+        self.follower.replan(tick)
         return None
 
     def _brake_before_edge(self, tick: int) -> str | None:
-        edge = self.edges.ahead(tick, self.course)
+        edge = self.edges.ahead(tick, self.follower)
         if edge is not None:
             self.hold(tick, self._vehicle.hold_s)
         return edge
 
     def _notice_arrival(self, tick: int) -> str | None:
-        match check_arrival(tick, self.course):
+        match check_arrival(tick, self.follower):
             case "passed":
                 self._pass(tick)
             case "there" if self.phase == "landing":
@@ -271,30 +271,30 @@ class FlightStateMachine:
             case "there":
                 self._arrive(tick)
             case "late":
-                notice = back_off(tick, self.course, self._space)
+                notice = back_off(tick, self.follower, self._space)
                 self._arrive(tick)
                 return notice
         return None
 
     # After the last place that is passed it goes on as it goes there.
     def _pass(self, tick: int) -> None:
-        leg = self.course.leg
-        if self.course.ahead:
+        leg = self.follower.leg
+        if self.follower.ahead:
             self._begin_leg(tick)
         elif leg is not None:
-            self.course.continue_at_velocity(leg.velocity_world_m_s)
+            self.follower.continue_at_velocity(leg.velocity_world_m_s)
             self.hold_until_tick = tick
 
     def _arrive(self, tick: int) -> None:
-        leg = self.course.end_leg()
+        leg = self.follower.end_leg()
         self.phase = "holding"
         self.hold_for(tick, leg.hold_s if leg else 0.0)
         if leg is not None and self._abilities.has_wheels and leg.heading.yaw_rad is not None:
-            self.course.look(leg.heading)
+            self.follower.look(leg.heading)
 
-    # Rotors or wheels stop, and the agent is asked; whoever has landed can take off again.
+    # Rotors or wheels stop, and the agent is asked; a landed vehicle can take off again.
     def _stand(self, tick: int) -> None:
-        self.course.stand(tick)
+        self.follower.stand(tick)
         self.is_armed = False
         self.phase = "on_ground"
         self.hold_for(tick, self._vehicle.hold_s)
@@ -344,7 +344,7 @@ class Autopilot:
         self._state_machine = FlightStateMachine(
             agent.vehicle, space, abilities, tick_ns, position_world_m, avoidance=avoidance
         )
-        self._path_follower = self._state_machine.course
+        self._path_follower = self._state_machine.follower
         self.awaiting_command = agent.is_asked_every_tick
         self._quiet_until_tick = 0
         self._quiet_ticks = ticks_from_seconds(REQUEST_PERIOD_S, tick_ns)
@@ -366,10 +366,10 @@ class Autopilot:
     @property
     def reference(self) -> Reference:
         """Reference that the vehicle's control follows now."""
-        course, known, is_armed = self._path_follower, self._reference, self._state_machine.is_armed
-        is_same_course = course.trajectory is known.trajectory and course.setpoint is known.setpoint
-        if not (is_same_course and is_armed == known.is_armed):
-            self._reference = Reference(trajectory=course.trajectory, setpoint=course.setpoint, is_armed=is_armed)
+        follower, known, is_armed = self._path_follower, self._reference, self._state_machine.is_armed
+        is_same_path = follower.trajectory is known.trajectory and follower.setpoint is known.setpoint
+        if not (is_same_path and is_armed == known.is_armed):
+            self._reference = Reference(trajectory=follower.trajectory, setpoint=follower.setpoint, is_armed=is_armed)
         return self._reference
 
     @property
@@ -431,7 +431,7 @@ class Autopilot:
         if self._pending_task is not None and self.phase != "taking_off":
             kept, self._pending_task = self._pending_task, None
             if self.phase == "holding":
-                self._hear(tick, kept)
+                self._receive_task(tick, kept)
         self._decide_whether_to_ask(tick)
         return self.reference
 
@@ -460,9 +460,9 @@ class Autopilot:
                 self._state_machine.fail(tick)
             case _:
                 self._quiet_until_tick = 0
-                self._hear(tick, task)
+                self._receive_task(tick, task)
 
-    def _hear(self, tick: int, task: Task) -> None:
+    def _receive_task(self, tick: int, task: Task) -> None:
         if self._is_repeated(task):
             self.notice = self._goal_notice
             return

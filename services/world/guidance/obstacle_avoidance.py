@@ -22,7 +22,7 @@ _CORNER_SPEED_FRACTIONS = (1.0, 0.5, 0.25)
 # Corners sharper than this are stopped at [rad].
 _MAX_PASSED_TURN_RAD = 2.0
 _MIN_MOVING_SPEED_M_S = 1e-3
-# How many moved places of a mission are told one by one.
+# How many moved places of a mission are reported one by one.
 _MAX_NOTICES = 3
 # Nearer than this two places are the same [m].
 _MIN_DISTANCE_M = 1e-6
@@ -218,15 +218,15 @@ class BrakingMonitor:
     tick_ns: int
     avoidance: ObstacleAvoidance | None
 
-    def ahead(self, tick: int, course: PathFollower) -> str | None:
+    def ahead(self, tick: int, follower: PathFollower) -> str | None:
         """Return why the vehicle must brake now, or nothing.
 
         An agent that sets attitude or rates looks after itself; wheels are stopped.
         """
-        if course.setpoint is None:
-            return self.check_path(tick, course.trajectory)
+        if follower.setpoint is None:
+            return self.check_path(tick, follower.trajectory)
         if self.abilities.has_wheels:
-            return self._ahead_of_wheels(tick, course.position_m, course.velocity_m_s)
+            return self._ahead_of_wheels(tick, follower.position_m, follower.velocity_m_s)
         return None
 
     def check_path(self, tick: int, path: Trajectory) -> str | None:
@@ -239,14 +239,14 @@ class BrakingMonitor:
             return edge
         return self.avoidance.find_stop_refusal("velocity", state, stop)
 
-    def check_drive_speed(self, tick: int, course: PathFollower, speed_m_s: float) -> str | None:
+    def check_drive_speed(self, tick: int, follower: PathFollower, speed_m_s: float) -> str | None:
         """Return why wheels cannot take a speed [m/s] from how they turn now, or nothing."""
-        direction = (math.cos(course.yaw_rad), math.sin(course.yaw_rad))
-        now_m_s = course.velocity_m_s[0] * direction[0] + course.velocity_m_s[1] * direction[1]
+        direction = (math.cos(follower.yaw_rad), math.sin(follower.yaw_rad))
+        now_m_s = follower.velocity_m_s[0] * direction[0] + follower.velocity_m_s[1] * direction[1]
         change_m_s = self._limits.max_acceleration_m_s2 * self.tick_ns / NS_PER_S
         next_m_s = min(max(speed_m_s, now_m_s - change_m_s), now_m_s + change_m_s)
         velocity_m_s = (next_m_s * direction[0], next_m_s * direction[1], 0.0)
-        return self._ahead_of_wheels(tick, course.position_m, velocity_m_s)
+        return self._ahead_of_wheels(tick, follower.position_m, velocity_m_s)
 
     # The braking begins from what the wheels do, which no path says.
     def _ahead_of_wheels(self, tick: int, position_m: Vec3, velocity_m_s: Vec3) -> str | None:

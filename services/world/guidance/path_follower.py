@@ -154,7 +154,7 @@ class PathFollower:
     def stop(self, tick: int) -> None:
         """Come to rest as quickly as the limits allow.
 
-        A stop under way is kept: planned anew at every tick it would never end.
+        A stop under way is kept: planned again at every tick it would never end.
         """
         is_stopping = (
             self.target_world_m is None and self.trajectory.end_velocity_world_m_s == AT_REST and self.setpoint is None
@@ -207,38 +207,38 @@ OVERTURNED_AFTER_S = 1.0
 OVERTURNED_NOTICE = "vehicle: expected to stand upright, was lying on its side or back; it cannot move any more."
 
 
-def check_arrival(tick: int, course: PathFollower) -> Literal["under_way", "passed", "there", "late"]:
+def check_arrival(tick: int, follower: PathFollower) -> Literal["under_way", "passed", "there", "late"]:
     """Return how far a vehicle has come on its leg at the end of a tick.
 
     It passes or reaches the end of its path, or has not come near it long after it should.
     """
-    if not course.is_over(tick):
+    if not follower.is_over(tick):
         return "under_way"
-    if course.leg is not None and course.leg.is_passed:
+    if follower.leg is not None and follower.leg.is_passed:
         return "passed"
-    distance_m = math.dist(course.position_m, course.trajectory.end_world_m)
-    if distance_m <= ARRIVAL_RADIUS_M and math.hypot(*course.velocity_m_s) < ARRIVAL_SPEED_M_S:
+    distance_m = math.dist(follower.position_m, follower.trajectory.end_world_m)
+    if distance_m <= ARRIVAL_RADIUS_M and math.hypot(*follower.velocity_m_s) < ARRIVAL_SPEED_M_S:
         return "there"
-    return "late" if course.late_s(tick) >= ARRIVAL_TIMEOUT_S else "under_way"
+    return "late" if follower.late_s(tick) >= ARRIVAL_TIMEOUT_S else "under_way"
 
 
-def back_off(tick: int, course: PathFollower, space: FlightSpace) -> str:
+def back_off(tick: int, follower: PathFollower, space: FlightSpace) -> str:
     """Let a vehicle rest a little back from where it got stuck, clear of the obstacle.
 
     Args:
         tick: The tick that ended.
-        course: Its course; changed.
+        follower: Its path follower; changed.
         space: Where it may be.
 
     Returns:
-        What to tell the agent.
+        The notice for the agent.
     """
-    end_m = course.trajectory.end_world_m
-    distance_m = math.dist(course.position_m, end_m)
+    end_m = follower.trajectory.end_world_m
+    distance_m = math.dist(follower.position_m, end_m)
     back = BACK_OFF_M / distance_m if distance_m > ARRIVAL_RADIUS_M else 0.0
-    x_m, y_m, z_m = (p + back * (p - end) for p, end in zip(course.position_m, end_m, strict=True))
+    x_m, y_m, z_m = (p + back * (p - end) for p, end in zip(follower.position_m, end_m, strict=True))
     is_free = space.refusal("back", (x_m, y_m, z_m)) is None
-    course.stay(tick, (x_m, y_m, z_m) if is_free else course.position_m)
+    follower.stay(tick, (x_m, y_m, z_m) if is_free else follower.position_m)
     return (
         f"waypoint: expected to arrive within {ARRIVAL_TIMEOUT_S:g} s of the planned time, "
         f"was still {distance_m:.2f} m away; the vehicle holds there."

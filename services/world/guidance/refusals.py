@@ -44,31 +44,31 @@ def find_refusal(task: Task, abilities: VehicleCapabilities, space: FlightSpace,
 
 
 def find_refusal_from_state(
-    tick: int, task: Task, course: PathFollower, edges: BrakingMonitor, *, rises_to_m: float | None, avoids: bool
+    tick: int, task: Task, follower: PathFollower, edges: BrakingMonitor, *, rises_to_m: float | None, avoids: bool
 ) -> str | None:
     """Return why a vehicle cannot do a task from where it is and as it moves, or nothing.
 
     Args:
         tick: The tick that ended.
         task: A task that the vehicle could do somewhere.
-        course: What it follows now.
+        follower: What it follows now.
         edges: The space around it.
         rises_to_m: The height at which the task begins, after a take-off [m]; nothing in the air.
         avoids: Whether paths are planned, so that legs need not be free as they are said.
     """
     match task:
         case Land():
-            return _find_ground_refusal(course.position_m, edges.space, avoids=avoids)
+            return _find_ground_refusal(follower.position_m, edges.space, avoids=avoids)
         case GoTo(legs=legs, is_mission=True) if not avoids:
-            state = course.motion(tick).state
+            state = follower.motion(tick).state
             if rises_to_m is not None:
-                state = np.array([(*course.position_m[:2], rises_to_m), AT_REST, AT_REST])
+                state = np.array([(*follower.position_m[:2], rises_to_m), AT_REST, AT_REST])
             return find_curve_refusal(legs, state, edges.abilities.limits, edges.space, edges.tick_ns)
-        case Cruise(velocity_world_m_s=wanted_m_s) if rises_to_m is None and wanted_m_s != course.kept_velocity_m_s:
-            path, is_preparing = course.planner.at_velocity(wanted_m_s, course.motion(tick), tick)
+        case Cruise(velocity_world_m_s=wanted_m_s) if rises_to_m is None and wanted_m_s != follower.kept_velocity_m_s:
+            path, is_preparing = follower.planner.at_velocity(wanted_m_s, follower.motion(tick), tick)
             return None if is_preparing else edges.check_path(tick, path)
         case DirectControl(setpoint=DriveSetpoint(speed_m_s=speed_m_s)):
-            return edges.check_drive_speed(tick, course, speed_m_s)
+            return edges.check_drive_speed(tick, follower, speed_m_s)
         case _:
             return None
 

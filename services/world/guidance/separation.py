@@ -234,14 +234,14 @@ class Evasion:
 
     def __init__(
         self,
-        course: PathFollower,
+        follower: PathFollower,
         space: FlightSpace,
         limits: Limits,
         tick_ns: int,
         *,
         avoidance: ObstacleAvoidance | None,
     ) -> None:
-        self._path_follower = course
+        self._path_follower = follower
         self._space = space
         self._limits = limits
         self._tick_ns = tick_ns

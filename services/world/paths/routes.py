@@ -38,7 +38,7 @@ class RoutePlanner:
 
     @property
     def _closed(self) -> Closed:
-        return () if self.doors is None else self.doors.situation.closed
+        return () if self.doors is None else self.doors.variant.closed
 
     def level(self, place_m: Vec3) -> Vec3:
         """Return a place at the height at which the vehicle would be there, world frame [m]."""

@@ -139,15 +139,15 @@ def _geom_reach_m(model: mujoco.MjModel, root: int) -> float:
     return max(reaches_m)
 
 
-def _number_difference(what: str, told: float, compiled: float, *, within: float = _TOLERANCE) -> Iterator[str]:
-    if not math.isclose(told, float(compiled), rel_tol=within):
-        yield f"{what}: expected {float(compiled):g}, as the MJCF has it, was {told:g}."
+def _number_difference(what: str, declared: float, compiled: float, *, within: float = _TOLERANCE) -> Iterator[str]:
+    if not math.isclose(declared, float(compiled), rel_tol=within):
+        yield f"{what}: expected {float(compiled):g}, as the MJCF has it, was {declared:g}."
 
 
-def _position_differences(what: str, told: tuple[float, float, float], compiled: Any) -> Iterator[str]:
-    if any(abs(a - float(b)) > _TOLERANCE for a, b in zip(told, compiled, strict=True)):
+def _position_differences(what: str, declared: tuple[float, float, float], compiled: Any) -> Iterator[str]:
+    if any(abs(a - float(b)) > _TOLERANCE for a, b in zip(declared, compiled, strict=True)):
         shown = ", ".join(f"{float(b):g}" for b in compiled)
-        yield f"{what}: expected [{shown}], as the MJCF has it, was [{', '.join(f'{a:g}' for a in told)}]."
+        yield f"{what}: expected [{shown}], as the MJCF has it, was [{', '.join(f'{a:g}' for a in declared)}]."
 
 
 # MuJoCo is compiled and comes without stubs.
@@ -275,7 +275,7 @@ class DoorGeoms:
         """Let closed doors collide, and open ones not."""
         if self._room is None:
             return
-        closed = self._room.situation.closed
+        closed = self._room.variant.closed
         for name, i in self._geoms.items():
             # As all boxes of the room, by MuJoCo's default.
             self._model.geom_contype[i] = self._model.geom_conaffinity[i] = int(name in closed)

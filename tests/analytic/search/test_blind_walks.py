@@ -40,11 +40,11 @@ def time_to_source_s(next_end_m: NextEnd, start_m, *, hold_s: float, source_m=OD
     here_m, time_s = tuple(start_m), FIRST_S
     while time_s < LIMIT_S:
         end_m = next_end_m(here_m)
-        way = [b - a for a, b in zip(here_m, end_m)]
+        step_m = [b - a for a, b in zip(here_m, end_m)]
         flown = min(1.0, (LIMIT_S - time_s) / LEG_S)
-        nearest = sum((c - a) * d for a, c, d in zip(here_m, source_m, way)) / max(1e-12, sum(d * d for d in way))
+        nearest = sum((c - a) * d for a, c, d in zip(here_m, source_m, step_m)) / max(1e-12, sum(d * d for d in step_m))
         t = min(flown, max(0.0, nearest))
-        if math.dist([a + t * d for a, d in zip(here_m, way)], source_m) < RADIUS_M:
+        if math.dist([a + t * d for a, d in zip(here_m, step_m)], source_m) < RADIUS_M:
             return time_s + t * LEG_S
         here_m, time_s = tuple(end_m), time_s + LEG_S + hold_s
     return None
@@ -84,8 +84,8 @@ def agent_walk(agent_type: type[Agent], readings: Callable[[], dict[str, float]]
 
     def new(seed: int) -> NextEnd:
         parameters = {"wall_margin_m": MARGIN_M, **changes}
-        told = briefing(size_m=SIZE_M, seed=seed, parameters=parameters, search_height_m=4.0, hold_s=hold_s)
-        agent, tick = agent_type(told), 0
+        agent_briefing = briefing(size_m=SIZE_M, seed=seed, parameters=parameters, search_height_m=4.0, hold_s=hold_s)
+        agent, tick = agent_type(agent_briefing), 0
 
         def next_end_m(here_m: Sequence[float]) -> Sequence[float]:
             nonlocal tick

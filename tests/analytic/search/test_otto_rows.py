@@ -98,7 +98,7 @@ class GridWorld:
         window = (slice(None), slice(i, i + self.size), slice(j, j + self.size))
         return tuple(table[window].reshape(self.n_outcomes, -1) for table in self.by_displacement)
 
-    def prospect(self, places):
+    def candidates(self, places):
         tables = [self.seen_from(place) for place in places]
         likelihood = np.stack([table[0] for table in tables])
         log_weight = np.stack([table[1] for table in tables])
@@ -158,14 +158,14 @@ class Episode:
 
 def by_foresight(cost):
     def policy(world, p, here, places):
-        return find_min_cost_index(cost(predict_stops(p, world.prospect(places))))
+        return find_min_cost_index(cost(predict_stops(p, world.candidates(places))))
 
     return policy
 
 
 POLICIES = {
     "infotaxis": by_foresight(infotaxis_cost),
-    "space_aware": by_foresight(lambda foresight: space_aware_cost(foresight, step_m=1.0)),
+    "space_aware": by_foresight(lambda predictions: space_aware_cost(predictions, step_m=1.0)),
     "greedy": by_foresight(greedy_cost),
     "mean_distance": by_foresight(mean_distance_cost),
     "voting": lambda world, p, here, places: find_min_cost_index(

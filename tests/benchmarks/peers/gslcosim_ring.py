@@ -34,7 +34,7 @@ LOOK_EVERY_S = 0.1
 ENDED = "ended"
 
 
-class Said(Message):
+class TextMessage(Message):
     """What a participant says at a tick."""
 
     text: str
@@ -43,7 +43,9 @@ class Said(Message):
 def spec_of(place: Place) -> ParticipantSpec:
     """Return the dataflow of a participant."""
     reads = (Read(port=f"ring/{place.reads}", delay_ticks=place.delay_ticks),) if place.reads else ()
-    return ParticipantSpec(name=place.name, reads=reads, writes=(Write(port=f"ring/{place.name}", message_type=Said),))
+    return ParticipantSpec(
+        name=place.name, reads=reads, writes=(Write(port=f"ring/{place.name}", message_type=TextMessage),)
+    )
 
 
 def dataflow_of(shape: str) -> Dataflow:
@@ -64,11 +66,11 @@ class TrivialCore:
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:
         """Say the next thing."""
-        heard = next((message.text for message in inbox.values() if isinstance(message, Said)), "")
-        text = self._participant.step(tick, heard)
+        received = next((message.text for message in inbox.values() if isinstance(message, TextMessage)), "")
+        text = self._participant.step(tick, received)
         if tick == self._n_ticks - 1:
             self._participant.save_times(self._folder)
-        return {f"ring/{self.spec.name}": Said(tick=tick, text=text)}
+        return {f"ring/{self.spec.name}": TextMessage(tick=tick, text=text)}
 
 
 class Watch:

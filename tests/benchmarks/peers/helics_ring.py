@@ -29,7 +29,7 @@ def broker_port() -> int:
 
 
 def address(core: str, folder: Path) -> tuple[str, str]:
-    """Return what the broker and what a core is told about where the broker is."""
+    """Return what the broker and what a core are given about where the broker is."""
     if core == "ipc":
         name = f"broker_{folder.name}"
         return f"--local_interface={name}", f"--broker_address={name}"
@@ -49,11 +49,11 @@ def participate(options: argparse.Namespace) -> None:
     h.helicsFederateInfoSetFlagOption(info, h.HELICS_FLAG_UNINTERRUPTIBLE, True)
     federate = h.helicsCreateValueFederate(place.name, info)
     said = h.helicsFederateRegisterGlobalPublication(federate, place.name, h.HELICS_DATA_TYPE_STRING, "")
-    heard = h.helicsFederateRegisterSubscription(federate, place.reads, "") if place.reads else None
+    received = h.helicsFederateRegisterSubscription(federate, place.reads, "") if place.reads else None
     h.helicsFederateEnterExecutingMode(federate)
     for tick in range(options.ticks):
         h.helicsFederateRequestTime(federate, (tick + 1) * TICK_S + place.index)
-        text = h.helicsInputGetString(heard) if heard and tick >= place.delay_ticks else ""
+        text = h.helicsInputGetString(received) if received and tick >= place.delay_ticks else ""
         h.helicsPublicationPublishString(said, participant.step(tick, text))
     participant.save_times(options.folder)
     h.helicsFederateDisconnect(federate)

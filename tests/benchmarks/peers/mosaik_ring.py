@@ -43,8 +43,8 @@ class Simulator(mosaik_api_v3.Simulator):
 
     def step(self, time: int, inputs: mosaik_api_v3.InputData, max_advance: int) -> int:
         """Say the next thing."""
-        heard = inputs.get("only", {}).get("heard", {})
-        self._said = self._participant.step(time, next(iter(heard.values()), ""))
+        received = inputs.get("only", {}).get("heard", {})
+        self._said = self._participant.step(time, next(iter(received.values()), ""))
         if time == self._n_ticks - 1:
             self._participant.save_times(self._folder)
         return time + 1

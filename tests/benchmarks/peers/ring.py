@@ -45,8 +45,8 @@ class Participant:
     place: Place
     _began_ns: int = field(default=0, init=False)
 
-    def step(self, tick: int, heard: str) -> str:
-        """Return what it says at a tick; `heard` is empty where it reads nobody.
+    def step(self, tick: int, received: str) -> str:
+        """Return what it says at a tick; `received` is empty where it reads nobody.
 
         Raises:
             ValueError: it heard something else than what the one before it said.
@@ -55,8 +55,8 @@ class Participant:
             self._began_ns = time.monotonic_ns()
         due = tick - self.place.delay_ticks
         expected = text_of(self.place.reads, due) if self.place.reads and due >= 0 else ""
-        if heard != expected:
-            raise ValueError(f"{self.place.name} at tick {tick}: expected {expected!r}, was {heard!r}.")
+        if received != expected:
+            raise ValueError(f"{self.place.name} at tick {tick}: expected {expected!r}, was {received!r}.")
         return text_of(self.place.name, tick)
 
     def save_times(self, folder: Path) -> None:
@@ -68,7 +68,9 @@ class Participant:
 def ticks_per_s(folder: Path, n_ticks: int) -> float:
     """Return the speed from the first step of anybody to the last step of anybody; starting is left out."""
     times = [json.loads((folder / f"{name}.json").read_text()) for name in NAMES]
-    wall_ns = max(told["ended_ns"] for told in times) - min(told["began_ns"] for told in times)
+    wall_ns = max(times_of_one["ended_ns"] for times_of_one in times) - min(
+        times_of_one["began_ns"] for times_of_one in times
+    )
     return n_ticks / (wall_ns * 1e-9)
 
 

@@ -19,8 +19,8 @@ from pathlib import Path
 
 from raw import RawAgent
 
-TOLD = json.loads(sys.argv[1])
-RUNS, OUTSIDE, VICTIM = Path(TOLD["runs"]), Path(TOLD["outside"]), TOLD["victim"]
+TARGETS = json.loads(sys.argv[1])
+RUNS, OUTSIDE, VICTIM = Path(TARGETS["runs"]), Path(TARGETS["outside"]), TARGETS["victim"]
 LIBRARY = ctypes.CDLL(None, use_errno=True)
 CLONE_NEWUSER, CLONE_NEWNS, PTRACE_SEIZE = 0x10000000, 0x20000, 0x4206
 # Numbers of system calls on every kind of machine, then by kind of machine.
@@ -39,11 +39,11 @@ def _text_of(*paths):
 
 
 def read_scenario_file():
-    return _text_of(TOLD["scenario"], Path(TOLD["scenario"]).name)
+    return _text_of(TARGETS["scenario"], Path(TARGETS["scenario"]).name)
 
 
 def read_bundled_scenario():
-    return _text_of(TOLD["bundled"])
+    return _text_of(TARGETS["bundled"])
 
 
 def read_run_folder():
@@ -53,25 +53,25 @@ def read_run_folder():
 
 
 def read_run_folder_by_its_name():
-    run = Path(TOLD["runs"]) / agent.join.namespace.removeprefix("gsl/")
+    run = Path(TARGETS["runs"]) / agent.join.namespace.removeprefix("gsl/")
     return _text_of(run / "scenario.yaml", run / "setup.json", run / "inputs.log", run / "logs" / "world.log")
 
 
 def read_through_proc():
     roots = [f"/proc/{pid}/{link}" for pid in ("self", "1", VICTIM, os.getppid()) for link in ("root", "cwd")]
-    return _text_of(*(f"{root}{TOLD['scenario']}" for root in roots), *(f"{root}/room.yaml" for root in roots))
+    return _text_of(*(f"{root}{TARGETS['scenario']}" for root in roots), *(f"{root}/room.yaml" for root in roots))
 
 
 def read_cache_of_environments():
     with contextlib.suppress(OSError):
-        return str(list(Path(TOLD["cache"], "environments").iterdir())[:1])
+        return str(list(Path(TARGETS["cache"], "environments").iterdir())[:1])
     return ""
 
 
 def read_environment_of_others():
     for path in Path("/proc").glob("[0-9]*/environ"):
         with contextlib.suppress(OSError):
-            if TOLD["secret"].encode() in path.read_bytes():
+            if TARGETS["secret"].encode() in path.read_bytes():
                 return str(path)
     return ""
 
@@ -80,7 +80,7 @@ def read_command_lines_of_others():
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with contextlib.suppress(OSError):
             # Backwards in this process's own.
-            if TOLD["tnemugra"][::-1].encode() in path.read_bytes():
+            if TARGETS["tnemugra"][::-1].encode() in path.read_bytes():
                 return str(path)
     return ""
 
@@ -114,14 +114,14 @@ def limit_others():
 
 
 def connect_by_tcp():
-    with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", TOLD["tcp_port"]), timeout=1):
+    with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", TARGETS["tcp_port"]), timeout=1):
         return "connected"
     return ""
 
 
 def send_by_udp():
     with contextlib.suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        sender.connect(("127.0.0.1", TOLD["udp_port"]))
+        sender.connect(("127.0.0.1", TARGETS["udp_port"]))
         sender.send(b"?")
         sender.settimeout(1)
         return repr(sender.recv(1))
@@ -130,14 +130,14 @@ def send_by_udp():
 
 def connect_to_abstract_socket():
     with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as caller:
-        caller.connect("\0" + TOLD["abstract"])
+        caller.connect("\0" + TARGETS["abstract"])
         return "connected"
     return ""
 
 
 def connect_to_unix_socket_of_others():
     with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as caller:
-        caller.connect(TOLD["unix"])
+        caller.connect(TARGETS["unix"])
         return "connected"
     return ""
 
@@ -154,7 +154,7 @@ def join_as_a_service():
 
 
 def write_outside():
-    for folder in (OUTSIDE, RUNS, Path(TOLD["scenario"]).parent):
+    for folder in (OUTSIDE, RUNS, Path(TARGETS["scenario"]).parent):
         with contextlib.suppress(OSError):
             (folder / "written").write_text("by the agent")
             return str(folder)
@@ -171,7 +171,7 @@ def change_its_own_program():
 def change_what_others_execute():
     import gslcosim
 
-    for folder in (Path(gslcosim.__file__).parent, Path(TOLD["kernels"])):
+    for folder in (Path(gslcosim.__file__).parent, Path(TARGETS["kernels"])):
         with contextlib.suppress(OSError):
             place = folder / "attacker_was_here"
             place.touch()
@@ -181,7 +181,7 @@ def change_what_others_execute():
 
 
 def plant_code_in_compiled_kernels():
-    for index in Path(TOLD["kernels"]).rglob("*.nbi"):
+    for index in Path(TARGETS["kernels"]).rglob("*.nbi"):
         with contextlib.suppress(OSError):
             # Its first bytes are what they are.
             with index.open("r+b") as file:
@@ -198,7 +198,7 @@ def plant_code_in_compiled_kernels():
 
 
 def read_key_of_compiled_kernels():
-    return _text_of(Path(TOLD["cache"]) / "kernels.key")
+    return _text_of(Path(TARGETS["cache"]) / "kernels.key")
 
 
 def change_rights():
@@ -250,8 +250,8 @@ def fill_shared_memory():
 
 
 def take_away_what_hides():
-    masked = TOLD["scenario"]
-    program = f"umount {masked}; umount {TOLD['runs']}; cat {masked} {TOLD['runs']}/*/scenario.yaml"
+    masked = TARGETS["scenario"]
+    program = f"umount {masked}; umount {TARGETS['runs']}; cat {masked} {TARGETS['runs']}/*/scenario.yaml"
     with contextlib.suppress(OSError):
         for call in (["unshare", "-Urm", "sh", "-c", program], ["sh", "-c", program]):
             tried = subprocess.run(call, capture_output=True, check=False)
@@ -293,7 +293,7 @@ def copy_memory_of_others():
 
     copied = ctypes.create_string_buffer(64)
     here = Piece(ctypes.cast(copied, ctypes.c_void_p), 64)
-    there = Piece(TOLD["address"], 64)
+    there = Piece(TARGETS["address"], 64)
     LIBRARY.process_vm_readv.restype = ctypes.c_ssize_t
     if LIBRARY.process_vm_readv(VICTIM, ctypes.byref(here), 1, ctypes.byref(there), 1, 0) > 0:
         return repr(copied.value)
@@ -334,14 +334,14 @@ def slow_down_others():
 
 
 def write_to_terminals_of_others():
-    with contextlib.suppress(OSError), Path(TOLD["terminal"]).open("wb", buffering=0) as terminal:
+    with contextlib.suppress(OSError), Path(TARGETS["terminal"]).open("wb", buffering=0) as terminal:
         terminal.write(b"by the agent")
         return "written"
     return ""
 
 
 def read_keys_of_the_user():
-    found = LIBRARY.syscall(KEYCTL, SEARCH, USER_KEYRING, b"user", TOLD["key"].encode(), 0)
+    found = LIBRARY.syscall(KEYCTL, SEARCH, USER_KEYRING, b"user", TARGETS["key"].encode(), 0)
     copied = ctypes.create_string_buffer(64)
     return repr(copied.value) if found >= 0 and LIBRARY.syscall(KEYCTL, READ, found, copied, 64) > 0 else ""
 
@@ -396,7 +396,7 @@ def read_rooms_beside_it():
 
 def read_system_v_memory():
     LIBRARY.shmat.restype = ctypes.c_void_p
-    found = LIBRARY.shmget(TOLD["system_v_key"], 64, 0)
+    found = LIBRARY.shmget(TARGETS["system_v_key"], 64, 0)
     place = LIBRARY.shmat(found, None, 0o10000) if found >= 0 else None
     return repr(ctypes.string_at(place, 8)) if place not in (None, ctypes.c_void_p(-1).value) else ""
 
@@ -405,7 +405,7 @@ def take_from_system_v_queues():
     class Message(ctypes.Structure):
         _fields_ = (("kind", ctypes.c_long), ("text", ctypes.c_char * 64))
 
-    message, queue = Message(), LIBRARY.msgget(TOLD["system_v_key"], 0)
+    message, queue = Message(), LIBRARY.msgget(TARGETS["system_v_key"], 0)
     no_wait = 0o4000
     got = LIBRARY.msgrcv(queue, ctypes.byref(message), 64, 0, no_wait) if queue >= 0 else -1
     return repr(message.text) if got > 0 else ""
@@ -413,24 +413,24 @@ def take_from_system_v_queues():
 
 def read_system_v_semaphores():
     get_value = 12
-    found = LIBRARY.semget(TOLD["system_v_key"], 1, 0)
+    found = LIBRARY.semget(TARGETS["system_v_key"], 1, 0)
     return str(LIBRARY.semctl(found, 0, get_value)) if found >= 0 else ""
 
 
 def leave_system_v_memory_behind():
     # For the next trial; taken away by the test.
-    return "made" if LIBRARY.shmget(TOLD["system_v_left"], 64, 0o1600) >= 0 else ""
+    return "made" if LIBRARY.shmget(TARGETS["system_v_left"], 64, 0o1600) >= 0 else ""
 
 
 def open_posix_queues():
-    opened = LIBRARY.mq_open(TOLD["posix_queue"].encode(), os.O_RDONLY | os.O_NONBLOCK)
+    opened = LIBRARY.mq_open(TARGETS["posix_queue"].encode(), os.O_RDONLY | os.O_NONBLOCK)
     return "opened" if opened >= 0 else ""
 
 
 def pass_by_netlink():
     # A socket of the kind by which processes speak with each other, not with the kernel.
     with contextlib.suppress(OSError), socket.socket(socket.AF_NETLINK, socket.SOCK_DGRAM, 2) as sender:
-        sender.sendto(b"by the agent", (TOLD["netlink"], 0))
+        sender.sendto(b"by the agent", (TARGETS["netlink"], 0))
         return "sent"
     return ""
 
@@ -479,7 +479,7 @@ def offer_socket_to_other_agents():
     with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as server:
         server.bind(str(folder / "offered"))
         folder.joinpath("offered").unlink()
-        return "" if TOLD["has_private_folder"] else str(folder)
+        return "" if TARGETS["has_private_folder"] else str(folder)
     return ""
 
 
@@ -489,7 +489,7 @@ def read_log_of_the_kernel():
 
 
 def read_private_folders_of_others():
-    for path in Path(TOLD["temporary"]).glob("gslcosim-*/*"):
+    for path in Path(TARGETS["temporary"]).glob("gslcosim-*/*"):
         with contextlib.suppress(OSError):
             if path.is_file() or any(path.iterdir()):
                 return str(path)
@@ -497,11 +497,11 @@ def read_private_folders_of_others():
 
 
 def read_environment_of_the_user():
-    return TOLD["token_name"] if TOLD["token_name"] in os.environ else ""
+    return TARGETS["token_name"] if TARGETS["token_name"] in os.environ else ""
 
 
 def touch_other_flight():
-    for pid in TOLD["other_flight"]:
+    for pid in TARGETS["other_flight"]:
         with contextlib.suppress(OSError):
             os.kill(pid, 0)
             return f"signalled {pid}"

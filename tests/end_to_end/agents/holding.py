@@ -1,4 +1,4 @@
-"""Holds its place until the run ends: a flight that is long, even, and the same each time, by either door."""
+"""Holds its place until the run ends: a run that is long, even, and the same each time, by either transport."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 

@@ -1,4 +1,4 @@
-"""Puts links to a file of somebody else's where the run will write; the folder of all runs and the file are told."""
+"""Puts links to a file of somebody else's where the run will write; both paths are arguments."""
 
 import sys
 from pathlib import Path

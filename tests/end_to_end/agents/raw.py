@@ -11,7 +11,7 @@ from gslcosim.bus.zenoh_bus import ZenohBus
 
 
 class RawAgent:
-    """Joins a run and hands over observations that await an answer; sends whatever bytes it is told."""
+    """Joins a run and hands over observations that await an answer; sends whatever bytes it is given."""
 
     def __init__(self) -> None:
         self.join = JoinData.from_environment()

@@ -18,11 +18,11 @@ from pathlib import Path
 
 from raw import RawAgent
 
-TOLD = json.loads(sys.argv[1])
+TARGETS = json.loads(sys.argv[1])
 LIBRARY = ctypes.CDLL(None, use_errno=True)
 EXIT_OF_ONE_THREAD = 93 if os.uname().machine == "aarch64" else 60
 ANSWER_WITHIN_S = 3.0
-WORDS = ["up", TOLD["scenario"], "--runs-dir", TOLD["outside"], "--json", "--set", "agents[0].sandbox=none"]
+WORDS = ["up", TARGETS["scenario"], "--runs-dir", TARGETS["outside"], "--json", "--set", "agents[0].sandbox=none"]
 
 
 def _called(path):
@@ -34,7 +34,7 @@ def _called(path):
 
 def _ask_for_a_run(caller):
     request = {
-        "secret": TOLD["secret"], "words": WORDS, "identity": TOLD["identity"], "environ": TOLD["environ"],
+        "secret": TARGETS["secret"], "words": WORDS, "identity": TARGETS["identity"], "environ": TARGETS["environ"],
         "folder": "/", "umask": 0o22,
     }  # fmt: skip
     with contextlib.suppress(OSError, ValueError), caller:
@@ -48,20 +48,20 @@ def _ask_for_a_run(caller):
 
 def _by_a_child(act):
     """Let a child act, and return what it has to tell."""
-    told, tells = os.pipe()
+    answers, tells = os.pipe()
     if os.fork() == 0:
-        os.close(told)
+        os.close(answers)
         with contextlib.suppress(BaseException):
             os.write(tells, act().encode())
         os._exit(0)
     os.close(tells)
-    with os.fdopen(told) as lines:
+    with os.fdopen(answers) as lines:
         return lines.read()
 
 
 def ask_the_server_for_a_run():
     with contextlib.suppress(OSError):
-        return _ask_for_a_run(_called(TOLD["server"]))
+        return _ask_for_a_run(_called(TARGETS["server"]))
     return ""
 
 
@@ -79,7 +79,7 @@ def ask_the_server_by_who_has_ended():
         caller.settimeout(10)
         if (child := os.fork()) == 0:
             with contextlib.suppress(OSError):
-                caller.connect(TOLD["server"])
+                caller.connect(TARGETS["server"])
             os._exit(0)
         os.waitpid(child, 0)
         return _ask_for_a_run(caller)
@@ -90,7 +90,7 @@ def ask_the_server_by_a_second_thread():
     """The process's first thread has ended, so that its number shows a zombie."""
 
     def act():
-        told = queue.SimpleQueue()
+        answers = queue.SimpleQueue()
 
         def later():
             while Path(f"/proc/{os.getpid()}/stat").read_text().rpartition(")")[2].split()[0] != "Z":
@@ -100,18 +100,18 @@ def ask_the_server_by_a_second_thread():
 
         threading.Thread(target=later).start()
         LIBRARY.syscall(EXIT_OF_ONE_THREAD, 0)
-        return told.get()
+        return answers.get()
 
-    told, tells = os.pipe()
+    answers, tells = os.pipe()
     if os.fork() == 0:
         act()
     os.close(tells)
-    with os.fdopen(told) as lines:
+    with os.fdopen(answers) as lines:
         return lines.read()
 
 
 def ask_the_server_by_our_own_command():
-    environ = {**os.environ, **TOLD["environ"]}
+    environ = {**os.environ, **TARGETS["environ"]}
     with contextlib.suppress(OSError, subprocess.SubprocessError):
         call = [sys.executable, "-m", "gslcosim", *WORDS, "--warm", "--set", "referee.stop.time_limit_s=0.1"]
         ended = subprocess.run(call, env=environ, capture_output=True, text=True, timeout=60, check=False)
@@ -121,12 +121,12 @@ def ask_the_server_by_our_own_command():
 
 def read_the_secret_of_the_server():
     with contextlib.suppress(OSError):
-        return Path(TOLD["secret_file"]).read_text()[:4]
+        return Path(TARGETS["secret_file"]).read_text()[:4]
     return ""
 
 
 def list_the_sockets_of_the_user():
-    for folder in (TOLD["windows"], str(Path(TOLD["server"]).parent)):
+    for folder in (TARGETS["windows"], str(Path(TARGETS["server"]).parent)):
         with contextlib.suppress(OSError):
             if names := sorted(Path(folder).iterdir()):
                 return repr(names)
@@ -135,7 +135,7 @@ def list_the_sockets_of_the_user():
 
 def read_the_status_of_another_run():
     with contextlib.suppress(OSError, ValueError):
-        caller = _called(TOLD["window"])
+        caller = _called(TARGETS["window"])
         facts = json.loads(caller.makefile().read())
         return "" if "refused" in facts else f"seed {facts['seed']}"
     return ""
@@ -151,11 +151,11 @@ def _listening_in(folder, name):
 
 
 def listen_beside_the_server():
-    return _listening_in(Path(TOLD["server"]).parent, "x")
+    return _listening_in(Path(TARGETS["server"]).parent, "x")
 
 
 def pretend_to_be_a_run():
-    return _listening_in(TOLD["windows"], "1-x.flight")
+    return _listening_in(TARGETS["windows"], "1-x.flight")
 
 
 def _joined(endpoint, **changed):
@@ -170,22 +170,22 @@ def _joined(endpoint, **changed):
 
 
 def join_another_run():
-    return next((found for path in TOLD["routers"] if (found := _joined(f"unixsock-stream/{path}"))), "")
+    return next((found for path in TARGETS["routers"] if (found := _joined(f"unixsock-stream/{path}"))), "")
 
 
 def call_services_past_the_router():
-    found = (_joined(f"unixsock-stream/{path}", user=user) for path in TOLD["meshes"] for user in USERS)
+    found = (_joined(f"unixsock-stream/{path}", user=user) for path in TARGETS["meshes"] for user in USERS)
     return next((each for each in found if each), "")
 
 
 def hear_the_truth_on_the_bus():
-    heard = queue.SimpleQueue()
+    received = queue.SimpleQueue()
     for key in ("truth/**", "referee/**", "ctl/**", "bundle/**", "**"):
-        agent.bus.subscribe(key, lambda key, payload: heard.put(key))
+        agent.bus.subscribe(key, lambda key, payload: received.put(key))
     ends_at_s = time.monotonic() + 1.0
     while (left_s := ends_at_s - time.monotonic()) > 0:
         with contextlib.suppress(queue.Empty):
-            if not (key := heard.get(timeout=left_s)).startswith(f"agents/{agent.join.name}/"):
+            if not (key := received.get(timeout=left_s)).startswith(f"agents/{agent.join.name}/"):
                 return key
     return ""
 
@@ -208,7 +208,7 @@ def ask_the_router_for_its_configuration():
 
 def change_what_was_verified():
     with contextlib.suppress(OSError):
-        mark = Path(TOLD["mark"])
+        mark = Path(TARGETS["mark"])
         found = mark.read_text()
         mark.write_text(found)
         return found

@@ -200,7 +200,7 @@ def fields_spec(scenario: Scenario) -> ParticipantSpec:
 
 
 def sensing_spec(scenario: Scenario) -> ParticipantSpec:
-    """Return the dataflow of the poses that agents are told."""
+    """Return the dataflow of the poses that agents get."""
     writes = [Write(port=keys.observation(agent.name), message_type=Observation) for agent in scenario.agents]
     for agent in scenario.agents:
         briefing = Write(port=keys.briefing(agent.name), message_type=Briefing, announced_in="once")

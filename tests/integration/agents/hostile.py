@@ -8,7 +8,7 @@ from gslcosim.contract.record import build_unchecked_constructor
 NAN = float("nan")
 
 
-# The door sees what a program in another language could send: nothing is checked here.
+# The validator sees what a program in another language could send: nothing is checked here.
 def without_checks(kind, **fields):
     return {"kind": kind, "_is_checked": False, **fields}
 

@@ -125,9 +125,9 @@ def reached(outside):
 def test_programs_of_results_reach_nothing_while_they_are_verified(here, capsys):
     folder, outside = here
     assert verify(folder, "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert (told["same"], told["sample"], told["missing"]) == (4, 4, 0)
-    assert all(kind.startswith(find_strongest_sandbox()) for kind in told["sandboxes"])
+    printed = json.loads(capsys.readouterr().out)
+    assert (printed["same"], printed["sample"], printed["missing"]) == (4, 4, 0)
+    assert all(kind.startswith(find_strongest_sandbox()) for kind in printed["sandboxes"])
     assert reached(outside) == set()
     assert sorted((user_state_folder() / "verified").iterdir()) == [
         user_state_folder() / "verified" / f"{results_hash(folder)}.json"
@@ -159,7 +159,7 @@ def test_without_a_sandbox_nothing_is_started(here, monkeypatch, capsys):
 
 
 def test_a_python_agent_that_does_nothing_as_a_program_is_refused(here):
-    """In a worker its class is enough; as a process it would end at once, and its flights differ."""
+    """In a worker its class is enough; as a process it would end at once, and its runs differ."""
     folder, outside = here
     program = folder / "alone.py"
     program.write_text(AGENT.partition("if __name__")[0])
@@ -171,20 +171,22 @@ def test_a_python_agent_that_does_nothing_as_a_program_is_refused(here):
 
 
 @pytest.mark.parametrize(
-    ("of_agent", "told"),
+    ("of_agent", "expected"),
     [
         ({"may_write": ["OUTSIDE"]}, r"asks for .*outside.* \(may_read, may_write\)"),
         ({"may_read": ["~"]}, r"asks for ~ \(may_read, may_write\)"),
     ],
 )
-def test_results_that_ask_for_folders_are_refused_before_anything_is_started(sent, tmp_path, capsys, of_agent, told):
+def test_results_that_ask_for_folders_are_refused_before_anything_is_started(
+    sent, tmp_path, capsys, of_agent, expected
+):
     results, outside = sent
     granted = {key: [place.replace("OUTSIDE", str(outside)) for place in value] for key, value in of_agent.items()}
     folder = flown_with(tmp_path, results, scenario_text(**granted), "")
     for path in outside.iterdir():
         path.unlink()
     assert verify(folder) == 2
-    assert re.search(told, capsys.readouterr().err)
+    assert re.search(expected, capsys.readouterr().err)
     assert reached(outside) == set()
 
 
@@ -270,23 +272,23 @@ def test_a_merged_folder_keeps_its_marks_here_alone(here, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("fields", "told"),
+    ("fields", "expected"),
     [
         ({"suite_hash": "ab" * 12}, "expected suite_hash"),
         ({"entries": [{"name": "python", "agent_hash": "ab" * 12, "parameters": {}}]}, "expected agent_hash of python"),
         ({"entries": [{"name": "oracle", "agent_hash": None, "parameters": {}}]}, "parameters of oracle None"),
     ],
 )
-def test_a_manifest_that_claims_other_cases_or_programs_is_refused(here, capsys, fields, told):
+def test_a_manifest_that_claims_other_cases_or_programs_is_refused(here, capsys, fields, expected):
     """The hash of the suite decides with whom results are ranked: easier cases would stand beside the real ones."""
     folder, outside = here
     change_manifest(folder, **fields)
     assert verify(folder) == 2
-    assert told in capsys.readouterr().err
+    assert expected in capsys.readouterr().err
     assert reached(outside) == set()
 
 
-def test_rows_that_were_left_out_are_told_and_the_rest_is_not_verified(here, capsys):
+def test_rows_that_were_left_out_are_reported_and_the_rest_is_not_verified(here, capsys):
     folder, _ = here
     table = pq.read_table(folder / "trials.parquet")
     pq.write_table(table.slice(0, 3), folder / "trials.parquet")
@@ -335,7 +337,7 @@ def test_pipes_and_links_among_results_are_not_opened(here):
     assert results_hash(folder) != before
 
 
-def test_a_state_that_cannot_be_written_is_told_before_anything_is_started(here, monkeypatch, tmp_path, capsys):
+def test_a_state_that_cannot_be_written_is_reported_before_anything_is_started(here, monkeypatch, tmp_path, capsys):
     folder, outside = here
     (tmp_path / "a_file").touch()
     monkeypatch.setenv("GSLCOSIM_STATE", str(tmp_path / "a_file"))

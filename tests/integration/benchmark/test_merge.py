@@ -38,11 +38,11 @@ def test_results_from_python(folders: tuple[Path, Path]) -> None:
     assert results.success("oracle").value == 1.0
     assert len(results.select(is_control=True, entry="oracle")) == 2
     oracle_s, walker_s = results.paired("time_s", "oracle", "random_walker")
-    told = compare(results, "oracle", "random_walker")
-    assert told.time_s.value == pytest.approx(
+    comparison = compare(results, "oracle", "random_walker")
+    assert comparison.time_s.value == pytest.approx(
         (oracle_s - walker_s)[[not c for c in results.select(entry="oracle").array("is_control")]].mean()
     )
-    assert told.n == 2
+    assert comparison.n == 2
     assert results.tracks().num_rows == 12
     with pytest.raises(UsageError, match="expected one of the entries"):
         results.success("nobody")
@@ -51,7 +51,7 @@ def test_results_from_python(folders: tuple[Path, Path]) -> None:
 
 
 @pytest.mark.end_to_end
-def test_anchors_are_shared_and_equal_names_of_other_programs_are_told_apart(
+def test_anchors_are_shared_and_equal_names_of_other_programs_are_distinguished(
     folders: tuple[Path, Path], tmp_path: Path
 ) -> None:
     ranking = merge(folders, tmp_path / "merged")
@@ -64,7 +64,7 @@ def test_anchors_are_shared_and_equal_names_of_other_programs_are_told_apart(
 
 
 @pytest.mark.end_to_end
-def test_other_cases_and_other_flights_are_refused(folders: tuple[Path, Path], tmp_path: Path) -> None:
+def test_other_cases_and_other_runs_are_refused(folders: tuple[Path, Path], tmp_path: Path) -> None:
     other = tmp_path / "other"
     run("smoke", other, jobs=1, only=["entry=oracle"])
     manifest = json.loads((other / "manifest.json").read_text())

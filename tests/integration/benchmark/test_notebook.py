@@ -16,7 +16,7 @@ def test_every_cell_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
     for cell in json.loads(NOTEBOOK.read_text())["cells"]:
         if cell["cell_type"] == "code":
             exec("".join(cell["source"]), names)
-    told = capsys.readouterr().out
-    assert "12 trials of ('dung_beetle', 'oracle', 'random_walker')" in told
-    assert "2 pairs: +1.00 in success" in told
-    assert told.count("nearest 0.") == 2
+    output = capsys.readouterr().out
+    assert "12 trials of ('dung_beetle', 'oracle', 'random_walker')" in output
+    assert "2 pairs: +1.00 in success" in output
+    assert output.count("nearest 0.") == 2

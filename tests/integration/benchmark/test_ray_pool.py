@@ -215,7 +215,7 @@ def flown_here(nodes: tuple[Node, Node], suite: Path, folder: Path) -> Path:
 
 
 def flown(flight: "subprocess.Popen[str]") -> list[Any]:
-    """Wait for a flight; return what it printed, which is one line: Ray is quiet."""
+    """Wait for a run; return what it printed, which is one line: Ray is quiet."""
     text, _ = flight.communicate(timeout=PROCESS_S)
     assert flight.returncode == 0, text
     return json.loads(text)
@@ -256,7 +256,7 @@ def test_two_nodes_bring_the_rows_of_one_machine(
 def test_a_worker_that_is_killed_costs_no_trial(
     nodes: tuple[Node, Node], suite: Path, folder: Path, flown_here: Path
 ) -> None:
-    """Its actor is killed while it flies; the trial is flown again, by another."""
+    """Its actor is killed while it flies; the trial is run again, by another."""
     here, there = nodes
     flight = here.fly(suite, folder / "killed", ADDRESS)
     journal = folder / "killed" / "rows.jsonl"
@@ -298,7 +298,7 @@ def test_a_node_with_other_software_is_refused(nodes: tuple[Node, Node], suite: 
     assert "Install there what is installed here" in text
 
 
-def test_an_address_without_a_cluster_is_told(nodes: tuple[Node, Node], suite: Path, folder: Path) -> None:
+def test_an_address_without_a_cluster_is_reported(nodes: tuple[Node, Node], suite: Path, folder: Path) -> None:
     """One sentence, and no page of Ray's."""
     here, _ = nodes
     flight = here.fly(suite, folder / "nowhere", "10.214.9.1:6399")

@@ -94,9 +94,9 @@ def test_a_run_that_was_killed_goes_on_and_ends_the_same(smoke: Path, tmp_path: 
     assert bench("report", str(folder), cwd=tmp_path).returncode == 0
     ended = bench("run", "smoke", "--json", "--no-report", cwd=tmp_path)
     assert ended.returncode == 0, ended.stderr
-    told = json.loads(ended.stdout)
-    assert told["n_flown_before"] >= n_kept - 1
-    assert told["n_flown"] + told["n_flown_before"] == 12
+    printed = json.loads(ended.stdout)
+    assert printed["n_flown_before"] >= n_kept - 1
+    assert printed["n_flown"] + printed["n_flown_before"] == 12
     assert rows_of(folder) == rows_of(smoke)
 
 
@@ -185,7 +185,7 @@ def test_a_second_run_in_the_folder_is_refused(smoke: Path, tmp_path: Path) -> N
 
 
 @pytest.mark.end_to_end
-def test_a_full_disk_is_told_and_costs_nothing_that_was_flown(smoke: Path, tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_and_costs_nothing_that_was_run(smoke: Path, tmp_path: Path) -> None:
     folder = tmp_path / "results" / "smoke"
     shutil.copytree(smoke, folder, ignore=shutil.ignore_patterns("recordings", "trials.parquet", "tracks.parquet"))
     (folder / "rows.jsonl").symlink_to("/dev/full")
@@ -203,9 +203,9 @@ def test_a_full_disk_is_told_and_costs_nothing_that_was_flown(smoke: Path, tmp_p
 def test_verify_finds_a_row_that_was_changed(smoke: Path, tmp_path: Path) -> None:
     folder = tmp_path / "changed"
     shutil.copytree(smoke, folder, ignore=shutil.ignore_patterns("recordings"))
-    told = bench("verify", str(folder), "--sample", "3", "--json", cwd=tmp_path)
-    assert told.returncode == 0, told.stderr
-    assert json.loads(told.stdout)["same"] == 3
+    shown = bench("verify", str(folder), "--sample", "3", "--json", cwd=tmp_path)
+    assert shown.returncode == 0, shown.stderr
+    assert json.loads(shown.stdout)["same"] == 3
     mark = find_mark(folder)
     assert mark is not None
     assert (mark.same, mark.sample, mark.n_missing) == (3, 3, 0)
@@ -213,9 +213,9 @@ def test_verify_finds_a_row_that_was_changed(smoke: Path, tmp_path: Path) -> Non
     i = table.schema.get_field_index("time_s")
     flattered = table.set_column(i, table.schema.field(i), [[1.0] * table.num_rows])
     pq.write_table(flattered, folder / "trials.parquet")
-    told = bench("verify", str(folder), "--sample", "3", cwd=tmp_path)
-    assert told.returncode == 5
-    assert "time_s was 1.0, is" in told.stdout
+    shown = bench("verify", str(folder), "--sample", "3", cwd=tmp_path)
+    assert shown.returncode == 5
+    assert "time_s was 1.0, is" in shown.stdout
     mark = find_mark(folder)
     assert mark is not None
     assert mark.same < mark.sample == 3

@@ -61,7 +61,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 @pytest.mark.end_to_end
 @pytest.mark.slow
 @pytest.mark.tour
-def test_honest_agents_fly_the_same_and_a_thief_finds_nothing(flown: tuple[Path, Path]) -> None:
+def test_honest_agents_run_the_same_and_a_thief_finds_nothing(flown: tuple[Path, Path]) -> None:
     """The columns that say who and where differ; the thief reads the source from its process's memory."""
     trusting, sealed = (rows_of(folder) for folder in flown)
     assert {row["status"] for row in (*trusting.values(), *sealed.values())} == {"flown"}
@@ -92,13 +92,13 @@ def test_verify_says_what_agents_were_in_and_refuses_rows_without_the_sandbox_th
     text = (changed / "suite.yaml").read_text()
     (changed / "suite.yaml").write_text(text.replace("sandbox: optional", "sandbox: required"))
     assert main(["bench", "verify", str(changed), "--sample", "1", "--jobs", "1"]) == 2
-    told = capsys.readouterr().err
-    assert "expected agents in a sandbox, as the suite demands (sandbox: required), was none: in this process" in told
+    output = capsys.readouterr().err
+    assert "expected agents in a sandbox, as the suite demands (sandbox: required), was none: in this process" in output
 
 
 @pytest.mark.end_to_end
 @pytest.mark.slow
-def test_a_ranking_refuses_flights_outside_a_sandbox_where_one_folder_demands_it_or_who_ranks(
+def test_a_ranking_refuses_runs_outside_a_sandbox_where_one_folder_demands_it_or_who_ranks(
     flown: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Without the thief digests are equal, so that only the rows tell."""
@@ -140,7 +140,7 @@ def test_a_suite_passes_its_demand_on_to_what_it_includes(tmp_path: Path) -> Non
     }
 
 
-def test_a_machine_without_a_sandbox_is_told_before_anything_flies(
+def test_a_machine_without_a_sandbox_is_reported_before_anything_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     _, required = suites(tmp_path)

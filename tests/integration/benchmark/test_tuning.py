@@ -1,4 +1,4 @@
-"""Sweeps and tunings flown by real workers: the same however they are flown, and resumed where they stopped."""
+"""Sweeps and tunings flown by real workers: the same however they are run, and resumed where they stopped."""
 
 import contextlib
 import io
@@ -42,13 +42,13 @@ def trials_of(folder: Path) -> list[dict[str, Any]]:
 
 @pytest.mark.end_to_end
 @pytest.mark.tour
-def test_a_sweep_on_the_page_is_flown_once_and_told_again(
+def test_a_sweep_on_the_page_is_run_once_and_reported_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(SWEEP) == 0
-    told = capsys.readouterr().out
-    folder = tmp_path / re.findall(r"^Results: (\S+)", told, re.MULTILINE)[0]
+    shown = capsys.readouterr().out
+    folder = tmp_path / re.findall(r"^Results: (\S+)", shown, re.MULTILINE)[0]
     fields = json.loads((folder / "sweep.json").read_text())
     rows = trials_of(folder)
     assert {row["status"] for row in rows} == {"flown"}
@@ -70,11 +70,11 @@ def test_a_sweep_on_the_page_is_flown_once_and_told_again(
 
 @pytest.fixture(scope="module")
 def tuned(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The tuning on the page: ten settings with a flight each, by one worker, without an interruption."""
+    """The tuning on the page: ten settings with a run each, by one worker, without an interruption."""
     folder = tmp_path_factory.mktemp("tuned") / "results"
-    with contextlib.redirect_stdout(io.StringIO()) as told:
+    with contextlib.redirect_stdout(io.StringIO()) as output:
         assert main([*TUNE, "--jobs", "1", "--results", str(folder)]) == 0
-    (folder / "told.txt").write_text(told.getvalue())
+    (folder / "told.txt").write_text(output.getvalue())
     return folder
 
 
@@ -99,12 +99,12 @@ def test_a_tuning_keeps_to_its_budget_and_leaves_its_files(tuned: Path) -> None:
 @pytest.mark.end_to_end
 @pytest.mark.extras
 def test_a_tuning_says_what_it_used_and_what_that_is_worth(tuned: Path) -> None:
-    told = (tuned / "told.txt").read_text()
-    assert "Budget: 12 flights, used " in told
-    assert "no seed of a run, its gas or a drawn room is one of this suite's or of a bundled suite's" in told
+    shown = (tuned / "told.txt").read_text()
+    assert "Budget: 12 flights, used " in shown
+    assert "no seed of a run, its gas or a drawn room is one of this suite's or of a bundled suite's" in shown
     verdicts = ("No difference from the default is shown.", "No setting had a higher score than the default.")
-    assert any(verdict in told for verdict in verdicts), "two flights show nothing"
-    assert re.search(r"^parameters: \{leg_m: [0-9.]+\}$", told, re.MULTILINE) or verdicts[1] in told
+    assert any(verdict in shown for verdict in verdicts), "two flights show nothing"
+    assert re.search(r"^parameters: \{leg_m: [0-9.]+\}$", shown, re.MULTILINE) or verdicts[1] in shown
 
 
 @pytest.mark.end_to_end
@@ -137,7 +137,7 @@ def test_an_interrupted_tuning_goes_on_and_ends_the_same(
 
 @pytest.mark.end_to_end
 @pytest.mark.extras
-def test_a_finished_tuning_is_told_again_without_flying(
+def test_a_finished_tuning_is_reported_again_without_a_run(
     tuned: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def no_pool(*_: object) -> Callable[[], None]:
@@ -153,7 +153,7 @@ def test_a_finished_tuning_is_told_again_without_flying(
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "expected"),
     [
         (
             ["sweep", "tiny_room", "--entry", "dung_beetle", "--vary", "leg=1,2"],
@@ -163,10 +163,10 @@ def test_a_finished_tuning_is_told_again_without_flying(
         ([*TUNE, "--range", "eps=0:9"], "--range eps: expected at most 0.5, was 9."),
     ],
 )
-def test_a_wrong_call_is_told_before_anything_is_flown(
-    words: list[str], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_a_wrong_call_is_reported_before_anything_is_run(
+    words: list[str], expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(words) == 2
-    assert capsys.readouterr().err.startswith(told)
+    assert capsys.readouterr().err.startswith(expected)
     assert not list(tmp_path.iterdir())

@@ -1,4 +1,4 @@
-"""Searches of a batch are single flights with the same case, seed and actions, to the bit."""
+"""Searches of a batch are single runs with the same case, seed and actions, to the bit."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ TWO_GASES = (
     "gas.sources=[{position_m: [1.5, 2, 1], filaments_per_s: 10},"
     "{position_m: [2.5, 4, 1.2], filaments_per_s: 5, gas: methane}]"
 )
-# A search is flown thrice in a batch: at the beginning, in the middle and at the end.
+# A search is run thrice in a batch: at the beginning, in the middle and at the end.
 COPIES = 3
 
 
@@ -87,7 +87,7 @@ def assert_equal_flights(scenario, overrides, seeds, *, drift=(0.0, 0.0), n_thre
 
 @pytest.mark.slow
 @pytest.mark.tour
-def test_velocities_on_request_are_those_of_single_flights():
+def test_velocities_on_request_are_those_of_single_runs():
     overrides = (*BALL, "referee.stop.time_limit_s=15")
     outcomes = assert_equal_flights("tiny_room", overrides, [1, 2, 3], hold_s=0.5)
     assert outcomes == ["time_limit"] * 3
@@ -111,20 +111,20 @@ def test_velocities_on_request_are_those_of_single_flights():
         ((*BALL, LIMIT, "agents[0].vehicle.start_m=[4.5,2.5,1.5]"), {"hold_s": 0.5, "action": "waypoint_3d"}),
     ],
 )
-def test_flights_are_those_of_single_flights(overrides, settings):
+def test_runs_are_those_of_single_runs(overrides, settings):
     """Questions at each tick, legs, filaments, every sensor, several gases and sources, a start in the air."""
     assert assert_equal_flights("tiny_room", overrides, [4, 5], **settings) == ["time_limit"] * 2
 
 
 @pytest.mark.slow
-def test_collisions_are_those_of_single_flights_to_the_last_observation():
+def test_collisions_are_those_of_single_runs_to_the_last_observation():
     overrides = (*BALL, "referee.stop.time_limit_s=60", "agents[0].vehicle.search_height_m=1")
     outcomes = assert_equal_flights("warehouse_racks", overrides, [1, 4], hold_s=1.0)
     assert outcomes == ["collision"] * 2
 
 
 @pytest.mark.slow
-def test_a_search_is_flown_again_alone_from_the_scenario_that_it_tells():
+def test_a_search_is_run_again_alone_from_the_scenario_that_it_shows():
     task = LearningTask(scenario="tiny_room", overrides=(*PUFFS, LIMIT))
     batch = BatchSearchEnv([task.loaded(1), task.loaded(2)], 5, hold_s=0.5)
     batch.reset(seed=3)
@@ -155,7 +155,7 @@ def test_a_search_is_flown_again_alone_from_the_scenario_that_it_tells():
         ("referee.stop.on_collision=false", "referee.stop.on_collision: expected true in a batch, was false."),
     ],
 )
-def test_what_cannot_be_batched_is_told_in_one_sentence(override, sentence):
+def test_what_cannot_be_batched_is_reported_in_one_sentence(override, sentence):
     task = LearningTask(scenario="tiny_room", overrides=(*BALL, override))
     with pytest.raises(UsageError) as caught:
         BatchSearchEnv([task.loaded(1)], 2)
@@ -207,7 +207,7 @@ def test_it_is_a_vector_environment_whose_searches_begin_again_as_it_declares():
         assert list(infos["outcome"]) == ["time_limit"] * 3
         if mode == "same_step":
             assert (infos["time_s"] < 8).all()
-            assert all(told[8] == 1.0 for told in infos["final_obs"])
+            assert all(final[8] == 1.0 for final in infos["final_obs"])
         else:
             assert (seen[:, 8] == 1.0).all()
             seen, rewards, terminated, truncated, infos = envs.step(np.zeros((3, 2), np.float32))

@@ -1,4 +1,4 @@
-"""Rotorcraft of a batch are near to those of full flights, and only where that is asked for."""
+"""Rotorcraft of a batch are near to those of full runs, and only where that is asked for."""
 
 import numpy as np
 import pytest

@@ -17,13 +17,13 @@ def test_pettingzoos_tests_pass(capsys):
 
 
 @pytest.mark.slow
-def test_agents_hear_each_other_and_end_together():
+def test_agents_receive_from_each_other_and_end_together():
     env = parallel_env(overrides=(*SHORT, "channels[0].loss_frac=0", "channels[0].range_m=30"), radio_numbers=1)
     env.reset(seed=1)
-    told = dict(zip(env.possible_agents, (0.25, 0.5, 0.75), strict=True))
+    messages = dict(zip(env.possible_agents, (0.25, 0.5, 0.75), strict=True))
     n_steps = 0
     while env.agents:
-        actions = {name: np.array([0.0, 0.0, told[name]], np.float32) for name in env.agents}
+        actions = {name: np.array([0.0, 0.0, messages[name]], np.float32) for name in env.agents}
         seen, _, terminated, truncated, infos = env.step(actions)
         n_steps += 1
     assert n_steps == 11
@@ -35,7 +35,7 @@ def test_agents_hear_each_other_and_end_together():
     assert len({info["digest"] for info in infos.values()}) == 1
 
 
-def test_wrong_arguments_are_told():
+def test_wrong_arguments_are_reported():
     with pytest.raises(UsageError, match=r"step_s: expected a whole number of ticks of 0\.1 s, was 0\.25 s\."):
         parallel_env(step_s=0.25)
     with pytest.raises(UsageError, match="action: expected a kind with numbers, was 'heading'"):

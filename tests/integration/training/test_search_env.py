@@ -1,4 +1,4 @@
-"""A search as an environment of Gymnasium is the flight that `gslcosim up` makes of the same commands."""
+"""A search as an environment of Gymnasium is the run that `gslcosim up` makes of the same commands."""
 
 import json
 import sys
@@ -16,7 +16,7 @@ from gslcosim.contract import codec
 from gslcosim.training.registration import SEARCH
 from gslcosim.training.search_env import SearchEnv
 
-# Says what it is told by a list of commands, by the tick of the observation.
+# Sends what a list of commands holds, by the tick of the observation.
 SAYER = """
 import json, pathlib
 from gslcosim.agent_kit import Agent, Command, run
@@ -117,7 +117,7 @@ def test_a_search_that_finds_the_source_terminates():
     env.close()
 
 
-def test_wrong_arguments_are_told():
+def test_wrong_arguments_are_reported():
     with pytest.raises(UsageError, match="scenario: expected one agent, was 3 in swarm_tiny"):
         SearchEnv("swarm_tiny")
     with pytest.raises(UsageError, match="action: expected one of waypoint"):

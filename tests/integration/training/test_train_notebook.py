@@ -21,9 +21,9 @@ def test_every_cell_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
     for cell in json.loads(NOTEBOOK.read_text())["cells"]:
         if cell["cell_type"] == "code":
             exec("".join(cell["source"]), names)
-    told = capsys.readouterr().out
-    assert "round   2:" in told
-    assert "of 4 sources that it has never seen" in told
-    assert "4 pairs: " in told
+    output = capsys.readouterr().out
+    assert "round   2:" in output
+    assert "of 4 sources that it has never seen" in output
+    assert "4 pairs: " in output
     assert len(names["results"]) == 12
     assert (tmp_path / "mine.npz").is_file()

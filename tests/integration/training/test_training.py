@@ -1,4 +1,4 @@
-"""Trainings: the same seed makes the same policy to the bit, interrupted or not; bad input is told at once."""
+"""Trainings: the same seed makes the same policy to the bit, interrupted or not; bad input is reported at once."""
 
 import json
 import shutil
@@ -107,7 +107,7 @@ def test_a_corrupt_checkpoint_is_refused_before_anything_is_prepared(whole, tmp_
         ),
     ],
 )
-def test_a_wrong_train_file_is_told_by_its_place(tmp_path, before, after, expected):
+def test_a_wrong_train_file_is_reported_by_its_place(tmp_path, before, after, expected):
     with pytest.raises(ScenarioError) as error:
         train_file(tmp_path, change=(before, after))
     assert expected in str(error.value)
@@ -120,7 +120,7 @@ def write_family_of_quadrotors(folder):
     (folder / "family.yaml").write_text(text)
 
 
-def test_a_family_that_cannot_be_batched_is_told(tmp_path):
+def test_a_family_that_cannot_be_batched_is_reported(tmp_path):
     write_family_of_quadrotors(tmp_path)
     file = train_file(tmp_path, family=("family: open_halls", "family: family.yaml"))
     words = (
@@ -130,7 +130,7 @@ def test_a_family_that_cannot_be_batched_is_told(tmp_path):
         Training(file, tmp_path / "out", tell=lambda what, *_: what.startswith("cases") or pytest.fail(what))
 
 
-def test_a_recipe_of_obstacles_that_cannot_be_batched_is_told_before_any_wind_is_solved(tmp_path):
+def test_a_recipe_of_obstacles_that_cannot_be_batched_is_reported_before_any_wind_is_solved(tmp_path):
     text = bundled_families()["cluttered_halls"].read_text()
     (tmp_path / "hall.yaml").write_text(bundled_families()["cluttered_halls"].with_name("hall.yaml").read_text())
     (tmp_path / "family.yaml").write_text(text.replace("vary:", "set:\n  agents[0].vehicle.avoidance: 2d\nvary:"))
@@ -139,7 +139,7 @@ def test_a_recipe_of_obstacles_that_cannot_be_batched_is_told_before_any_wind_is
         Training(file, tmp_path / "out", tell=lambda what, *_: what.startswith("cases") or pytest.fail(what))
 
 
-def test_doping_for_a_family_without_is_told(tmp_path):
+def test_doping_for_a_family_without_is_reported(tmp_path):
     seeds = "seeds: {training: {first: 1, count: 9}, validation: {first: 20, count: 9}, test: {first: 40, count: 9}}"
     (tmp_path / "family.yaml").write_text(f"schema: gslcosim/family/1\nname: f\nscenario: tiny_room\n{seeds}\n")
     changes = {
@@ -159,7 +159,7 @@ def test_a_train_file_that_says_so_trains_with_quadrotors(tmp_path):
     assert trained.curves[0]["steps"] > 100
 
 
-def test_a_name_that_is_not_observed_is_told(tmp_path):
+def test_a_name_that_is_not_observed_is_reported(tmp_path):
     file = train_file(tmp_path, names=("n_neurons: 3", "n_neurons: 3, observations: [smell]"))
     with pytest.raises(UsageError, match=r"trainer.observations: expected names among x, y.*was smell"):
         Training(file, tmp_path / "out")
@@ -170,9 +170,9 @@ def test_a_name_that_is_not_observed_is_told(tmp_path):
 def test_the_command_leaves_a_policy_curves_and_a_recording(tmp_path, capsys):
     folder = tmp_path / "out"
     assert main(["train", TINY, "--out", str(folder), "--rounds", "2", "--record", "1", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert (told["rounds"], told["is_over"]) == (2, False)
-    assert (Path(told["runs"][0]) / "recording.rrd").stat().st_size > 0
+    printed = json.loads(capsys.readouterr().out)
+    assert (printed["rounds"], printed["is_over"]) == (2, False)
+    assert (Path(printed["runs"][0]) / "recording.rrd").stat().st_size > 0
     assert (folder / "curves.svg").is_file()
     assert main(["train", TINY, "--out", str(folder), "--resume", "--record", "0"]) == 0
     assert "4 rounds" in capsys.readouterr().out
@@ -240,11 +240,11 @@ def test_a_family_with_obstacles_has_winds_and_tapes_made_once_with_progress(tmp
         "cases": ("{training: 4, validation: 3}", "{training: 3, validation: 2}"),
         "rounds": ("rounds: 4", "rounds: 1"),
     }
-    file, told = train_file(tmp_path, **changes), []
-    training = Training(file, tmp_path / "out", tell=lambda *what: told.append(what))
-    assert ("tapes of training", 3, 3) in told
-    assert ("searches of validation", 2, 2) in told
-    n_rooms = max(total for what, _, total in told if what == "rooms of training")
+    file, reports = train_file(tmp_path, **changes), []
+    training = Training(file, tmp_path / "out", tell=lambda *what: reports.append(what))
+    assert ("tapes of training", 3, 3) in reports
+    assert ("searches of validation", 2, 2) in reports
+    n_rooms = max(total for what, _, total in reports if what == "rooms of training")
     assert 1 <= n_rooms <= 3
     assert training.train().curves[0]["round"] == 1
     before = made_at(training)
@@ -301,8 +301,8 @@ def test_parameters_of_a_method_resumed_are_the_same(method_file, tmp_path, caps
     whole = Training(file, tmp_path / "whole").train()
     call = ["train", str(method_file), "--out", str(tmp_path / "half")]
     assert main([*call, "--rounds", "1", "--record", "1", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert (Path(told["runs"][0]) / "recording.rrd").stat().st_size > 0
+    printed = json.loads(capsys.readouterr().out)
+    assert (Path(printed["runs"][0]) / "recording.rrd").stat().st_size > 0
     assert main([*call, "--resume", "--record", "0", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["figures"] == whole.curves[-1]
     cards = [json.loads((tmp_path / each / PARAMETERS_FILE).read_text()) for each in ("whole", "half")]

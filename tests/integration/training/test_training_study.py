@@ -1,4 +1,4 @@
-"""The study of what is lost from training to flight runs, and its batch is what single flights are."""
+"""The study of what is lost from training to run runs, and its batch is what single runs are."""
 
 import sys
 from pathlib import Path
@@ -39,16 +39,16 @@ def test_it_prints_every_agent_in_the_places_that_are_asked_for(study, monkeypat
         ],
     )
     study.main()
-    told = capsys.readouterr().out
-    assert "| open_halls | batch | `recurrent_ppo` | 2 |" in told
+    output = capsys.readouterr().out
+    assert "| open_halls | batch | `recurrent_ppo` | 2 |" in output
     for name in ("recurrent_ppo", *study.HAND_MADE):
-        assert f"| open_halls | holonomic | `{name}` | 2 |" in told
-    assert told.count("| open_halls | `recurrent_ppo` | batch | holonomic |") == 1
-    assert "quadrotor" not in told
+        assert f"| open_halls | holonomic | `{name}` | 2 |" in output
+    assert output.count("| open_halls | `recurrent_ppo` | batch | holonomic |") == 1
+    assert "quadrotor" not in output
 
 
 @pytest.mark.slow
-def test_a_policy_does_in_the_batch_what_it_does_in_single_flights(study):
+def test_a_policy_does_in_the_batch_what_it_does_in_single_runs(study):
     """One search at a time: the last bits of products of matrices are others for many rows."""
     cases, flier = study.cases_of("open_halls", "batch", 3), study.learned_fliers()["recurrent_ppo"]
     alone = study.flown(cases, flier)
@@ -57,7 +57,7 @@ def test_a_policy_does_in_the_batch_what_it_does_in_single_flights(study):
     np.testing.assert_allclose([one.counted_s[0] for one in stepped], alone.counted_s, atol=1e-6)
 
 
-def test_a_policy_flies_where_the_sensors_are_that_it_observes(study):
+def test_a_policy_runs_where_the_sensors_are_that_it_observes(study):
     case = study.cases_of("open_halls", "batch", 1)
     fliers = study.learned_fliers()
     assert study.can_fly(fliers["recurrent_ppo"], case)

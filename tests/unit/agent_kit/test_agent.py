@@ -65,7 +65,7 @@ class Flight:
                 flight.note(self.name, reason)
 
         self._fails_at = fails_at
-        self.crew = AgentGroup(Noting, names, send=lambda *what: self.sent.append(what), leave=self.left.append)
+        self.group = AgentGroup(Noting, names, send=lambda *what: self.sent.append(what), leave=self.left.append)
 
     def note(self, name, what):
         self.seen.append((name, what))
@@ -74,12 +74,12 @@ class Flight:
 
     def brief(self, *names):
         for name in names:
-            self.crew.brief(name, briefing(name))
+            self.group.brief(name, briefing(name))
         return self
 
     def observe(self, *steps, is_question=True):
         for name, tick in steps:
-            self.crew.observe(name, observation(name, tick, is_question=is_question))
+            self.group.observe(name, observation(name, tick, is_question=is_question))
 
 
 def test_agents_are_made_in_order_when_all_are_briefed():
@@ -121,7 +121,7 @@ def test_a_lost_observation_holds_nobody_up_for_ever():
     assert flight.seen[5:] == [("a", 2)]
 
 
-def test_a_repeated_question_gets_the_same_bytes_and_is_not_decided_anew():
+def test_a_repeated_question_gets_the_same_bytes_and_is_not_decided_again():
     flight = Flight("a").brief("a")
     flight.observe(("a", 0), ("a", 0))
     assert flight.sent[0] == flight.sent[1]
@@ -134,20 +134,20 @@ def test_a_repeated_observation_that_asks_nothing_is_not_answered():
     assert flight.sent == []
 
 
-def test_each_agent_tells_once_what_it_speaks():
+def test_each_agent_states_its_contract_once():
     flight = Flight("a", "b").brief("a", "b")
     flight.observe(("a", 0), ("b", 0), ("a", 1), ("b", 1))
-    told = [(name, codec.decode(Command, answer).contract is not None) for name, answer in flight.sent]
-    assert told == [("a", True), ("b", True), ("a", False), ("b", False)]
+    contracts = [(name, codec.decode(Command, answer).contract is not None) for name, answer in flight.sent]
+    assert contracts == [("a", True), ("b", True), ("a", False), ("b", False)]
 
 
 @pytest.mark.parametrize("when", ["made", 0, 1])
 def test_one_of_several_may_fail_and_the_others_go_on(when, capsys):
     flight = Flight("a", "b", fails_at=("a", when)).brief("a", "b")
     flight.observe(("a", 0), ("b", 0), ("a", 1), ("b", 1), ("a", 2), ("b", 2))
-    flight.crew.end("success")
+    flight.group.end("success")
     assert [what for name, what in flight.seen if name == "b"] == ["made", 0, 1, 2, "success"]
-    assert (flight.left, flight.crew.failed) == (["a"], ("a",))
+    assert (flight.left, flight.group.failed) == (["a"], ("a",))
     assert flight.seen.count(("a", "success")) == 0
     assert "lost my way" in capsys.readouterr().err
 
@@ -161,4 +161,4 @@ def test_a_single_agents_failure_is_raised():
 
 def test_another_contract_is_refused():
     with pytest.raises(ContractError, match="major version"):
-        Flight("a").crew.brief("a", briefing("a", contract_version="99.0"))
+        Flight("a").group.brief("a", briefing("a", contract_version="99.0"))

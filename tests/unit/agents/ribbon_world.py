@@ -61,7 +61,7 @@ class Cloud:
 
     def gas_ppm(self, x_m: float, y_m: float, z_m: float, time_s: float) -> float:
         near = 1.0 / (1.0 + (math.hypot(x_m - self.source_m[0], y_m - self.source_m[1]) / self.half_m) ** 2)
-        # A number in [0, 1) that a change of a second or a decimetre makes anew.
+        # A number in [0, 1) that a change of a second or a decimetre makes again.
         chance = math.modf(
             abs(math.sin(12.9898 * round(time_s) + 78.233 * round(10 * x_m) + round(10 * y_m))) * 43758.5
         )
@@ -102,11 +102,11 @@ class Flight:
 class Rails:
     """A vehicle that goes straight to waypoints at `speed_m_s` and holds there, or keeps a commanded velocity."""
 
-    def __init__(self, told: Briefing, start_m: tuple[float, float, float], speed_m_s: float) -> None:
-        self.told, self.speed_m_s = told, speed_m_s
+    def __init__(self, agent_briefing: Briefing, start_m: tuple[float, float, float], speed_m_s: float) -> None:
+        self.briefing, self.speed_m_s = agent_briefing, speed_m_s
         self.position_m, self.yaw_rad, self.velocity_m_s = start_m, 0.0, (0.0, 0.0, 0.0)
         self.target_m: tuple[float, float, float] | None = None
-        self.hold_s, self.notice = told.hold_s, None
+        self.hold_s, self.notice = agent_briefing.hold_s, None
 
     @property
     def is_asked(self) -> bool:
@@ -114,7 +114,7 @@ class Rails:
 
     def obey(self, command: Command, refuses: Callable[[tuple[float, float, float]], bool]) -> None:
         self.notice = None
-        self.hold_s = self.told.hold_s if command.hold_s is None else command.hold_s
+        self.hold_s = self.briefing.hold_s if command.hold_s is None else command.hold_s
         self.yaw_rad = self.yaw_rad if command.yaw_rad is None else command.yaw_rad
         if command.kind == "waypoint":
             assert command.position_world_m is not None
@@ -136,7 +136,7 @@ class Rails:
             self.target_m = None if part == 1.0 else self.target_m
             return
         self.hold_s -= TICK_S
-        low_m, high_m = self.told.bounds.min_m, self.told.bounds.max_m
+        low_m, high_m = self.briefing.bounds.min_m, self.briefing.bounds.max_m
         moved = (a + v * TICK_S for a, v in zip(self.position_m, self.velocity_m_s))
         self.position_m = tuple(max(low, min(high, x)) for x, low, high in zip(moved, low_m, high_m))
 
@@ -161,11 +161,11 @@ def fly(
     """Fly an agent until it is near the source in the plane, or time is up."""
     names = [f"nose{i}" for i in range(len(mounts_m))]
     sensors = [(nose, name, mount) for name, mount in zip(names, mounts_m)]
-    told = briefing(
+    agent_briefing = briefing(
         sensors=[*sensors, *([("anemometer", "vane")] if has_vane else [])], size_m=size_m, seed=seed, hold_s=hold_s,
         parameters=parameters, time_limit_s=limit_s, **changes,
     )  # fmt: skip
-    agent, rails, flight = agent_type(told), Rails(told, start_m, 1.0), Flight()
+    agent, rails, flight = agent_type(agent_briefing), Rails(agent_briefing, start_m, 1.0), Flight()
     elements = [Mox() for _ in names]
     for tick in range(1, round(limit_s / TICK_S)):
         seen = _observation(tick, rails, plume, nose, mounts_m, elements, has_vane=has_vane)

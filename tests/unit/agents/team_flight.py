@@ -99,22 +99,22 @@ class TeamFlight:
 
     def step(self) -> None:
         self.tick += 1
-        heard, self.air = self.air, {name: [] for name in self.vehicles}
+        incoming, self.air = self.air, {name: [] for name in self.vehicles}
         for name, vehicle in self.flying().items():
             self.move(vehicle)
             asked = vehicle.target_m is None and vehicle.rest_s <= 1e-9
-            observation = self.observed(name, vehicle, heard[name], asked=asked)
+            observation = self.observed(name, vehicle, incoming[name], asked=asked)
             vehicle.agent.observe(observation)
             if asked:
                 self.take(name, vehicle, vehicle.agent.decide(observation))
 
-    def observed(self, name, vehicle, heard, *, asked) -> Observation:
+    def observed(self, name, vehicle, incoming, *, asked) -> Observation:
         x, y, _ = vehicle.position_m
         speed, upwind = math.hypot(*self.wind_m_s), math.atan2(-self.wind_m_s[1], -self.wind_m_s[0])
         return Observation(
             tick=self.tick, agent=name, time_s=self.tick * TICK_S, position_world_m=vehicle.position_m, yaw_rad=0.0,
             velocity_world_m_s=vehicle.velocity_m_s, status="flying" if vehicle.target_m else "holding",
-            awaiting_command=asked, notice=vehicle.notice, incoming=tuple(heard),
+            awaiting_command=asked, notice=vehicle.notice, incoming=tuple(incoming),
             readings=(
                 Reading(sensor="nose", quantity="mixing_ratio", unit="ppm", values=(self.gas(x, y),)),
                 Reading(sensor="vane", quantity="apparent_wind", unit="m/s, rad", values=(speed, upwind)),

@@ -124,8 +124,10 @@ def test_distances_are_those_of_the_norm_that_is_asked_for():
 @pytest.mark.parametrize("name", ["Likely", "Infotaxis"])
 def test_a_policy_for_otto_finds_a_source_with_gas_as_the_table_has_it(policies, name):
     rng, source_m = np.random.default_rng(4), np.array([[2.0, 3.0]])
-    told = briefing(sensors=PID, size_m=(10.0, 6.0, 4.0), parameters={**policies, "class_name": name, "power": 1.0})
-    agent, position_m = OttoPolicy(told), (8.0, 4.0, 2.0)
+    agent_briefing = briefing(
+        sensors=PID, size_m=(10.0, 6.0, 4.0), parameters={**policies, "class_name": name, "power": 1.0}
+    )
+    agent, position_m = OttoPolicy(agent_briefing), (8.0, 4.0, 2.0)
     for tick in range(40, 40 * 200, 40):
         chances = [TABLE.likelihood(k, offsets_m(source_m, position_m[:2], 0.0))[0] for k in range(3)]
         ppm = float(flies.ppm_of_levels(TABLE)[rng.choice(3, p=np.array(chances) / sum(chances))])
@@ -139,8 +141,8 @@ def test_a_policy_for_otto_finds_a_source_with_gas_as_the_table_has_it(policies,
 
 
 def test_a_refused_step_is_not_taken_again_and_equal_seeds_step_alike(policies):
-    told = briefing(sensors=PID, size_m=(10.0, 6.0, 4.0), parameters=policies)
-    first, same = OttoPolicy(told), OttoPolicy(told)
+    agent_briefing = briefing(sensors=PID, size_m=(10.0, 6.0, 4.0), parameters=policies)
+    first, same = OttoPolicy(agent_briefing), OttoPolicy(agent_briefing)
     one = first.decide(seen())
     assert one == same.decide(seen())
     again = first.decide(seen(tick=80, notice="in an obstacle"))
@@ -177,8 +179,10 @@ def test_without_the_package_it_says_how_to_get_it():
 )
 @pytest.mark.parametrize("name", ["Infotaxis_Agent", "QMDP_Agent", "Perseus_Agent"])
 def test_a_fly_flies_unit_moves_inside_the_room_and_believes(name):
-    told = briefing(sensors=PID, size_m=(6.0, 5.0, 3.0), parameters={"fly": name, "expansions": 5}, search_height_m=1.5)
-    first, same, position_m = Fly(told), Fly(told), (4.0, 3.0, 1.5)
+    agent_briefing = briefing(
+        sensors=PID, size_m=(6.0, 5.0, 3.0), parameters={"fly": name, "expansions": 5}, search_height_m=1.5
+    )
+    first, same, position_m = Fly(agent_briefing), Fly(agent_briefing), (4.0, 3.0, 1.5)
     for tick, ppm, notice in ((40, 0.0, None), (80, 2.0, None), (120, 0.0, "in an obstacle"), (160, 0.5, None)):
         told_now = seen(ppm, position_m, tick, notice=notice)
         command, again = first.decide(told_now), same.decide(told_now)

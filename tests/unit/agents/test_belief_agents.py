@@ -133,8 +133,8 @@ def test_other_ways_of_source_terms_survive(parameters):
 def test_a_granted_plume_narrows_the_rate():
     from briefings import PLUME as NOMINAL
 
-    told = {"sensors": SENSORS}
-    free, narrow = SourceTermEstimation(briefing(**told)), SourceTermEstimation(briefing(**told, plume=NOMINAL))
+    settings = {"sensors": SENSORS}
+    free, narrow = SourceTermEstimation(briefing(**settings)), SourceTermEstimation(briefing(**settings, plume=NOMINAL))
     assert np.ptp(np.log(narrow.filter.terms[:, 3])) < np.ptp(np.log(free.filter.terms[:, 3]))
     assert NOMINAL.release_ppm_m3_s == pytest.approx(np.median(narrow.filter.terms[:, 3]), rel=0.2)
 

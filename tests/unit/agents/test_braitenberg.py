@@ -16,7 +16,7 @@ def vehicle(sensors=SENSORS, **parameters) -> Braitenberg:
     )
 
 
-def told(agent, left, right, *, position_m=MIDDLE_M, yaw_rad=0.0, **changes):
+def decide(agent, left, right, *, position_m=MIDDLE_M, yaw_rad=0.0, **changes):
     readings = {"left": left, "right": right}
     return agent.decide(observation(position_m=position_m, yaw_rad=yaw_rad, readings=readings, **changes))
 
@@ -26,7 +26,7 @@ def speed_m_s(command):
 
 
 def test_in_clean_air_it_flies_straight_on_at_full_speed():
-    command = told(vehicle(), 0.0, 0.0, yaw_rad=0.7)
+    command = decide(vehicle(), 0.0, 0.0, yaw_rad=0.7)
     assert command.kind == "velocity"
     assert (speed_m_s(command), command.yaw_rad, command.hold_s) == pytest.approx((0.4, 0.7, 0.5))
     x_m_s, y_m_s, z_m_s = command.velocity_world_m_s
@@ -36,7 +36,7 @@ def test_in_clean_air_it_flies_straight_on_at_full_speed():
 
 @pytest.mark.parametrize(("wiring", "side"), [("straight", 1), ("crossed", -1)])
 def test_it_turns_to_more_gas_on_its_left_or_crossed_away_from_it(wiring, side):
-    command = told(vehicle(wiring=wiring), 10.0, 5.0)
+    command = decide(vehicle(wiring=wiring), 10.0, 5.0)
     # x is 1 and 0.5: wheels 0.04 and 0.22 m/s, 0.4 m apart, for half a second.
     assert command.yaw_rad == pytest.approx(side * 0.225)
     assert speed_m_s(command) == pytest.approx(0.13)
@@ -44,32 +44,32 @@ def test_it_turns_to_more_gas_on_its_left_or_crossed_away_from_it(wiring, side):
 
 @pytest.mark.parametrize(("ranges", "turn_rad"), [("shared", 0.45), ("own", 0.0)])
 def test_the_first_gas_of_all_turns_it_where_the_noses_share_their_range(ranges, turn_rad):
-    assert told(vehicle(ranges=ranges), 10.0, 5.0).yaw_rad == pytest.approx(0.5 * turn_rad)
+    assert decide(vehicle(ranges=ranges), 10.0, 5.0).yaw_rad == pytest.approx(0.5 * turn_rad)
 
 
 def test_noses_of_two_kinds_have_ranges_of_their_own():
     agent = vehicle([("tgs2600", "left", (0.0, 0.2, 0.0)), ("pid", "right", (0.0, -0.2, 0.0))])
-    told(agent, 5e4, 0.0)
-    assert told(agent, 1e4, 100.0).yaw_rad == pytest.approx(0.0)
+    decide(agent, 5e4, 0.0)
+    assert decide(agent, 1e4, 100.0).yaw_rad == pytest.approx(0.0)
 
 
 def test_it_rests_where_there_is_the_most_gas():
-    assert speed_m_s(told(vehicle(gain=1.0), 10.0, 10.0)) == pytest.approx(0.0)
+    assert speed_m_s(decide(vehicle(gain=1.0), 10.0, 10.0)) == pytest.approx(0.0)
 
 
 def test_turns_are_limited_and_add_up():
     agent = vehicle(most_turn_rad_s=0.2)
-    assert [told(agent, 10.0, 0.0).yaw_rad for _ in range(3)] == pytest.approx([0.1, 0.2, 0.3])
+    assert [decide(agent, 10.0, 0.0).yaw_rad for _ in range(3)] == pytest.approx([0.1, 0.2, 0.3])
 
 
 def test_noise_in_clean_air_hardly_turns_it():
-    assert abs(told(vehicle(), 0.01, 0.0).yaw_rad) < 0.02
+    assert abs(decide(vehicle(), 0.01, 0.0).yaw_rad) < 0.02
 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_before_a_wall_it_turns_round(seed):
     agent = Braitenberg(briefing(sensors=SENSORS, seed=seed))
-    command = told(agent, 0.0, 0.0, position_m=(14.0, 5.0, 2.0))
+    command = decide(agent, 0.0, 0.0, position_m=(14.0, 5.0, 2.0))
     ahead_m = 0.5 + 0.8 * 0.5
     assert 14.0 + ahead_m * math.cos(command.yaw_rad) <= 14.301
     assert -math.pi <= command.yaw_rad <= math.pi
@@ -77,22 +77,22 @@ def test_before_a_wall_it_turns_round(seed):
 
 def test_after_a_notice_it_does_not_go_on_as_before():
     agent = vehicle()
-    before = told(agent, 0.0, 0.0)
-    assert told(agent, 0.0, 0.0, notice="heading for a wall").yaw_rad != before.yaw_rad
+    before = decide(agent, 0.0, 0.0)
+    assert decide(agent, 0.0, 0.0, notice="heading for a wall").yaw_rad != before.yaw_rad
 
 
 def test_it_comes_back_to_its_height():
-    assert told(vehicle(), 0.0, 0.0, position_m=(7.0, 5.0, 2.4)).velocity_world_m_s[2] == pytest.approx(-0.2)
+    assert decide(vehicle(), 0.0, 0.0, position_m=(7.0, 5.0, 2.4)).velocity_world_m_s[2] == pytest.approx(-0.2)
 
 
 def test_a_sensor_that_warms_up_shows_nothing():
-    assert speed_m_s(told(vehicle(), 50.0, 50.0, warming=("left", "right"))) == pytest.approx(0.4)
+    assert speed_m_s(decide(vehicle(), 50.0, 50.0, warming=("left", "right"))) == pytest.approx(0.4)
 
 
 def test_resistances_slow_the_wheels_down_when_they_fall():
     agent = vehicle([("tgs2600", "left", (0.0, 0.2, 0.0)), ("tgs2600", "right", (0.0, -0.2, 0.0))])
-    told(agent, 5e4, 5e4)
-    assert told(agent, 2e4, 5e4).yaw_rad > 0.1
+    decide(agent, 5e4, 5e4)
+    assert decide(agent, 2e4, 5e4).yaw_rad > 0.1
 
 
 def test_noses_behind_each_other_are_refused():

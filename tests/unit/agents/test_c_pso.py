@@ -29,7 +29,7 @@ def test_the_first_by_name_are_charged_and_all_agree_who(share, charged):
         assert made(name, charged_frac=share).charged == charged
 
 
-def test_charges_push_each_other_and_nobody_else():
+def test_charges_push_each_other_and_no_other():
     text = "g 39 700 700 200 0"  # 2 m to the north
     assert pushed(made("a"), ("b", text)) == pytest.approx([0.0, -0.25])
     assert pushed(made("a"), ("c", text)) == [0.0, 0.0]

@@ -26,7 +26,7 @@ def findings_of(agent):
 
 @pytest.mark.parametrize("loss_frac", [0.0, 0.3])
 def test_who_knows_the_same_findings_holds_the_same_belief_to_the_bit(loss_frac):
-    """Each has heard them in an order of its own; what one still lacks is told to it at last."""
+    """Each has heard them in an order of its own; what one still lacks is sent to it at last."""
     flight = team(loss_frac=loss_frac)
     flight.fly(25.0)
     agents = agents_of(flight)
@@ -40,7 +40,7 @@ def test_who_knows_the_same_findings_holds_the_same_belief_to_the_bit(loss_frac)
     assert all(np.array_equal(agent.belief.p, agents[0].belief.p) for agent in agents)
 
 
-def test_findings_that_were_lost_are_told_again():
+def test_findings_that_were_lost_are_sent_again():
     flight = team(loss_frac=0.3)
     flight.fly(60.0)
     all_told = set().union(*(set(findings_of(agent)) for agent in agents_of(flight)))

@@ -28,11 +28,11 @@ def restarts_told(command) -> float:
     return numbers[0] if numbers else 0.0
 
 
-def test_it_begins_anew_after_so_many_legs_with_the_same_best():
+def test_it_begins_again_after_so_many_legs_with_the_same_best():
     agent = made(patience=5, declares=False)
-    told = [restarts_told(answer(agent, i, ppm=9.0 if i == 0 else 1.0)) for i in range(8)]
-    # The best of the first leg is the same for five legs more; at the sixth all begins anew.
-    assert told == [0.0] * 5 + [1.0] * 3
+    restarts = [restarts_told(answer(agent, i, ppm=9.0 if i == 0 else 1.0)) for i in range(8)]
+    # The best of the first leg is the same for five legs more; at the sixth all begins again.
+    assert restarts == [0.0] * 5 + [1.0] * 3
 
 
 def test_the_old_best_is_forgotten_and_less_gas_counts_again():
@@ -61,7 +61,7 @@ def test_half_of_them_spread_if_asked():
     assert spreading == [True, False, True]
 
 
-def test_who_hears_that_another_began_anew_does_so_too_and_old_bests_no_longer_count():
+def test_who_receives_that_another_restarted_does_so_too_and_old_bests_no_longer_count():
     agent = made(declares=False, fades_s=0)
     answer(agent, 0, ppm=9.0)
     answer(agent, 1, ppm=0.0, heard=[("first", "g 70 900 900 200 2 b900 900 200 2 n1")])

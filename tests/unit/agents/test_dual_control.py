@@ -24,8 +24,8 @@ def at(time_s, place_m, *, ppm=0.0):
 def chosen(agent, place_m=(7.0, 5.0, 2.0)):
     """Where the agent goes, and the outlook that it has weighed."""
     agent.observe(at(4.0, place_m))
-    outlook = agent.search.outlook(place_m[: agent.search.grid.dimensions])
-    return np.array(agent.decide(at(4.0, place_m)).position_world_m), outlook
+    context = agent.search.build_context(place_m[: agent.search.grid.dimensions])
+    return np.array(agent.decide(at(4.0, place_m)).position_world_m), context
 
 
 def sure_of(agent, place_m):
@@ -68,9 +68,9 @@ def test_a_sure_belief_is_flown_to_straight():
 def test_without_exploration_it_nears_the_mean_of_its_belief():
     agent = informed(made(declares=False, exploration=0.0))
     start_m = np.array((2.0, 2.0, 2.0))
-    place_m, outlook = chosen(agent, tuple(start_m))
-    nearest = np.argmin(np.linalg.norm(outlook.places_m - outlook.mean_m, axis=1))
-    assert place_m[:2] == pytest.approx(outlook.places_m[nearest])
+    place_m, context = chosen(agent, tuple(start_m))
+    nearest = np.argmin(np.linalg.norm(context.places_m - context.mean_m, axis=1))
+    assert place_m[:2] == pytest.approx(context.places_m[nearest])
 
 
 def test_it_does_not_wait_in_the_middle_of_an_even_belief():

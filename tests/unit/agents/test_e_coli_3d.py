@@ -33,7 +33,7 @@ def test_climbs_and_steps_have_their_sizes_and_keep_off_floor_and_ceiling():
     assert max(dz for _, _, dz in steps_m(EColi3d(briefing()), [5e4] * 100, high_m)) <= 0.1
 
 
-def test_a_surge_through_a_known_wall_is_drawn_anew_and_one_above_it_is_not():
+def test_a_surge_through_a_known_wall_is_drawn_again_and_one_above_it_is_not():
     """A wall 3 m high, east of the vehicle, in a map in space."""
     occupied = np.zeros((30, 20, 16), np.uint8)
     occupied[15, :, :6] = 1

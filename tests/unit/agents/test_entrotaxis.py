@@ -24,8 +24,8 @@ def at(time_s, place_m, *, ppm=0.0):
 def chosen(agent, place_m=(7.0, 5.0, 2.0)):
     """Where the agent goes, and the outlook that it has weighed."""
     agent.observe(at(4.0, place_m))
-    outlook = agent.search.outlook(place_m[: agent.search.grid.dimensions])
-    return np.array(agent.decide(at(4.0, place_m)).position_world_m), outlook
+    context = agent.search.build_context(place_m[: agent.search.grid.dimensions])
+    return np.array(agent.decide(at(4.0, place_m)).position_world_m), context
 
 
 def informed(agent, seed=5):
@@ -56,11 +56,11 @@ def test_a_parameter_out_of_range_is_refused():
 
 
 def test_it_goes_where_the_next_reading_is_least_certain():
-    place_m, outlook = chosen(informed(made(declares=False)))
-    stops = outlook.survey([tuple(place) for place in outlook.places_m])
-    chances = np.array([rows @ outlook.p for rows in stops.likelihood])
-    doubts = [novelty * bits(row) for novelty, row in zip(outlook.novelty, chances)]
-    assert place_m[:2] == pytest.approx(outlook.places_m[int(np.argmax(doubts))])
+    place_m, context = chosen(informed(made(declares=False)))
+    stops = context.survey([tuple(place) for place in context.places_m])
+    chances = np.array([rows @ context.p for rows in stops.likelihood])
+    doubts = [novelty * bits(row) for novelty, row in zip(context.novelty, chances)]
+    assert place_m[:2] == pytest.approx(context.places_m[int(np.argmax(doubts))])
 
 
 def test_a_place_where_something_was_found_counts_half():
@@ -68,7 +68,7 @@ def test_a_place_where_something_was_found_counts_half():
     for k in range(21):
         agent.observe(at(4.0 + 0.1 * k, (7.0, 5.0, 2.0)))
     agent.decide(at(6.0, (7.0, 5.0, 2.0)))
-    around = agent.search.outlook((8.5, 5.0))
+    around = agent.search.build_context((8.5, 5.0))
     back = int(np.argmin(np.linalg.norm(around.places_m - (7.0, 5.0), axis=1)))
     assert around.novelty[back] < 0.6
     assert np.delete(around.novelty, back) == pytest.approx(1.0)

@@ -121,8 +121,8 @@ def picture(reading_less: Observation, names) -> Observation:
 def fly(name, *, seed=3, mood=GAS, refuse=(), warming=0, heard=(), n_questions=N_QUESTIONS, **changes):
     """Return the commands of an agent that goes wherever it is sent, but for the refused questions."""
     card = card_of(name)
-    told = briefing_for(card, seed=seed, **changes)
-    agent: Agent = type_of(name)(told)
+    shown = briefing_for(card, seed=seed, **changes)
+    agent: Agent = type_of(name)(shown)
     sensors = sensors_for(card)
     air, position_m, commands, notice, tick = Air(sensors, mood), START_M, [], None, 40
     cameras = [item[1] for item in sensors if MODELS[item[0]][0] == "picture"]
@@ -233,14 +233,14 @@ def test_it_never_declares_where_its_card_says_that_it_does_not(name):
 
 
 @every_method
-def test_missing_sensors_are_told_at_the_briefing(name):
+def test_missing_sensors_are_reported_at_the_briefing(name):
     for kind in card_of(name).needs.sensors:
         with pytest.raises(MethodError, match=f"of kind {kind}"):
             type_of(name)(briefing_for(card_of(name), sensors=[]))
 
 
 @every_method
-def test_a_missing_grant_is_told_at_the_briefing(name):
+def test_a_missing_grant_is_reported_at_the_briefing(name):
     for item in card_of(name).needs.knows:
         grant = {"map": "known_map", "plume": "plume", "source": "known_sources"}[item]
         with pytest.raises(MethodError, match=f"{item}: true"):
@@ -248,7 +248,7 @@ def test_a_missing_grant_is_told_at_the_briefing(name):
 
 
 @every_method
-def test_a_wrong_parameter_is_told_at_the_briefing(name):
+def test_a_wrong_parameter_is_reported_at_the_briefing(name):
     with pytest.raises(MethodError, match="no_such_parameter"):
         type_of(name)(briefing_for(card_of(name), parameters={"no_such_parameter": 1}))
 

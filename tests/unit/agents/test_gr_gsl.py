@@ -45,7 +45,7 @@ def test_gas_in_a_west_wind_moves_its_belief_to_the_west():
     assert mass_within(p, grid, (3.0, 5.0), 1.0) > 3.0 * mass_within(p, grid, (11.0, 5.0), 1.0)
 
 
-def test_gas_in_calm_air_tells_nothing():
+def test_gas_in_calm_air_shows_nothing():
     agent = searcher(wind_threshold_m_s=0.1)
     flown(agent, 1, ppm_at=lambda _: 5.0, wind=(0.02, 0.0))
     p = agent.method.p

@@ -18,7 +18,7 @@ def made(**parameters) -> Gso:
 
 
 def leg(agent, *, ppm=0.0, heard=(), wind=FROM_WEST, tick=40, place_m=(7.0, 5.0)):
-    """The commanded leg [m], measured after another one, and the luciferin that is told."""
+    """The commanded leg [m], measured after another one, and the luciferin that is sent."""
     question = observation(tick=tick, position_m=(*place_m, 2.0), readings={"nose": ppm, "vane": wind}, heard=heard)
     agent.observe(question.model_copy(update={"tick": tick - 1, "status": "flying", "incoming": ()}))
     agent.observe(question)
@@ -63,8 +63,8 @@ def test_who_is_too_near_is_circled():
 
 def test_the_glow_lasts_for_the_memory_and_not_longer():
     agent = made(memory_s=5.0)
-    told = [leg(agent, ppm=ppm, tick=40 + 20 * i)[1] for i, ppm in enumerate((4.0, 1.0, 0.0, 0.0, 0.0))]
-    assert told == [4.0, 4.0, 4.0, 1.0, 0.0]
+    reports = [leg(agent, ppm=ppm, tick=40 + 20 * i)[1] for i, ppm in enumerate((4.0, 1.0, 0.0, 0.0, 0.0))]
+    assert reports == [4.0, 4.0, 4.0, 1.0, 0.0]
 
 
 def test_the_basic_rule_decays_and_its_brightest_stays():

@@ -24,8 +24,8 @@ def at(time_s, place_m, *, ppm=0.0):
 def chosen(agent, place_m=(7.0, 5.0, 2.0)):
     """Where the agent goes, and the outlook that it has weighed."""
     agent.observe(at(4.0, place_m))
-    outlook = agent.search.outlook(place_m[: agent.search.grid.dimensions])
-    return np.array(agent.decide(at(4.0, place_m)).position_world_m), outlook
+    context = agent.search.build_context(place_m[: agent.search.grid.dimensions])
+    return np.array(agent.decide(at(4.0, place_m)).position_world_m), context
 
 
 def informed(agent, seed=5):
@@ -51,13 +51,13 @@ def test_a_parameter_out_of_range_is_refused():
 
 
 def test_it_goes_where_its_belief_is_expected_to_change_most():
-    place_m, outlook = chosen(informed(made(declares=False)))
-    stops = outlook.survey([tuple(place) for place in outlook.places_m])
+    place_m, context = chosen(informed(made(declares=False)))
+    stops = context.survey([tuple(place) for place in context.places_m])
     gains = []
     for likelihood, weight in zip(stops.likelihood, stops.weight):
         gain = 0.0
         for row, factor in zip(likelihood, weight):
-            after = outlook.p * factor / (outlook.p @ factor)
-            gain += (outlook.p @ row) * float((after * np.log2(after / outlook.p)).sum())
+            after = context.p * factor / (context.p @ factor)
+            gain += (context.p @ row) * float((after * np.log2(after / context.p)).sum())
         gains.append(gain)
-    assert place_m[:2] == pytest.approx(outlook.places_m[int(np.argmax(gains))])
+    assert place_m[:2] == pytest.approx(context.places_m[int(np.argmax(gains))])

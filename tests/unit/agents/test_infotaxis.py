@@ -25,8 +25,8 @@ def at(time_s, place_m, *, ppm=0.0):
 def chosen(agent, place_m=(7.0, 5.0, 2.0)):
     """Where the agent goes, and the outlook that it has weighed."""
     agent.observe(at(4.0, place_m))
-    outlook = agent.search.outlook(place_m[: agent.search.grid.dimensions])
-    return np.array(agent.decide(at(4.0, place_m)).position_world_m), outlook
+    context = agent.search.build_context(place_m[: agent.search.grid.dimensions])
+    return np.array(agent.decide(at(4.0, place_m)).position_world_m), context
 
 
 def sure_of(agent, place_m):
@@ -66,13 +66,13 @@ def test_a_parameter_out_of_range_is_refused():
 
 def test_it_goes_where_the_expected_entropy_is_least_outcome_by_outcome():
     for seed in range(3):
-        place_m, outlook = chosen(informed(made(declares=False), seed))
-        stops = outlook.survey([tuple(place) for place in outlook.places_m])
+        place_m, context = chosen(informed(made(declares=False), seed))
+        stops = context.survey([tuple(place) for place in context.places_m])
         costs = []
         for likelihood, weight in zip(stops.likelihood, stops.weight):
-            after = [outlook.p * row for row in weight]
-            costs.append(sum((outlook.p @ row) * bits(q / q.sum()) for row, q in zip(likelihood, after)))
-        assert place_m[:2] == pytest.approx(outlook.places_m[int(np.argmin(costs))])
+            after = [context.p * row for row in weight]
+            costs.append(sum((context.p @ row) * bits(q / q.sum()) for row, q in zip(likelihood, after)))
+        assert place_m[:2] == pytest.approx(context.places_m[int(np.argmin(costs))])
 
 
 def test_it_declares_only_what_it_is_sure_of():
@@ -91,7 +91,7 @@ def test_a_granted_plume_is_used():
 def test_what_it_decides_is_the_arithmetic_of_its_readme():
     """The formulas of the README, written down once more with plain numbers: what another language must repeat."""
     agent = informed(made(declares=False, n_headings=4), 3)
-    place_m, outlook = chosen(agent)
+    place_m, context = chosen(agent)
     settings, model = agent.settings, agent.search.model()
     speed = math.hypot(*model.wind_m_s)
     length = math.sqrt(
@@ -106,12 +106,12 @@ def test_what_it_decides_is_the_arithmetic_of_its_readme():
     speed_unit = [v / speed for v in model.wind_m_s] if speed else (1.0, 0.0)
     strength = math.log(settings.hits_at_1m) - log_mean(speed_unit, (0.0, 0.0))
     costs = []
-    for x in outlook.places_m:
-        mean = np.exp([strength + log_mean(x, s) for s in outlook.cells_m])
+    for x in context.places_m:
+        mean = np.exp([strength + log_mean(x, s) for s in context.cells_m])
         outcomes = [settings.floor + (1 - 2 * settings.floor) * row for row in (np.exp(-mean), -np.expm1(-mean))]
         cost = 0.0
         for row in outcomes:
-            after = outlook.p * row**settings.power
-            cost += (outlook.p @ row) * bits(after / after.sum())
+            after = context.p * row**settings.power
+            cost += (context.p @ row) * bits(after / after.sum())
         costs.append(cost)
-    assert place_m[:2] == pytest.approx(outlook.places_m[int(np.argmin(costs))])
+    assert place_m[:2] == pytest.approx(context.places_m[int(np.argmin(costs))])

@@ -24,8 +24,8 @@ def at(time_s, place_m, *, ppm=0.0):
 def chosen(agent, place_m=(7.0, 5.0, 2.0)):
     """Where the agent goes, and the outlook that it has weighed."""
     agent.observe(at(4.0, place_m))
-    outlook = agent.search.outlook(place_m[: agent.search.grid.dimensions])
-    return np.array(agent.decide(at(4.0, place_m)).position_world_m), outlook
+    context = agent.search.build_context(place_m[: agent.search.grid.dimensions])
+    return np.array(agent.decide(at(4.0, place_m)).position_world_m), context
 
 
 def sure_of(agent, place_m):

@@ -27,7 +27,7 @@ def test_what_is_trained_is_bundled():
 
 
 @pytest.mark.parametrize("name", [*POLICIES, *SWARMS])
-def test_a_card_tells_how_the_agent_is_made_again(name):
+def test_a_card_shows_how_the_agent_is_made_again(name):
     card = card_of(name)
     assert {"data", "seeds", "budget", "training_time_s", "versions", "machine", "validation"} <= set(card)
     (*command, file) = card["command"].split()

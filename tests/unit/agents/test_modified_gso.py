@@ -46,9 +46,9 @@ def test_who_is_led_into_a_declared_region_flies_elsewhere_before_gas_counts_aga
         if not agent.is_leaving:
             break
         place_m = (place_m[0] + legs[-1][0], place_m[1] + legs[-1][1])
-    ways = np.array(legs[:-1])
-    assert len(ways) > 1
-    assert np.degrees(np.arctan2(ways[:, 1], ways[:, 0])).std() < 1.0  # straight, whatever it smells
+    steps_m = np.array(legs[:-1])
+    assert len(steps_m) > 1
+    assert np.degrees(np.arctan2(steps_m[:, 1], steps_m[:, 0])).std() < 1.0  # straight, whatever it smells
     assert math.dist(place_m, (8.0, 5.0)) > 2.0
     assert legs[-1] == pytest.approx([-1.0, 0.0], abs=2e-3)  # upwind again
 
@@ -61,18 +61,18 @@ def test_gas_beyond_the_region_counts_as_before():
 
 def test_what_others_have_declared_is_forbidden_too_and_passed_on():
     agent = made()
-    told = parse(answer(agent, heard=[("first", "g 39 900 900 200 0 n0 1250 475")]).outgoing[0].text)
+    report = parse(answer(agent, heard=[("first", "g 39 900 900 200 0 n0 1250 475")]).outgoing[0].text)
     assert agent.declared_m == [(12.5, 4.75)]
-    assert told.numbers[1:] == (1250.0, 475.0)
+    assert report.numbers[1:] == (1250.0, 475.0)
 
 
-def test_places_in_one_region_are_one_source_and_all_are_told_in_turn():
+def test_places_in_one_region_are_one_source_and_all_are_sent_in_turn():
     agent = made(forbidden_m=2.0)
     for place_m in ((2.0, 2.0), (3.0, 2.0), (12.0, 8.0)):
         agent.forbid(place_m)
     assert agent.declared_m == [(2.0, 2.0), (12.0, 8.0)]
-    told = {parse(answer(agent, tick=40 + 30 * i).outgoing[0].text).numbers[1:] for i in range(4)}
-    assert told == {(200.0, 200.0), (1200.0, 800.0)}
+    report = {parse(answer(agent, tick=40 + 30 * i).outgoing[0].text).numbers[1:] for i in range(4)}
+    assert report == {(200.0, 200.0), (1200.0, 800.0)}
 
 
 def test_a_declaration_forbids_its_place():

@@ -67,7 +67,7 @@ def test_equal_seeds_give_equal_legs_and_other_seeds_other_sides():
     assert len({tuple(flown(made(seed=seed), [1.0])) for seed in range(10)}) == 2
 
 
-def test_a_missing_anemometer_is_told_at_the_briefing():
+def test_a_missing_anemometer_is_reported_at_the_briefing():
     with pytest.raises(MethodError, match="wind"):
         made(sensors=(("pid", "nose"),))
 

@@ -26,8 +26,8 @@ def at(time_s, place_m, *, ppm=0.0):
 def chosen(agent, place_m=(7.0, 5.0, 2.0)):
     """Where the agent goes, and the outlook that it has weighed."""
     agent.observe(at(4.0, place_m))
-    outlook = agent.search.outlook(place_m[: agent.search.grid.dimensions])
-    return np.array(agent.decide(at(4.0, place_m)).position_world_m), outlook
+    context = agent.search.build_context(place_m[: agent.search.grid.dimensions])
+    return np.array(agent.decide(at(4.0, place_m)).position_world_m), context
 
 
 def informed(agent, seed=5):
@@ -61,13 +61,13 @@ def test_one_step_ahead_it_is_infotaxis():
 
 
 def test_it_looks_at_all_places_of_two_steps():
-    _, outlook = chosen(made())
-    assert len(outlook.tree(2).prospect.places_m) == 13
+    _, context = chosen(made())
+    assert len(context.tree(2).candidates.places_m) == 13
 
 
 def test_looking_further_ahead_never_promises_less():
     agent = informed(made(declares=False))
-    _, outlook = chosen(agent)
-    near = n_step_costs(outlook.p, outlook.tree(1), depth=1)
-    far = n_step_costs(outlook.p, outlook.tree(2), depth=2)
+    _, context = chosen(agent)
+    near = n_step_costs(context.p, context.tree(1), depth=1)
+    far = n_step_costs(context.p, context.tree(2), depth=2)
     assert (far <= near).all()

@@ -50,7 +50,7 @@ def test_gas_downwind_and_clean_air_around_move_the_belief_upwind_of_the_gas():
     assert mass_within(agent.method.p, agent.flights.grid, (3.5, 5.0), 1.75) > 0.6
 
 
-def test_a_place_where_the_sensor_was_not_ready_tells_nothing():
+def test_a_place_where_the_sensor_was_not_ready_shows_nothing():
     agent = searcher()
     seen = observation(tick=40, readings={"nose": 5.0, "vane": (0.4, math.pi)}, warming=("nose",))
     agent.observe(seen)

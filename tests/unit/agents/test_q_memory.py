@@ -84,7 +84,7 @@ def test_equal_seeds_give_equal_steps(recovery):
     assert steps() == steps()
 
 
-def test_a_missing_anemometer_is_told_at_the_briefing():
+def test_a_missing_anemometer_is_reported_at_the_briefing():
     with pytest.raises(MethodError, match="wind"):
         made(sensors=(("pid", "nose"),))
 
@@ -105,7 +105,7 @@ def test_the_trainers_recoveries_are_those_of_the_agent():
     spec.loader.exec_module(kernels)
 
     class Chosen:
-        """Draws that give what they are told."""
+        """Draws that give what they are set to."""
 
         def __init__(self, index, fraction):
             self.index, self.fraction = (lambda n: index), (lambda: fraction)

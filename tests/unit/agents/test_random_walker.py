@@ -26,9 +26,9 @@ def test_legs_have_one_length_and_end_inside_the_margin_at_the_height_of_the_sea
 
 
 def test_it_needs_no_sensors_and_equal_seeds_give_equal_walks():
-    told = briefing(sensors=[("pid", "nose")], seed=5)
-    assert places_m(RandomWalker(told)) == places_m(RandomWalker(briefing(seed=5)))
-    assert places_m(RandomWalker(told)) != places_m(RandomWalker(briefing(seed=6)))
+    agent_briefing = briefing(sensors=[("pid", "nose")], seed=5)
+    assert places_m(RandomWalker(agent_briefing)) == places_m(RandomWalker(briefing(seed=5)))
+    assert places_m(RandomWalker(agent_briefing)) != places_m(RandomWalker(briefing(seed=6)))
 
 
 def test_a_known_wall_is_not_flown_through():

@@ -92,7 +92,7 @@ def test_equal_seeds_give_equal_commands():
 
 
 @pytest.mark.parametrize("sensors", [PAIR[:2], PAIR[1:]])
-def test_a_missing_nose_or_anemometer_is_told_at_the_briefing(sensors):
+def test_a_missing_nose_or_anemometer_is_reported_at_the_briefing(sensors):
     with pytest.raises(MethodError, match="expected"):
         made(sensors=sensors)
 

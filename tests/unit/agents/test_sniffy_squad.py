@@ -31,11 +31,11 @@ def test_roles_are_swapped_when_the_colder_robot_stands_worse():
     for flight in (fixed, free):
         flight.fly(45.0)
     assert [vehicle.agent.role for vehicle in fixed.vehicles.values()] == [0, 1, 2]
-    told = {tuple(vehicle.agent.role for vehicle in free.vehicles.values())}
-    while len(told) == 1 and free.tick < 600:
+    roles = {tuple(vehicle.agent.role for vehicle in free.vehicles.values())}
+    while len(roles) == 1 and free.tick < 600:
         free.step()
-        told.add(tuple(vehicle.agent.role for vehicle in free.vehicles.values()))
-    assert len(told) > 1
+        roles.add(tuple(vehicle.agent.role for vehicle in free.vehicles.values()))
+    assert len(roles) > 1
 
 
 @pytest.mark.slow

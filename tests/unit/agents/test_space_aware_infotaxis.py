@@ -24,8 +24,8 @@ def at(time_s, place_m, *, ppm=0.0):
 def chosen(agent, place_m=(7.0, 5.0, 2.0)):
     """Where the agent goes, and the outlook that it has weighed."""
     agent.observe(at(4.0, place_m))
-    outlook = agent.search.outlook(place_m[: agent.search.grid.dimensions])
-    return np.array(agent.decide(at(4.0, place_m)).position_world_m), outlook
+    context = agent.search.build_context(place_m[: agent.search.grid.dimensions])
+    return np.array(agent.decide(at(4.0, place_m)).position_world_m), context
 
 
 def sure_of(agent, place_m):
@@ -72,15 +72,15 @@ def test_a_sure_belief_is_flown_to_straight():
 
 
 def test_it_goes_where_fewest_steps_are_expected_to_remain():
-    place_m, outlook = chosen(informed(made(declares=False)))
-    stops = outlook.survey([tuple(place) for place in outlook.places_m])
+    place_m, context = chosen(informed(made(declares=False)))
+    stops = context.survey([tuple(place) for place in context.places_m])
     costs = []
-    for x, likelihood, weight in zip(outlook.places_m, stops.likelihood, stops.weight):
+    for x, likelihood, weight in zip(context.places_m, stops.likelihood, stops.weight):
         cost = 0.0
         for row, factor in zip(likelihood, weight):
-            after = outlook.p * factor / (outlook.p @ factor)
-            way = (after @ np.abs(outlook.cells_m - x).sum(axis=1)) / 1.5
+            after = context.p * factor / (context.p @ factor)
+            distance = (after @ np.abs(context.cells_m - x).sum(axis=1)) / 1.5
             entropy = max(0.0, bits(after) - math.log2(9.0))  # nine cells of 0.5 m in a step of 1.5 m
-            cost += (outlook.p @ row) * math.log2(way + 2.0 ** (entropy - 1.0) - 0.5)
+            cost += (context.p @ row) * math.log2(distance + 2.0 ** (entropy - 1.0) - 0.5)
         costs.append(cost)
-    assert place_m[:2] == pytest.approx(outlook.places_m[int(np.argmin(costs))])
+    assert place_m[:2] == pytest.approx(context.places_m[int(np.argmin(costs))])

@@ -33,13 +33,13 @@ def legs_m(places):
     return [math.dist(a, b) for a, b in itertools.pairwise(places)]
 
 
-def test_more_gas_begins_the_spiral_anew_and_less_lets_it_grow():
+def test_more_gas_begins_the_spiral_again_and_less_lets_it_grow():
     places = [START_M, *flown(made(), [1.0, 0.5, 0.5, 2.0, 0.5, 0.5])]
     assert legs_m(places) == pytest.approx([1.0, 1.0, 1.5, 1.0, 1.0, 1.5], abs=0.002)
 
 
 def test_after_more_than_three_misses_half_as_much_gas_is_better():
-    # Misses at 2, 3, 4, 5: at the fourth the best is halved, so that 0.6 is better than 0.5 and the spiral anew.
+    # Misses at 2, 3, 4, 5: at the fourth the best is halved, so that 0.6 is better than 0.5 and the spiral again.
     places = [START_M, *flown(made(), [1.0, 0.0, 0.0, 0.0, 0.0, 0.6])]
     assert legs_m(places)[-1] == pytest.approx(1.0, abs=0.002)
     without = [START_M, *flown(made(parameters={"n_misses": 50}), [1.0, 0.0, 0.0, 0.0, 0.0, 0.6])]
@@ -79,7 +79,7 @@ def test_equal_seeds_give_equal_legs_and_others_differ():
     assert flown(made(seed=3), [1.0]) != flown(made(seed=4), [1.0])
 
 
-def test_a_missing_gas_sensor_is_told_at_the_briefing():
+def test_a_missing_gas_sensor_is_reported_at_the_briefing():
     with pytest.raises(MethodError, match="gas"):
         made(sensors=(("anemometer", "vane"),))
 

@@ -115,7 +115,7 @@ def test_equal_seeds_give_equal_legs_and_other_seeds_other_sides():
 @pytest.mark.parametrize(
     ("sensors", "parameters"), [((("pid", "nose"),), {}), (PID, {"step": 1.0}), (PID, {"step_m": -1.0})]
 )
-def test_what_is_missing_or_wrong_is_told_at_the_briefing(sensors, parameters):
+def test_what_is_missing_or_wrong_is_reported_at_the_briefing(sensors, parameters):
     with pytest.raises(MethodError, match="expected"):
         made(sensors=sensors, parameters=parameters)
 

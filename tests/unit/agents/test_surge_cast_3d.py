@@ -63,7 +63,7 @@ def test_equal_seeds_give_equal_legs():
     assert flown(made(seed=3), [1.0, 0.0, 0.0, 0.0]) == flown(made(seed=3), [1.0, 0.0, 0.0, 0.0])
 
 
-def test_a_missing_anemometer_is_told_at_the_briefing():
+def test_a_missing_anemometer_is_reported_at_the_briefing():
     with pytest.raises(MethodError, match="wind"):
         made(sensors=(("pid", "nose"),))
 

@@ -120,7 +120,7 @@ def test_what_it_says_fits_the_channel_and_is_understood(agent_type):
 
 
 @pytest.mark.parametrize("agent_type", ALL)
-def test_what_one_smells_the_others_hear_of(agent_type):
+def test_what_one_smells_the_others_receive(agent_type):
     agent = made(agent_type)
     answer(agent, seen(ppm=0.0))
     command = answer(agent, seen(ppm=7.0, tick=80, position_m=(6.0, 4.0, 2.0)))
@@ -130,7 +130,7 @@ def test_what_one_smells_the_others_hear_of(agent_type):
 
 
 @pytest.mark.parametrize("agent_type", ALL)
-def test_what_was_heard_is_passed_on(agent_type):
+def test_what_was_received_is_passed_on(agent_type):
     """Who is out of reach of the finder learns of it from one in between."""
     agent = made(agent_type)
     found = "g 30 900 300 200 0 b500 200 200 12"
@@ -176,7 +176,7 @@ def test_declaring_can_be_switched_off(agent_type):
         ({"parameters": {"near_m": -1.0}}, "near_m"),
     ],
 )
-def test_what_is_missing_or_wrong_is_told_at_the_briefing(agent_type, changes, words):
+def test_what_is_missing_or_wrong_is_reported_at_the_briefing(agent_type, changes, words):
     with pytest.raises(MethodError, match=words):
         made(agent_type, **changes)
 

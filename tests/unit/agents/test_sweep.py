@@ -34,14 +34,14 @@ def test_places_between_the_bends_are_passed_along_the_lane_at_speed():
         if any(place.velocity_world_m_s):
             n_passed += 1
             assert math.hypot(*place.velocity_world_m_s) == pytest.approx(0.8)
-            way = [b - a for a, b in zip(here_m, after.position_world_m)]
-            cosine = sum(v * d for v, d in zip(place.velocity_world_m_s, way)) / 0.8 / math.hypot(*way)
+            step_m = [b - a for a, b in zip(here_m, after.position_world_m)]
+            cosine = sum(v * d for v, d in zip(place.velocity_world_m_s, step_m)) / 0.8 / math.hypot(*step_m)
             assert cosine == pytest.approx(1.0)
         here_m = place.position_world_m
     assert n_passed > 10
 
 
-def test_what_it_has_been_to_is_not_flown_again_and_then_it_starts_anew():
+def test_what_it_has_been_to_is_not_flown_again_and_then_it_starts_again():
     agent = sweep()
     places_m = bends_m(agent.decide(observation(position_m=START_M)))
     for place_m in places_m[:5]:

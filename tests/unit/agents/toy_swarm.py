@@ -125,7 +125,7 @@ class ToySwarm:
 
     def ranges_m(self, place_m: np.ndarray) -> list[float]:
         """Distances to the room and to what is solid: front (+x), left, back, right."""
-        return [self._range_m(place_m, *way) for way in ((1, 0), (0, 1), (-1, 0), (0, -1))]
+        return [self._range_m(place_m, *direction) for direction in ((1, 0), (0, 1), (-1, 0), (0, -1))]
 
     def _range_m(self, place_m: np.ndarray, dx: int, dy: int) -> float:
         axis, sign = (0, dx) if dx else (1, dy)

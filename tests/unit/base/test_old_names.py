@@ -24,7 +24,7 @@ def test_each_old_name_is_that_of_now(table):
     assert missing == []
 
 
-def test_an_old_module_and_an_old_name_are_told_at_the_line_that_has_them():
+def test_an_old_module_and_an_old_name_are_reported_at_the_line_that_has_them():
     program = "import gslcosim.safe_files\nfrom gslcosim.search.senses.instruments import noses_of\n"
     command = [sys.executable, "-W", "always::DeprecationWarning", "-c", program]
     said = subprocess.run(command, capture_output=True, text=True, check=True).stderr

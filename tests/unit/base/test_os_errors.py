@@ -41,9 +41,9 @@ def test_what_nobody_foresaw_has_the_file_that_the_machine_names():
     ],
 )
 def test_lack_of_memory_is_the_machines_in_all_its_words(error):
-    told = translate(error)
-    assert isinstance(told, MachineError)
-    assert "was out of memory. Close programs, or raise the limit on memory (ulimit -v)." in str(told)
+    translated = translate(error)
+    assert isinstance(translated, MachineError)
+    assert "was out of memory. Close programs, or raise the limit on memory (ulimit -v)." in str(translated)
 
 
 STARTS_NO_THREAD = pytest.mark.parametrize(
@@ -57,11 +57,11 @@ STARTS_NO_THREAD = pytest.mark.parametrize(
 
 
 @STARTS_NO_THREAD
-def test_lack_of_processes_is_told_as_such(error):
+def test_lack_of_processes_is_reported_as_such(error):
     """Where nothing limits memory, there are too many threads."""
-    told = translate(error)
-    assert isinstance(told, MachineError)
-    assert str(told) == (
+    translated = translate(error)
+    assert isinstance(translated, MachineError)
+    assert str(translated) == (
         "the machine: expected room for one more process or thread, was none. Close programs, or raise the limit on "
         "processes (ulimit -u; in a container, that on its tasks)."
     )
@@ -88,7 +88,7 @@ def test_a_working_directory_that_was_removed_is_refused(tmp_path, monkeypatch):
         check_working_directory()
 
 
-def test_a_mistake_of_ours_is_told_with_its_trace():
+def test_a_mistake_of_ours_is_reported_with_its_trace():
     assert translate(ValueError("no")) is None
     assert format_fault(ValueError("no"), "the trace") == "the trace"
     assert format_fault(ScenarioError("line 3: no."), "the trace") == "line 3: no."

@@ -66,14 +66,14 @@ def test_what_is_not_ours_is_left_alone(tmp_path):
     assert names(tmp_path) == before
 
 
-def test_a_place_that_cannot_be_written_is_told(tmp_path):
+def test_a_place_that_cannot_be_written_is_reported(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(MachineError, match=r"temporary directory: expected a folder .* or set TMPDIR to a folder"):
         ScratchFolder(parent=tmp_path / "file")
 
 
 def test_where_the_temporary_directory_has_a_long_name_sockets_go_elsewhere(tmp_path, monkeypatch):
-    """Where nothing shorter can be written, that is told in one sentence."""
+    """Where nothing shorter can be written, that is reported in one sentence."""
     long, of_the_user = tmp_path / ("l" * 100), Path(tempfile.mkdtemp(prefix="gsl-test-", dir="/tmp"))
     long.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(long))

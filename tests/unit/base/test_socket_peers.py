@@ -107,14 +107,14 @@ def caller(path, program, **options):
 
 
 def refusal(listener, path, program, *, waits=False, **options):
-    """Return what a caller is told."""
+    """Return what a caller gets."""
     with caller(path, program, **options) as process:
         if waits:
             assert process.stdout.readline() == "ended\n"
         connection, _ = listener.accept()
-        with connection, pytest.raises(UsageError) as told:
+        with connection, pytest.raises(UsageError) as refused:
             check_peer(connection, place="here")
-    return str(told.value)
+    return str(refused.value)
 
 
 def test_a_process_of_this_user_that_is_confined_alike_is_let_in(listener, tmp_path):
@@ -127,9 +127,9 @@ def test_a_process_of_this_user_that_is_confined_alike_is_let_in(listener, tmp_p
 
 @pytest.mark.parametrize("program", [FILTERED, FORKED_TWICE], ids=["itself", "by a grandchild in a session of its own"])
 def test_a_process_with_a_filter_more_is_refused(listener, tmp_path, program):
-    told = refusal(listener, tmp_path / "s", program)
-    assert told.startswith("here: expected a process that is confined no more than this one, process")
-    assert "filters of system calls (Seccomp_filters), where this one has" in told
+    refused = refusal(listener, tmp_path / "s", program)
+    assert refused.startswith("here: expected a process that is confined no more than this one, process")
+    assert "filters of system calls (Seccomp_filters), where this one has" in refused
 
 
 def test_a_process_that_may_get_no_privileges_is_refused(listener, tmp_path):
@@ -138,13 +138,13 @@ def test_a_process_that_may_get_no_privileges_is_refused(listener, tmp_path):
 
 def test_a_process_that_has_called_and_ended_is_refused(listener, tmp_path):
     """Its number may be that of another by now, and its connection in the hands of who has a filter."""
-    told = refusal(listener, tmp_path / "s", BY_A_CHILD_THAT_ENDS, waits=True)
-    assert "expected a process that can be looked at" in told or "has ended" in told
+    refused = refusal(listener, tmp_path / "s", BY_A_CHILD_THAT_ENDS, waits=True)
+    assert "expected a process that can be looked at" in refused or "has ended" in refused
 
 
 def test_a_process_whose_first_thread_has_ended_is_refused(listener, tmp_path):
-    told = refusal(listener, tmp_path / "s", BY_A_SECOND_THREAD, waits=True)
-    assert "expected a process that can be looked at" in told
+    refused = refusal(listener, tmp_path / "s", BY_A_SECOND_THREAD, waits=True)
+    assert "expected a process that can be looked at" in refused
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root becomes another user")

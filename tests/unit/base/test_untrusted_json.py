@@ -1,4 +1,4 @@
-"""JSON of others is of the types that were asked for, or is told in one sentence with its place."""
+"""JSON of others is of the types that were asked for, or is reported in one sentence with its place."""
 
 import json
 import os
@@ -30,7 +30,7 @@ class Result(TypedDict, total=False):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         ("", "r: expected JSON, was text that cannot be read (line 1, column 1: expecting value)."),
         ('{"ticks": 1,}', "r: expected JSON, was text that cannot be read (line 1, column 13: "),
@@ -50,16 +50,20 @@ class Result(TypedDict, total=False):
     ],
     ids=range(12),
 )
-def test_what_is_wrong_is_told_with_its_place(text, told):
+def test_what_is_wrong_is_reported_with_its_place(text, expected):
     with pytest.raises(MalformedFileError) as refusal:
         parse_json(text, Result, place="r")
-    assert str(refusal.value).startswith(told)
+    assert str(refusal.value).startswith(expected)
 
 
 def test_further_keys_and_brackets_in_texts_are_passed_over():
-    told = {"ticks": 2, "agents": [{"name": "[" * 1000 + '\\"', "path_m": None}], "other": {"a": [1e-300, 12345678901]}}
-    assert parse_json(json.dumps(told), Result, place="r") == told
-    assert parse_json(json.dumps(told).encode(), JsonObject, place="r") == told
+    shown = {
+        "ticks": 2,
+        "agents": [{"name": "[" * 1000 + '\\"', "path_m": None}],
+        "other": {"a": [1e-300, 12345678901]},
+    }
+    assert parse_json(json.dumps(shown), Result, place="r") == shown
+    assert parse_json(json.dumps(shown).encode(), JsonObject, place="r") == shown
     assert parse_json(b"\xef\xbb\xbf{}", JsonObject, place="r") == {}
 
 
@@ -72,12 +76,12 @@ def test_other_encodings_are_refused(encoding):
 
 @given(st.binary(max_size=40) | st.text(st.sampled_from('{}[]",:0"\\ null1e9.-'), max_size=40).map(str.encode))
 def test_any_bytes_give_a_block_or_an_error(data):
-    told = "r: expected "
+    shown = "r: expected "
     try:
         assert isinstance(parse_json(data, JsonObject, place="r"), dict)
     except MalformedFileError as error:
-        told = str(error)
-    assert told.startswith("r: expected ")
+        shown = str(error)
+    assert shown.startswith("r: expected ")
 
 
 def test_a_file_is_named_with_what_helps(tmp_path):

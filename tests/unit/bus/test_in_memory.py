@@ -26,7 +26,7 @@ def test_keys_match_as_zenohs_do(pattern, key, expected):
 
 
 def test_watchers_learn_of_tokens_old_and_new():
-    """Who watches late is told of who is there, and of everyone who goes."""
+    """A late watcher gets all that are there, and each that goes."""
     hub, seen = InMemoryHub(), []
     early = hub.open()
     early.declare_alive("alive/world")
@@ -39,7 +39,7 @@ def test_watchers_learn_of_tokens_old_and_new():
 def test_loss_is_seeded_and_spares_control():
     """The same seed loses the same messages; control messages arrive."""
 
-    def heard(seed):
+    def received_keys(seed):
         hub, keys = InMemoryHub(loss_frac=0.5, seed=seed), []
         bus = hub.open()
         bus.subscribe("**", lambda key, payload: keys.append((key, payload)))
@@ -48,6 +48,6 @@ def test_loss_is_seeded_and_spares_control():
             bus.publish("ctl/start", bytes([n]))
         return keys
 
-    assert heard(1) == heard(1) != heard(2)
-    assert sum(key == "ctl/start" for key, _ in heard(1)) == 50
-    assert 0 < sum(key == "truth/bodies" for key, _ in heard(1)) < 50
+    assert received_keys(1) == received_keys(1) != received_keys(2)
+    assert sum(key == "ctl/start" for key, _ in received_keys(1)) == 50
+    assert 0 < sum(key == "truth/bodies" for key, _ in received_keys(1)) < 50

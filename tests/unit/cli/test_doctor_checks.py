@@ -78,7 +78,7 @@ def test_the_free_memory_is_a_positive_number():
 
 
 @pytest.mark.parametrize(("free_gb", "level"), [(8.0, "OK"), (1.0, "WARN"), (0.1, "FAIL")])
-def test_a_full_disk_is_told(monkeypatch, tmp_path, free_gb, level):
+def test_a_full_disk_is_reported(monkeypatch, tmp_path, free_gb, level):
     monkeypatch.setenv("GSLCOSIM_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(doctor_checks.shutil, "disk_usage", lambda _: SimpleNamespace(free=free_gb * 1e9))
     cache, disk = doctor_checks.check_cache()
@@ -118,7 +118,7 @@ def probe_saying(monkeypatch, stdout, *, error=None):
     monkeypatch.setattr(doctor_checks.subprocess, "run", run)
 
 
-def test_drawing_is_told_with_the_devices(monkeypatch):
+def test_drawing_is_reported_with_the_devices(monkeypatch):
     found = {"vulkan": {"is_there": True, "text": ["llvmpipe"]}, "egl": {"is_there": True, "text": "1.5"}}
     probe_saying(monkeypatch, json.dumps(found))
     assert [(f.level, f.text) for f in doctor_checks.check_rendering()] == [("OK", "llvmpipe"), ("OK", "1.5")]
@@ -133,7 +133,7 @@ def test_missing_or_crashing_drivers_are_a_limit_with_a_remedy(monkeypatch, erro
     assert "mesa-vulkan-drivers" in vulkan.remedy
 
 
-def test_the_probe_tells_both_ways_of_drawing():
+def test_the_probe_shows_both_ways_of_drawing():
     call = [sys.executable, "-m", "gslcosim.cli.rendering_probe"]
     found = json.loads(subprocess.run(call, capture_output=True, text=True, check=True).stdout)
     assert set(found) == {"vulkan", "egl"}
@@ -169,11 +169,11 @@ def test_the_doctor_writes_a_line_for_each_finding(findings, capsys):
     ]
 
 
-def test_the_doctor_returns_3_when_this_machine_cannot_fly(findings, capsys):
+def test_the_doctor_returns_3_when_this_machine_cannot_run(findings, capsys):
     findings.append(CheckResult(name="numpy", level="FAIL", text="missing", remedy="Install it."))
     assert main(["doctor", "--json"]) == 3
-    told = json.loads(capsys.readouterr().out)
-    assert told == {
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == {
         "able": False,
         "findings": [{"name": "numpy", "level": "FAIL", "text": "missing", "remedy": "Install it."}],
     }

@@ -51,14 +51,14 @@ def test_a_room_with_its_wind_becomes_an_environment(scenario, tmp_path, capsys)
     assert (out / SCENE_FILE).is_file()
 
 
-def test_json_has_all_that_is_told(scenario, tmp_path, capsys):
+def test_json_has_all_that_is_reported(scenario, tmp_path, capsys):
     assert main(["import", str(scenario), "--out", str(tmp_path / "env"), "--json"]) == 0
     output = capsys.readouterr()
-    told = json.loads(output.out)
+    printed = json.loads(output.out)
     assert output.err == ""
-    assert (told["n_free_cells"], told["n_solid_cells"], told["n_outlet_cells"]) == (20, 2, 2)
-    assert (told["shape"], told["openings"]) == ([4, 3, 2], ["outlet_0"])
-    (notice,) = told["notices"]
+    assert (printed["n_free_cells"], printed["n_solid_cells"], printed["n_outlet_cells"]) == (20, 2, 2)
+    assert (printed["shape"], printed["openings"]) == ([4, 3, 2], ["outlet_0"])
+    (notice,) = printed["notices"]
     assert notice.startswith("shed has no wind")
     assert notice in yaml.safe_load((tmp_path / "env" / "environment.yaml").read_text())["notices"]
 
@@ -70,8 +70,8 @@ def test_an_environment_goes_out_and_comes_back(scenario, tmp_path, capsys):
         out = tmp_path / to / "shed"
         capsys.readouterr()
         assert main(["export", str(first), "--to", to, "--out", str(out), "--json"]) == 0
-        told = json.loads(capsys.readouterr().out)
-        assert all(Path(path).is_file() for path in told["files"])
+        printed = json.loads(capsys.readouterr().out)
+        assert all(Path(path).is_file() for path in printed["files"])
         assert main(["import", str(out), "--out", str(again)]) == 0
         one, other = load_environment(first), load_environment(again)
         np.testing.assert_array_equal(one.occupancy, other.occupancy)
@@ -88,7 +88,7 @@ def test_formats_of_the_command_are_those_that_there_are():
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "expected"),
     [
         (["import", "{here}/nothing", "--out", "env"], "expected a scenario of GADEN (OccupancyGrid3D.csv) or an"),
         (["import", "{here}", "--out", "env"], "was a folder or file without any of them"),
@@ -100,9 +100,9 @@ def test_formats_of_the_command_are_those_that_there_are():
         (["export", "tiny_room", "--to", "vtk", "--out", "{here}/wind.npy"], "expected a folder that can be written"),
     ],
 )
-def test_wrong_calls_are_told(scenario, capsys, words, told):
+def test_wrong_calls_are_reported(scenario, capsys, words, expected):
     assert main([word.format(here=scenario.parent) for word in words]) == 2
-    assert told in capsys.readouterr().err
+    assert expected in capsys.readouterr().err
 
 
 @needs_reference
@@ -113,6 +113,6 @@ def test_wrong_calls_are_told(scenario, capsys, words, told):
 )
 def test_published_environments_are_imported(tmp_path, capsys, name, counts):
     assert main(["import", str(ENVIRONMENTS_DIR / name), "--out", str(tmp_path / "env"), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert (told["n_free_cells"], told["n_solid_cells"], told["n_outlet_cells"]) == counts
-    assert "all 237160 cells are still air" in told["notices"][0]
+    printed = json.loads(capsys.readouterr().out)
+    assert (printed["n_free_cells"], printed["n_solid_cells"], printed["n_outlet_cells"]) == counts
+    assert "all 237160 cells are still air" in printed["notices"][0]

@@ -27,7 +27,7 @@ def options_of(name):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "expected"),
     [
         (["upp"], f"gslcosim: expected one of the commands {ALL}, was 'upp'. "
          "Did you mean up?"),
@@ -50,10 +50,10 @@ def options_of(name):
          "like 1600x1000, was 'big'. See gslcosim view --help."),
     ],
 )  # fmt: skip
-def test_a_wrong_call_returns_2_and_says_what_was_meant(capsys, words, told):
+def test_a_wrong_call_returns_2_and_says_what_was_meant(capsys, words, expected):
     assert main(words) == 2
     output = capsys.readouterr()
-    assert output.err == f"{told}\n"
+    assert output.err == f"{expected}\n"
     assert output.out == ""
 
 
@@ -127,13 +127,13 @@ def test_an_error_has_the_exit_code_of_who_must_act(error, code):
     assert error("told").exit_code == code
 
 
-def test_an_error_is_told_without_a_traceback(capsys, tmp_path):
+def test_an_error_is_reported_without_a_traceback(capsys, tmp_path):
     assert main(["validate", str(tmp_path / "none.yaml")]) == 2
     assert capsys.readouterr().err == f"{tmp_path}/none.yaml: expected a scenario file, found none.\n"
 
 
 @pytest.mark.parametrize(
-    ("raised", "told"),
+    ("raised", "expected"),
     [
         (OSError(28, "No space left on device", "/x/y"), "the machine: expected it to do what was asked, was no space "
          "left on device. Free room there, or choose another disk.\nFile: /x/y\n"),
@@ -141,16 +141,16 @@ def test_an_error_is_told_without_a_traceback(capsys, tmp_path):
          "the limit on memory (ulimit -v).\n"),
     ],
 )  # fmt: skip
-def test_what_the_machine_refuses_returns_3_and_is_one_sentence(capsys, monkeypatch, raised, told):
+def test_what_the_machine_refuses_returns_3_and_is_one_sentence(capsys, monkeypatch, raised, expected):
     def refuse(*_, **__):
         raise raised
 
     monkeypatch.setattr("gslcosim.scenario.load_scenario", refuse)
     assert main(["validate", "tiny_room"]) == 3
-    assert capsys.readouterr().err == told
+    assert capsys.readouterr().err == expected
 
 
-def test_a_mistake_of_ours_returns_3_and_is_told_as_such(capsys, monkeypatch):
+def test_a_mistake_of_ours_returns_3_and_is_reported_as_such(capsys, monkeypatch):
     """1 would say that the agent has failed."""
 
     def err(*_, **__):
@@ -158,9 +158,9 @@ def test_a_mistake_of_ours_returns_3_and_is_told_as_such(capsys, monkeypatch):
 
     monkeypatch.setattr("gslcosim.scenario.load_scenario", err)
     assert main(["validate", "tiny_room"]) == 3
-    told = capsys.readouterr().err
-    assert "Traceback" in told
-    assert told.endswith(
+    output = capsys.readouterr().err
+    assert "Traceback" in output
+    assert output.endswith(
         "gslcosim: expected no error of its own, was ZeroDivisionError. This is a mistake in gslcosim: please report "
         "it with the lines above.\n"
     )
@@ -179,9 +179,9 @@ def called(words, shell_end):
 )
 def test_an_output_that_cannot_be_written_returns_3_and_is_one_sentence(words, end, reason):
     ended = called(words, end)
-    told = f"standard output: expected to take the result, was {reason}. "
+    text = f"standard output: expected to take the result, was {reason}. "
     remedy = "Send it to a file on a disk with room, or to a terminal.\n"
-    assert (ended.returncode, ended.stderr) == (3, told + remedy)
+    assert (ended.returncode, ended.stderr) == (3, text + remedy)
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is always full")

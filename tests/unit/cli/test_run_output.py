@@ -1,4 +1,4 @@
-"""What is shown while a flight goes on."""
+"""What is shown while a run goes on."""
 
 import io
 
@@ -61,7 +61,7 @@ def test_the_live_line_stays_one_line():
     assert "…" in text
 
 
-def test_a_pipe_is_told_once_who_is_late(capsys):
+def test_a_pipe_is_reported_once_who_is_late(capsys):
     """The first time, so that a log says for whom a run has waited; a terminal shows it all the time."""
     with show_run_progress("hall", is_quiet=False) as report:
         report(RunStatus(state="starting", text="waiting for world"))

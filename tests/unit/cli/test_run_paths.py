@@ -31,7 +31,7 @@ def test_the_newest_run_that_has_the_file_is_the_default(runs):
 
 
 @pytest.mark.parametrize(
-    ("run", "told"),
+    ("run", "expected"),
     [
         ("none", "none: expected a run's folder or the id of one run in {runs}, found none."),
         ("hall", "hall: expected a run's folder or the id of one run in {runs}, found 2 that fit: hall-1-new, "
@@ -40,10 +40,10 @@ def test_the_newest_run_that_has_the_file_is_the_default(runs):
          "\nFile: {runs}/room-3/digest.json"),
     ],
 )  # fmt: skip
-def test_a_run_that_is_not_there_is_told(runs, run, told):
+def test_a_run_that_is_not_there_is_reported(runs, run, expected):
     with pytest.raises(UsageError) as refusal:
         find_in_run(run, runs_dir=runs, file_name="digest.json")
-    assert str(refusal.value) == told.format(runs=runs)
+    assert str(refusal.value) == expected.format(runs=runs)
 
 
 def test_where_there_is_no_run_one_is_proposed(tmp_path):
@@ -52,7 +52,7 @@ def test_where_there_is_no_run_one_is_proposed(tmp_path):
 
 
 @pytest.mark.parametrize("run", ["/no/such/folder", "*", "../hall", "[", "hall**"])
-def test_a_path_that_is_not_there_and_a_pattern_are_told_like_any_other(runs, run):
+def test_a_path_that_is_not_there_and_a_pattern_are_reported_like_any_other(runs, run):
     """No text makes it look somewhere else, or end with a traceback."""
     with pytest.raises(UsageError, match="found none"):
         find_in_run(run, runs_dir=runs, file_name="digest.json")

@@ -175,8 +175,8 @@ def test_names_of_files_and_words_of_a_call_are_shown(tmp_path, monkeypatch, cap
         assert r"\x1b" in output.out + output.err
 
 
-def test_flights_of_others_are_listed(monkeypatch, tmp_path, capsys):
-    """Whoever of the user listens in that folder is asked how its flight goes."""
+def test_runs_of_others_are_listed(monkeypatch, tmp_path, capsys):
+    """Whoever of the user listens in that folder is asked how its run goes."""
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", None)
     folder = get_status_folder()

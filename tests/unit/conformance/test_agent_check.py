@@ -25,7 +25,7 @@ def sent(tick, at_s, open_tick=None, **changes):
 
 @pytest.fixture
 def flight():
-    """A flight in which all is right: observations 0 to 3, of which 2 and 3 ask, and a clean end."""
+    """A run in which all is right: observations 0 to 3, of which 2 and 3 ask, and a clean end."""
     return Transcript(
         SessionScript(name="first", seed=1),
         joined_at_s=0.5,
@@ -44,7 +44,7 @@ def failed(transcript):
     return [*find_session_failures(transcript, LIMITS), *find_ending_failures(transcript, LIMITS)]
 
 
-def test_a_right_flight_breaks_no_rule(flight):
+def test_a_right_run_breaks_no_rule(flight):
     assert failed(flight) == []
 
 
@@ -88,13 +88,13 @@ def test_each_break_is_found_by_its_rule_alone(flight, rules, changes):
         assert failure.flight == "first"
 
 
-def test_a_flight_that_ends_unanswered_because_the_agent_is_gone_blames_the_leaving_only(flight):
+def test_a_run_that_ends_unanswered_because_the_agent_is_gone_blames_the_leaving_only(flight):
     gone = replace(flight, arrivals=[sent(2, 1.1, 2)], exited_at_s=2.05, exit_code=1, end_sent_at_s=None)
     assert failed(gone) == ["stays"]
     assert "exit code 1" in find_session_failures(gone, LIMITS)["stays"].got
 
 
-def test_the_first_command_that_differs_is_told(flight):
+def test_the_first_command_that_differs_is_reported(flight):
     other = replace(flight, arrivals=[sent(2, 1.1, 2), sent(3, 2.1, 3, hold_s=1.0)])
     found = find_difference("determinism", flight, other, sent="")
     assert "tick 3" in found["determinism"].sent

@@ -8,10 +8,10 @@ from gslcosim.conformance.report import CheckReport, Failure, build_findings
 from gslcosim.conformance.rules import RULES
 
 
-def report(door="zenoh", failures=(), unjudged=()):
+def report(transport="zenoh", failures=(), unjudged=()):
     broken = {rule: Failure(rule=rule, flight="first", sent="this", expected="that", got="other") for rule in failures}
-    findings = build_findings(door, broken, dict.fromkeys(unjudged, "first put right: x"), {})
-    return CheckReport(command=("./agent",), door=door, format="msgpack", findings=findings)
+    findings = build_findings(transport, broken, dict.fromkeys(unjudged, "first put right: x"), {})
+    return CheckReport(command=("./agent",), transport=transport, format="msgpack", findings=findings)
 
 
 def test_every_rule_says_what_a_right_agent_does_and_what_the_author_of_a_wrong_one_does_next():
@@ -27,7 +27,7 @@ def test_a_report_without_a_break_has_passed():
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_a_break_is_told_with_what_was_sent_expected_and_got_and_the_remedy(rule):
+def test_a_break_is_reported_with_what_was_sent_expected_and_got_and_the_remedy(rule):
     found = report(failures=[rule])
     assert found.failed_rules == (rule,)
     assert not found.has_passed
@@ -46,7 +46,7 @@ def test_what_was_not_judged_has_not_passed():
 
 
 def test_rules_of_the_other_door_do_not_count():
-    found = report(door="stdio", failures=["own-key"])
+    found = report(transport="stdio", failures=["own-key"])
     assert found.has_passed
     assert found.finding("own-key").status == "not_applicable"
 

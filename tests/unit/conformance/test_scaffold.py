@@ -19,7 +19,7 @@ def test_nothing_of_the_original_name_is_left(language, tmp_path):
 
 
 @pytest.mark.parametrize("language", list_languages())
-def test_it_says_how_to_build_check_and_fly(language, tmp_path):
+def test_it_says_how_to_build_check_and_run(language, tmp_path):
     created = create_agent(language, "gas_finder", tmp_path / "new")
     assert created.check_command[:3] == ("gslcosim", "agent", "check")
     assert created.check_command[-len(created.start) :] == created.start

@@ -38,11 +38,11 @@ def test_ticks_grow_and_questions_lie_on_both_sides_of_where_integers_get_longer
     assert any(not is_asked for _, is_asked in played)
 
 
-def test_once_a_command_is_refused_and_the_agent_told_why():
-    told = [observation.notice for observation in fly(1) if observation.awaiting_command]
-    assert told[REFUSED_QUESTION - 1] is None
-    assert "expected a place in free air" in (told[REFUSED_QUESTION] or "")
-    assert told[REFUSED_QUESTION + 1] is None
+def test_once_a_command_is_refused_and_the_agent_notified():
+    notices = [observation.notice for observation in fly(1) if observation.awaiting_command]
+    assert notices[REFUSED_QUESTION - 1] is None
+    assert "expected a place in free air" in (notices[REFUSED_QUESTION] or "")
+    assert notices[REFUSED_QUESTION + 1] is None
 
 
 def test_a_waypoint_outside_of_the_room_is_refused():

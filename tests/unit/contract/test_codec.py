@@ -1,4 +1,4 @@
-"""What a participant must not get away with, and what it is told."""
+"""What a participant must not get away with, and what it is sent."""
 
 import msgpack
 import pytest
@@ -94,14 +94,14 @@ def test_a_foreign_message_has_each_key_once_and_is_not_deep(name):
     with pytest.raises(ContractError) as caught:
         codec.decode_untrusted(Command, payload)
     assert str(caught.value) == f"Command: {expected_text}."
-    (hold,) = _asked_door().received(payload)
+    (hold,) = _asked_validator().on_answer(payload)
     assert (hold.kind, hold.reason) == ("hold", f"refused: Command: {expected_text}.")
 
 
-def _asked_door() -> CommandValidator:
-    door = CommandValidator("agent")
-    door.observed(codec.ObservationHead(tick=3, awaiting_command=True))
-    return door
+def _asked_validator() -> CommandValidator:
+    validator = CommandValidator("agent")
+    validator.on_observation(codec.ObservationHead(tick=3, awaiting_command=True))
+    return validator
 
 
 def test_the_deepest_that_is_allowed_is_taken():
@@ -109,7 +109,7 @@ def test_the_deepest_that_is_allowed_is_taken():
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "ending"),
     [
         (b'{"tick":1,"kind":"noop","tick":2}', "Command: expected each key once, was 'tick' 2 times."),
         (b'{"tick":1,"kind":"noop","later":{"a":1,"a":1}}', "Command: expected each key once, was 'a' 2 times."),
@@ -119,10 +119,10 @@ def test_the_deepest_that_is_allowed_is_taken():
         ),
     ],
 )
-def test_json_has_each_key_once_and_is_not_deep(text, told):
+def test_json_has_each_key_once_and_is_not_deep(text, ending):
     with pytest.raises(ContractError) as caught:
         codec.decode_json(Command, text)
-    assert str(caught.value) == told
+    assert str(caught.value) == ending
 
 
 @pytest.mark.parametrize("name", MUST_REJECT)
@@ -146,7 +146,7 @@ def test_an_error_stays_short_however_much_is_wrong():
     assert len(str(caught.value)) < 2000
 
 
-def test_all_problems_are_told_at_once():
+def test_all_problems_are_reported_at_once():
     with pytest.raises(ContractError, match=r"Ending: tick: .*, was -1; reason: field required\."):
         codec.decode(Ending, packed(tick=-1))
 
@@ -166,10 +166,10 @@ def test_reals_travel_as_float64():
     assert codec.encode(command).count(b"\xcb") == 3
 
 
-def test_the_door_sees_the_tick_of_anything_and_keeps_what_comes_early():
-    door = CommandValidator("agent")
-    assert door.received(packed(tick=41, nonsense=[])) == []
-    (hold,) = door.observed(codec.ObservationHead(tick=41, awaiting_command=True))
+def test_the_validator_sees_the_tick_of_anything_and_keeps_what_comes_early():
+    validator = CommandValidator("agent")
+    assert validator.on_answer(packed(tick=41, nonsense=[])) == []
+    (hold,) = validator.on_observation(codec.ObservationHead(tick=41, awaiting_command=True))
     assert hold.reason == "refused: Command: kind: field required."
 
 
@@ -177,7 +177,7 @@ def test_the_door_sees_the_tick_of_anything_and_keeps_what_comes_early():
     "payload", [packed(tick=1.0), packed(tick=True), packed(), b"", b"\x00", msgpack.packb("tick")]
 )
 def test_what_has_no_whole_tick_answers_the_question_and_is_refused(payload):
-    (hold,) = _asked_door().received(payload)
+    (hold,) = _asked_validator().on_answer(payload)
     assert (hold.kind, hold.tick, hold.reason[:17]) == ("hold", 3, "refused: Command:")
 
 
@@ -205,8 +205,8 @@ def test_no_reader_takes_another_type(name):
 
 
 def test_bytes_that_only_look_infinite_pass():
-    told = Ending(tick=1, reason="\x7f")
-    assert codec.encode_finite(told) == codec.encode(told)
+    ending = Ending(tick=1, reason="\x7f")
+    assert codec.encode_finite(ending) == codec.encode(ending)
     cloud = NumericArray(dtype="uint8", shape=(3,), data=b"\xcb\x7f\xf0")
     map_ = KnownMap(origin_m=(0.0, 0.0, 0.0), cell_m=1.0, occupied=cloud)
     briefing = EXAMPLES["briefing"].model_copy(update={"known_map": map_})

@@ -1,4 +1,4 @@
-"""However deep an agent nests, it is told what was expected."""
+"""However deep an agent nests, the fault says what was expected."""
 
 import msgpack
 import pytest
@@ -25,6 +25,6 @@ def test_a_nested_value_is_refused_with_a_reason(depth):
 
 
 @pytest.mark.parametrize("depth", DEPTHS)
-def test_the_door_and_the_kit_outlive_it(depth):
-    assert CommandValidator("agent").received(nested(depth)) == []
+def test_the_validator_and_the_kit_outlive_it(depth):
+    assert CommandValidator("agent").on_answer(nested(depth)) == []
     assert read_answer(nested(depth)).problem is not None

@@ -10,7 +10,7 @@ MAJOR, MINOR = CONTRACT_VERSION.split(".")
 
 
 @pytest.mark.parametrize(
-    "told",
+    "contract_text",
     [
         CONTRACT_VERSION,
         f"{CONTRACT_VERSION}+{get_contract_hash()}",
@@ -19,21 +19,25 @@ MAJOR, MINOR = CONTRACT_VERSION.split(".")
         f"{MAJOR}.{int(MINOR) + 7}+{'f' * 32}",
     ],
 )
-def test_every_minor_version_fits_whatever_its_hash(told):
-    check_contract(told)
+def test_every_minor_version_fits_whatever_its_hash(contract_text):
+    check_contract(contract_text)
 
 
 def test_we_fit_ourselves():
     check_contract(format_own_contract())
 
 
-@pytest.mark.parametrize("told", [f"{int(MAJOR) + 1}.0", "0.9", f"{int(MAJOR) + 1}.{MINOR}+{get_contract_hash()}"])
-def test_another_major_version_does_not_fit(told):
-    with pytest.raises(ContractVersionError, match=rf"expected major version {MAJOR} .*, was {told.split('+')[0]}\."):
-        check_contract(told)
+@pytest.mark.parametrize(
+    "contract_text", [f"{int(MAJOR) + 1}.0", "0.9", f"{int(MAJOR) + 1}.{MINOR}+{get_contract_hash()}"]
+)
+def test_another_major_version_does_not_fit(contract_text):
+    with pytest.raises(
+        ContractVersionError, match=rf"expected major version {MAJOR} .*, was {contract_text.split('+')[0]}\."
+    ):
+        check_contract(contract_text)
 
 
-def test_the_same_version_with_another_hash_is_told():
+def test_the_same_version_with_another_hash_is_reported():
     with pytest.raises(
         ContractError, match=f"expected hash {get_contract_hash()} for version {CONTRACT_VERSION}"
     ) as caught:
@@ -41,8 +45,10 @@ def test_the_same_version_with_another_hash_is_told():
     assert not isinstance(caught.value, ContractVersionError)
 
 
-@pytest.mark.parametrize("told", ["", "1", "v1.1", "1.1.0", "1.1+", "1.1+xyz", "1.1 ", "one", "\u0661.1", "-1.0"])
-def test_anything_else_is_named_but_is_not_another_contract(told):
+@pytest.mark.parametrize(
+    "contract_text", ["", "1", "v1.1", "1.1.0", "1.1+", "1.1+xyz", "1.1 ", "one", "\u0661.1", "-1.0"]
+)
+def test_anything_else_is_named_but_is_not_another_contract(contract_text):
     with pytest.raises(ContractError, match=r"expected MAJOR\.MINOR or") as caught:
-        check_contract(told)
+        check_contract(contract_text)
     assert not isinstance(caught.value, ContractVersionError)

@@ -70,7 +70,7 @@ def test_a_run_that_has_ended_says_how(tmp_path):
 @pytest.mark.parametrize(
     ("files", "outcome"), [({}, "no result.json"), ({"result": '{"schema": "gslco'}, "result.json cannot be read")]
 )
-def test_a_run_without_result_is_broken_and_still_says_what_was_flown(tmp_path, files, outcome):
+def test_a_run_without_result_is_broken_and_still_says_what_was_run(tmp_path, files, outcome):
     facts = read_run_summary(make_run(tmp_path / "run", **files))
     assert (facts.state, facts.outcome, facts.scenario, facts.seed) == ("broken", outcome, "tiny_room", 5)
 
@@ -122,7 +122,7 @@ def test_conditions_on_numbers_and_texts(text, holds):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         ("outcome", "expected COLUMN=VALUE"),
         ("colour=red", "expected one of the columns outcome, time_s, seed, was 'colour'"),
@@ -130,8 +130,8 @@ def test_conditions_on_numbers_and_texts(text, holds):
         ("time_s>soon", "expected a number for time_s, was 'soon'"),
     ],
 )
-def test_conditions_that_mean_nothing_are_refused(text, told):
-    with pytest.raises(UsageError, match=told):
+def test_conditions_that_mean_nothing_are_refused(text, expected):
+    with pytest.raises(UsageError, match=expected):
         Condition.of(text, numbers=NUMBERS, texts=TEXTS)
 
 

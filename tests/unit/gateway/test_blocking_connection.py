@@ -19,10 +19,15 @@ class OtherSide:
     """The program's ends of the two pipes."""
 
     def __init__(self, frame_format):
-        heard, told = os.pipe(), os.pipe()
-        self.stream = PipeStream(os.fdopen(told[1], "wb", buffering=0), os.fdopen(heard[0], "rb", buffering=0))
+        input_pipe, output_pipe = os.pipe(), os.pipe()
+        self.stream = PipeStream(
+            os.fdopen(output_pipe[1], "wb", buffering=0), os.fdopen(input_pipe[0], "rb", buffering=0)
+        )
         self.exchange = BlockingConnection(self.stream, frame_format)
-        self.input, self.output = os.fdopen(told[0], "rb", buffering=0), os.fdopen(heard[1], "wb", buffering=0)
+        self.input, self.output = (
+            os.fdopen(output_pipe[0], "rb", buffering=0),
+            os.fdopen(input_pipe[1], "wb", buffering=0),
+        )
 
     def close(self):
         self.exchange.close_output()
@@ -62,7 +67,7 @@ def test_silence_ends_after_the_limit(sides):
         other.exchange.receive(Command, within_s=0.01)
 
 
-def test_an_ended_stream_is_told_with_what_was_cut_off(sides):
+def test_an_ended_stream_is_reported_with_what_was_cut_off(sides):
     frame_format, other = sides
     other.output.write(encode_fields(frame_format, {"tick": 3})[:-2])
     other.output.close()

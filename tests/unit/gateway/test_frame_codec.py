@@ -64,7 +64,7 @@ def test_json_becomes_the_map_that_msgpack_would_have_been():
 
 
 @pytest.mark.parametrize(
-    ("line", "told"),
+    ("line", "expected"),
     [
         (b"starting up", "expected one JSON object a line, was 11 bytes starting 'starting up'"),
         (b"[1, 2]", "expected one JSON object a line, was 6 bytes starting '[1, 2]'"),
@@ -81,10 +81,10 @@ def test_json_becomes_the_map_that_msgpack_would_have_been():
         (b'\xef\xbb\xbf{"tick": 1}', "expected a line in UTF-8 without a byte order mark"),
     ],
 )
-def test_a_line_that_is_no_object_is_refused_in_words(line, told):
+def test_a_line_that_is_no_object_is_refused_in_words(line, expected):
     with pytest.raises(ContractError) as refusal:
         frame_codec.decode_payload("json", line)
-    assert told in str(refusal.value)
+    assert expected in str(refusal.value)
 
 
 @pytest.mark.parametrize("payload", [b"\xc1", b"", b"\x93\x01", msgpack.packb([1]), b"\x81\x01\x01", b"\x91" * 5000])

@@ -42,7 +42,7 @@ def connections():
 
 
 @pytest.fixture
-def told(listener):
+def events(listener):
     """Return the queue of what a listener tells, for agents that speak JSON."""
     events = queue.SimpleQueue()
     listener.admit(
@@ -51,16 +51,16 @@ def told(listener):
     return events
 
 
-def let_in(told):
-    kind, stream, hello = told.get(timeout=EVENT_S)
+def let_in(events):
+    kind, stream, hello = events.get(timeout=EVENT_S)
     assert kind == "in"
     return stream, hello
 
 
-def test_who_shows_the_token_is_let_in_and_what_follows_is_kept(listener, told, connections):
+def test_who_shows_the_token_is_let_in_and_what_follows_is_kept(listener, events, connections):
     connection = connections(listener)
     connection.sendall(encode_fields("json", {"token": listener.token, "extra": 1}) + b"first line\n")
-    stream, hello = let_in(told)
+    stream, hello = let_in(events)
     assert hello["extra"] == 1
     assert stream.read() == b"first line\n"
     assert stream.write_now(b"back") == 4
@@ -81,34 +81,34 @@ def test_who_shows_the_token_is_let_in_and_what_follows_is_kept(listener, told, 
         b"x" * 5000,
     ],
 )
-def test_anybody_else_is_sent_away_and_the_agent_may_still_come(listener, told, connections, first):
+def test_anybody_else_is_sent_away_and_the_agent_may_still_come(listener, events, connections, first):
     stranger = connections(listener)
     stranger.sendall(first)
-    kind, text = told.get(timeout=EVENT_S)
+    kind, text = events.get(timeout=EVENT_S)
     assert kind == "out"
     assert text.startswith("a connection was refused: expected ")
     connections(listener).sendall(encode_fields("json", {"token": listener.token}))
-    stream, _ = let_in(told)
+    stream, _ = let_in(events)
     stream.close_input()
     stream.close_output()
 
 
-def test_strangers_who_say_nothing_do_not_keep_the_agent_out(listener, told, connections, monkeypatch):
+def test_strangers_who_say_nothing_do_not_keep_the_agent_out(listener, events, connections, monkeypatch):
     monkeypatch.setattr(listener_module, "HELLO_TIMEOUT_S", 0.05)
     for _ in range(2 * listener_module.MAX_PENDING_CONNECTIONS):
         connections(listener)
     connections(listener).sendall(encode_fields("json", {"token": listener.token}))
-    while (event := told.get(timeout=EVENT_S))[0] == "out":
+    while (event := events.get(timeout=EVENT_S))[0] == "out":
         pass
     event[1].close_input()
     event[1].close_output()
 
 
-def test_nobody_follows_the_agent(listener, told, connections):
+def test_nobody_follows_the_agent(listener, events, connections):
     hello = encode_fields("json", {"token": listener.token})
     first, second = connections(listener), connections(listener)
     first.sendall(hello)
-    stream, _ = let_in(told)
+    stream, _ = let_in(events)
     second.settimeout(EVENT_S)
     # It may be turned away before it has said a word.
     with contextlib.suppress(ConnectionError):
@@ -116,7 +116,7 @@ def test_nobody_follows_the_agent(listener, told, connections):
         assert second.recv(1) == b""
     stream.close_input()
     stream.close_output()
-    assert told.empty()
+    assert events.empty()
 
 
 def test_a_place_that_is_taken_is_a_fault_with_its_name(tmp_path):

@@ -59,7 +59,7 @@ def linked(request):
 @pytest.mark.parametrize("frame_format", ["msgpack", "json"])
 def test_messages_go_out_and_commands_come_in(linked, frame_format):
     link, events, agent = linked(frame_format)
-    link.tell("Ending", codec.encode(Ending(tick=3, reason="success")))
+    link.send("Ending", codec.encode(Ending(tick=3, reason="success")))
     expected = encode_fields(frame_format, {"message": "Ending", "tick": 3, "reason": "success"})
     assert agent.input.read(len(expected)) == expected
     agent.output.write(encode_fields(frame_format, HOLD))
@@ -68,10 +68,10 @@ def test_messages_go_out_and_commands_come_in(linked, frame_format):
     assert codec.decode(Command, payload) == Command(**HOLD)
 
 
-def test_what_is_told_before_the_agent_comes_waits_for_it():
+def test_what_is_sent_before_the_agent_connects_waits_for_it():
     events = queue.SimpleQueue()
     link = ThreadedConnection("json", lambda kind, data: events.put((kind, data)))
-    link.tell("Ending", codec.encode(Ending(tick=1, reason="a")))
+    link.send("Ending", codec.encode(Ending(tick=1, reason="a")))
     agent = Agent(link, "socket")
     assert b'"reason":"a"' in agent.input.readline()
     link.end()
@@ -83,7 +83,7 @@ def test_an_agent_that_reads_late_gets_everything_in_order(linked):
     link, _, agent = linked()
     n_messages = 20_000
     for tick in range(n_messages):
-        link.tell("Ending", codec.encode(Ending(tick=tick, reason="x" * 100)))
+        link.send("Ending", codec.encode(Ending(tick=tick, reason="x" * 100)))
     link.end()
     unpacked = []
     while header := agent.input.read(4):
@@ -96,7 +96,7 @@ def test_an_agent_that_never_reads_is_given_up(linked, monkeypatch):
     link, events, _ = linked()
     payload = codec.encode(Ending(tick=1, reason="x" * 10_000))
     for _ in range(200):
-        link.tell("Ending", payload)
+        link.send("Ending", payload)
     kind, text = events.get(timeout=EVENT_S)
     assert (kind, text) == ("closed", b"expected an agent that reads what it is sent, 1000000 bytes are unread.")
     assert not link._backlog
@@ -128,7 +128,7 @@ def test_after_the_end_whatever_is_said_is_thrown_away(linked):
     assert events.empty()
 
 
-def test_a_bad_frame_is_told_and_the_next_one_read(linked):
+def test_a_bad_frame_is_reported_and_the_next_one_read(linked):
     _, events, agent = linked("json")
     agent.output.write(b"hello\n" + encode_fields("json", HOLD))
     assert events.get(timeout=EVENT_S)[0] == "refused"
@@ -157,8 +157,8 @@ def test_nonsense_for_a_length_ends_the_link(linked):
     assert events.empty()
 
 
-@pytest.mark.parametrize(("last", "told"), [(b"", b""), (b"\0\0\0", b"expected whole frames")])
-def test_the_end_of_the_agents_stream_is_told_after_all_it_said(linked, last, told):
+@pytest.mark.parametrize(("last", "expected"), [(b"", b""), (b"\0\0\0", b"expected whole frames")])
+def test_the_end_of_the_agents_stream_is_reported_after_all_it_said(linked, last, expected):
     _, events, agent = linked()
     agent.output.write(encode_fields("msgpack", HOLD) + last)
     agent.output.close()
@@ -167,15 +167,15 @@ def test_the_end_of_the_agents_stream_is_told_after_all_it_said(linked, last, to
     assert events.get(timeout=EVENT_S)[0] == "command"
     kind, text = events.get(timeout=EVENT_S)
     assert kind == "ended"
-    assert text.startswith(told)
+    assert text.startswith(expected)
 
 
-def test_an_agent_that_has_closed_its_input_is_still_heard(linked):
+def test_an_agent_that_has_closed_its_input_is_still_received(linked):
     link, events, agent = linked()
     agent.input.close()
     if agent.socket:
         agent.socket.shutdown(socket.SHUT_RD)
     for _ in range(3):
-        link.tell("Ending", codec.encode(Ending(tick=1, reason="a")))
+        link.send("Ending", codec.encode(Ending(tick=1, reason="a")))
     agent.output.write(encode_fields("msgpack", HOLD))
     assert events.get(timeout=EVENT_S)[0] == "command"

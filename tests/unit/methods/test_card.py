@@ -52,16 +52,16 @@ def sensors(*models):
 ENOUGH = {"sensors": sensors("tgs2600", "pid", "anemometer"), "knows": ("map",), "n_channels": 1, "parameters": {}}
 
 
-def told(card, **changes):
+def unmet_needs(card, **changes):
     return [str(shortage) for shortage in find_unmet_needs(card, **{**ENOUGH, **changes})]
 
 
 def test_a_method_with_all_it_needs_lacks_nothing(card):
-    assert told(card()) == []
+    assert unmet_needs(card()) == []
 
 
-def test_everything_that_is_missing_is_told_with_a_remedy(card):
-    texts = told(card(), sensors=sensors("pid"), knows=(), n_channels=0)
+def test_everything_that_is_missing_is_reported_with_a_remedy(card):
+    texts = unmet_needs(card(), sensors=sensors("pid"), knows=(), n_channels=0)
     assert len(texts) == 4
     assert "at least 2 of kind gas for Test search, was 1 (pid). Add for example {model: tgs2600" in texts[0]
     assert "kind wind" in texts[1]
@@ -87,8 +87,8 @@ def test_everything_that_is_missing_is_told_with_a_remedy(card):
         ({"limit_m": "x"}, "expected a number"),
     ],
 )
-def test_wrong_parameters_are_told(card, parameters, words):
-    (text,) = told(card(), parameters=parameters)
+def test_wrong_parameters_are_reported(card, parameters, words):
+    (text,) = unmet_needs(card(), parameters=parameters)
     assert words in text
 
 

@@ -1,4 +1,4 @@
-"""When a tick may begin, and what is told of those that were late."""
+"""When a tick may begin, and what is reported of those that were late."""
 
 import pytest
 

@@ -69,12 +69,12 @@ DAMAGED = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("content", "told"), DAMAGED.items())
-def test_a_file_that_is_no_digest_is_refused(tmp_path, content, told):
+@pytest.mark.parametrize(("content", "expected"), DAMAGED.items())
+def test_a_file_that_is_no_digest_is_refused(tmp_path, content, expected):
     """The error names the file and what was expected."""
     path = tmp_path / "digest.json"
     path.write_text(content)
-    with pytest.raises(UsageError, match=re.escape(told)):
+    with pytest.raises(UsageError, match=re.escape(expected)):
         RunDigest.load(path)
     with pytest.raises(UsageError, match="found none"):
         RunDigest.load(tmp_path / "none.json")

@@ -1,4 +1,4 @@
-"""Which services share a process: by a word or by lists; what is no service of the run is told."""
+"""Which services share a process: by a word or by lists; what is no service of the run is reported."""
 
 import pytest
 

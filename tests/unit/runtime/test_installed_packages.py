@@ -30,14 +30,14 @@ def test_the_hash_is_of_names_and_versions_in_any_order():
     assert versions_hash(one) != versions_hash({"a": "1", "b": "2.1"})
 
 
-def test_versions_that_the_lock_does_not_name_are_told(tmp_path):
+def test_versions_that_the_lock_does_not_name_are_reported(tmp_path):
     lock = tmp_path / "requirements.lock"
     lock.write_text("a==1.0\nb-c==2 ; python_version < '3.12'\nb-c==3 ; python_version >= '3.12'\nabsent==1\n")
     assert compare_with_lock({"a": "1.0", "b-c": "3", "own": "9"}, lock)["differing"] == []
     assert compare_with_lock({"a": "1.1", "b-c": "4"}, lock)["differing"] == ["a", "b-c"]
 
 
-def test_without_a_lock_nothing_is_told(tmp_path):
+def test_without_a_lock_nothing_is_reported(tmp_path):
     assert compare_with_lock({"a": "1"}, tmp_path / "none") is None
 
 

@@ -1,4 +1,4 @@
-"""Join files: what is wrong with one is told with the file's name."""
+"""Join files: what is wrong with one is reported with the file's name."""
 
 import json
 
@@ -32,20 +32,20 @@ def client(tmp_path):
     return Certificate(certificate=tmp_path / "client.pem", private_key=tmp_path / "client.key")
 
 
-def test_files_of_services_agents_and_guests_are_told_apart(read):
+def test_files_of_services_agents_and_gateway_agents_are_distinguished(read):
     assert read(SERVICE).is_for_agent is False
     assert read(AGENT).is_for_agent is True
-    guest = read({"name": "ant", "gateway": "tcp:host:1", "token": "t", "format": "json"})
-    assert (guest.is_for_agent, guest.join, guest.name) == (True, None, "ant")
+    agent = read({"name": "ant", "gateway": "tcp:host:1", "token": "t", "format": "json"})
+    assert (agent.is_for_agent, agent.join, agent.name) == (True, None, "ant")
 
 
-def test_no_file_is_told_at_once(tmp_path):
+def test_no_file_is_reported_at_once(tmp_path):
     with pytest.raises(UsageError, match=r"join file: expected a file, found none"):
         JoinFile.read(tmp_path / "none.json")
 
 
 @pytest.mark.parametrize("content", ["", "{", "[1]", '"fields"', '{"name": "fields"}'])
-def test_what_is_no_join_file_is_told(read, content):
+def test_what_is_no_join_file_is_reported(read, content):
     with pytest.raises(UsageError, match=r"file\.json: expected JSON as `gslcosim up` writes it"):
         read(content)
 

@@ -25,10 +25,10 @@ def test_a_folder_that_was_not_there_is_new(tmp_path):
 
 def test_the_status_says_so_although_nothing_else_is_reported(tmp_path):
     """A run in one process compiles on the thread that reports."""
-    told, is_told = [], threading.Event()
+    reports, is_told = [], threading.Event()
 
     def report(status):
-        told.append(status)
+        reports.append(status)
         if status.is_compiling:
             is_told.set()
 
@@ -39,19 +39,19 @@ def test_the_status_says_so_although_nothing_else_is_reported(tmp_path):
         reporter(RunStatus(state="starting", text="waiting for world"))
         reporter(RunStatus(state="flying", sim_time_s=1.0))
     assert reporter.has_compiled
-    assert [(status.state, status.text, status.is_compiling) for status in told] == [
+    assert [(status.state, status.text, status.is_compiling) for status in reports] == [
         ("starting", "", False), ("starting", "compiling kernels", True),
         ("starting", "compiling kernels, waiting for world", True), ("flying", "", False),
     ]  # fmt: skip
-    assert [status.run_dir for status in told] == [tmp_path, None, None, None]
+    assert [status.run_dir for status in reports] == [tmp_path, None, None, None]
 
 
 def test_a_run_that_compiles_nothing_says_nothing(tmp_path):
-    told = []
-    with CompilationReporter(told.append, KernelFolder(tmp_path)) as reporter:
+    reports = []
+    with CompilationReporter(reports.append, KernelFolder(tmp_path)) as reporter:
         reporter(RunStatus(state="starting"))
     assert not reporter.has_compiled
-    assert told == [RunStatus(state="starting")]
+    assert reports == [RunStatus(state="starting")]
 
 
 def test_a_log_has_it_once(capsys):

@@ -70,7 +70,7 @@ def test_a_lease_is_neither_too_short_nor_endless(lease_s):
 
 
 @pytest.mark.parametrize("window_ticks", [0, 127, 1 << 17])
-def test_a_window_is_neither_too_small_for_what_agents_tell_nor_endless(window_ticks):
+def test_a_window_is_neither_too_small_for_what_agents_show_nor_endless(window_ticks):
     assert refusal_of(Network(window_ticks=window_ticks)).startswith("--window-ticks")
 
 

@@ -89,12 +89,12 @@ def test_compose_starts_services_of_the_list_only():
     assert started == list(list_service_names(load_scenario("warehouse_empty").scenario))
 
 
-def test_the_shell_wants_names_and_tells_all(capsys):
+def test_the_shell_wants_names_and_shows_all(capsys):
     with pytest.raises(SystemExit) as ended:
         main([])
     assert ended.value.code == 2
-    told = capsys.readouterr().err
-    assert all(name in told for name in NAMES)
+    output = capsys.readouterr().err
+    assert all(name in output for name in NAMES)
 
 
 def test_a_block_for_which_no_service_is_registered_is_named():

@@ -44,7 +44,7 @@ def scenario(make_scenario):
     return Scenario.model_validate({**values, "channels": [{"name": "radio"}]})
 
 
-def test_sensing_is_rehearsed_with_all_that_it_reads_and_starts_afresh(scenario, make_room):
+def test_sensing_is_warmed_up_with_all_that_it_reads_and_starts_afresh(scenario, make_room):
     core = Listening(SensingCore(scenario, make_room()))
     warm_up(core, scenario)
     assert len(core.inboxes) == 2
@@ -57,7 +57,7 @@ def test_sensing_is_rehearsed_with_all_that_it_reads_and_starts_afresh(scenario,
 
 
 @pytest.mark.slow
-def test_nothing_is_compiled_in_flight():
+def test_nothing_is_compiled_in_a_run():
     """Planning and keeping apart included; in a process in which no other test has used a kernel before."""
     flight = Path(__file__).parent / "warmed_up_run.py"
     ended = subprocess.run([sys.executable, flight], capture_output=True, text=True, check=True)

@@ -52,7 +52,7 @@ class ToyCore:
 
 
 class ToyWorld(ToyCore):
-    """Asks at every seventh tick and moves by what it is told."""
+    """Asks at every seventh tick and moves by what it is set to."""
 
     def step(self, tick: int, inbox: Mapping[str, Message]) -> Mapping[str, Message]:
         command = inbox.get(COMMAND)
@@ -119,7 +119,7 @@ class ToyReferee(ToyCore):
 
 
 class ToyAgent(ToyCore):
-    """Stands where the door stands in a real run: answers an observation that awaits a command."""
+    """Stands where the validator stands in a real run: answers an observation that awaits a command."""
 
     def step(self, tick: int, inbox: Mapping[str, Message]) -> Mapping[str, Message]:
         observation = inbox[OBSERVATION]

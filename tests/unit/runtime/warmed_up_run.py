@@ -1,6 +1,6 @@
 """Rehearses a world, flies it around a wall and past another vehicle, and prints what was compiled or loaded in flight.
 
-`test_rehearsal.py` runs it in a process of its own, in which no other test has used a kernel before.
+`test_warmup.py` runs it in a process of its own, in which no other test has used a kernel before.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""A valid scenario to spoil in one place, and the problems that then are told."""
+"""A valid scenario to spoil in one place, and the problems that then are reported."""
 
 import pytest
 
@@ -39,8 +39,8 @@ def scenario_file(tmp_path):
 
 
 @pytest.fixture
-def told(scenario_file, tmp_path):
-    """Return the lines that are told of the valid scenario with pieces replaced, without the folder's name."""
+def problem_lines(scenario_file, tmp_path):
+    """Return the lines of the error of the valid scenario with pieces replaced, without the folder's name."""
 
     def tell(*replacements, **options):
         with pytest.raises(ScenarioError) as refusal:

@@ -60,7 +60,7 @@ def test_what_the_past_depends_on_is_named_with_its_reason(make_scenario, path, 
     assert str(refused.value).startswith(f"{path}: expected")
 
 
-def test_all_of_them_are_told_at_once(make_scenario):
+def test_all_of_them_are_reported_at_once(make_scenario):
     scenario = make_scenario()
     other = changed(changed(scenario, "seed", 3), "agents[0].vehicle.hold_s", 1.0)
     with pytest.raises(UsageError, match=r"(?s)seed: .*agents\[0\]\.vehicle\.hold_s: .*A fork may change"):
@@ -99,7 +99,7 @@ def test_what_happens_after_the_fork_may_be_added_and_left_out(make_scenario, be
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "told"),
+    ("before", "after", "expected"),
     [
         ((), ("rate",), "events[0].at_s: expected a time after the fork at 2 s, was 2 s."),
         ((), ("late", "stop"), "events[1].at_s: expected a time after the fork at 2 s, was 1 s."),
@@ -109,8 +109,8 @@ def test_what_happens_after_the_fork_may_be_added_and_left_out(make_scenario, be
         ((), ("start",), "events: expected no source_starts as the first of source 0"),
     ],
 )
-def test_what_may_be_past_is_refused_by_name(make_scenario, before, after, told):
+def test_what_may_be_past_is_refused_by_name(make_scenario, before, after, expected):
     scenario = make_scenario()
     with pytest.raises(UsageError) as refused:
         check_changes(with_events(scenario, *before), with_events(scenario, *after), at_tick=20)
-    assert told in str(refused.value)
+    assert expected in str(refused.value)

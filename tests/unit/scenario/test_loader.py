@@ -28,7 +28,7 @@ def test_a_file_is_preferred_to_a_bundled_scenario_of_the_same_name(scenario_fil
 
 
 @pytest.mark.parametrize(
-    ("source", "told"),
+    ("source", "expected"),
     [
         ("warehouse_emty", "warehouse_emty: expected a file or a bundled scenario (BUNDLED), found "
          "neither. Did you mean warehouse_empty?"),
@@ -49,7 +49,7 @@ def test_a_file_is_preferred_to_a_bundled_scenario_of_the_same_name(scenario_fil
          " was [1, 2]."),
     ],
 )  # fmt: skip
-def test_a_source_that_is_no_scenario_is_refused_with_a_remedy(scenario_file, tmp_path, monkeypatch, source, told):
+def test_a_source_that_is_no_scenario_is_refused_with_a_remedy(scenario_file, tmp_path, monkeypatch, source, expected):
     scenario_file()
     (tmp_path / "folder").mkdir()
     (tmp_path / "latin").write_bytes(b"name: h\xe4ll")
@@ -58,7 +58,7 @@ def test_a_source_that_is_no_scenario_is_refused_with_a_remedy(scenario_file, tm
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ScenarioError) as refusal:
         load_scenario(source)
-    assert str(refusal.value) == told.replace("BUNDLED", ", ".join(bundled_scenarios()))
+    assert str(refusal.value) == expected.replace("BUNDLED", ", ".join(bundled_scenarios()))
 
 
 def test_a_byte_order_mark_is_not_part_of_the_text(scenario_file):
@@ -77,8 +77,10 @@ def test_line_ends_may_be_those_of_windows(scenario_file):
     assert refusal.value.problems[0].place.line == 2
 
 
-def test_problems_come_in_the_order_of_the_file(told):
-    lines = told(("name: hall", "name: 5"), ("15, 10", "-15, 10"), ("name: nose", "name: 6"), ("[5, 1, 2]", "[5, 1]"))
+def test_problems_come_in_the_order_of_the_file(problem_lines):
+    lines = problem_lines(
+        ("name: hall", "name: 5"), ("15, 10", "-15, 10"), ("name: nose", "name: 6"), ("[5, 1, 2]", "[5, 1]")
+    )
     assert [line.split(":")[1] for line in lines[1:]] == ["2", "4", "7", "13"]
 
 
@@ -89,12 +91,14 @@ def far_away(scenario, directory):
         yield Problem(path=f"agents[{i}].vehicle.start_m", expected="home", found=f"{agent.vehicle.start_m}")
 
 
-def test_further_checks_are_told_with_their_lines_among_the_others(told):
-    lines = told(("name: hall", "name: 5"), checks=[far_away])
+def test_further_checks_are_reported_with_their_lines_among_the_others(problem_lines):
+    lines = problem_lines(("name: hall", "name: 5"), checks=[far_away])
     assert [line.partition(": expected")[0] for line in lines[1:]] == [
         "hall.yaml:2: name", "hall.yaml:11: agents[0].vehicle.start_m"
     ]  # fmt: skip
-    assert told(checks=[far_away]) == ["hall.yaml:11: agents[0].vehicle.start_m: expected home, was (12.0, 9.0, 0.2)."]
+    assert problem_lines(checks=[far_away]) == [
+        "hall.yaml:11: agents[0].vehicle.start_m: expected home, was (12.0, 9.0, 0.2)."
+    ]
 
 
 @pytest.mark.parametrize(
@@ -104,13 +108,13 @@ def test_further_checks_are_told_with_their_lines_among_the_others(told):
         ("gas:\n", "gas: 5\nx:\n"), ("agents:", "agent:"), ("name: hall", "name: hall\nwind: {cell_m: -1}"),
     ],
 )  # fmt: skip
-def test_places_are_not_guessed_when_something_that_says_where_is_wrong(told, old, new):
-    assert "expected home" not in "\n".join(told((old, new), checks=[far_away]))
+def test_places_are_not_guessed_when_something_that_says_where_is_wrong(problem_lines, old, new):
+    assert "expected home" not in "\n".join(problem_lines((old, new), checks=[far_away]))
 
 
-def test_a_place_is_told_once(told):
+def test_a_place_is_reported_once(problem_lines):
     wrong = Problem(path="name", expected="another", found="this")
-    assert len(told(("name: hall", "name: 5"), checks=[lambda *_: [wrong]])) == 1
+    assert len(problem_lines(("name: hall", "name: 5"), checks=[lambda *_: [wrong]])) == 1
 
 
 def test_problems_are_there_as_data(scenario_file):

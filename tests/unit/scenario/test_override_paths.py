@@ -45,7 +45,7 @@ def test_other_values_stay(path, value):
     assert make_paths_absolute(path, value, HERE) == value
 
 
-def test_an_agent_beside_the_user_flies_a_scenario_that_is_elsewhere(scenario_file, tmp_path, monkeypatch):
+def test_an_agent_beside_the_user_runs_a_scenario_that_is_elsewhere(scenario_file, tmp_path, monkeypatch):
     (tmp_path / "user").mkdir()
     monkeypatch.chdir(tmp_path / "user")
     Path("mine.py").write_text("")
@@ -53,7 +53,7 @@ def test_an_agent_beside_the_user_flies_a_scenario_that_is_elsewhere(scenario_fi
     assert start.python == str(tmp_path / "user" / "mine.py")
 
 
-def test_a_missing_file_is_told_where_it_was_looked_for(scenario_file, tmp_path, monkeypatch):
+def test_a_missing_file_is_reported_where_it_was_looked_for(scenario_file, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ScenarioError, match=rf"There is no {tmp_path}/mine.py"):
         load_scenario(scenario_file(), overrides=["agents[0].start={python: mine.py}"])

@@ -66,20 +66,22 @@ def test_the_seed_option_replaces_the_seed(scenario_file):
          "or false."),
     ],
 )  # fmt: skip
-def test_a_wrong_override_is_told_with_its_option(told, override, line):
-    assert told(overrides=[override]) == [line]
+def test_a_wrong_override_is_reported_with_its_option(problem_lines, override, line):
+    assert problem_lines(overrides=[override]) == [line]
 
 
-def test_a_wrong_seed_is_told_with_its_option(told):
-    assert told(seed=2**40) == ["--seed: seed: expected a whole number from 0 to 2147483648, was 1099511627776."]
+def test_a_wrong_seed_is_reported_with_its_option(problem_lines):
+    assert problem_lines(seed=2**40) == [
+        "--seed: seed: expected a whole number from 0 to 2147483648, was 1099511627776."
+    ]
 
 
 def test_a_fault_in_the_file_that_an_override_replaces_is_no_problem(scenario_file):
     assert load_scenario(scenario_file(("name: hall", "name: 5")), overrides=["name=hall"]).name == "hall"
 
 
-def test_problems_of_overrides_and_of_the_file_are_told_together(told):
-    lines = told(("name: hall", "name: 5"), overrides=["x", "agents[7].name=b", "wind.cell_m=-1"])
+def test_problems_of_overrides_and_of_the_file_are_reported_together(problem_lines):
+    lines = problem_lines(("name: hall", "name: 5"), overrides=["x", "agents[7].name=b", "wind.cell_m=-1"])
     assert [line.partition(": expected")[0] for line in lines] == [
         "hall.yaml: 4 problems", "hall.yaml:2: name", "--set: agents[7].name", "--set: wind.cell_m", "--set: x"
     ]  # fmt: skip

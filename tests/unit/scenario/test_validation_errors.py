@@ -1,4 +1,4 @@
-"""Wrong values and keys: each is told once, with place, expected, found and remedy."""
+"""Wrong values and keys: each is reported once, with place, expected, found and remedy."""
 
 import pytest
 
@@ -78,8 +78,8 @@ VEHICLE_KEYS = ", ".join(list_keys(VehicleSpec))
          "hall.yaml:10: agents[0].start.command[1]: expected a text, was 5. Put it in quotes: '5'."),
     ],
 )  # fmt: skip
-def test_a_wrong_value_is_one_problem_with_a_remedy(told, old, new, line):
-    assert told((old, new)) == [line]
+def test_a_wrong_value_is_one_problem_with_a_remedy(problem_lines, old, new, line):
+    assert problem_lines((old, new)) == [line]
 
 
 @pytest.mark.parametrize(
@@ -93,8 +93,8 @@ def test_a_wrong_value_is_one_problem_with_a_remedy(told, old, new, line):
          list_vehicle_names(), "was 'crazyfly'. Did you mean crazyflie?"),
     ],
 )  # fmt: skip
-def test_an_unknown_name_is_answered_with_all_that_are_known(told, old, new, place, known, remedy):
-    (line,) = told((old, new))
+def test_an_unknown_name_is_answered_with_all_that_are_known(problem_lines, old, new, place, known, remedy):
+    (line,) = problem_lines((old, new))
     assert line.startswith(f"{place}: expected one of ")
     assert all(name in line for name in known)
     assert line.endswith(remedy)
@@ -124,21 +124,21 @@ def test_an_unknown_name_is_answered_with_all_that_are_known(told, old, new, pla
          "seed belongs to the top level or environment.layout or gas or agents[]."),
     ],
 )  # fmt: skip
-def test_an_unknown_key_is_one_problem_that_names_what_was_meant(told, old, new, line):
-    assert told((old, new)) == [line]
+def test_an_unknown_key_is_one_problem_that_names_what_was_meant(problem_lines, old, new, line):
+    assert problem_lines((old, new)) == [line]
 
 
-def test_a_missing_key_is_told_where_its_block_begins(told):
-    assert told(("{start_m: [12, 9, 0.2]}", "{hold_s: 2}")) == [
+def test_a_missing_key_is_reported_where_its_block_begins(problem_lines):
+    assert problem_lines(("{start_m: [12, 9, 0.2]}", "{hold_s: 2}")) == [
         "hall.yaml:11: agents[0].vehicle.start_m: expected a list of 3 numbers in metres, was missing."
     ]
-    assert told(("schema: gslcosim/scenario/1\n", "")) == [
+    assert problem_lines(("schema: gslcosim/scenario/1\n", "")) == [
         "hall.yaml:1: schema: expected gslcosim/scenario/1, was missing."
     ]
 
 
-def test_faulty_items_do_not_make_their_list_look_empty(told):
-    lines = told(("- {model: tgs2600, name: nose}", "- {model: tgs2600, name: Nose}"))
+def test_faulty_items_do_not_make_their_list_look_empty(problem_lines):
+    lines = problem_lines(("- {model: tgs2600, name: nose}", "- {model: tgs2600, name: Nose}"))
     assert [line.partition(": expected")[0] for line in lines] == ["hall.yaml:13: agents[0].sensors[0].name"]
 
 
@@ -153,7 +153,7 @@ def test_values_are_shown_as_people_write_them(value, text):
     assert format_value(value) == text
 
 
-def test_every_field_of_every_model_can_be_described(told):
+def test_every_field_of_every_model_can_be_described(problem_lines):
     """Whatever the models allow, an error can say it: no annotation is unknown to the words."""
     from gslcosim.scenario.model_schema import _all_blocks, find_schema_node, list_keys
 

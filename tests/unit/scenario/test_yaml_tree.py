@@ -46,7 +46,7 @@ def test_an_alias_stands_where_it_is_written_and_its_content_where_the_anchor_is
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         ("a:\n\tb: 1", "f.yaml:2:1: expected spaces, was a tab. Replace tabs by spaces."),
         ("a: {b: 1,\n\tc: 2}", "f.yaml:2:1: expected spaces, was a tab. Replace tabs by spaces."),
@@ -61,14 +61,14 @@ def test_an_alias_stands_where_it_is_written_and_its_content_where_the_anchor_is
         ("- " * 100, "f.yaml:1: expected lists and blocks at most 32 deep, was a nest of more than 64 levels."),
     ],
 )
-def test_text_that_is_not_yaml_is_refused_with_line_and_column(text, told):
+def test_text_that_is_not_yaml_is_refused_with_line_and_column(text, expected):
     with pytest.raises(ScenarioError) as refusal:
         read_yaml(text, source="f.yaml")
-    assert str(refusal.value).startswith(told)
+    assert str(refusal.value).startswith(expected)
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         ("a: 1\nb: 2\na: 3", "f.yaml:1: a: expected the key once, was there on line 1 and again on line 3. Delete "
          "one."),
@@ -82,9 +82,9 @@ def test_text_that_is_not_yaml_is_refused_with_line_and_column(text, told):
          "quo"),
     ],
 )  # fmt: skip
-def test_problems_of_the_text_are_collected(text, told):
+def test_problems_of_the_text_are_collected(text, expected):
     problems = read_yaml(text, source="f.yaml").problems
-    assert [str(problem)[: len(told)] for problem in problems] == [told]
+    assert [str(problem)[: len(expected)] for problem in problems] == [expected]
 
 
 def test_the_deepest_that_is_allowed_is_read():

@@ -1,4 +1,4 @@
-"""What a person is told in tests."""
+"""Observations that a person gets in tests."""
 
 from gslcosim.contract.messages import CONTRACT_VERSION, Bounds, Briefing, Observation, Reading
 

@@ -1,4 +1,4 @@
-"""What a person sees of what the agent was told."""
+"""What a person sees of what the agent got."""
 
 import math
 
@@ -50,9 +50,9 @@ def test_what_does_not_measure_and_what_is_full_is_said():
     assert "(full)" in line_of(lines, "pid")
 
 
-def test_refusals_and_radio_are_told():
-    heard = RadioReception(sender="moth", channel="air", text="here", sent_tick=1)
-    lines = shown(observation(3, notice="The waypoint is outside the room.", incoming=(heard,)))
+def test_refusals_and_radio_are_reported():
+    reception = RadioReception(sender="moth", channel="air", text="here", sent_tick=1)
+    lines = shown(observation(3, notice="The waypoint is outside the room.", incoming=(reception,)))
     assert "! The waypoint is outside the room." in lines
     assert "radio  moth: here" in lines
 

@@ -8,7 +8,7 @@ from gslcosim.training.rewards import AgentState, TaskScale, potential, reward_f
 SCALE = TaskScale(diagonal_m=20.0, time_limit_s=100.0, discount=0.9)
 
 
-def way(*distances_m, outcome):
+def track(*distances_m, outcome):
     last = len(distances_m) - 1
     return [
         AgentState(distance_m=d, time_s=10.0 * i, n_commands=i, outcome=outcome if i == last else None)
@@ -24,19 +24,19 @@ def discounted(reward, moments, scale=SCALE):
 def test_shaping_adds_the_same_to_every_way_from_the_same_start():
     """What it adds over an episode is the potential of the start alone: no detour pays."""
     without_time = TaskScale(diagonal_m=20.0, time_limit_s=1e30, discount=0.9)
-    for moments in (way(8.0, 3.0, 0.5, outcome="success"), way(8.0, 12.0, 9.0, 0.4, outcome="success")):
+    for moments in (track(8.0, 3.0, 0.5, outcome="success"), track(8.0, 12.0, 9.0, 0.4, outcome="success")):
         added = discounted(potential, moments, without_time) - discounted(sparse, moments, without_time)
         assert added == pytest.approx(8.0 / 20.0)
 
 
 def test_time_costs_its_share_of_the_limit():
-    standing = way(5.0, 5.0, outcome=None)
+    standing = track(5.0, 5.0, outcome=None)
     assert potential(*standing, SCALE) == pytest.approx(-0.1 - 0.9 * 0.25 + 0.25)
 
 
 def test_only_success_is_rewarded_sparsely():
-    assert sparse(*way(5.0, 0.5, outcome="success"), SCALE) == 1.0
-    assert sparse(*way(5.0, 0.5, outcome="collision"), SCALE) == 0.0
+    assert sparse(*track(5.0, 0.5, outcome="success"), SCALE) == 1.0
+    assert sparse(*track(5.0, 0.5, outcome="collision"), SCALE) == 0.0
 
 
 def test_a_reward_is_named_or_is_a_function():

@@ -20,7 +20,7 @@ class Searcher(Agent):
         self.vane = next(sensor.name for sensor in briefing.sensors if sensor.model.startswith("anemometer"))
         self.bounds = briefing.bounds
         self.height_m = briefing.search_height_m
-        # All chance comes from the briefing's seed, or a run could not be flown again.
+        # All chance comes from the briefing's seed, or a run could not be run again.
         self.random = random.Random(briefing.seed)
         self.last_ohm = math.inf
 

@@ -1,8 +1,8 @@
 """Launcher, a small process between the supervisor and an agent: confines it, watches its limits, ends all of it.
 
-It starts the agent, or the sandbox with the agent in it, as its child, and is told by a file that it inherits what to
+It starts the agent, or the sandbox with the agent in it, as its child, and gets by a file that it inherits what to
 do. It adopts whatever the agent leaves behind, counts what all of it uses, and kills all of it when the agent's
-own process has ended, when a limit is reached, when it is told to end, and when the supervisor is gone. It ends as
+own process has ended, when a limit is reached, when it is asked to end, and when the supervisor is gone. It ends as
 the agent has ended. Only Python's own modules are imported, so that it starts within milliseconds.
 """
 
@@ -154,7 +154,7 @@ class _ProcessTreeMonitor:
             return
         is_alone = os.getppid() != self._supervisor
         self._killed_at_s = time.monotonic() + (0.0 if is_alone else TERM_TIMEOUT_S)
-        # A sandbox would end at once, and its agent with it, before that can say goodbye.
+        # A sandbox would end at once, and its agent with it, before that can end in order.
         for pid in _list_descendants(os.getpid(), leave_out=2 if self._plan["is_bubblewrap"] else 0):
             _send_signal(pid, number)
 

@@ -118,8 +118,8 @@ class Launch:
 
     def log_tail(self) -> str:
         """Return what the launcher has to say of the end, once it has ended; empty when nothing."""
-        with os.fdopen(self._status, "rb") as told:
-            lines = told.read().splitlines()
+        with os.fdopen(self._status, "rb") as status:
+            lines = status.read().splitlines()
         if not lines:
             return ""
         words: dict[str, str] = json.loads(lines[0])
@@ -164,7 +164,7 @@ def _write_call_filter(cell: SandboxPolicy) -> list[int]:
 def _plan_bubblewrap(
     cell: SandboxPolicy, command: Sequence[str], *, has_pipes: bool, calls: int | None
 ) -> Mapping[str, Any]:
-    # It has its own network, but for one that reaches its door by TCP.
+    # It has its own network, but for one that joins by TCP.
     ports = [cell.tcp_port] if cell.tcp_port is not None else []
     kernels = _prepare_kernels(cell)
     return {

@@ -38,8 +38,8 @@ _OPTIONAL = "/opt"
 class SandboxPolicy:
     """Files and sockets that one process may see and change.
 
-    `hidden` lies within `reads`, and is not seen. `sockets` are the unix sockets of its door, `tcp_port` is where it
-    connects to. `scratch` is a private folder on the disk for sandboxes that have none in memory.
+    `hidden` lies within `reads`, and is not seen. `sockets` are the unix sockets of its transport, `tcp_port` is where
+    it connects to. `scratch` is a private folder on the disk for sandboxes that have none in memory.
     """
 
     directory: Path

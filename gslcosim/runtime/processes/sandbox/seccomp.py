@@ -21,7 +21,7 @@ _NUMBER, _ARCHITECTURE, _FIRST, _SECOND, _THIRD = 0, 4, 16, 24, 32
 _UNIX, _INTERNET, _NETLINK, _INTERNET_6 = 1, 2, 16, 10
 _STREAM, _KIND_OF_SOCKET, _TCP = 1, 0xF, 6
 _X32 = 0x40000000
-# Commands of fcntl by which a process is told what others do with a file: leases, and changes in a folder.
+# Commands of fcntl by which a process is informed of what others do with a file: leases, and changes in a folder.
 _WATCHING_COMMANDS = (1024, 1026)
 
 

@@ -114,9 +114,9 @@ def describe_sandboxes(scenario: Scenario, *, is_one_process: bool) -> Mapping[s
     return {**of_agents, **{participant.name: _describe_started(participant) for participant in scenario.participants}}
 
 
-def is_sandboxed(told: str) -> bool:
+def is_sandboxed(sandboxes: str) -> bool:
     """Return whether words of `describe_sandboxes`, or several of them joined by `; `, are all about sandboxes."""
-    return bool(told) and not any(each.startswith("none") for each in told.split("; "))
+    return bool(sandboxes) and not any(each.startswith("none") for each in sandboxes.split("; "))
 
 
 def choose_sandbox(agent: ConfinementSpec) -> SandboxKind:
@@ -259,8 +259,8 @@ def build_confinement(
         setup: The run, none of which it sees.
         directory: The scenario's folder.
         private_dir: Where private folders may be made.
-        sockets: The unix sockets of its door.
-        tcp_port: The port of its door.
+        sockets: The unix sockets of its transport.
+        tcp_port: The port of its transport.
 
     Raises:
         UsageError: the sandbox that the scenario demands does not work here, the command names the truth, or it may

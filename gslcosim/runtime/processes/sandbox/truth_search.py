@@ -42,7 +42,7 @@ _SIGNS = (
     ("suite.yaml", "manifest.json"),
     ("environment.yaml", "occupancy.npy"),
 )
-# Results keep the programs that were flown.
+# Results keep the programs that were run.
 _PROGRAMS = "agents"
 
 

@@ -138,21 +138,21 @@ def load_onnx(path: Path) -> OnnxPolicy:
     if not path.is_file():
         raise PolicyError("expected the model of a policy, was none there.")
     model = path.read_bytes()
-    told = _meaning_of(path, model)
-    if strange := sorted(set(told).difference(_KEYS)):
+    meaning = _meaning_of(path, model)
+    if strange := sorted(set(meaning).difference(_KEYS)):
         raise PolicyError(f"expected {', '.join(_KEYS)} to say what a model's numbers mean, was {', '.join(strange)}.")
-    names = told.get("observation_names")
+    names = meaning.get("observation_names")
     if not isinstance(names, list | tuple) or not names or not all(isinstance(name, str) for name in names):
         raise PolicyError(f"observation_names: expected a list of names, was {names!r}.")
-    memory = told.get("memory") or {}
+    memory = meaning.get("memory") or {}
     if not isinstance(memory, Mapping):
         raise PolicyError(f"memory: expected a map from inputs to outputs, was {memory!r}.")
     return OnnxPolicy(
         tuple(names),
-        ActionSettings.of(told.get("action")),
+        ActionSettings.of(meaning.get("action")),
         model=model,
-        observation=told.get("observation"),
-        output=told.get("output"),
+        observation=meaning.get("observation"),
+        output=meaning.get("output"),
         memory={str(key): str(value) for key, value in memory.items()},
     )
 
@@ -185,7 +185,7 @@ def _meaning_of(path: Path, model: bytes) -> Mapping[str, Any]:
     for file in beside:
         if file.is_file():
             try:
-                told = yaml.load(file.read_text(encoding="utf-8"), Loader=CoreLoader)
+                meaning = yaml.load(file.read_text(encoding="utf-8"), Loader=CoreLoader)
             except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
                 raise PolicyError(f"{file.name}: expected YAML or JSON that can be read, got: {error}.") from error
             break
@@ -198,25 +198,25 @@ def _meaning_of(path: Path, model: bytes) -> Mapping[str, Any]:
                 "observation_names the model takes and what its action means."
             )
         try:
-            told = parse_json(text, JsonObject, place=f"metadata.{METADATA_KEY}")
+            meaning = parse_json(text, JsonObject, place=f"metadata.{METADATA_KEY}")
         except MalformedFileError as error:
             raise PolicyError(str(error)) from error
-    if not isinstance(told, Mapping):
-        raise PolicyError(f"expected a map that says what a model's numbers mean, was {type(told).__name__}.")
-    return told
+    if not isinstance(meaning, Mapping):
+        raise PolicyError(f"expected a map that says what a model's numbers mean, was {type(meaning).__name__}.")
+    return meaning
 
 
-def _one(key: str, told: str | None, names: list[str]) -> str:
-    if told is not None:
-        _check(key, (told,), names)
-        return told
+def _one(key: str, meaning: str | None, names: list[str]) -> str:
+    if meaning is not None:
+        _check(key, (meaning,), names)
+        return meaning
     if not names:
         raise PolicyError(f"{key}: expected one in the model, was none.")
     return names[0]
 
 
-def _check(key: str, told: Any, names: Any) -> None:
-    if strange := [name for name in told if name not in names]:
+def _check(key: str, meaning: Any, names: Any) -> None:
+    if strange := [name for name in meaning if name not in names]:
         raise PolicyError(f"{key}: expected names among {', '.join(names)}, was {', '.join(strange)}.")
 
 

@@ -52,7 +52,7 @@ POLICY_FILE = "policy.npz"
 
 
 class PolicyRunner:
-    """Turns what an agent is told into what a policy observes, and what it chooses into commands.
+    """Turns what an agent observes into what a policy observes, and what it chooses into commands.
 
     Args:
         briefing: Of the agent.
@@ -98,7 +98,7 @@ def load_policy_beside(briefing: Briefing, program: str) -> Policy:
     """Return the policy of the file beside a bundled agent's program.
 
     Args:
-        briefing: What the agent is told.
+        briefing: The agent's briefing.
         program: The agent's file (`__file__`), with its card beside it.
 
     Raises:

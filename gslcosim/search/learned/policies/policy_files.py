@@ -21,7 +21,7 @@ from gslcosim.search.learned.policies.value_table import ValueTable
 
 SCHEMA = "gslcosim/policy/1"
 CARD = "card"
-# What `gslcosim` writes itself; all else of a card tells how the policy came to be.
+# What `gslcosim` writes itself; all else of a card says how the policy came to be.
 OWN_KEYS = ("schema", "kind", "observation_names", "action", "settings")
 KINDS: dict[str, type[Policy]] = {kind.kind: kind for kind in (CtrnnPolicy, GruPolicy, ValueTable)}
 _NOT_READABLE = (
@@ -42,7 +42,7 @@ def save_policy(path: str | Path, policy: Policy, card: Mapping[str, Any]) -> No
     The same policy and card make the same bytes.
 
     Args:
-        path: The file, `.npz`; whoever looks sees the old one or the new one, never a part.
+        path: The file, `.npz`; a reader sees the old one or the new one, never a part.
         policy: The policy.
         card: Plain values under names of their own.
 

@@ -172,7 +172,7 @@ def find_sectors(sines: Floats, cosines: Floats, n_sectors: int) -> States:
 def nth_best_choices(values: Floats, ranks: Floats) -> States:
     """Return the best choices, (n,), of values (n, choices), but for so many better ones, ranks (n,); the first wins.
 
-    Ranks begin anew when all choices are through.
+    Ranks begin again when all choices are through.
     """
     if not ranks.any():
         return np.argmax(values, axis=1)
@@ -287,9 +287,9 @@ class ValueTable(Policy):
         settings: Mapping[str, Any],
     ) -> Self:
         """Return the table; see `Policy`."""
-        told, turns_with = settings.get("digits"), settings.get("turns_with")
-        if not isinstance(told, list | tuple) or not told:
-            raise PolicyError(f"settings.digits: expected a list of digits, was {told!r}.")
+        listed, turns_with = settings.get("digits"), settings.get("turns_with")
+        if not isinstance(listed, list | tuple) or not listed:
+            raise PolicyError(f"settings.digits: expected a list of digits, was {listed!r}.")
         if turns_with is not None and (not isinstance(turns_with, list | tuple) or len(turns_with) != 2):
             raise PolicyError(f"settings.turns_with: expected the names of sine and cosine, was {turns_with!r}.")
         yields_with = settings.get("yields_with")
@@ -298,7 +298,7 @@ class ValueTable(Policy):
         explores = check_number(settings, "explores", is_above=False, default=0.0)
         if explores > 1:
             raise PolicyError(f"settings.explores: expected a share from 0 to 1, was {explores:g}.")
-        digits = [_digit_of(one, i) for i, one in enumerate(told)]
+        digits = [_digit_of(one, i) for i, one in enumerate(listed)]
         n_states = math.prod(digit.n_classes for digit in digits)
         values = check_arrays(arrays, {"values": (n_states, action.n_choices or None)})["values"]
         pair = None if turns_with is None else (str(turns_with[0]), str(turns_with[1]))
@@ -308,13 +308,13 @@ class ValueTable(Policy):
         )  # fmt: skip
 
 
-def _digit_of(told: Any, i: int) -> StateFeature:
-    if not isinstance(told, Mapping) or told.get("digit") not in DIGITS:
-        raise PolicyError(f"settings.digits[{i}]: expected a digit among {', '.join(DIGITS)}, was {told!r}.")
-    values = {name: value for name, value in told.items() if name != "digit"}
+def _digit_of(listed: Any, i: int) -> StateFeature:
+    if not isinstance(listed, Mapping) or listed.get("digit") not in DIGITS:
+        raise PolicyError(f"settings.digits[{i}]: expected a digit among {', '.join(DIGITS)}, was {listed!r}.")
+    values = {name: value for name, value in listed.items() if name != "digit"}
     try:
         if "cuts" in values:
             values["cuts"] = tuple(float(cut) for cut in values["cuts"])
-        return DIGITS[told["digit"]](**values)
+        return DIGITS[listed["digit"]](**values)
     except (TypeError, ValueError) as error:
-        raise PolicyError(f"settings.digits[{i}]: expected settings of {told['digit']}, got: {error}.") from error
+        raise PolicyError(f"settings.digits[{i}]: expected settings of {listed['digit']}, got: {error}.") from error

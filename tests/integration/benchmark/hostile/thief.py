@@ -14,7 +14,7 @@ class Thief(Agent):
         self.source_m = named[0].position_m if named else None
 
     def decide(self, observation: Observation) -> Command:
-        """Return the way to the source, or a hold."""
+        """Return the path to the source, or a hold."""
         if self.source_m is None:
             return Command(tick=observation.tick, kind="hold")
         x_m, y_m, _ = self.source_m

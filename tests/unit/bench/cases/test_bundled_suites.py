@@ -136,14 +136,14 @@ def test_all_methods_are_bundled_and_their_parameters_allowed(name: str) -> None
                 assert card.parameters[key].problem_of(value) is None, (entry.name, key)
 
 
-def test_methods_holds_all_that_fly_alone_without_a_camera() -> None:
+def test_methods_holds_all_that_run_alone_without_a_camera() -> None:
     alone = {name for name, card in cards().items() if card.robots == 1 and "camera" not in card.needs.sensors}
-    # It flies the policy of whichever file it is told; bundled policies are entries by their own names.
+    # It flies the policy of whichever file it is given; bundled policies are entries by their own names.
     alone.remove("learned")
     assert {entry.name for entry in loaded("methods").suite.entries} == alone
 
 
-def test_swarms_holds_all_that_fly_together_with_enough_robots() -> None:
+def test_swarms_holds_all_that_run_together_with_enough_robots() -> None:
     swarms = {name: card.robots for name, card in cards().items() if not isinstance(card.robots, int)}
     entries = {entry.name: entry.robots for entry in loaded("swarms").suite.entries}
     assert set(swarms) <= set(entries)

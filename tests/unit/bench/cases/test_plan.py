@@ -225,11 +225,11 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("text", "expected"), WRONG.values(), ids=WRONG.keys())
-def test_a_wrong_suite_is_told_with_its_place(tmp_path: Path, text: str, expected: str) -> None:
-    with pytest.raises(ScenarioError) as told:
+def test_a_wrong_suite_is_reported_with_its_place(tmp_path: Path, text: str, expected: str) -> None:
+    with pytest.raises(ScenarioError) as refused:
         planned(tmp_path, text)
-    assert expected in str(told.value)
-    assert "suite.yaml" in str(told.value)
+    assert expected in str(refused.value)
+    assert "suite.yaml" in str(refused.value)
 
 
 def test_a_written_suite_stands_alone_and_plans_the_same_trials(tmp_path: Path) -> None:

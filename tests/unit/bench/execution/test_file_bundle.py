@@ -42,40 +42,40 @@ def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GSLCOSIM_CACHE", str(tmp_path / "cache"))
 
 
-def names_in(luggage: FileBundle) -> set[str]:
-    return {Path(path).name for path, _ in luggage.files}
+def names_in(bundle: FileBundle) -> set[str]:
+    return {Path(path).name for path, _ in bundle.files}
 
 
 def test_what_is_installed_does_not_travel(trials: dict[str, Trial]) -> None:
     """Neither a bundled agent nor the system's shell."""
-    assert names_in(BundleBuilder().luggage_of(trials["bundled"])) == set()
-    assert "sh" not in names_in(BundleBuilder().luggage_of(trials["shell"]))
+    assert names_in(BundleBuilder().build_bundle(trials["bundled"])) == set()
+    assert "sh" not in names_in(BundleBuilder().build_bundle(trials["shell"]))
 
 
 def test_a_program_travels_with_what_its_hash_counts(trials: dict[str, Trial]) -> None:
-    assert names_in(BundleBuilder().luggage_of(trials["mine"])) == {"agent.py", "tables.py"}
-    assert "run.sh" in names_in(BundleBuilder().luggage_of(trials["shell"]))
+    assert names_in(BundleBuilder().build_bundle(trials["mine"])) == {"agent.py", "tables.py"}
+    assert "run.sh" in names_in(BundleBuilder().build_bundle(trials["shell"]))
 
 
 def test_files_in_the_same_place_with_the_same_content_are_used_where_they_are(trials: dict[str, Trial]) -> None:
-    luggage = BundleBuilder().luggage_of(trials["mine"])
-    assert luggage.is_here()
+    bundle = BundleBuilder().build_bundle(trials["mine"])
+    assert bundle.is_here()
     path = trials["mine"].resolved.agents[0].start.python
     assert path is not None
     Path(path).write_text("# Another program.\n")
-    assert not luggage.is_here()
-    assert BundleBuilder().luggage_of(trials["mine"]).key != luggage.key
+    assert not bundle.is_here()
+    assert BundleBuilder().build_bundle(trials["mine"]).key != bundle.key
 
 
 @pytest.mark.parametrize("entry", ["mine", "shell"])
 def test_an_unpacked_trial_reads_its_files_below_the_folder(trials: dict[str, Trial], entry: str) -> None:
     """All else of it stays as it was, to the last digit; files keep their mode; a second time nothing is unpacked."""
     trial = trials[entry]
-    luggage = BundleBuilder().luggage_of(trial)
-    contents = luggage.contents()
-    root = unpack_bundle(luggage, contents)
-    assert unpack_bundle(luggage, None if contents is None else {}) == root
-    there = relocate_trial(trial, luggage, root)
+    bundle = BundleBuilder().build_bundle(trial)
+    contents = bundle.contents()
+    root = unpack_bundle(bundle, contents)
+    assert unpack_bundle(bundle, None if contents is None else {}) == root
+    there = relocate_trial(trial, bundle, root)
     start = there.resolved.agents[0].start
     program = Path(start.python or (start.command or ())[-1])
     assert program.is_relative_to(root)
@@ -92,10 +92,10 @@ def test_an_unpacked_trial_reads_its_files_below_the_folder(trials: dict[str, Tr
 
 
 def test_files_that_are_too_much_to_carry_are_named(trials: dict[str, Trial], monkeypatch: pytest.MonkeyPatch) -> None:
-    luggage = BundleBuilder().luggage_of(trials["mine"])
+    bundle = BundleBuilder().build_bundle(trials["mine"])
     monkeypatch.setattr("gslcosim.bench.execution.file_bundle._MOST_BYTES", 10)
-    assert luggage.contents() is None
-    (path, _), *_ = luggage.files
+    assert bundle.contents() is None
+    (path, _), *_ = bundle.files
     Path(path).unlink()
     with pytest.raises(EnvironmentDataError, match=r"agent\.py: expected on this node the same file"):
-        unpack_bundle(luggage, None)
+        unpack_bundle(bundle, None)

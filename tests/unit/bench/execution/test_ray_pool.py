@@ -160,7 +160,7 @@ def test_a_room_is_made_on_every_node_and_read_from_this_one(played: Any, trial:
     ]  # fmt: skip
 
 
-def test_nodes_that_make_different_rooms_are_told(played: Any, trial: Trial) -> None:
+def test_nodes_that_make_different_rooms_are_reported(played: Any, trial: Trial) -> None:
     def act(node: str, job: Job) -> NodeJobResult:
         return NodeJobResult(taken_s=1.0, result=NodeEnvironment(folder=Path("/rooms"), content_hash=f"of {node}"))
 
@@ -171,7 +171,7 @@ def test_nodes_that_make_different_rooms_are_told(played: Any, trial: Trial) -> 
     assert "here: of here, there: of there" in ended.text
 
 
-def test_a_dead_node_costs_the_flights_in_the_air_and_no_others(played: Any, trial: Trial) -> None:
+def test_a_dead_node_costs_the_runs_in_the_air_and_no_others(played: Any, trial: Trial) -> None:
     pool, ray = played(made, here=1, there=1)
     for job in flights(trial, 10):
         pool.submit(job)
@@ -207,7 +207,7 @@ def test_a_room_is_there_although_another_node_has_gone(played: Any, trial: Tria
     assert ended.result == Path("/rooms/here")
 
 
-def test_a_cluster_without_nodes_is_told(played: Any, trial: Trial) -> None:
+def test_a_cluster_without_nodes_is_reported(played: Any, trial: Trial) -> None:
     pool, ray = played(made, here=1)
     for job in flights(trial, 3):
         pool.submit(job)

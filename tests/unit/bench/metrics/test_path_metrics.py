@@ -85,15 +85,15 @@ def test_the_first_to_succeed_stands_for_a_swarm_or_else_the_nearest():
     assert find_leading_agent([None, None, None], [4.0, 2.0, 2.0]) == 1
 
 
-def test_spl_of_three_flights_by_hand():
-    """Twice the shortest way is worth a half, the shortest way 1, a failure nothing."""
+def test_spl_of_three_runs_by_hand():
+    """Twice the shortest path is worth a half, the shortest path 1, a failure nothing."""
     assert spl(20.0, 10.0, success=True) == 0.5
     assert spl(10.0, 10.0, success=True) == 1.0
     assert spl(1.0, 10.0, success=False) == 0.0
 
 
 def test_spl_at_its_edges():
-    # Ways on cells are a little too long: a flight may be shorter, which is not worth more than 1.
+    # Ways on cells are a little too long: a run may be shorter, which is not worth more than 1.
     assert spl(9.9, 10.0, success=True) == 1.0
     assert spl(0.0, 0.0, success=True) == 1.0
     assert spl(5.0, None, success=True) is None
@@ -113,7 +113,7 @@ def test_overhead_is_the_referees_and_absent_without_success():
     assert travel_overhead(24.0, None, success=True) is None
 
 
-def test_overhead_and_spl_say_the_same_of_a_flight_that_is_not_shorter_than_the_shortest():
+def test_overhead_and_spl_say_the_same_of_a_run_that_is_not_shorter_than_the_shortest():
     assert spl(15.0, 10.0, success=True) == pytest.approx(1.0 / (1.0 + travel_overhead(15.0, 10.0, success=True)))
 
 
@@ -132,7 +132,7 @@ def test_directness_is_the_sum_over_steps_of_equation_7_1():
         assert figures.angle_rad == pytest.approx(abs(np.arctan2(vector[1], vector[0])))
 
 
-def test_directness_of_straight_flights():
+def test_directness_of_straight_runs():
     away = directness([(0, 0, 0), (-2, 0, 0)], [(5, 0, 0)])
     assert (away.towards, away.magnitude, away.angle_rad) == (-1.0, 1.0, pytest.approx(math.pi))
     across = directness([(0, 0, 0), (0, 0, 3)], [(5, 0, 0)])
@@ -173,23 +173,23 @@ WALLED = room(((4.0, 0.0, 0.0), (5.0, 6.0, 3.0)))
 
 
 def test_the_way_around_a_wall_is_the_known_length_within_a_cell():
-    ways = ShortestPaths(room=WALLED, sources_m=((8.0, 2.0, 1.0),), within_m=0.0, clearance_m=0.2)
+    paths = ShortestPaths(room=WALLED, sources_m=((8.0, 2.0, 1.0),), within_m=0.0, clearance_m=0.2)
     known_m = math.hypot(2.8, 4.2) + 1.4 + math.hypot(2.8, 4.2)
-    assert ways.from_m((1.0, 2.0, 1.0)) == pytest.approx(known_m, abs=0.2)
+    assert paths.from_m((1.0, 2.0, 1.0)) == pytest.approx(known_m, abs=0.2)
 
 
 def test_the_way_ends_at_the_ball_of_the_source_that_is_nearest_by_way():
-    near_by_air, near_by_way = (5.6, 2.0, 1.0), (1.0, 7.0, 1.0)
-    ways = ShortestPaths(room=WALLED, sources_m=(near_by_air, near_by_way), within_m=0.5, clearance_m=0.2)
-    assert ways.from_m((3.0, 2.0, 1.0)) == pytest.approx(math.hypot(2.0, 5.0) - 0.5)
-    assert ways.from_m((1.0, 6.8, 1.0)) == 0.0
+    near_by_air, near_by_path = (5.6, 2.0, 1.0), (1.0, 7.0, 1.0)
+    paths = ShortestPaths(room=WALLED, sources_m=(near_by_air, near_by_path), within_m=0.5, clearance_m=0.2)
+    assert paths.from_m((3.0, 2.0, 1.0)) == pytest.approx(math.hypot(2.0, 5.0) - 0.5)
+    assert paths.from_m((1.0, 6.8, 1.0)) == 0.0
 
 
 def test_each_way_is_looked_for_once(monkeypatch):
-    ways = ShortestPaths(room=WALLED, sources_m=((8.0, 2.0, 1.0),), within_m=1.0, clearance_m=0.2)
-    first_m = ways.from_m((1.0, 2.0, 1.0))
+    paths = ShortestPaths(room=WALLED, sources_m=((8.0, 2.0, 1.0),), within_m=1.0, clearance_m=0.2)
+    first_m = paths.from_m((1.0, 2.0, 1.0))
     monkeypatch.setattr("gslcosim.bench.metrics.path_metrics.shortest_path_m", None)
-    assert ways.from_m((1.0, 2.0, 1.0)) == first_m
+    assert paths.from_m((1.0, 2.0, 1.0)) == first_m
 
 
 def test_a_vehicle_on_wheels_cannot_go_over_a_box():
@@ -204,8 +204,8 @@ def test_a_vehicle_on_wheels_cannot_go_over_a_box():
 
 def test_there_is_no_way_to_where_a_vehicle_does_not_fit():
     slit = room(((4.0, 0.0, 0.0), (5.0, 7.6, 3.0)))
-    ways = ShortestPaths(room=slit, sources_m=((8.0, 2.0, 1.0),), within_m=1.0, clearance_m=0.4)
-    assert ways.from_m((1.0, 2.0, 1.0)) is None
+    paths = ShortestPaths(room=slit, sources_m=((8.0, 2.0, 1.0),), within_m=1.0, clearance_m=0.4)
+    assert paths.from_m((1.0, 2.0, 1.0)) is None
 
 
 def test_the_clearance_is_that_to_the_faces_of_boxes_and_walls():

@@ -19,20 +19,20 @@ class Page(HTMLParser):
         self.feed(html)
 
     def handle_starttag(self, tag, attrs):
-        told = dict(attrs)
+        attributes = dict(attrs)
         self.tags.add(tag)
-        self.ids += [told["id"]] if "id" in told else []
-        self.labelled_by += [told["aria-labelledby"]] if "aria-labelledby" in told else []
-        self.links += [told[key] for key in ("href", "src") if key in told]
+        self.ids += [attributes["id"]] if "id" in attributes else []
+        self.labelled_by += [attributes["aria-labelledby"]] if "aria-labelledby" in attributes else []
+        self.links += [attributes[key] for key in ("href", "src") if key in attributes]
         self._skipped += tag in ("script", "style")
         if tag == "table":
-            self._in_board = "board" in told.get("class", "")
+            self._in_board = "board" in attributes.get("class", "")
         elif tag == "tbody" and self._in_board:
-            self._view = told["data-view"]
+            self._view = attributes["data-view"]
         elif tag == "tr":
             self._row = [] if self._in_board and self._view is not None else None
         elif tag in ("td", "th") and self._row is not None:
-            self._row.append({"v": told.get("data-v"), "title": told.get("title"), "text": ""})
+            self._row.append({"v": attributes.get("data-v"), "title": attributes.get("title"), "text": ""})
             self._in_cell = True
 
     def handle_endtag(self, tag):

@@ -1,4 +1,4 @@
-"""Folders of results of any size with known truths, drawn by a seed: nothing is flown."""
+"""Folders of results of any size with known truths, drawn by a seed: nothing is run."""
 
 import base64
 import hashlib
@@ -192,10 +192,10 @@ def _track(plan, method, row, start_m, near, rng):
     n, end_s = plan.n_points, row["end_s"]
     t = np.linspace(0.0, end_s, n)
     goal = np.asarray(SOURCE_M[:2]) + (0.3 if row["success"] else rng.uniform(2, 9, 2) * (1, 1))
-    way = np.asarray(start_m) + np.linspace(0, 1, n)[:, None] * (goal - start_m)
+    track = np.asarray(start_m) + np.linspace(0, 1, n)[:, None] * (goal - start_m)
     noise = np.cumsum(rng.normal(0, 0.0 if method == ORACLE else 0.35, (n, 2)), axis=0)
     noise -= noise[0] + np.linspace(0, 1, n)[:, None] * (noise[-1] - noise[0])
-    xy = np.clip(way + noise, 0.3, ROOM_M - 0.3)
+    xy = np.clip(track + noise, 0.3, ROOM_M - 0.3)
     distance_m = np.hypot(*(xy - SOURCE_M[:2]).T)
     gas = np.zeros(n) if row["is_control"] else _gas_ppm(xy[:, 0], xy[:, 1])
     share = np.linspace(0, 1, n)

@@ -19,7 +19,7 @@ PLAN = synthetic.Plan(
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory):
+def analysis(tmp_path_factory):
     analysed = analyse(load_report_data(synthetic.make_results(tmp_path_factory.mktemp("told"), PLAN)))
     names = [entry.name for entry in analysed.material.entries]
 
@@ -30,8 +30,8 @@ def told(tmp_path_factory):
     return analysed, names, row
 
 
-def test_intervals_hold_what_is_true(told):
-    _, _, row = told
+def test_intervals_hold_what_is_true(analysis):
+    _, _, row = analysis
     for method in PLAN.methods:
         success, lift = row(method.name).success, row(method.name).lift
         assert success.low <= method.success <= success.high
@@ -39,36 +39,36 @@ def test_intervals_hold_what_is_true(told):
         assert success.n == lift.n == 72
 
 
-def test_twins_share_a_rank_and_the_poor_one_comes_after(told):
-    _, _, row = told
+def test_twins_share_a_rank_and_the_poor_one_comes_after(analysis):
+    _, _, row = analysis
     assert row("oracle").rank == 1
     assert row("good").rank == row("twin").rank == 2
     assert row("poor").rank == 4
 
 
-def test_pairs_tell_who_is_better(told):
-    analysed, names, _ = told
+def test_pairs_show_who_is_better(analysis):
+    analysed, names, _ = analysis
     verdicts = {(names[p.a], names[p.b]): p.verdict for p in analysed.everything.pairs}
     verdicts |= {(b, a): -verdict for (a, b), verdict in verdicts.items()}
     assert (verdicts["good", "twin"], verdicts["good", "poor"], verdicts["poor", "oracle"]) == (0, 1, -1)
     assert all(p.score.n == 72 for p in analysed.everything.pairs)
 
 
-def test_views_are_parts_of_the_whole(told):
-    analysed, _, _ = told
+def test_views_are_parts_of_the_whole(analysis):
+    analysed, _, _ = analysis
     assert [view.key for view in analysed.views] == ["all", "family:family_1", "family:family_2"]
     assert (
         sum(view.n_trials for view in analysed.views[1:]) == analysed.everything.n_trials == len(analysed.material.rows)
     )
 
 
-def test_normalised_score_needs_both_anchors(told):
-    _, _, row = told
+def test_normalised_score_needs_both_anchors(analysis):
+    _, _, row = analysis
     assert np.isnan(row("good").normalised.value)
 
 
-def test_declarations_count_each_flight_once(told):
-    analysed, names, _ = told
+def test_declarations_count_each_run_once(analysis):
+    analysed, names, _ = analysis
     declared = {names[d.entry]: d for d in analysed.everything.declarations}
     assert set(declared) == {"good", "twin"}
     good = declared["good"]
@@ -77,8 +77,8 @@ def test_declarations_count_each_flight_once(told):
     assert good.curve.area.value > 0.5
 
 
-def test_curves_end_at_the_rate_of_success_and_profiles_below_it(told):
-    analysed, _, _ = told
+def test_curves_end_at_the_rate_of_success_and_profiles_below_it(analysis):
+    analysed, _, _ = analysis
     rates = {row.entry: row.success.value for row in analysed.everything.standings}
     for line in analysed.everything.curves:
         assert line.value[-1] == pytest.approx(rates[line.entry])
@@ -87,16 +87,16 @@ def test_curves_end_at_the_rate_of_success_and_profiles_below_it(told):
         assert line.value[-1] <= rates[line.entry] + 1e-12
 
 
-def test_nearer_radii_are_reached_later_and_less_often(told):
-    analysed, _, _ = told
+def test_nearer_radii_are_reached_later_and_less_often(analysis):
+    analysed, _, _ = analysis
     runtimes = analysed.everything.runtimes
     for wide, narrow in (("5", "2"), ("2", "1"), ("1", "05")):
         for a, b in zip(runtimes[wide], runtimes[narrow], strict=True):
             assert np.all(a.value >= b.value - 1e-12)
 
 
-def test_beliefs_are_told_of_those_that_have_one_and_grow_better(told):
-    analysed, names, _ = told
+def test_beliefs_are_reported_of_those_that_have_one_and_grow_better(analysis):
+    analysed, names, _ = analysis
     mass = analysed.everything.beliefs["mass"]
     assert {names[line.entry] for line in mass} == {"good", "twin"}
     assert all(line.value[0] < 0.05 and line.value[-1] > 0.5 for line in mass)
@@ -104,8 +104,8 @@ def test_beliefs_are_told_of_those_that_have_one_and_grow_better(told):
     assert last["good"].mass_near.value == pytest.approx(mass[0].value[-1], abs=1e-3)
 
 
-def test_grades_are_easier_where_more_succeed(told):
-    analysed, _, _ = told
+def test_grades_are_easier_where_more_succeed(analysis):
+    analysed, _, _ = analysis
     ordered = sorted(analysed.grades, key=lambda grade: grade.success.value)
     difficulties = [grade.difficulty.value for grade in ordered]
     assert difficulties == sorted(difficulties, reverse=True)
@@ -120,8 +120,8 @@ def test_plumes_are_drawn_whole_only_where_there_are_enough(tmp_path):
     assert analyse(replace(material, rows=rows)).draws_plumes
 
 
-def test_tracks_are_thinned_and_keep_their_ends(told):
-    analysed, _, _ = told
+def test_tracks_are_thinned_and_keep_their_ends(analysis):
+    analysed, _, _ = analysis
     material, rooms = analysed.material, analysed.rooms
     for track in select_tracks(material, rooms)[:20]:
         places_m = np.cumsum(track.steps, axis=0) * QUANTUM_M

@@ -81,7 +81,7 @@ def test_a_plume_that_fades_downwind_is_legible_and_one_that_grows_downwind_is_n
     assert math.isnan(legibility(np.zeros((75, 75))))
 
 
-def test_what_was_not_flown_or_drawn_is_not_told(tmp_path):
+def test_what_was_not_run_or_drawn_is_not_reported(tmp_path):
     bare = synthetic.make_results(tmp_path, replace(PLAN, methods=(synthetic.WALKER,), maps=False, tracks=False))
     for of_case in causes(load_report_data(bare))[1]:
         assert all(math.isnan(value) for value in vars(of_case).values())

@@ -27,8 +27,8 @@ def test_numbers_are_brief(value, form, text):
 
 
 def test_a_figure_has_its_interval():
-    told = number_formats.format_estimate(Estimate(0.5, 0.4, 0.6, 90), number_formats.format_percent, unit="%")
-    assert told == "50 (40\N{EN DASH}60) %"
+    text = number_formats.format_estimate(Estimate(0.5, 0.4, 0.6, 90), number_formats.format_percent, unit="%")
+    assert text == "50 (40\N{EN DASH}60) %"
     assert number_formats.format_estimate(Estimate(-0.1, -0.2, 0.1, 9), number_formats.format_points) == (
         "\N{MINUS SIGN}10 (\N{MINUS SIGN}20 to +10)"
     )

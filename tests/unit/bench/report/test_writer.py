@@ -43,10 +43,10 @@ def test_success_on_the_page_is_that_of_the_rows(usual):
         for name in {row["entry"] for row in some}:
             flown = [row["success"] for row in some if row["entry"] == name and not row["is_control"]]
             cell = page.board[view, name][5]
-            told = wilson(sum(flown), len(flown))
-            assert float(cell["v"]) == pytest.approx(told.value, abs=1e-6)
+            shown = wilson(sum(flown), len(flown))
+            assert float(cell["v"]) == pytest.approx(shown.value, abs=1e-6)
             assert cell["title"] == f"n = {len(flown)}"
-            assert f"{100 * told.high:.0f}" in cell["text"]
+            assert f"{100 * shown.high:.0f}" in cell["text"]
 
 
 def test_score_is_the_interquartile_mean_of_the_means_of_cases(usual):
@@ -68,15 +68,15 @@ def test_curves_and_starts_are_those_of_the_rows(usual):
         for t, value in zip(data["views"][0]["curves"]["t"], line["v"], strict=True):
             share = np.mean([row["success"] and row["time_s"] <= t for row in flown])
             assert value == pytest.approx(share, abs=6e-4)
-    for room, entry, x_m, y_m, told in data["starts"]:
+    for room, entry, x_m, y_m, shown in data["starts"]:
         flown = [
             row["success"]
             for row in rows
             if row["scenario"] == data["rooms"][room]["scenario"] and row["entry"] == names[entry]
             and (row["start_x_m"], row["start_y_m"]) == (x_m, y_m) and not row["is_control"]
         ]  # fmt: skip
-        assert told[0] == pytest.approx(np.mean(flown), abs=1e-4)
-        assert told[3] == len(flown)
+        assert shown[0] == pytest.approx(np.mean(flown), abs=1e-4)
+        assert shown[3] == len(flown)
 
 
 def test_anchors_are_zero_and_one_when_normalised(usual):
@@ -89,9 +89,9 @@ def test_tracks_begin_and_end_where_they_did(usual):
     data = data_of((usual / "report.html").read_text(encoding="utf-8"))
     tracks = {row["trial"]: row for row in pq.read_table(usual / "tracks.parquet").to_pylist()}
     assert len(data["tracks"]) > 100
-    for told in data["tracks"][:50]:
-        x_m, y_m = (np.cumsum(told["p"][k::2]) * data["quantum"] for k in (0, 1))
-        flown = tracks[told["id"]]
+    for shown in data["tracks"][:50]:
+        x_m, y_m = (np.cumsum(shown["p"][k::2]) * data["quantum"] for k in (0, 1))
+        flown = tracks[shown["id"]]
         for places, key in ((x_m, "x_m"), (y_m, "y_m")):
             assert places[[0, -1]] == pytest.approx([flown[key][0], flown[key][-1]], abs=data["quantum"])
 
@@ -141,17 +141,17 @@ def test_the_formula_and_every_column_are_on_the_page(usual):
 
 def test_each_failure_has_its_command(usual):
     failed = [row for row in rows_of(usual) if not row["success"] and not row["is_control"]]
-    told = read_csv(usual / "tables" / "failures.csv")
-    assert {row["trial"] for row in failed} <= {row["trial"] for row in told}
-    assert all(row["command"].endswith(f"--trial {row['trial']}") for row in told)
+    shown = read_csv(usual / "tables" / "failures.csv")
+    assert {row["trial"] for row in failed} <= {row["trial"] for row in shown}
+    assert all(row["command"].endswith(f"--trial {row['trial']}") for row in shown)
     commands = [text for text in page_of(usual).text if text.startswith("gslcosim bench show ")]
     assert commands
     assert all(re.search(r"--trial [0-9a-f]{16}$", command) for command in commands)
 
 
 def test_tables_read_back(usual):
-    told = read_csv(usual / "tables" / "trials.csv")
-    for row, line in zip(rows_of(usual), told, strict=True):
+    shown = read_csv(usual / "tables" / "trials.csv")
+    for row, line in zip(rows_of(usual), shown, strict=True):
         for name in ("time_s", "score", "travel_overhead", "belief_mass_near", "time_to_source_s"):
             assert (line[name] and float(line[name])) == ("" if row[name] is None else row[name])
         assert (line["trial"], line["success"], int(line["seed"])) == (row["trial"], str(row["success"]), row["seed"])
@@ -211,11 +211,11 @@ LEADERBOARD = {
 
 
 def test_leaderboard_for_programs_keeps_its_schema(usual):
-    told = json.loads((usual / "leaderboard.json").read_text(encoding="utf-8"))
-    jsonschema.validate(told, LEADERBOARD)
-    rows = told["views"][0]["rows"]
-    assert told["complete"]
-    assert [view["kind"] for view in told["views"]] == ["all", "family", "family"]
+    shown = json.loads((usual / "leaderboard.json").read_text(encoding="utf-8"))
+    jsonschema.validate(shown, LEADERBOARD)
+    rows = shown["views"][0]["rows"]
+    assert shown["complete"]
+    assert [view["kind"] for view in shown["views"]] == ["all", "family", "family"]
     assert [row["rank"] for row in rows] == sorted(row["rank"] for row in rows)
     assert rows[0]["entry"] == "oracle"
     assert rows[0]["anchor"] == "lower"
@@ -345,9 +345,9 @@ def test_merged_results_say_whose_and_which_are_not_verified(tmp_path):
     assert "Not verified by flying a sample again: e_coli." in text
     assert "Not complete" not in text
     rows = json.loads((folder / "leaderboard.json").read_text(encoding="utf-8"))["views"][0]["rows"]
-    told = {row["entry"]: (row["submission"], row["verified"]) for row in rows}
-    assert told["e_coli"] == ("of alice", False)
-    assert told["infotaxis"] == ("bob", True)
+    shown = {row["entry"]: (row["submission"], row["verified"]) for row in rows}
+    assert shown["e_coli"] == ("of alice", False)
+    assert shown["infotaxis"] == ("bob", True)
     commands = {row["entry"]: row["command"] for row in read_csv(folder / "tables" / "failures.csv")}
     assert commands["random_walker"].startswith("gslcosim bench show bob --trial ")
     assert commands["e_coli"].startswith("gslcosim bench show 'of alice' --trial ")

@@ -69,7 +69,7 @@ def test_cells_and_entries_with_all_or_nothing_stay_finite():
     assert list(ours.is_informative) == [False, False, True]
 
 
-def test_an_entry_that_did_not_fly_a_cell_does_not_count_there():
+def test_an_entry_that_did_not_run_a_cell_does_not_count_there():
     successes, trials = np.array([[8, 0], [2, 3]]), np.array([[10, 0], [10, 10]])
     ours = fit_rasch(successes, trials)
     assert ours.difficulty[1] > ours.difficulty[0]

@@ -36,7 +36,7 @@ def test_clopper_pearson_agrees_with_statsmodels(successes, n, level):
     [(62, 0.587, 0.775), (19, 0.140, 0.306), (17, 0.121, 0.282), (14, 0.095, 0.244)],
 )
 def test_wilson_of_the_thesis_bars(successes, low, high):
-    """The rates of the thesis that can be read, of 90 flights each."""
+    """The rates of the thesis that can be read, of 90 runs each."""
     ours = wilson(successes, 90)
     assert (ours.low, ours.high) == pytest.approx((low, high), abs=6e-4)
 

@@ -33,7 +33,7 @@ def test_pairing_saves_trials_where_entries_fail_in_the_same_cases():
     assert n_pairs_for_power(0.15, 0.05) < 0.5 * n_for_power(0.5, 0.6)
 
 
-def test_rates_that_cannot_be_told_apart_are_refused():
+def test_rates_that_cannot_be_distinguished_are_refused():
     with pytest.raises(UsageError, match="two different ones"):
         n_for_power(0.3, 0.3)
     with pytest.raises(UsageError, match="sum of at most 1"):

@@ -172,7 +172,7 @@ def test_log_rank_of_the_leukaemia_trial():
 
 
 @pytest.mark.extras
-def test_log_rank_agrees_with_lifelines_on_patients_and_tied_flights():
+def test_log_rank_agrees_with_lifelines_on_patients_and_tied_runs():
     from lifelines.statistics import logrank_test
 
     ended = np.ones(21, dtype=bool)

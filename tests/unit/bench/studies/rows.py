@@ -1,4 +1,4 @@
-"""Rows of flights that were never flown."""
+"""Rows of runs that were never flown."""
 
 
 def row(entry="a", *, case="c", repetition=0, success=True, time_s=10.0, score=0.75, gas_seed=None, status="flown"):

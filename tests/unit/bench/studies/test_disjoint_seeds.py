@@ -22,7 +22,7 @@ def names_of(entry, **varied):
     return [setting.name for setting in build_settings(entry, varied)]
 
 
-def test_names_tell_the_values():
+def test_names_show_the_values():
     assert names_of("e_coli", step_m=(0.2, 1.0)) == ["e_coli_step_m_0_2", "e_coli_step_m_1"]
     assert names_of("a", x=(-1, 1), y=(True, "Up-Wind")) == [
         "a_x_minus_1_y_true", "a_x_minus_1_y_up_wind", "a_x_1_y_true", "a_x_1_y_up_wind",
@@ -46,7 +46,7 @@ def test_every_name_is_one_that_a_suite_takes():
         Suite.model_validate(loaded.suite.model_dump(by_alias=True))
 
 
-def test_all_combinations_are_flown_the_last_parameter_fastest():
+def test_all_combinations_are_run_the_last_parameter_fastest():
     settings = build_settings("a", {"x": (1, 2), "y": (3, 4)})
     assert [tuple(setting.parameters.values()) for setting in settings] == [(1, 3), (1, 4), (2, 3), (2, 4)]
 
@@ -124,8 +124,8 @@ entries: [{name: beetle, start: {python: dung_beetle}}]
 """
 
 
-def test_some_cases_of_a_suite_are_the_same_flights_as_in_all_of_it(tmp_path):
-    """To the id, which is a hash of all that decides a flight; also when the restricted suite is read from its file."""
+def test_some_cases_of_a_suite_are_the_same_runs_as_in_all_of_it(tmp_path):
+    """To the id, which is a hash of all that decides a run; also when the restricted suite is read from its file."""
     (tmp_path / "suite.yaml").write_text(SUITE)
     loaded = load_suite(tmp_path / "suite.yaml")
     every = build_plan(loaded)
@@ -133,11 +133,11 @@ def test_some_cases_of_a_suite_are_the_same_flights_as_in_all_of_it(tmp_path):
     some = disjoint_seeds.restrict_cases(loaded, chosen)
     plan = build_plan(some)
 
-    def told(trials):
+    def facts(trials):
         return {(t.id, t.case, t.scenario, t.family, t.varied, t.repetition, t.case_hash) for t in trials}
 
-    assert told(plan.trials) == told(t for t in every.trials if t.case in chosen)
+    assert facts(plan.trials) == facts(t for t in every.trials if t.case in chosen)
     assert {t.scenario for t in plan.trials} == {"tiny_room", "windy"}
     write_suite(some, tmp_path / "written")
-    assert told(build_plan(load_suite(tmp_path / "written")).trials) == told(plan.trials)
+    assert facts(build_plan(load_suite(tmp_path / "written")).trials) == facts(plan.trials)
     assert disjoint_seeds.restrict_cases(loaded, {case.name for case in every.cases}) is loaded

@@ -1,4 +1,4 @@
-"""Courses: the same flights for every setting, on seeds that no suite has."""
+"""Courses: the same runs for every setting, on seeds that no suite has."""
 
 import dataclasses
 
@@ -14,18 +14,18 @@ from gslcosim.bench.studies.tuning import Tuner, split_budget
 DEFAULT = Setting(name="default", parameters={})
 
 
-def course(n, number=0):
+def evaluation(n, number=0):
     subject = find_target("smoke", "dung_beetle")
     return build_evaluation_plan(subject, "training", number, n=n, taken=collect_test_seeds(subject.loaded))
 
 
 @pytest.mark.slow
-def test_cases_are_flown_equally_often_and_the_rest_by_lot():
-    slots = course(5).slots
+def test_cases_are_run_equally_often_and_the_rest_by_lot():
+    slots = evaluation(5).slots
     assert len(slots) == len(set(slots)) == 5
     counts = sorted(sum(case == name for name, _ in slots) for case in {name for name, _ in slots})
     assert counts == [2, 3]
-    assert len({course(1, number).slots[0][0] for number in (1, 2)}) == 2
+    assert len({evaluation(1, number).slots[0][0] for number in (1, 2)}) == 2
 
 
 @pytest.mark.slow
@@ -40,7 +40,7 @@ def test_no_seed_of_training_or_validation_is_one_of_a_suite(tmp_path):
     tuner = Tuner(
         subject, parse_ranges(["leg_m=0.2:2"], subject), split_budget(60), seed=0, folder=tmp_path, start_pool=_no_pool
     )
-    training, validation = (seeds(each.plan([DEFAULT])) for each in tuner.courses())
+    training, validation = (seeds(each.plan([DEFAULT])) for each in tuner.evaluations())
     tests = seeds(build_plan(load_suite(path))) | seeds(build_plan(load_suite("smoke")))
     assert training
     assert validation
@@ -55,7 +55,7 @@ def seeds(plan):
 @pytest.mark.slow
 def test_a_plan_that_grows_is_that_of_all_settings_at_once():
     settings = [DEFAULT, *(Setting(name=f"s_{i}", parameters={"leg_m": i / 2}) for i in (1, 2, 3))]
-    short = course(3)
+    short = evaluation(3)
     grown = short.plan(settings[2:], after=short.plan(settings[:2]))
     at_once = short.plan(settings)
     assert grown.loaded == at_once.loaded
@@ -103,7 +103,7 @@ def _no_pool():
 
 
 @pytest.mark.slow
-def test_fewer_flights_than_cases_are_spread_over_scenarios_and_leave_out_what_is_no_case(tmp_path):
+def test_fewer_runs_than_cases_are_spread_over_scenarios_and_leave_out_what_is_no_case(tmp_path):
     """A start outside the room is no case, and another one flies in its place."""
     path = tmp_path / "mine.yaml"
     path.write_text(

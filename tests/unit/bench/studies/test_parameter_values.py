@@ -25,7 +25,7 @@ def test_values_get_the_type_that_the_card_says(beetle, surge):
 
 
 @pytest.mark.parametrize(
-    ("texts", "told"),
+    ("texts", "expected"),
     [
         (["leg_m"], "--vary: expected PARAMETER=VALUE,VALUE and so on, was 'leg_m'. For example: "),
         (["leg_m="], "--vary: expected PARAMETER=VALUE,VALUE and so on, was 'leg_m='. For example: "),
@@ -38,13 +38,13 @@ def test_values_get_the_type_that_the_card_says(beetle, surge):
         (["wall_rule=random,climb"], "--vary wall_rule: expected one of random, bounce, was 'climb'. Its default is "),
     ],
 )
-def test_what_is_no_list_of_allowed_values_is_told(beetle, texts, told):
+def test_what_is_no_list_of_allowed_values_is_reported(beetle, texts, expected):
     with pytest.raises(UsageError) as caught:
         parse_varied(texts, beetle)
-    assert str(caught.value).startswith(told)
+    assert str(caught.value).startswith(expected)
 
 
-def test_an_unknown_parameter_is_told_with_the_nearest_known_one(beetle):
+def test_an_unknown_parameter_is_reported_with_the_nearest_known_one(beetle):
     with pytest.raises(UsageError, match=r"^--vary leg: expected a parameter of Dung beetle \(leg_m, .* Did you mean"):
         parse_varied(["leg=1,2"], beetle)
 
@@ -71,7 +71,7 @@ def test_ranges_are_whole_where_the_card_says(surge):
 
 
 @pytest.mark.parametrize(
-    ("texts", "told"),
+    ("texts", "expected"),
     [
         (["step_m=1"], "--range: expected PARAMETER=LEAST:MOST, or with :log behind it, was 'step_m=1'."),
         (["step_m=1:2:lin"], "--range: expected PARAMETER=LEAST:MOST, or with :log behind it, was 'step_m=1:2:lin'."),
@@ -86,20 +86,20 @@ def test_ranges_are_whole_where_the_card_says(surge):
         (["step_m=1:2", "step_m=1:3"], "--range: expected each parameter once, was step_m twice. Leave one out."),
     ],
 )
-def test_what_is_no_allowed_range_is_told(surge, texts, told):
+def test_what_is_no_allowed_range_is_reported(surge, texts, expected):
     with pytest.raises(UsageError) as caught:
         parse_ranges(texts, surge)
-    assert str(caught.value).startswith(told)
+    assert str(caught.value).startswith(expected)
 
 
-def test_all_bounded_numbers_with_a_default_are_searched_unless_told_otherwise(beetle):
+def test_all_bounded_numbers_with_a_default_are_searched_unless_set_otherwise(beetle):
     """leg_s has bounds too, but its default leaves it to the scenario."""
     assert [str(each) for each in card_ranges(beetle)] == [
         "leg_m=0.05:10", "zigzag_rad=0.1:1.5", "wall_margin_m=0:5", "eps=0:0.5",
     ]  # fmt: skip
 
 
-def test_a_flown_value_has_four_digits_and_stays_within_its_range():
+def test_a_tried_value_has_four_digits_and_stays_within_its_range():
     each = ParameterRange(name="x", low=0.12345, high=2.34567)
     assert each.rounded(1.234567) == 1.235
     assert each.rounded(0.1234501) == 0.1235

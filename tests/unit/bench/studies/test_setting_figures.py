@@ -1,4 +1,4 @@
-"""Figures of a setting: failures count, pairs are pairs, and no interval is told where no spread is seen."""
+"""Figures of a setting: failures count, pairs are pairs, and no interval is reported where no spread is seen."""
 
 import importlib.util
 import math
@@ -20,7 +20,7 @@ def scored(scores, **where):
     return group_runs(rows.row(score=score, repetition=i, success=score > 0, **where) for i, score in enumerate(scores))
 
 
-def test_flights_without_result_count_as_failures():
+def test_runs_without_result_count_as_failures():
     figures = compute_figures(group_runs([rows.row(repetition=0), rows.lost(repetition=1)]))
     assert (figures.n, figures.n_without_result) == (2, 1)
     assert figures.success == wilson(1, 2)
@@ -34,7 +34,7 @@ def test_the_mean_score_has_the_interval_of_draws_within_cases():
     assert compute_figures(group_runs(some)).score == expected
 
 
-def test_cells_of_one_flight_are_joined_so_that_they_show_spread():
+def test_cells_of_one_run_are_joined_so_that_they_show_spread():
     some = [rows.row(case=f"room/start={i}", score=0.5 + i / 10) for i in range(4)]
     assert list(group_runs(some).strata) == ["room"] * 4
     apart = [rows.row(case=f"room_{i}", score=0.5 + i / 10) for i in range(4)]
@@ -58,7 +58,7 @@ def test_pairs_do_not_depend_on_the_order_of_rows():
     assert turned.low < turned.value < turned.high
 
 
-def test_no_interval_is_told_where_all_flights_are_equal():
+def test_no_interval_is_reported_where_all_runs_are_equal():
     nothing = scored([0.0, 0.0, 0.0])
     assert math.isnan(compute_figures(nothing).score.low)
     same = compute_difference(scored([0.6, 0.7]), scored([0.6, 0.7]))
@@ -66,7 +66,7 @@ def test_no_interval_is_told_where_all_flights_are_equal():
     assert same.holds_zero
 
 
-def test_two_flights_show_no_difference_however_narrow_their_interval():
+def test_two_runs_show_no_difference_however_narrow_their_interval():
     a, b = scored([0.8, 0.9]), scored([0.6, 0.8])
     assert not compute_difference(a, b).holds_zero
     assert paired_p_value(a, b) == 0.5

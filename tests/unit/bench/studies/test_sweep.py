@@ -39,7 +39,7 @@ def swept(subject, n=4, **varied):
     )
 
 
-def test_settings_are_compared_with_the_default_where_it_was_flown(subject):
+def test_settings_are_compared_with_the_default_where_it_was_run(subject):
     sweep = swept(subject, leg_m=(0.4, 0.8, 1.6))
     assert sweep.is_reference_default
     assert sweep.reference.parameters == {"leg_m": 0.8}
@@ -54,12 +54,12 @@ def test_settings_are_compared_with_the_first_otherwise(subject):
     assert sweep.reference.parameters == {"leg_m": 0.4}
 
 
-def test_too_many_combinations_are_told(subject):
+def test_too_many_combinations_are_reported(subject):
     with pytest.raises(UsageError, match="at most 500 combinations, was 550"):
         SweepPlan(subject, {"leg_m": tuple(range(1, 11)), "eps": tuple(i / 200 for i in range(55))})
 
 
-def test_json_and_csv_tell_the_same(subject):
+def test_json_and_csv_show_the_same(subject):
     sweep = swept(subject, leg_m=(0.4, 0.8), heading_memory=(True, False))
     fields = sweep_to_json(sweep)
     assert json.loads(json.dumps(fields, allow_nan=False)) == fields
@@ -101,7 +101,7 @@ def test_values_that_span_much_are_drawn_by_their_logarithms(subject):
     assert any("logarithmic" in (text.text or "") for text in root.iter(f"{SVG}text"))
 
 
-def test_the_table_tells_n_intervals_and_the_reference(subject):
+def test_the_table_shows_n_intervals_and_the_reference(subject):
     text = format_sweep(swept(subject, leg_m=(0.4, 0.8)), Path("results/x"))
     assert "LEG_M   N   SUCCESS %" in text
     assert "0.8     4   100 (51 to 100)" in text

@@ -45,7 +45,7 @@ def test_a_name_is_a_suite_or_a_scenario(suites, tmp_path):
     assert is_scenario(str(tmp_path / "room.yaml"))
 
 
-def test_what_is_neither_is_told():
+def test_what_is_neither_is_reported():
     with pytest.raises(ScenarioError, match=r"^smok: expected a file, a bundled suite or .* Did you mean smoke"):
         find_target("smok", "dung_beetle")
     with pytest.raises(ScenarioError, match=r"^a/none.yaml: expected the file of a suite or a scenario, found none."):
@@ -74,7 +74,7 @@ def test_a_bundled_method_or_a_file_need_not_be_in_the_suite(suites):
     assert (found.name, found.start.python) == ("mine", str(suites / "inner" / "mine.py"))
 
 
-def test_an_unknown_entry_is_told():
+def test_an_unknown_entry_is_reported():
     with pytest.raises(
         UsageError, match=r"an entry of smoke \(dung_beetle, oracle, random_walker\).*Did you mean e_co"
     ):

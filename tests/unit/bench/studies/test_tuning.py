@@ -15,13 +15,13 @@ def test_a_budget_is_never_exceeded_and_a_setting_more_would_exceed_it(flights):
     assert budget.n_settings >= 2
 
 
-def test_flights_of_a_setting_grow_with_the_root_of_the_budget():
+def test_runs_of_a_setting_grow_with_the_root_of_the_budget():
     assert [split_budget(flights).per_setting for flights in (12, 100, 400, 10_000)] == [2, 5, 10, 50]
     assert split_budget(400).per_validation == 40
     assert split_budget(400, 20).n_settings == 16
 
 
-def test_a_budget_that_is_too_small_is_told():
+def test_a_budget_that_is_too_small_is_reported():
     assert split_budget(4, 1).n_settings == 2
     with pytest.raises(UsageError, match=r"^--budget: expected at least 8 flights, .* with 2 flights each; was 7\."):
         split_budget(7)

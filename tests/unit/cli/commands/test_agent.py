@@ -30,7 +30,7 @@ def test_the_report_for_people_names_rule_and_remedy(capsys):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "expected"),
     [
         (["agent", "check", "--", "./there-is-no-such-agent"], "expected an agent's command that can be started"),
         (["agent", "check"], "the following arguments are required: COMMAND"),
@@ -41,9 +41,9 @@ def test_the_report_for_people_names_rule_and_remedy(capsys):
         (["agent", "chekc", "--", "true"], "invalid choice: 'chekc'"),
     ],
 )
-def test_a_wrong_call_is_exit_code_2(capsys, words, told):
+def test_a_wrong_call_is_exit_code_2(capsys, words, expected):
     assert main(words) == 2
-    assert told in capsys.readouterr().err
+    assert expected in capsys.readouterr().err
 
 
 def test_a_new_agent_is_announced_with_what_to_do_next(capsys, tmp_path):

@@ -1,4 +1,4 @@
-"""`gslcosim cache`: what it lists, and what it removes only when it was told to."""
+"""`gslcosim cache`: what it lists, and what it removes only when it was asked to."""
 
 import json
 import os
@@ -64,11 +64,11 @@ def test_the_table_has_sums(cache, capsys):
         (["--all"], ["tape", "kernels", "room"]),
     ],
 )
-def test_free_says_what_it_would_remove_and_removes_it_when_told(cache, capsys, words, removed):
+def test_free_lists_what_it_would_remove_and_removes_it_when_asked(cache, capsys, words, removed):
     assert kinds(answer(capsys, "free", *words)) == removed
     assert len(answer(capsys)["entries"]) == 3
-    told = answer(capsys, "free", *words, "--yes")
-    assert (kinds(told), told["removed"]) == (removed, True)
+    answered = answer(capsys, "free", *words, "--yes")
+    assert (kinds(answered), answered["removed"]) == (removed, True)
     assert not set(kinds(answer(capsys))) & set(removed)
 
 

@@ -43,10 +43,10 @@ def test_different_runs_return_5_and_say_where_they_part(capsys, save_digest, tm
 def test_json_has_the_divergence_or_none(capsys, save_digest, tmp_path):
     digests = [save_digest("a", [b"x"]), save_digest("b", [b"y"])]
     assert main(["compare", "a", "b", "--runs-dir", str(tmp_path), "--json"]) == 5
-    told = json.loads(capsys.readouterr().out)
-    assert told["equal"] is False
-    assert told["digests"] == [digest.hex for digest in digests]
-    assert told["divergence"] == {
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["equal"] is False
+    assert printed["digests"] == [digest.hex for digest in digests]
+    assert printed["divergence"] == {
         "tick": 0, "participant": "world", "port": "truth/bodies", "text": "the messages differ"
     }  # fmt: skip
     assert main(["compare", "a", "a", "--runs-dir", str(tmp_path), "--json"]) == 0

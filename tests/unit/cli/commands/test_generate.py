@@ -45,7 +45,7 @@ def test_many_have_their_own_seeds_and_folders(layout_file, tmp_path, capsys):
     assert all(0 < x < 6 for each in made for x in each["random_source_m"][:2])
 
 
-def test_one_that_fails_is_told_and_the_others_are_made(layout_file, tmp_path, capsys):
+def test_one_that_fails_is_reported_and_the_others_are_made(layout_file, tmp_path, capsys):
     taken = tmp_path / "all" / "cluttered_rooms_5"
     taken.mkdir(parents=True)
     (taken / "thesis.tex").touch()
@@ -67,7 +67,7 @@ def test_several_processes_make_the_same_as_one(layout_file, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         ("layout: {kind: offise}", "rooms.yaml:1: layout.kind: expected one of warehouse_empty, warehouse_simple, "
          "warehouse_complex, office, home, cluttered_rooms, plant or wind_tunnel, was 'offise'. Did you mean office?"),
@@ -84,14 +84,14 @@ def test_several_processes_make_the_same_as_one(layout_file, tmp_path, capsys):
         ("layout: {obstacles: [{name: wall, min_m: [7, 0, 0], max_m: [8, 15, 8]}]}", "obstacles that divide the room"),
     ],
 )  # fmt: skip
-def test_an_impossible_layout_is_told_and_leaves_nothing(layout_file, tmp_path, capsys, text, told):
+def test_an_impossible_layout_is_reported_and_leaves_nothing(layout_file, tmp_path, capsys, text, expected):
     assert generate(layout_file(text), "--out", str(tmp_path / "room")) == 2
-    assert told in capsys.readouterr().err
+    assert expected in capsys.readouterr().err
     assert not (tmp_path / "room").exists()
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "expected"),
     [
         (["offise"], "Did you mean office?"),
         (["office", "--set", "wind.cell_m=0"], "wind.cell_m: expected a number greater than 0 in metres, was 0."),
@@ -108,6 +108,6 @@ def test_an_impossible_layout_is_told_and_leaves_nothing(layout_file, tmp_path, 
         (["office", "--count", "0"], "expected a whole number of at least 1, was '0'"),
     ],
 )
-def test_a_wrong_call_is_told(tmp_path, capsys, words, told):
+def test_a_wrong_call_is_reported(tmp_path, capsys, words, expected):
     assert generate(*words, "--out", str(tmp_path / "room")) == 2
-    assert told in capsys.readouterr().err
+    assert expected in capsys.readouterr().err

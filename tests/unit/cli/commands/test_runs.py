@@ -64,14 +64,14 @@ def test_conditions_and_a_limit_choose(runs, capsys):
 def test_removing_says_what_it_would_do_and_does_it_with_yes(runs, capsys):
     words = ["runs", "remove", str(runs), "--where", "outcome!=success"]
     assert main(words) == 0
-    told = capsys.readouterr().out
-    assert "Would remove 2 runs" in told
+    output = capsys.readouterr().out
+    assert "Would remove 2 runs" in output
     assert (runs / "run_1").is_dir()
     assert main([*words, "--yes"]) == 0
-    told = capsys.readouterr().out
-    assert "Removed 2 runs" in told
-    assert "photos: not a run" in told
-    assert "killed: it has no result and was written to in the last 10 minutes" in told
+    output = capsys.readouterr().out
+    assert "Removed 2 runs" in output
+    assert "photos: not a run" in output
+    assert "killed: it has no result and was written to in the last 10 minutes" in output
     assert sorted(path.name for path in runs.iterdir()) == ["killed", "photos", "run_0"]
 
 
@@ -118,7 +118,7 @@ def test_a_run_that_goes_on_is_shown_so_and_never_removed(runs, capsys, monkeypa
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "output"),
     [
         (["--where", "size>1"], ""),
         (["--where", "colour=red"], "expected one of the columns run, folder, state"),
@@ -127,9 +127,9 @@ def test_a_run_that_goes_on_is_shown_so_and_never_removed(runs, capsys, monkeypa
         (["--limit", "0"], "expected a whole number of at least 1"),
     ],
 )
-def test_wrong_words_are_told(runs, capsys, words, told):
-    assert main(["runs", str(runs), *words]) == (2 if told else 0)
-    assert told in capsys.readouterr().err
+def test_wrong_words_are_reported(runs, capsys, words, output):
+    assert main(["runs", str(runs), *words]) == (2 if output else 0)
+    assert output in capsys.readouterr().err
 
 
 def test_removing_without_a_condition_and_folders_that_are_none_are_refused(runs, capsys):
@@ -142,7 +142,7 @@ def test_removing_without_a_condition_and_folders_that_are_none_are_refused(runs
 @pytest.mark.parametrize(
     ("age_h", "text"), [(0.005, "18 s"), (0.5, "30 min"), (5.0, "5 h"), (47.0, "47 h"), (72.0, "3 d")]
 )
-def test_ages_are_told_in_the_unit_that_people_use(age_h, text):
+def test_ages_are_reported_in_the_unit_that_people_use(age_h, text):
     assert format_age(age_h) == text
 
 
@@ -171,8 +171,8 @@ def test_one_damaged_folder_hides_no_other(runs, capsys, name):
     assert set(rows) == {"run_0", "run_1", "run_2", "killed", "photos", "pipe", *DAMAGED}
     assert [rows[f"run_{i}"]["state"] for i in range(3)] == ["ended"] * 3
     if name == "result.json":
-        told = {kind: rows[kind]["outcome"] for kind in ("empty", "null", "deep", "binary")}
-        assert set(told.values()) == {"result.json cannot be read"}
+        output = {kind: rows[kind]["outcome"] for kind in ("empty", "null", "deep", "binary")}
+        assert set(output.values()) == {"result.json cannot be read"}
     assert main(["runs", str(runs), "--sort", "-seed"]) == 0
     assert "run_1" in capsys.readouterr().out
 

@@ -67,9 +67,9 @@ def test_published_grids_come_back_whole(gsl_bench, tmp_path, capsys):
     folder, published = gsl_bench
     out = tmp_path / "out.npz"
     assert main(["sample", folder, *AS_PUBLISHED, "--grid", "0.25", "--out", str(out), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["points"] == published.size
-    assert told["max"] == pytest.approx(published.max(), rel=1e-9)
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["points"] == published.size
+    assert printed["max"] == pytest.approx(published.max(), rel=1e-9)
     with np.load(out) as arrays:
         np.testing.assert_allclose(arrays["mixing_ratio_ppm"], published, rtol=1e-9)
         assert [arrays[name][0] for name in ("x_m", "y_m", "z_m")] == [0.125, 0.125, 0.125]

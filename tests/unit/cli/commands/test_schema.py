@@ -16,9 +16,9 @@ def test_export_writes_all_files(capsys, tmp_path):
 
 def test_json_lists_what_was_written(capsys, tmp_path):
     assert main(["schema", "export", str(tmp_path), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["hash"] == get_contract_hash()
-    assert all((tmp_path / name).is_file() for name in told["files"])
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["hash"] == get_contract_hash()
+    assert all((tmp_path / name).is_file() for name in printed["files"])
 
 
 def test_a_folder_that_cannot_be_written_is_a_wrong_call(capsys, tmp_path):

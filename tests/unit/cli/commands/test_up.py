@@ -1,4 +1,4 @@
-"""`gslcosim up`, with a flight that is only told."""
+"""`gslcosim up`, with a run that is only told."""
 
 import json
 
@@ -29,25 +29,25 @@ RESULT = {
 
 @pytest.fixture
 def flight(monkeypatch, tmp_path):
-    """A flight that takes no time: keeps its arguments, reports three states, and ends as it is told to."""
-    told = {"result": RESULT, "exit_code": 0}
+    """A run that takes no time: keeps its arguments, reports three states, and ends as it is set to."""
+    result = {"result": RESULT, "exit_code": 0}
     run_dir = tmp_path / "runs" / "tiny_room-seed1-now"
     run_dir.mkdir(parents=True)
     (run_dir / "recording.rrd").touch()
 
     def fly(loaded, *, report, **arguments):
-        told.update(arguments, loaded=loaded)
+        result.update(arguments, loaded=loaded)
         for state, fraction, sim_time_s in (("preparing", 0.5, 0.0), ("flying", None, 3.0), ("flying", None, 12.0)):
             report(RunStatus(state=state, fraction=fraction, sim_time_s=sim_time_s, real_time_factor=200.4))
-        if told.get("error"):
-            raise told["error"]
-        return RunResult(exit_code=told["exit_code"], run_dir=run_dir, result=told["result"])
+        if result.get("error"):
+            raise result["error"]
+        return RunResult(exit_code=result["exit_code"], run_dir=run_dir, result=result["result"])
 
     monkeypatch.setattr("gslcosim.runtime.run.run_scenario", fly)
-    return told
+    return result
 
 
-def test_the_scenario_is_flown_as_the_options_say(flight, tmp_path):
+def test_the_scenario_is_run_as_the_options_say(flight, tmp_path):
     options = ["--seed", "8", "--set", "name=other", "--in-process", "--runs-dir", str(tmp_path)]
     assert main(["up", "tiny_room", *options]) == 0
     assert flight["loaded"].scenario.seed == 8
@@ -110,7 +110,7 @@ def test_quiet_says_nothing_when_all_is_well(flight, capsys):
 
 
 @pytest.mark.parametrize("option", ["--quiet", "--json"])
-def test_a_fault_is_told_in_any_case_and_returns_the_flights_exit_code(flight, capsys, option):
+def test_a_fault_is_reported_in_any_case_and_returns_the_runs_exit_code(flight, capsys, option):
     faults = [{"participant": "fields", "tick": 7, "text": "was killed by SIGKILL"}]
     flight.update(result={**RESULT, "valid": False, "faults": faults, "agents": []}, exit_code=3)
     assert main(["up", "tiny_room", option]) == 3
@@ -129,13 +129,13 @@ def test_a_fault_of_an_agent_is_part_of_a_valid_run(flight, capsys):
     assert lines[-1].startswith("logs       ")
 
 
-def test_an_error_before_the_flight_is_told_without_a_traceback(flight, capsys):
+def test_an_error_before_the_run_is_reported_without_a_traceback(flight, capsys):
     flight["error"] = SimulationFault("router: expected to listen, could not.")
     assert main(["up", "tiny_room", "--quiet"]) == 3
     assert capsys.readouterr().err == "router: expected to listen, could not.\n"
 
 
-def test_problems_of_the_scenario_are_told_before_anything_starts(flight, capsys):
+def test_problems_of_the_scenario_are_reported_before_anything_starts(flight, capsys):
     assert main(["up", "tiny_room", "--set", "gas.sources[0].position_m=[99, 1, 1]"]) == 2
     assert "outside the room" in capsys.readouterr().err
     assert "loaded" not in flight

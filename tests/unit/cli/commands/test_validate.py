@@ -15,7 +15,7 @@ def test_a_valid_scenario_is_confirmed(capsys):
     assert capsys.readouterr().out == "tiny_room: valid. Scenario tiny_room, seed 1, agents: beetle.\n"
 
 
-def test_problems_are_told_on_stderr(capsys):
+def test_problems_are_reported_on_stderr(capsys):
     assert main(["validate", "tiny_room", "--set", "wind.cell=1", "--set", "tick_ms=3"]) == 2
     output = capsys.readouterr()
     assert output.out == ""
@@ -44,9 +44,9 @@ def test_problems_as_json_are_the_whole_of_stdout(capsys):
 
 def test_a_valid_scenario_as_json_is_resolved(capsys):
     assert main(["validate", "tiny_room", "--json", "--seed", "9"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["valid"] is True
-    assert Scenario.model_validate_json(json.dumps(told["scenario"])) == load_scenario("tiny_room", seed=9).scenario
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["valid"] is True
+    assert Scenario.model_validate_json(json.dumps(printed["scenario"])) == load_scenario("tiny_room", seed=9).scenario
 
 
 def test_the_resolved_scenario_is_printed_as_yaml(capsys, tmp_path):
@@ -57,7 +57,7 @@ def test_the_resolved_scenario_is_printed_as_yaml(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "place", "told"),
+    ("change", "place", "expected"),
     [
         ("gas.sources[0].position_m=[60, 2, 1]", "gas.sources[0].position_m", "outside the room"),
         ("environment.layout.obstacles=[{name: crate, min_m: [1, 1, 0], max_m: [2, 3, 2]}]",
@@ -70,11 +70,11 @@ def test_the_resolved_scenario_is_printed_as_yaml(capsys, tmp_path):
         ("agents[0].vehicle.search_height_m=5", "agents[0].vehicle.search_height_m", "ceiling"),
     ],
 )  # fmt: skip
-def test_places_are_checked_against_the_room(capsys, change, place, told):
+def test_places_are_checked_against_the_room(capsys, change, place, expected):
     assert main(["validate", "tiny_room", "--set", change]) == 2
     error = capsys.readouterr().err
     assert f"{place}: expected " in error
-    assert told in error
+    assert expected in error
 
 
 def test_problems_of_places_and_others_come_together(capsys):
@@ -105,13 +105,13 @@ def test_cameras_where_nothing_draws_are_problems_of_the_scenario(capsys, monkey
     assert "apt-get install" in lines[1]
 
 
-def test_a_driver_that_crashes_is_told(monkeypatch):
+def test_a_driver_that_crashes_is_reported(monkeypatch):
     monkeypatch.setattr(scenario_arguments.sys, "executable", "false")
     assert scenario_arguments.rendering_unavailable_reason() == "The driver crashed; `gslcosim doctor` tells more."
 
 
 @pytest.mark.parametrize("command", ["validate", "up"])
-def test_vehicles_that_start_within_each_other_and_programs_are_told_together(capsys, command):
+def test_vehicles_that_start_within_each_other_and_programs_are_reported_together(capsys, command):
     changes = [
         "agents[1].vehicle.start_m=[3, 3, 0.2]", "agents[0].vehicle.start_m=[3.1, 3, 0.2]",
         "agents[0].start={command: [no-such-program]}",
@@ -123,7 +123,7 @@ def test_vehicles_that_start_within_each_other_and_programs_are_told_together(ca
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "expected"),
     [
         pytest.param("name: nose", "name: {}", "agents[0].sensors[0].name: expected a name: a small letter, then small "
                      "letters, digits and _, at most 40 in all, was {}.", id="block"),
@@ -135,7 +135,7 @@ def test_vehicles_that_start_within_each_other_and_programs_are_told_together(ca
                      "(more than 2000000 bytes).", id="bytes"),
     ],
 )  # fmt: skip
-def test_values_of_any_kind_and_size_are_told_in_one_sentence(tmp_path, capsys, old, new, told):
+def test_values_of_any_kind_and_size_are_reported_in_one_sentence(tmp_path, capsys, old, new, expected):
     text = load_scenario("tiny_room").text
     assert old in text
     path = tmp_path / "a.yaml"
@@ -144,7 +144,7 @@ def test_values_of_any_kind_and_size_are_told_in_one_sentence(tmp_path, capsys, 
     output = capsys.readouterr()
     assert output.out == ""
     assert len(output.err.splitlines()) == 1
-    assert output.err.endswith(f": {told}\n")
+    assert output.err.endswith(f": {expected}\n")
 
 
 def test_a_pipe_is_no_scenario(tmp_path, capsys):
@@ -153,7 +153,7 @@ def test_a_pipe_is_no_scenario(tmp_path, capsys):
     assert "expected a scenario file, was a pipe" in capsys.readouterr().err
 
 
-def test_of_thousands_of_problems_the_first_are_told(tmp_path, capsys):
+def test_of_thousands_of_problems_the_first_are_reported(tmp_path, capsys):
     path = tmp_path / "a.yaml"
     path.write_text("".join(f"k{i}: 1\n" for i in range(2000)))
     assert main(["validate", str(path)]) == 2

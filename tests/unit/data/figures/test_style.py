@@ -1,4 +1,4 @@
-"""Colours of figures are told apart by colour-blind readers and in grey print: computed, not looked at."""
+"""Colours of figures are distinguished by colour-blind readers and in grey print: computed, not looked at."""
 
 import itertools
 import sys
@@ -39,20 +39,20 @@ def lab(linear_rgb):
 
 
 @pytest.mark.parametrize("sight", SIGHT)
-def test_lines_are_told_apart_by_colour_or_dashes_in_every_sight(sight):
+def test_lines_are_distinguished_by_colour_or_dashes_in_every_sight(sight):
     for i, j in itertools.combinations(range(len(OKABE_ITO)), 2):
         a, b = (lab(SIGHT[sight] @ linear(get_line_style(k)["color"])) for k in (i, j))
         assert np.linalg.norm(a - b) > APART or get_line_style(i)["ls"] != get_line_style(j)["ls"], (i, j)
 
 
-def test_the_first_four_lines_are_told_apart_by_colour_alone_in_every_sight():
+def test_the_first_four_lines_differ_by_colour_alone_in_every_sight():
     for sight in SIGHT.values():
         for i, j in itertools.combinations(range(4), 2):
             a, b = (lab(sight @ linear(OKABE_ITO[k])) for k in (i, j))
             assert np.linalg.norm(a - b) > APART, (i, j)
 
 
-def test_lines_are_told_apart_in_grey_by_lightness_or_dashes():
+def test_lines_are_distinguished_in_grey_by_lightness_or_dashes():
     for i, j in itertools.combinations(range(len(OKABE_ITO)), 2):
         a, b = (lab(linear(get_line_style(k)["color"]))[0] for k in (i, j))
         assert abs(a - b) > APART_IN_GREY or get_line_style(i)["ls"] != get_line_style(j)["ls"], (i, j)
@@ -71,7 +71,7 @@ def test_maps_become_darker_with_every_step_in_every_sight_and_lie_below_tracks(
         assert np.linalg.norm(track - darkest) > 50
 
 
-def test_a_missing_matplotlib_is_told_with_the_command_that_installs_it(monkeypatch):
+def test_a_missing_matplotlib_is_reported_with_the_command_that_installs_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(UsageError, match=r"found none\. Install it with pip install 'gslcosim\[plot\]'\."):
         matplotlib_for("figures", extra="plot")

@@ -31,7 +31,7 @@ def test_a_growing_file_is_read_whole_and_once(tmp_path):
     assert n_seen == len(parts), "each part was read before the next was written"
 
 
-def test_what_is_written_before_the_end_is_told_is_read(tmp_path):
+def test_what_is_written_before_the_end_is_sent_is_read(tmp_path):
     path = tmp_path / "file"
 
     def is_over():

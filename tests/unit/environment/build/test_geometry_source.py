@@ -48,7 +48,7 @@ def test_a_folder_that_is_no_environment_is_a_problem_of_its_key(tmp_path):
     assert "head.txt" in problem.remedy
 
 
-def test_what_is_wrong_with_geometry_is_told_with_its_place_in_the_scenario(tmp_path):
+def test_what_is_wrong_with_geometry_is_reported_with_its_place_in_the_scenario(tmp_path):
     (tmp_path / "half.stl").write_text("solid x\nfacet normal 0 0")
     (tmp_path / "lid.stl").write_text(
         "solid lid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 4 0 0\nvertex 0 4 0\nendloop\nendfacet\n"

@@ -76,7 +76,7 @@ def test_settings_of_the_wind_do_not_keep_places_from_being_drawn(load, wind):
     assert find_position_problems(load(wind=wind)) == []
 
 
-def test_a_room_with_problems_is_told_and_its_random_places_with_it(load):
+def test_a_room_with_problems_is_reported_and_its_random_places_with_it(load):
     with pytest.raises(InvalidScenarioError) as caught:
         load(environment={"layout": {"kind": "warehouse_simple", "size_m": [15.03, 15, 8]}})
     paths = [located.problem.path for located in caught.value.problems]
@@ -102,7 +102,7 @@ def test_without_a_room_at_hand_random_is_refused(tmp_path):
     ],
     ids=["room", "number", "between numbers"],
 )
-def test_what_keeps_places_from_being_drawn_is_told_and_not_what_follows_from_it(load, changes, path):
+def test_what_keeps_places_from_being_drawn_is_reported_and_not_what_follows_from_it(load, changes, path):
     if "vehicle" in changes:
         changes = {"agents": [{**SCENARIO["agents"][0], **changes}]}
     with pytest.raises(InvalidScenarioError) as caught:

@@ -1,4 +1,4 @@
-"""Wind of other programs: each format is recognised and read in its order, gaps are told, faults are refused."""
+"""Wind of other programs: each format is recognised and read in its order, gaps are reported, faults are refused."""
 
 import struct
 
@@ -176,7 +176,7 @@ def test_arrays_of_autogdm_and_our_own_are_read_in_their_order(tmp_path, wind):
 
 
 @pytest.mark.parametrize("name", ["cells", "own"])
-def test_one_frame_of_an_array_is_that_of_all_and_begins_anew_after_the_last(tmp_path, wind, name):
+def test_one_frame_of_an_array_is_that_of_all_and_begins_again_after_the_last(tmp_path, wind, name):
     both = np.stack([wind, 2 * wind])
     np.save(tmp_path / "cells.npy", np.stack([x_first(each) for each in both]).astype(float))
     np.save(tmp_path / "own.npy", both)
@@ -212,7 +212,7 @@ def test_sets_of_openfoam_over_time_are_a_series(tmp_path, wind):
     np.testing.assert_array_equal(frames.velocity_m_s, [wind, wind + 1])
 
 
-def test_uneven_times_are_told(tmp_path, wind):
+def test_uneven_times_are_reported(tmp_path, wind):
     for name in ("1", "2", "4"):
         write_foam(tmp_path / name, wind)
     with pytest.warns(WindGapsWarning, match=r"times 1, 2, 4 s are not evenly spaced"):
@@ -252,7 +252,7 @@ def test_several_series_in_a_folder_are_named(tmp_path, wind):
     assert frame(tmp_path / "storm").shape == (2, 3, 4, 3)
 
 
-def test_still_air_and_mostly_still_air_are_told(tmp_path, wind):
+def test_still_air_and_mostly_still_air_are_reported(tmp_path, wind):
     np.save(tmp_path / "still.npy", np.zeros((1, 24, 3)))
     with pytest.warns(NoWindWarning, match=r"still.npy: no wind at all, all 24 air cells are still"):
         load_wind(tmp_path / "still.npy", GRID)

@@ -67,7 +67,7 @@ def test_an_environment_is_made_once(tmp_path):
     assert (first / "wind.npy").stat().st_ino == made
 
 
-def test_a_damaged_environment_in_the_cache_is_made_anew(tmp_path, caplog):
+def test_a_damaged_environment_in_the_cache_is_made_again(tmp_path, caplog):
     folder = prepare_environment(scenario(), cache_dir=tmp_path)
     (folder / "wind.npy").write_bytes(b"half")
     assert prepare_environment(scenario(), cache_dir=tmp_path) == folder
@@ -75,7 +75,7 @@ def test_a_damaged_environment_in_the_cache_is_made_anew(tmp_path, caplog):
     load_environment(folder, check_hash=True)
 
 
-def test_the_cache_is_the_one_of_the_package_unless_told_otherwise(tmp_path, monkeypatch):
+def test_the_cache_is_the_one_of_the_package_unless_set_otherwise(tmp_path, monkeypatch):
     monkeypatch.setenv("GSLCOSIM_CACHE", str(tmp_path))
     assert prepare_environment(scenario()).parent == tmp_path / "environments"
 
@@ -114,7 +114,7 @@ def test_the_recipe_names_all_code_that_decides_the_result():
     assert {path.name for path in sources(folder, WindSpec())} > {path.name for path in sources(layout, WindSpec())}
 
 
-def test_code_that_only_writes_rooms_elsewhere_makes_no_environment_anew():
+def test_code_that_only_writes_rooms_elsewhere_makes_no_environment_again():
     names = {path.name for path in sources(EnvironmentSpec(layout=LayoutSpec()), WindSpec())}
     assert names.isdisjoint({"stl.py", "vtk.py", "picture.py", "export.py", "position_checks.py", "shortest.py"})
     assert names >= {"boxes.py", "occupancy.py", "store.py", "solver.py", "domain.py"}

@@ -20,7 +20,7 @@ def test_meshes_are_the_nearest_that_divide_the_room_and_all_different():
 
 
 @pytest.mark.slow
-def test_a_study_tells_speeds_and_orders_and_writes_them(tmp_path, capsys):
+def test_a_study_shows_speeds_and_orders_and_writes_them(tmp_path, capsys):
     (tmp_path / "tunnel.yaml").write_text(
         "layout: {kind: wind_tunnel, size_m: [4, 1, 1]}\nwind: {end_time_s: 2, inlet_velocity_m_s: [1, 0, 0]}\n"
     )

@@ -66,7 +66,7 @@ def test_a_folder_without_wind_is_refused_where_its_wind_is_wanted(exported, tmp
         made(EnvironmentSpec(gsl_bench="gsl_bench"), wind(solver="stored"), tmp_path)
 
 
-def test_wind_comes_from_a_file_with_its_gaps_told(tmp_path, caplog):
+def test_wind_comes_from_a_file_with_its_gaps_reported(tmp_path, caplog):
     (tmp_path / "wind.csv").write_text('"U:0","U:1","U:2","Points:0","Points:1","Points:2"\n1,2,3,0.1,0.1,0.1\n')
     with caplog.at_level(logging.WARNING):
         _, found = made(ROOM, wind(solver={"file": "wind.csv"}), tmp_path)

@@ -60,7 +60,7 @@ def test_a_box_of_each_format_has_its_twelve_triangles(tmp_path, name):
     assert extent([part]) == ([0, 0, 0], [4, 3, 2])
 
 
-def test_gltf_points_up_along_y_unless_it_is_told_otherwise(tmp_path):
+def test_gltf_points_up_along_y_unless_set_otherwise(tmp_path):
     path = write(tmp_path, "box.glb")
     assert extent(load(path, up=None)) == ([0, -2, 0], [4, 0, 3])
     assert extent(load(path, up="z")) == ([0, 0, 0], [4, 3, 2])

@@ -130,7 +130,7 @@ def test_walls_on_the_planes_of_the_grid_do_not_thicken(tmp_path):
 
 
 @pytest.mark.parametrize("is_text", [False, True])
-def test_a_file_in_millimetres_lies_where_it_is_told_to(tmp_path, is_text):
+def test_a_file_in_millimetres_lies_where_it_is_placed(tmp_path, is_text):
     file = write_stl(tmp_path / "Room 1.stl", box((0, 0, 0), (4000, 3000, 2000)), is_text=is_text)
     moved = [
         box_opening("inlet", "inlet", (-7, 1, 0.5), (-7, 2, 1.5)),
@@ -235,7 +235,7 @@ def test_obstacles_alone_stand_in_the_bounds(tmp_path):
     assert (voxelize(inside, room.grid) == expected).all()
 
 
-def test_obstacles_alone_without_bounds_are_told_how_to_get_some(tmp_path):
+def test_obstacles_alone_without_bounds_are_reported_how_to_get_some(tmp_path):
     file = write_stl(tmp_path / "block.stl", box((1, 1, 0), (2, 2, 1)))
     openings = [box_opening("a", "inlet", (0, 0, 0), (0, 3, 2)), box_opening("b", "outlet", (4, 0, 0), (4, 3, 2))]
     assert "cut the air off with bounds_m: the geometry's box is {min_m: [0, 0, 0], max_m: [4, 3, 2]}" in refusal(

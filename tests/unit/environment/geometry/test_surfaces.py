@@ -45,7 +45,7 @@ def test_doubles_and_triangles_without_area_are_left_out():
     assert surfaces.closed[surfaces.body].all()
 
 
-def test_places_far_apart_are_told_apart_too():
+def test_places_far_apart_are_distinguished_too():
     """Kilometres in steps of a hundredth of a millimetre along three axes are more than one number holds."""
     far = part(box((0, 0, 0), (1, 1, 1)), box((9000, 9000, 9000), (9001, 9001, 9001)))
     doubled = Part(name="part", names=frozenset(), vertices_m=far.vertices_m, faces=np.vstack((far.faces, far.faces)))

@@ -42,16 +42,16 @@ def test_the_way_around_a_wall_is_the_closed_form():
 
 @pytest.mark.parametrize("clearance_m", [0.2, 0.35, 0.6])
 def test_clearance_widens_the_wall(clearance_m):
-    way_m = shortest_path_m(WALLED, START_M, GOAL_M, clearance_m=clearance_m)
+    length_m = shortest_path_m(WALLED, START_M, GOAL_M, clearance_m=clearance_m)
     # A bend is off by up to half a cell, which lengthens the way by less than that.
-    assert way_m == pytest.approx(around_the_wall_m(clearance_m), abs=0.2)
+    assert length_m == pytest.approx(around_the_wall_m(clearance_m), abs=0.2)
 
 
 def test_the_way_over_a_box_is_the_unfolded_straight_line():
     low_wall = room(((7.0, 0.0, 0.0), (8.0, 12.0, 3.0)))
     unfolded_m = hypot(2 * hypot(4.0, 1.0) + 1.0, 2.0)
-    way_m = shortest_path_m(low_wall, START_M, (3.0, 7.0, 2.0), clearance_m=0.0)
-    assert unfolded_m - 1e-3 < way_m < unfolded_m * 1.01
+    length_m = shortest_path_m(low_wall, START_M, (3.0, 7.0, 2.0), clearance_m=0.0)
+    assert unfolded_m - 1e-3 < length_m < unfolded_m * 1.01
 
 
 def test_the_way_is_the_same_length_back():
@@ -64,12 +64,12 @@ def test_no_leg_touches_a_solid_cell_and_no_bend_lacks_clearance():
     corners = rng.random((14, 3)) * (12.0, 9.0, 0.0) + (1.0, 1.0, 0.0)
     size = np.array([1.0, 1.4, 3.9])
     crowd = room(*((tuple(map(float, c)), tuple(map(float, c + size))) for c in corners))
-    way = shortest_path(crowd, (0.5, 0.5, 1.0), (14.5, 11.5, 1.0), clearance_m=0.3)
-    assert len(way) > 2
-    for a, b in pairwise(way):
+    bends_m = shortest_path(crowd, (0.5, 0.5, 1.0), (14.5, 11.5, 1.0), clearance_m=0.3)
+    assert len(bends_m) > 2
+    for a, b in pairwise(bends_m):
         assert is_line_of_sight_free(crowd.occupancy, crowd.grid.origin_m, crowd.grid.cell_m, *a, *b)
     clear_m = clearance_field_m(crowd.occupancy == 1, crowd.grid.cell_m, up_to_m=1.0)
-    assert all(clear_m[tuple(crowd.grid.cell_of(bend))] >= 0.2 for bend in way[1:-1])
+    assert all(clear_m[tuple(crowd.grid.cell_of(bend))] >= 0.2 for bend in bends_m[1:-1])
 
 
 def test_a_passage_narrower_than_the_vehicle_is_closed():
@@ -79,14 +79,14 @@ def test_a_passage_narrower_than_the_vehicle_is_closed():
 
 
 def test_a_gap_between_an_obstacle_and_the_room_needs_clearance_on_both_sides():
-    shelf = room(((7.0, 0.0, 0.0), (8.0, 12.0, 3.4)))
-    assert shortest_path_m(shelf, START_M, GOAL_M, clearance_m=0.2) is not None
-    assert shortest_path_m(shelf, START_M, GOAL_M, clearance_m=0.4) is None
+    with_shelf = room(((7.0, 0.0, 0.0), (8.0, 12.0, 3.4)))
+    assert shortest_path_m(with_shelf, START_M, GOAL_M, clearance_m=0.2) is not None
+    assert shortest_path_m(with_shelf, START_M, GOAL_M, clearance_m=0.4) is None
 
 
 def test_ends_beside_an_obstacle_are_reached_although_they_lack_clearance():
-    way_m = shortest_path_m(WALLED, START_M, (6.9, 5.0, 0.1), clearance_m=0.35)
-    assert way_m == pytest.approx(hypot(4.0, 4.0) + 1.0 + hypot(4.0, 1.9), rel=0.1)
+    length_m = shortest_path_m(WALLED, START_M, (6.9, 5.0, 0.1), clearance_m=0.35)
+    assert length_m == pytest.approx(hypot(4.0, 4.0) + 1.0 + hypot(4.0, 1.9), rel=0.1)
 
 
 def test_within_shortens_the_way_by_as_much_where_its_end_is_straight():

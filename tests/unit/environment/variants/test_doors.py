@@ -84,7 +84,7 @@ def test_a_room_in_time_follows_events_and_forgets_them(room_with_gate):
     assert room.now is environment.later_rooms[EnvironmentVariant((), 1)]
     assert not room.obey(begins())
     assert room.obey(begins(2))
-    assert room.situation == EnvironmentVariant(("gate",), 1)
+    assert room.variant == EnvironmentVariant(("gate",), 1)
     room.reset()
     assert room.now is environment
 
@@ -98,7 +98,7 @@ def test_a_door_that_comes_back_finds_the_room_of_the_start(room_with_gate):
     assert list(environment.by_doors()) == [AT_START, ()]
 
 
-def test_a_room_that_was_not_made_is_told(room_with_gate):
+def test_a_room_that_was_not_made_is_reported(room_with_gate):
     scenario, environment = room_with_gate(OPENS)
     with pytest.raises(ModelError, match="expected the room that events bring with no door closed, found none"):
         DynamicEnvironment(replace(environment, later_rooms={}), scenario)

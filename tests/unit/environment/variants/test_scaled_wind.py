@@ -86,6 +86,6 @@ def test_a_service_scales_what_an_event_has_brought(frames):
     assert np.shares_memory(wind.at(0.0), frames.velocity_m_s[0])
 
 
-def test_a_wind_that_was_not_made_is_told(frames):
+def test_a_wind_that_was_not_made_is_reported(frames):
     with pytest.raises(ModelError, match=r"no door closed and the wind of events\[0\], found none"):
         driven(frames, events({"inlet_velocity_m_s": (0, 1, 0)}))

@@ -100,7 +100,7 @@ def test_the_mesh_is_cut_across_its_longest_side(write):
         ),
     ],
 )
-def test_what_openfoam_is_not_told_of_is_refused(write, patch, message):
+def test_what_openfoam_does_not_know_of_is_refused(write, patch, message):
     with pytest.raises(FlowError, match=message):
         write(INLET, OUTLET, patch)
 

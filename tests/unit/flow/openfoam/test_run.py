@@ -35,7 +35,7 @@ def openfoam(tmp_path):
     return make
 
 
-def test_the_time_of_each_step_is_told(case, openfoam):
+def test_the_time_of_each_step_is_reported(case, openfoam):
     times_s = []
     run_case(
         case, openfoam('echo "Time = 0.5"; echo "ExecutionTime = 3 s"; echo "Time = 1e+00"'), on_time=times_s.append

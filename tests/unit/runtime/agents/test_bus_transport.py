@@ -16,7 +16,7 @@ def test_a_command_becomes_an_event():
     assert events == [CommandReceived(agent="beetle", payload=b"payload")]
 
 
-def test_a_flood_is_dropped_beyond_the_limit_and_told_once():
+def test_a_flood_is_dropped_beyond_the_limit_and_reported_once():
     link, events = link_with_events()
     payload = bytes(MAX_COMMAND_BYTES)
     for _ in range(100):

@@ -1,11 +1,11 @@
-"""A desk lets commands pass, keeps what they leave, and gives up whoever owes an answer for too long."""
+"""A session lets commands pass, keeps what they leave, and gives up an agent that owes an answer for too long."""
 
 import pytest
 
 from gslcosim.agent_kit import Agent
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command, Observation
-from gslcosim.runtime.agents import session as desk_module
+from gslcosim.runtime.agents import session as session_module
 from gslcosim.runtime.agents.session import REPEAT_QUESTION_AFTER_S, AgentSession
 from gslcosim.runtime.agents.transport import AgentJoined, AgentLost, CommandReceived, ObjectTransport
 from gslcosim.runtime.agents.validator import CommandValidator
@@ -15,8 +15,8 @@ from gslcosim.runtime.machine_notes import MachineLog, read_machine_notes
 class Line:
     """A link that notes what it carries."""
 
-    def __init__(self, *, may_lose):
-        self.is_lossy = may_lose
+    def __init__(self, *, is_lossy):
+        self.is_lossy = is_lossy
         self.carried = []
         self.n_repeats = 0
         self.n_handled = 0
@@ -40,7 +40,7 @@ class Line:
 @pytest.fixture
 def clock(monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(desk_module.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(session_module.time, "monotonic", lambda: now[0])
     return now
 
 
@@ -63,13 +63,13 @@ def question(tick):
     return seen(tick, is_asked=True)
 
 
-def desk_with(*, may_lose=False):
+def session_with(*, is_lossy=False):
     journal = []
-    line = Line(may_lose=may_lose)
-    desk = AgentSession(
+    line = Line(is_lossy=is_lossy)
+    session = AgentSession(
         "beetle", CommandValidator("beetle"), line, 10.0, journal=journal.append, log_tail=lambda: "it hurts"
     )
-    return desk, line, journal
+    return session, line, journal
 
 
 def hold(tick):
@@ -77,64 +77,64 @@ def hold(tick):
 
 
 def test_an_answer_passes_with_its_bytes_and_leaves_a_trail(clock):
-    desk, line, journal = desk_with()
-    assert desk.observe(*question(3)) == []
-    assert desk.is_pending
-    (sent,) = desk.handle(hold(3))
+    session, line, journal = session_with()
+    assert session.observe(*question(3)) == []
+    assert session.is_pending
+    (sent,) = session.handle(hold(3))
     assert (sent.port, sent.message.kind) == ("command/beetle", "hold")
     assert codec.decode(Command, sent.payload) == sent.message
-    assert desk.trail.ticks.tolist() == [3]
+    assert session.trail.ticks.tolist() == [3]
     assert journal == [sent.message]
-    assert not desk.is_pending
+    assert not session.is_pending
     assert line.n_handled == 1
 
 
-def test_whoever_owes_an_answer_for_too_long_fails_with_its_last_words(clock):
-    desk, _, _ = desk_with()
-    desk.observe(*question(3))
+def test_an_agent_that_owes_an_answer_for_too_long_fails_with_the_end_of_its_log(clock):
+    session, _, _ = session_with()
+    session.observe(*question(3))
     clock[0] += 9.9
-    assert desk.check_deadline() == []
+    assert session.check_deadline() == []
     clock[0] += 0.2
-    (sent,) = desk.check_deadline()
+    (sent,) = session.check_deadline()
     assert sent.message.kind == "failed"
-    assert desk.door.faults[0].text == "the agent did not answer within 10 s. The end of its log: it hurts"
+    assert session.validator.faults[0].text == "the agent did not answer within 10 s. The end of its log: it hurts"
 
 
 def test_time_that_this_process_has_missed_is_not_the_agents(clock):
     """A supervisor that was stopped for a minute has not heard the answer that may have come meanwhile."""
-    desk, _, _ = desk_with()
-    desk.extend_deadlines(60.0)
-    assert not desk.is_pending
-    desk.observe(*question(3))
+    session, _, _ = session_with()
+    session.extend_deadlines(60.0)
+    assert not session.is_pending
+    session.observe(*question(3))
     clock[0] += 65.0
-    desk.extend_deadlines(60.0)
-    assert desk.check_deadline() == []
+    session.extend_deadlines(60.0)
+    assert session.check_deadline() == []
     clock[0] += 5.1
-    assert [sent.message.kind for sent in desk.check_deadline()] == ["failed"]
+    assert [sent.message.kind for sent in session.check_deadline()] == ["failed"]
 
 
-@pytest.mark.parametrize(("may_lose", "n_repeats"), [(True, 2), (False, 0)])
-def test_a_question_is_repeated_only_where_it_may_have_got_lost(clock, may_lose, n_repeats):
-    desk, line, _ = desk_with(may_lose=may_lose)
-    desk.observe(*question(3))
+@pytest.mark.parametrize(("is_lossy", "n_repeats"), [(True, 2), (False, 0)])
+def test_a_question_is_repeated_only_where_it_may_have_got_lost(clock, is_lossy, n_repeats):
+    session, line, _ = session_with(is_lossy=is_lossy)
+    session.observe(*question(3))
     for _ in range(2):
         clock[0] += 1.01 * REPEAT_QUESTION_AFTER_S
-        desk.check_deadline()
-        desk.check_deadline()
+        session.check_deadline()
+        session.check_deadline()
     assert line.n_repeats == n_repeats
 
 
 def test_a_gone_agent_is_not_waited_for(clock):
-    desk, _, _ = desk_with()
-    assert desk.is_awaited
-    desk.handle(AgentLost(agent="beetle", reason="it flew away."))
-    assert not desk.is_awaited
+    session, _, _ = session_with()
+    assert session.is_awaited
+    session.handle(AgentLost(agent="beetle", reason="it flew away."))
+    assert not session.is_awaited
 
 
 def test_an_agent_that_has_joined_is_ready(clock):
-    desk, _, _ = desk_with()
-    desk.handle(AgentJoined(agent="beetle"))
-    assert not desk.is_awaited
+    session, _, _ = session_with()
+    session.handle(AgentJoined(agent="beetle"))
+    assert not session.is_awaited
 
 
 class Late(Agent):
@@ -160,47 +160,47 @@ class Broken(Agent):
         return Command(tick=observation.tick, kind="hold")
 
 
-def object_desk(agent_type):
+def session_of_object(agent_type):
     events = []
-    desk = AgentSession(
+    session = AgentSession(
         "beetle", CommandValidator("beetle"), ObjectTransport("beetle", agent_type, events.append), 10.0
     )
-    desk.brief(None, b"")
-    return desk, events
+    session.brief(None, b"")
+    return session, events
 
 
 def test_an_object_answers_at_once_or_never():
-    desk, events = object_desk(Late)
-    desk.observe(*question(3))
-    kinds = [sent.message.kind for event in events for sent in desk.handle(event)]
+    session, events = session_of_object(Late)
+    session.observe(*question(3))
+    kinds = [sent.message.kind for event in events for sent in session.handle(event)]
     assert kinds == ["failed"]
     expected = "expected an answer to the observation of tick 3, was one to tick 2."
-    assert [fault.text for fault in desk.door.faults] == [expected]
+    assert [fault.text for fault in session.validator.faults] == [expected]
 
 
 def test_an_object_that_raises_is_gone():
-    desk, events = object_desk(Broken)
-    desk.observe(*seen(2, is_asked=False))
+    session, events = session_of_object(Broken)
+    session.observe(*seen(2, is_asked=False))
     for event in events:
-        desk.handle(event)
-    assert "RuntimeError: no nose" in desk.door.faults[0].text
-    (sent,) = desk.observe(*question(3))
+        session.handle(event)
+    assert "RuntimeError: no nose" in session.validator.faults[0].text
+    (sent,) = session.observe(*question(3))
     assert sent.message.kind == "failed"
 
 
-def test_what_an_agent_took_and_did_wrong_is_noted_beside_the_recording_but_nothing_of_what_is_flown_again(
+def test_what_an_agent_took_and_did_wrong_is_noted_beside_the_recording_but_nothing_of_what_is_run_again(
     clock, tmp_path
 ):
-    desk, _, _ = desk_with()
-    desk.machine = MachineLog(tmp_path)
-    desk.observe(*question(3))
+    session, _, _ = session_with()
+    session.machine = MachineLog(tmp_path)
+    session.observe(*question(3))
     clock[0] += 0.25
-    desk.handle(hold(3))
-    desk.observe(*question(7))
-    desk.handle(CommandReceived(agent="beetle", payload=hold(7).payload, decided_in_s=0.0))
-    desk.observe(*question(9))
-    desk.handle(CommandReceived(agent="beetle", payload=b"nonsense", decided_in_s=0.5))
+    session.handle(hold(3))
+    session.observe(*question(7))
+    session.handle(CommandReceived(agent="beetle", payload=hold(7).payload, decided_in_s=0.0))
+    session.observe(*question(9))
+    session.handle(CommandReceived(agent="beetle", payload=b"nonsense", decided_in_s=0.5))
     notes = read_machine_notes(tmp_path)
     assert notes.decisions_ms == {"beetle": [(3, 250.0), (9, 500.0)]}
     assert [(tick, who) for tick, who, _ in notes.faults] == [(9, "agent beetle")]
-    assert notes.faults[0][2] == desk.door.faults[0].text
+    assert notes.faults[0][2] == session.validator.faults[0].text

@@ -36,20 +36,20 @@ def waypoint(tick):
 
 def test_a_valid_answer_passes_unchanged():
     """The command that was asked for goes through, without a fault."""
-    door = CommandValidator("beetle")
-    assert door.observed(observation(5)) == []
-    assert door.received(codec.encode(waypoint(5))) == [waypoint(5)]
-    assert door.faults == []
-    assert door.pending == ()
+    validator = CommandValidator("beetle")
+    assert validator.on_observation(observation(5)) == []
+    assert validator.on_answer(codec.encode(waypoint(5))) == [waypoint(5)]
+    assert validator.faults == []
+    assert validator.pending == ()
 
 
 def test_an_answer_that_overtakes_its_observation_is_kept():
     """Two links have no order between them: the early answer passes when its observation arrives."""
-    door = CommandValidator("beetle")
-    assert door.received(codec.encode(waypoint(5))) == []
-    assert door.observed(observation(4, awaiting=False)) == []
-    assert door.observed(observation(5)) == [waypoint(5)]
-    assert door.faults == []
+    validator = CommandValidator("beetle")
+    assert validator.on_answer(codec.encode(waypoint(5))) == []
+    assert validator.on_observation(observation(4, awaiting=False)) == []
+    assert validator.on_observation(observation(5)) == [waypoint(5)]
+    assert validator.faults == []
 
 
 def nan_waypoint():
@@ -74,74 +74,74 @@ BAD_ANSWERS = {
 def test_a_bad_answer_becomes_a_hold_and_a_fault(name):
     """The vehicle holds, the run goes on, and the fault says what was expected."""
     payload, expected = BAD_ANSWERS[name]
-    door = CommandValidator("beetle")
-    door.observed(observation(5))
-    (command,) = door.received(payload)
+    validator = CommandValidator("beetle")
+    validator.on_observation(observation(5))
+    (command,) = validator.on_answer(payload)
     assert (command.tick, command.kind) == (5, "hold")
-    assert expected in door.faults[0].text
-    assert door.pending == ()
+    assert expected in validator.faults[0].text
+    assert validator.pending == ()
 
 
 def test_a_repeated_answer_is_ignored_without_a_fault():
     """After a lost message an agent repeats itself; that is not wrong."""
-    door = CommandValidator("beetle")
-    door.observed(observation(5))
-    door.received(codec.encode(waypoint(5)))
-    assert door.received(codec.encode(waypoint(5))) == []
-    door.observed(observation(6))
-    assert door.received(codec.encode(waypoint(5))) == []
-    assert len(door.pending) == 1
-    assert door.n_faults == 0
+    validator = CommandValidator("beetle")
+    validator.on_observation(observation(5))
+    validator.on_answer(codec.encode(waypoint(5)))
+    assert validator.on_answer(codec.encode(waypoint(5))) == []
+    validator.on_observation(observation(6))
+    assert validator.on_answer(codec.encode(waypoint(5))) == []
+    assert len(validator.pending) == 1
+    assert validator.n_faults == 0
 
 
 def test_a_flood_is_counted_not_kept():
     """Memory stays bounded however much an agent sends."""
-    door = CommandValidator("beetle")
-    door.observed(observation(5, awaiting=False))
+    validator = CommandValidator("beetle")
+    validator.on_observation(observation(5, awaiting=False))
     for tick in range(1000):
-        assert door.received(codec.encode(waypoint(100 + tick))) == []
-    assert door.n_faults == 1000 - MAX_EARLY_ANSWERS
-    assert len(door.faults) == MAX_FAULTS
+        assert validator.on_answer(codec.encode(waypoint(100 + tick))) == []
+    assert validator.n_faults == 1000 - MAX_EARLY_ANSWERS
+    assert len(validator.faults) == MAX_FAULTS
 
 
 def test_an_agent_that_is_gone_fails_where_it_owes_an_answer():
     """`failed` passes at the pending tick, or at the next one, and nothing after it."""
-    door = CommandValidator("beetle")
-    assert door.lost("was killed") == []
-    (command,) = door.observed(observation(5))
+    validator = CommandValidator("beetle")
+    assert validator.on_lost("was killed") == []
+    (command,) = validator.on_observation(observation(5))
     assert (command.tick, command.kind, command.reason) == (5, "failed", AGENT_LOST_REASON)
-    assert door.observed(observation(6)) == []
-    assert door.received(codec.encode(waypoint(6))) == []
-    door = CommandValidator("beetle")
-    door.observed(observation(3))
-    assert door.lost("was killed")[0].tick == 3
+    assert validator.on_observation(observation(6)) == []
+    assert validator.on_answer(codec.encode(waypoint(6))) == []
+    validator = CommandValidator("beetle")
+    validator.on_observation(observation(3))
+    assert validator.on_lost("was killed")[0].tick == 3
 
 
 def test_in_latency_mode_several_answers_may_be_open():
     """Later observations come before earlier answers; each answer finds its own."""
-    door = CommandValidator("beetle", may_overlap=True)
+    validator = CommandValidator("beetle", may_overlap=True)
     for tick in range(3):
-        door.observed(observation(tick))
-    assert door.received(codec.encode(waypoint(1))) == [waypoint(1)]
-    assert door.received(codec.encode(waypoint(3))) == []
-    assert door.received(codec.encode(waypoint(0))) == [waypoint(0)]
-    assert door.observed(observation(3)) == [waypoint(3)]
-    assert door.pending == (2,)
+        validator.on_observation(observation(tick))
+    assert validator.on_answer(codec.encode(waypoint(1))) == [waypoint(1)]
+    assert validator.on_answer(codec.encode(waypoint(3))) == []
+    assert validator.on_answer(codec.encode(waypoint(0))) == [waypoint(0)]
+    assert validator.on_observation(observation(3)) == [waypoint(3)]
+    assert validator.pending == (2,)
 
 
 @settings(deadline=None)
 @given(st.lists(st.one_of(st.binary(max_size=40), st.integers(0, 12)), max_size=30))
 def test_one_command_for_each_question(events):
     """For any mixture of garbage, repeated, early and right answers, no tick is answered twice, none unasked."""
-    door = CommandValidator("beetle")
+    validator = CommandValidator("beetle")
     passed = []
     tick = 0
     for event in events:
-        if not door.pending:
-            passed += door.observed(observation(tick, awaiting=tick % 2 == 0))
+        if not validator.pending:
+            passed += validator.on_observation(observation(tick, awaiting=tick % 2 == 0))
             tick += 1
         payload = event if isinstance(event, bytes) else codec.encode(waypoint(event))
-        passed += door.received(payload)
+        passed += validator.on_answer(payload)
     ticks = [command.tick for command in passed]
     assert ticks == sorted(set(ticks))
     assert all(t % 2 == 0 and t < tick for t in ticks)
@@ -151,11 +151,11 @@ def test_one_command_for_each_question(events):
 def test_an_unreadable_answer_that_overtakes_its_observation_is_one_too(name):
     """The question is answered with a hold; waiting for a second answer would be waiting for ever."""
     payload, expected = BAD_ANSWERS[name]
-    door = CommandValidator("beetle")
-    door.observed(observation(1, awaiting=False))
-    assert door.received(payload) == []
-    assert door.observed(observation(2, awaiting=False)) == []
-    (command,) = door.observed(observation(5))
+    validator = CommandValidator("beetle")
+    validator.on_observation(observation(1, awaiting=False))
+    assert validator.on_answer(payload) == []
+    assert validator.on_observation(observation(2, awaiting=False)) == []
+    (command,) = validator.on_observation(observation(5))
     assert (command.tick, command.kind) == (5, "hold")
-    assert [expected in fault.text for fault in door.faults] == [True]
-    assert door.pending == ()
+    assert [expected in fault.text for fault in validator.faults] == [True]
+    assert validator.pending == ()

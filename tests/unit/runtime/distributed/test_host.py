@@ -35,23 +35,25 @@ def fly(hub, cores, groups=None):
     for thread in threads:
         thread.start()
     ours.publish(protocol.START_KEY, b"")
-    byes, faults = {}, []
-    while len(byes) < len(cores) and not faults:
+    reports, faults = {}, []
+    while len(reports) < len(cores) and not faults:
         key, payload = events.get(timeout=EVENT_S)
         if key == protocol.FAULT_KEY:
             faults.append(protocol.FaultReport.from_bytes(payload))
         else:
-            bye = protocol.FinalReport.from_bytes(payload)
-            byes[bye.name] = bye
-            if bye.name == "referee":
-                ours.publish(protocol.STOP_KEY, protocol.TickReport(tick=bye.last_tick).to_bytes())
+            report = protocol.FinalReport.from_bytes(payload)
+            reports[report.name] = report
+            if report.name == "referee":
+                ours.publish(protocol.STOP_KEY, protocol.TickReport(tick=report.last_tick).to_bytes())
     ours.publish(protocol.CLOSE_KEY, b"")
     for thread in threads:
         thread.join(timeout=EVENT_S)
         assert not thread.is_alive()
-    trails = {port: HashChain.from_fields(fields) for bye in byes.values() for port, fields in bye.trails.items()}
+    trails = {
+        port: HashChain.from_fields(fields) for report in reports.values() for port, fields in report.trails.items()
+    }
     digest = RunDigest(FINAL_TICK, {}, {port: trail.until(FINAL_TICK) for port, trail in trails.items()})
-    return digest, byes, faults
+    return digest, reports, faults
 
 
 def _run_quietly(host):
@@ -64,13 +66,13 @@ def _run_quietly(host):
 @pytest.mark.slow
 def test_lost_messages_are_asked_for_again_and_change_nothing():
     """With 15 % of all bundles lost the digest is that of a run without loss, and the resends are counted."""
-    clean, byes, _ = fly(InMemoryHub(), toy_cores())
-    assert sum(bye.timing["n_resends"] for bye in byes.values()) == 0
+    clean, reports, _ = fly(InMemoryHub(), toy_cores())
+    assert sum(report.timing["n_resends"] for report in reports.values()) == 0
     hub = InMemoryHub(loss_frac=0.15, seed=3)
     cores = toy_cores()
-    lossy, byes, _ = fly(hub, cores)
+    lossy, reports, _ = fly(hub, cores)
     assert hub.n_lost > 0
-    assert sum(bye.timing["n_resends"] for bye in byes.values()) > 0
+    assert sum(report.timing["n_resends"] for report in reports.values()) > 0
     assert lossy.hex == clean.hex
 
 
@@ -127,9 +129,9 @@ def test_whatever_shares_a_process_the_digest_is_the_same(seed):
     group_of = rng.integers(0, n_groups, len(names))
     groups = [[n for n, g in zip(names, group_of, strict=True) if g == i] for i in range(n_groups)]
     hub = InMemoryHub(loss_frac=0.05 * (seed % 2), seed=seed)
-    grouped, byes, faults = fly(hub, toy_cores(), [group for group in groups if group])
+    grouped, reports, faults = fly(hub, toy_cores(), [group for group in groups if group])
     assert not faults
-    assert set(byes) == set(names)
+    assert set(reports) == set(names)
     assert grouped.hex == alone.hex
 
 

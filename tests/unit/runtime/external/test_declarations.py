@@ -59,13 +59,13 @@ def test_an_announced_port_needs_its_announcement():
 
 
 @pytest.mark.parametrize("name", ["world", "cameras", "agent_fan", "supervisor"])
-def test_names_of_services_and_doors_are_taken(name):
+def test_names_of_services_and_sessions_are_taken(name):
     problem = problem_of(f"{{name: {name}, {START}, writes: [state]}}")
     assert problem.path == "participants[0].name"
     assert problem.remedy == f"For example my_{name}."
 
 
-def test_a_ring_without_delay_is_named_and_one_with_a_delay_flies():
+def test_a_ring_without_delay_is_named_and_one_with_a_delay_runs():
     def ring(delay):
         reads = "reads: [{{port: participant/{}/state, delay: {}}}]"
         return (

@@ -43,7 +43,7 @@ def with_output(word, fields):
 
 
 @pytest.mark.parametrize(
-    ("answer", "told"),
+    ("answer", "expected"),
     [
         ({**RIGHT, "tick": 6}, "tick: expected 7, that of the inputs, was 6."),
         ({**RIGHT, "tick": 7.0}, "tick: "),
@@ -61,8 +61,8 @@ def with_output(word, fields):
         (with_output("state", {f"n{i}": 0 for i in range(257)}), "expected at most 256 values, was 257."),
     ],
 )
-def test_a_wrong_answer_is_refused_in_one_sentence(answer, told):
-    assert told in refused(read_outputs, msgpack.packb(answer), 7, WORDS)
+def test_a_wrong_answer_is_refused_in_one_sentence(answer, expected):
+    assert expected in refused(read_outputs, msgpack.packb(answer), 7, WORDS)
 
 
 @pytest.mark.parametrize("payload", [b"", b"\xc1", msgpack.packb([1]), b"\x82\xa4tick\x07\xa4tick\x07"])
@@ -76,18 +76,18 @@ def test_a_hello_names_its_ports_in_any_order():
 
 
 @pytest.mark.parametrize(
-    ("key", "reads", "writes", "told"),
+    ("key", "reads", "writes", "expected"),
     [
         ("reads", ("truth/bodies",), ("state",), "truth/samples, was truth/bodies."),
         ("reads", (), ("state",), "truth/samples, was nothing."),
         ("writes", ("truth/samples",), ("state", "other"), "state, was other, state."),
     ],
 )
-def test_a_program_that_was_made_for_other_ports_is_refused(key, reads, writes, told):
+def test_a_program_that_was_made_for_other_ports_is_refused(key, reads, writes, expected):
     hello = ParticipantHello(tick=0, reads=reads, writes=writes)
     text = refused(check_hello, hello, reads=["truth/samples"], writes=["state"])
     assert text.startswith(f"ParticipantHello: {key}: expected what the scenario declares, ")
-    assert told in text
+    assert expected in text
 
 
 @pytest.mark.parametrize("contract", ["2.0", "one"])

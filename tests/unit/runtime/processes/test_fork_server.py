@@ -36,7 +36,7 @@ def exists(pid):
     return True
 
 
-def test_a_fork_tells_how_it_ended_and_its_log_why(server, tmp_path):
+def test_a_fork_shows_how_it_ended_and_its_log_why(server, tmp_path):
     """Without a run directory in its join data a service refuses, as one that was started does."""
     process = server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
     assert process.wait(EVENT_S) == 3
@@ -44,7 +44,7 @@ def test_a_fork_tells_how_it_ended_and_its_log_why(server, tmp_path):
     assert "expected run_dir in the join data" in (tmp_path / "world.log").read_text()
 
 
-def test_several_forks_are_told_apart(server, tmp_path):
+def test_several_forks_are_distinguished(server, tmp_path):
     names = ("fields", "sensing", "weather")
     processes = {name: server.fork(name, [name], join=JOIN, log=tmp_path / f"{name}.log") for name in names}
     assert {name: process.wait(EVENT_S) for name, process in processes.items()} == dict.fromkeys(names, 3)
@@ -77,7 +77,7 @@ def test_a_server_that_is_killed_takes_its_forks_along(tmp_path):
             server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
 
 
-def test_a_stopped_server_tells_the_ends_of_its_forks_when_it_is_woken(server, tmp_path):
+def test_a_stopped_server_shows_the_ends_of_its_forks_when_it_is_woken(server, tmp_path):
     """And nobody has to wait for it to learn that a number is not known yet."""
     os.kill(server.pid, signal.SIGSTOP)
     process = server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")

@@ -1,4 +1,4 @@
-"""A stopped process is seen, given some time, and ended; whoever looked away himself blames nobody for it."""
+"""A stopped process is seen, given some time, and ended; anyone who looked away himself blames nobody for it."""
 
 import os
 import signal
@@ -44,12 +44,12 @@ def sleeping():
 
 def looks(stops, until_s, stopped, start_s=0.0):
     """Look four times a second; return when each name was first said to be stopped for too long."""
-    told, now_s = {}, start_s
+    reported, now_s = {}, start_s
     while now_s < until_s:
         for name in stops.look(stopped(now_s), now_s):
-            told.setdefault(name, now_s)
+            reported.setdefault(name, now_s)
         now_s += STOP_POLL_PERIOD_S
-    return told
+    return reported
 
 
 def test_who_goes_on_in_time_is_not_named():
@@ -58,17 +58,17 @@ def test_who_goes_on_in_time_is_not_named():
 
 
 def test_who_stays_stopped_is_named_after_the_limit():
-    told = looks(StopDetector(), 20, lambda now_s: ["recorder"] if now_s >= 3 else [])
-    assert told.keys() == {"recorder"}
-    assert 3 + STOP_TIMEOUT_S < told["recorder"] <= 3 + STOP_TIMEOUT_S + 2 * STOP_POLL_PERIOD_S
+    reported = looks(StopDetector(), 20, lambda now_s: ["recorder"] if now_s >= 3 else [])
+    assert reported.keys() == {"recorder"}
+    assert 3 + STOP_TIMEOUT_S < reported["recorder"] <= 3 + STOP_TIMEOUT_S + 2 * STOP_POLL_PERIOD_S
 
 
 def test_time_in_which_nobody_looked_does_not_count():
     """The watch itself stood still for a minute: the other has its whole limit from then on."""
     stops = StopDetector()
     assert looks(stops, 2, lambda _: ["world"]) == {}
-    told = looks(stops, 80, lambda _: ["world"], start_s=62)
-    assert 62 + STOP_TIMEOUT_S - 2 <= told["world"] <= 62 + STOP_TIMEOUT_S
+    reported = looks(stops, 80, lambda _: ["world"], start_s=62)
+    assert 62 + STOP_TIMEOUT_S - 2 <= reported["world"] <= 62 + STOP_TIMEOUT_S
 
 
 def test_a_pause_is_far_longer_than_a_look():
@@ -113,18 +113,18 @@ def test_a_process_that_is_gone_is_not_stopped(sleeping):
 
 
 @linux
-def test_the_watch_tells_once_and_kills(sleeping):
-    told, has_told = [], threading.Event()
+def test_the_watch_reports_once_and_kills(sleeping):
+    reported, has_told = [], threading.Event()
 
     def on_stopped(name):
-        told.append(name)
+        reported.append(name)
         has_told.set()
 
     os.kill(sleeping.pid, signal.SIGSTOP)
     with StopMonitor(lambda: {"world": sleeping.pid, "not begun": 0}, on_stopped):
         assert has_told.wait(STOP_TIMEOUT_S + EVENT_S)
         assert sleeping.wait(EVENT_S) == -signal.SIGKILL
-    assert told == ["world"]
+    assert reported == ["world"]
     assert "stopped by a signal" in describe_stop()
 
 

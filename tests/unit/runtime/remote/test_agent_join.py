@@ -23,7 +23,7 @@ def joined(tmp_path):
     return joined
 
 
-def test_bundled_agents_files_and_commands_are_told_apart(tmp_path, monkeypatch):
+def test_bundled_agents_files_and_commands_are_distinguished(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.py").touch()
     assert build_agent_command(["dung_beetle"], is_behind_gateway=False)[-1].endswith("dung_beetle/agent.py")
@@ -33,11 +33,11 @@ def test_bundled_agents_files_and_commands_are_told_apart(tmp_path, monkeypatch)
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "expected"),
     [([], "a program after agent"), (["none.py"], r"a \.py file or one of"), (["no_such", "x"], "no such program")],
 )
-def test_what_cannot_be_started_is_refused(words, told):
-    with pytest.raises(UsageError, match=told):
+def test_what_cannot_be_started_is_refused(words, expected):
+    with pytest.raises(UsageError, match=expected):
         build_agent_command(words, is_behind_gateway=False)
 
 
@@ -47,7 +47,7 @@ def test_a_python_agent_does_not_connect_to_the_gateway_itself():
 
 
 @pytest.mark.slow
-def test_a_program_finds_how_to_join_and_its_end_is_told(joined):
+def test_a_program_finds_how_to_join_and_its_end_is_reported(joined):
     reads = "import json, os; fields = json.load(open(os.environ['GSLCOSIM_JOIN'])); assert fields['password'] == 'p'"
     said = []
     join_as_agent(joined(AGENT), [sys.executable, "-c", reads], say=said.append)

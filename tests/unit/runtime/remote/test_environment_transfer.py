@@ -109,7 +109,7 @@ def test_a_room_that_was_changed_on_the_way_is_refused(run):
     assert list(run.cache.iterdir()) == []
 
 
-def test_a_piece_that_never_comes_is_told(run):
+def test_a_piece_that_never_comes_is_reported(run):
     offer = elsewhere(run)
     (run.folder / WIND_FILE).write_bytes(b"short")
     with pytest.raises(RunTimeoutError, match=rf"{WIND_FILE} of the room: expected a piece"):
@@ -126,7 +126,7 @@ def test_a_file_that_is_not_of_the_room_is_not_given_away(run):
     assert came == []
 
 
-def test_a_run_that_offers_nothing_is_told(run):
+def test_a_run_that_offers_nothing_is_reported(run):
     with pytest.raises(RunTimeoutError, match="--elsewhere"):
         fetch_offer(InMemoryHub().open())
 

@@ -1,4 +1,4 @@
-"""What a host has otherwise than the run is told in one sentence."""
+"""What a host has otherwise than the run is reported in one sentence."""
 
 import pytest
 
@@ -19,7 +19,7 @@ def test_the_same_software_is_taken_whatever_the_processor():
 
 
 @pytest.mark.parametrize(
-    ("changed", "told"),
+    ("changed", "expected"),
     [
         ({"version": "0.2.0"}, "gslcosim 0.3.0, which the run has, was 0.2.0"),
         ({"contract": "d" * 32}, f"contract {'c' * 32}, which the run speaks, was {'d' * 32}"),
@@ -28,9 +28,9 @@ def test_the_same_software_is_taken_whatever_the_processor():
         ({"code": "1" * 32}, "000000000000, was 111111111111"),
     ],
 )
-def test_what_differs_is_told(changed, told):
+def test_what_differs_is_reported(changed, expected):
     refusal = RUN.find_mismatch(RUN.model_copy(update=changed))
-    assert told in refusal
+    assert expected in refusal
     assert "\n" not in refusal
 
 

@@ -53,22 +53,22 @@ class Tree:
 
 def restored(tree, **settings):
     other = Tree(**settings)
-    keeper = ObjectState(other, packages=frozenset({Tree.__module__.partition(".")[0]}))
-    keeper.restore(msgpack.unpackb(msgpack.packb(tree), strict_map_key=False))
+    adapter = ObjectState(other, packages=frozenset({Tree.__module__.partition(".")[0]}))
+    adapter.restore(msgpack.unpackb(msgpack.packb(tree), strict_map_key=False))
     return other
 
 
 @pytest.fixture
 def grown():
     tree = Tree()
-    keeper = ObjectState(tree, packages=frozenset({Tree.__module__.partition(".")[0]}))
+    adapter = ObjectState(tree, packages=frozenset({Tree.__module__.partition(".")[0]}))
     tree.grow()
-    return tree, keeper
+    return tree, adapter
 
 
 def test_values_come_back_and_what_was_shared_is_shared(grown):
-    tree, keeper = grown
-    other = restored(keeper.state())
+    tree, adapter = grown
+    other = restored(adapter.state())
     assert other.table.tolist() == [1.0, 2.0, 3.0, 4.0]
     assert other.rows[0].tolist() == [2.0, 3.0]
     other.table[1] = 7.0
@@ -97,35 +97,35 @@ def test_a_setting_that_is_another_stays_another(grown):
 
 
 def test_a_state_is_read_without_changing_anything(grown):
-    _, keeper = grown
-    assert are_states_equal(keeper.state(), keeper.state())
+    _, adapter = grown
+    assert are_states_equal(adapter.state(), adapter.state())
 
 
 def test_it_can_be_brought_back_again(grown):
-    tree, keeper = grown
-    state = keeper.state()
+    tree, adapter = grown
+    state = adapter.state()
     tree.grow()
-    keeper.restore(state)
-    assert are_states_equal(keeper.state()["nodes"][0], state["nodes"][0])
+    adapter.restore(state)
+    assert are_states_equal(adapter.state()["nodes"][0], state["nodes"][0])
     assert tree.kept["a"] == [1, 2, 3]
 
 
 def test_what_cannot_be_kept_is_named_with_its_place(grown):
-    tree, keeper = grown
+    tree, adapter = grown
     tree.leaf.values = (number for number in range(3))
     with pytest.raises(
         SnapshotError, match=r"^\.leaf\.values: expected something whose state can be kept, was a .*generator"
     ):
-        keeper.state()
+        adapter.state()
 
 
 def test_what_another_library_holds_is_not_taken_for_fixed():
     """Its state would be lost without a word."""
     tree = Tree()
     tree.maybe = io.BytesIO(b"x")
-    keeper = ObjectState(tree, packages=frozenset({Tree.__module__.partition(".")[0]}))
+    adapter = ObjectState(tree, packages=frozenset({Tree.__module__.partition(".")[0]}))
     with pytest.raises(SnapshotError, match=r"^\.maybe: expected something .*, was a _io\.BytesIO"):
-        keeper.state()
+        adapter.state()
 
 
 def test_an_object_that_was_built_otherwise_refuses(grown):

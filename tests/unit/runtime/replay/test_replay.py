@@ -18,7 +18,7 @@ def test_commands_are_found_by_agent_and_tick(tmp_path):
 @pytest.mark.parametrize(
     "line", ["{", "[]", '{"tick": 3, "kind": "hold"}', '{"agent": "a", "tick": 3, "kind": "sing"}']
 )
-def test_a_line_that_is_no_command_is_told_with_its_number(tmp_path, line):
+def test_a_line_that_is_no_command_is_reported_with_its_number(tmp_path, line):
     (tmp_path / "inputs.log").write_text(f"{HOLD}\n{line}\n")
     with pytest.raises(UsageError, match=r"inputs\.log:2: expected an agent's command"):
         read_recorded_commands(tmp_path / "inputs.log")

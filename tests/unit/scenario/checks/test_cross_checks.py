@@ -51,8 +51,8 @@ from gslcosim_services.world import core as world
          "10.1."),
     ],
 )  # fmt: skip
-def test_parts_that_do_not_fit_together_are_one_problem(told, old, new, line):
-    assert told((old, new)) == [line]
+def test_parts_that_do_not_fit_together_are_one_problem(problem_lines, old, new, line):
+    assert problem_lines((old, new)) == [line]
 
 
 @pytest.mark.parametrize(
@@ -68,15 +68,15 @@ def test_times_that_are_whole_numbers_of_ticks_and_steps_are_accepted(scenario_f
     assert load_scenario(scenario_file((old, new))).name == "hall"
 
 
-def test_a_folder_of_an_environment_must_be_there(told, tmp_path):
-    (line,) = told(("layout: {kind: warehouse_empty, size_m: [15, 10, 8]}", "path: rooms/hall"))
+def test_a_folder_of_an_environment_must_be_there(problem_lines, tmp_path):
+    (line,) = problem_lines(("layout: {kind: warehouse_empty, size_m: [15, 10, 8]}", "path: rooms/hall"))
     assert line == (
         "hall.yaml:4: environment.path: expected the folder of an environment, was 'rooms/hall'. "
         "There is no folder rooms/hall."
     )
     (tmp_path / "rooms").mkdir()
     (tmp_path / "rooms" / "hall").touch()
-    (line,) = told(("layout: {kind: warehouse_empty, size_m: [15, 10, 8]}", "path: rooms/hall"))
+    (line,) = problem_lines(("layout: {kind: warehouse_empty, size_m: [15, 10, 8]}", "path: rooms/hall"))
     assert line.endswith("There is no folder but a file rooms/hall.")
 
 
@@ -87,8 +87,8 @@ def test_an_environments_folder_is_relative_to_the_scenario(scenario_file, tmp_p
     assert loaded.directory == tmp_path
 
 
-def test_values_of_a_wrong_kind_are_left_to_the_models(told):
-    lines = told(
+def test_values_of_a_wrong_kind_are_left_to_the_models(problem_lines):
+    lines = problem_lines(
         ("name: hall", "name: hall\ntick_ms: fast\nrecording: {gas_every_s: often}"), ("agents:\n", "agents: 5\nx:\n")
     )
     assert [line.partition(": expected")[0] for line in lines] == [
@@ -123,11 +123,11 @@ TWO_MORE = """agents:
          "Give door, format and observations with beetle."),
     ],
 )  # fmt: skip
-def test_an_agent_flies_only_in_a_process_of_its_own_kind(told, start, end):
-    assert told(("agents:\n", TWO_MORE.replace("START", start))) == [f"hall.yaml:10: agents[1].start.{end}"]
+def test_an_agent_runs_only_in_a_process_of_its_own_kind(problem_lines, start, end):
+    assert problem_lines(("agents:\n", TWO_MORE.replace("START", start))) == [f"hall.yaml:10: agents[1].start.{end}"]
 
 
-def test_agents_are_listed_by_the_process_that_flies_them(scenario_file):
+def test_agents_are_listed_by_the_process_that_runs_them(scenario_file):
     path = scenario_file(("agents:\n", TWO_MORE.replace("START", "{attach: true}")))
     scenario = load_scenario(path).scenario
     assert scenario.agents_by_process() == {"beetle": ("moth", "beetle"), "wasp": ("wasp",)}
@@ -150,9 +150,9 @@ def test_agents_are_listed_by_the_process_that_flies_them(scenario_file):
           "channels[0].delay_ticks: expected a whole number from 1 to 1000, was 0."]),
     ],
 )  # fmt: skip
-def test_a_channel_that_cannot_be_is_refused(told, channels, lines):
+def test_a_channel_that_cannot_be_is_refused(problem_lines, channels, lines):
     agents = TWO_MORE.replace("START", "{attach: true}")
-    found = told(("agents:\n", agents), ("name: hall", f"name: hall\nchannels: {channels}"))
+    found = problem_lines(("agents:\n", agents), ("name: hall", f"name: hall\nchannels: {channels}"))
     assert sorted(line.removeprefix("hall.yaml:3: ") for line in found if "problems" not in line) == sorted(lines)
 
 
@@ -166,9 +166,9 @@ def test_a_channel_that_cannot_be_is_refused(told, channels, lines):
          "expected agents with other names than 'all', which addresses all of them, was 'all'. Rename the agent."),
     ],
 )  # fmt: skip
-def test_an_agent_that_no_message_can_reach_is_no_member(told, start, name, end):
+def test_an_agent_that_no_message_can_reach_is_no_member(problem_lines, start, name, end):
     agents = TWO_MORE.replace("START", start).replace("wasp", name)
-    found = told(("agents:\n", agents), ("name: hall", "name: hall\nchannels: [{name: radio}]"))
+    found = problem_lines(("agents:\n", agents), ("name: hall", "name: hall\nchannels: [{name: radio}]"))
     assert found == [f"hall.yaml:3: channels[0].members: {end}"]
 
 
@@ -217,12 +217,12 @@ def test_an_agent_that_no_message_can_reach_is_no_member(told, start, name, end)
          "example [1, 0, 0], ahead."),
     ],
 )  # fmt: skip
-def test_instruments_and_gases_that_cannot_be_are_refused(told, old, new, line):
-    assert told((old, new)) == [line]
+def test_instruments_and_gases_that_cannot_be_are_refused(problem_lines, old, new, line):
+    assert problem_lines((old, new)) == [line]
 
 
-def test_missing_gas_frames_are_one_problem(told, tmp_path):
-    (line,) = told(("gas:", "gas:\n  model: playback\n  playback: {folder: frames}"))
+def test_missing_gas_frames_are_one_problem(problem_lines, tmp_path):
+    (line,) = problem_lines(("gas:", "gas:\n  model: playback\n  playback: {folder: frames}"))
     assert line.startswith(
         "hall.yaml:7: gas.playback.folder: expected a folder of gas frames, or a movie, was 'frames'"
     )

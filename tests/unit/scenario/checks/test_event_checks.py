@@ -1,4 +1,4 @@
-"""Events that cannot be are told with their place, what is expected, and a remedy."""
+"""Events that cannot be are reported with their place, what is expected, and a remedy."""
 
 import pytest
 
@@ -12,7 +12,7 @@ def check(scenario, directory):
 
 
 @pytest.mark.parametrize(
-    ("event", "told"),
+    ("event", "expected"),
     [
         ("{what: source_stops, at_s: 21}",
          "events[0].at_s: expected a time up to the end of the run, 20 s, was 21 s."),
@@ -46,14 +46,14 @@ def check(scenario, directory):
          "events[0].what: expected no event of radio in a scenario without channels, was radio_lost."),
     ],
 )  # fmt: skip
-def test_an_event_that_cannot_be_is_refused(event, told):
+def test_an_event_that_cannot_be_is_refused(event, expected):
     with pytest.raises(ScenarioError) as caught:
         load_scenario("tiny_room", overrides=[f"events=[{event}]"], checks=[check])
-    assert told in str(caught.value)
+    assert expected in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("event", "change", "told"),
+    ("event", "change", "expected"),
     [
         ("{what: source_stops, at_s: 1}", "gas.tape=true",
          "events[0].what: expected no event of a source with gas that cannot follow it, was gas.tape: true."),
@@ -75,10 +75,10 @@ def test_an_event_that_cannot_be_is_refused(event, told):
          "events[0].sensor: expected a sensor that has bias as a setting, was 'wind', a lidar_2d."),
     ],
 )  # fmt: skip
-def test_an_event_that_does_not_fit_the_rest_is_refused(event, change, told):
+def test_an_event_that_does_not_fit_the_rest_is_refused(event, change, expected):
     with pytest.raises(ScenarioError) as caught:
         load_scenario("tiny_room", overrides=[f"events=[{event}]", change])
-    assert told in str(caught.value)
+    assert expected in str(caught.value)
 
 
 def test_a_channel_that_is_not_there_is_refused():
@@ -90,7 +90,7 @@ def test_a_channel_that_is_not_there_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "expected"),
     [
         (["events=[{what: door_opens, at_s: 1, door: gat}]"],
          "events[0].door: expected the name of a door in environment.doors (gate), was 'gat'. Did you mean gate?"),
@@ -124,10 +124,10 @@ def test_a_channel_that_is_not_there_is_refused():
          "environment.doors: expected none where the wind is stored: with a door it would be another, was some."),
     ],
 )  # fmt: skip
-def test_a_door_that_cannot_be_is_refused(changes, told):
+def test_a_door_that_cannot_be_is_refused(changes, expected):
     with pytest.raises(ScenarioError) as caught:
         load_scenario("event_door", overrides=changes, checks=[check])
-    assert told in str(caught.value)
+    assert expected in str(caught.value)
 
 
 def test_too_many_rooms_are_refused():

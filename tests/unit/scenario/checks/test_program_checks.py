@@ -64,8 +64,8 @@ def test_programs_that_are_there_are_accepted(agent_files, scenario_file, start)
         ("{command: []}", f"{PLACE}.command: expected a list of at least one text, was []."),
     ],
 )  # fmt: skip
-def test_a_missing_program_is_one_problem_with_a_remedy(agent_files, told, start, told_line):
-    assert told((PYTHON, start)) == [told_line]
+def test_a_missing_program_is_one_problem_with_a_remedy(agent_files, problem_lines, start, told_line):
+    assert problem_lines((PYTHON, start)) == [told_line]
 
 
 @pytest.mark.parametrize(
@@ -80,9 +80,9 @@ def test_a_missing_program_is_one_problem_with_a_remedy(agent_files, told, start
         ("#!\n", "'./prog' with #!. Name one in the first line of prog, for example #!/bin/sh."),
     ],
 )  # fmt: skip
-def test_a_script_without_its_interpreter_is_a_problem(agent_files, tmp_path, told, first_line, end):
+def test_a_script_without_its_interpreter_is_a_problem(agent_files, tmp_path, problem_lines, first_line, end):
     (tmp_path / "prog").write_bytes(first_line.encode())
-    (line,) = told((PYTHON, "{command: [./prog]}"))
+    (line,) = problem_lines((PYTHON, "{command: [./prog]}"))
     assert line == f"{PLACE}.command[0]: expected a script whose interpreter is there, was {end}"
 
 

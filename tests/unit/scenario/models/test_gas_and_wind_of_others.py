@@ -45,7 +45,7 @@ def package(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("override", "told"),
+    ("override", "expected"),
     [
         ("gas.model=number", "gas.model: expected somebodys_air:number to be a class for 'number' that derives from "
          "GasSpec, was 42. Correct the entry point of the package."),
@@ -53,10 +53,10 @@ def package(tmp_path, monkeypatch):
         ("wind.solver=misnamed", "wind.solver: expected somebodys_air:BreezeSpec to be a class for 'misnamed' that "),
     ],
 )  # fmt: skip
-def test_what_cannot_be_used_has_place_expected_found_and_remedy(package, override, told):
+def test_what_cannot_be_used_has_place_expected_found_and_remedy(package, override, expected):
     with pytest.raises(ScenarioError) as refusal:
         load_scenario("tiny_room", overrides=[override])
-    assert told in str(refusal.value)
+    assert expected in str(refusal.value)
 
 
 def test_a_block_without_a_builder_is_refused():

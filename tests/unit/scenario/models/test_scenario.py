@@ -89,8 +89,8 @@ AN_INLET = "size_m: [15, 10, 8], inlet: {min_m: [0, 0, 0], max_m: [1, 1, 1]}"
          "greater, was [1, 1, 1]. An opening is a rectangle on one side of the room."),
     ],
 )  # fmt: skip
-def test_fields_that_do_not_fit_together_are_one_problem(told, old, new, line):
-    assert told((old, new)) == [line]
+def test_fields_that_do_not_fit_together_are_one_problem(problem_lines, old, new, line):
+    assert problem_lines((old, new)) == [line]
 
 
 def test_the_rules_hold_for_models_made_in_python_too():

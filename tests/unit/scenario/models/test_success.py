@@ -1,4 +1,4 @@
-"""Blocks of success: what each accepts, and what is told of it."""
+"""Blocks of success: what each accepts, and what is reported of it."""
 
 import pytest
 
@@ -25,12 +25,14 @@ from gslcosim.scenario.models.success import CRITERIA, SourceSuccess
         ("{of: all_sources, within_m: 0}", "within_m: expected a number greater than 0 in metres, was 0."),
     ],
 )  # fmt: skip
-def test_what_means_nothing_for_a_criterion_is_a_problem_with_place_and_remedy(told, block, line):
-    assert told(("agents:", f"referee:\n  success: {block}\nagents:")) == [f"hall.yaml:9: referee.success.{line}"]
+def test_what_means_nothing_for_a_criterion_is_a_problem_with_place_and_remedy(problem_lines, block, line):
+    assert problem_lines(("agents:", f"referee:\n  success: {block}\nagents:")) == [
+        f"hall.yaml:9: referee.success.{line}"
+    ]
 
 
-def test_no_block_at_all_is_one_problem_too(told):
-    (line,) = told(("agents:", "referee: {success: near}\nagents:"))
+def test_no_block_at_all_is_one_problem_too(problem_lines):
+    (line,) = problem_lines(("agents:", "referee: {success: near}\nagents:"))
     assert "expected a block with the key of, one of source, declaration, all_sources or map, was 'near'" in line
 
 

@@ -63,10 +63,12 @@ def test_a_scenario_may_name_the_criterion_of_a_package_and_keeps_its_settings(p
          "ModuleNotFoundError(\"No module named 'somebodys_missing_module'\"). Correct the package."),
     ],
 )  # fmt: skip
-def test_problems_of_such_a_block_have_place_expected_found_and_remedy(package, told, block, line):
-    assert told(("agents:", f"referee:\n  success: {block}\nagents:")) == [f"hall.yaml:9: referee.success.{line}"]
+def test_problems_of_such_a_block_have_place_expected_found_and_remedy(package, problem_lines, block, line):
+    assert problem_lines(("agents:", f"referee:\n  success: {block}\nagents:")) == [
+        f"hall.yaml:9: referee.success.{line}"
+    ]
 
 
-def test_a_name_that_the_class_does_not_have_is_refused(package, told):
-    (line,) = told(("agents:", "referee: {success: {of: misnamed}}\nagents:"))
+def test_a_name_that_the_class_does_not_have_is_refused(package, problem_lines):
+    (line,) = problem_lines(("agents:", "referee: {success: {of: misnamed}}\nagents:"))
     assert "to be a class for 'misnamed'" in line

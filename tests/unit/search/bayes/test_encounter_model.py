@@ -84,7 +84,7 @@ def test_windless_hits_on_a_line_and_in_space_are_the_closed_forms():
 
 
 @pytest.mark.parametrize(("length", "intensity", "outcomes"), [(1.0, 1.0, 3), (2.0, 2.0, 4), (3.0, 2.0, 4)])
-def test_so_many_outcomes_are_told_apart_as_in_the_published_grids(length, intensity, outcomes):
+def test_so_many_outcomes_are_distinguished_as_in_the_published_grids(length, intensity, outcomes):
     mean = windless_mean_hits(np.array([1.0]), dimensions=2, length_cells=length, intensity=intensity)
     assert count_outcomes(float(mean[0])) == outcomes
 

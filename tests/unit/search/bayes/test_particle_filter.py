@@ -172,9 +172,9 @@ def test_wander_is_the_winds_own_variance_over_steps_or_at_least_what_eddies_do(
     assert wind_spread_m_sqrt_s(winds, 0.5, 0.1) == pytest.approx([0.3 * math.sqrt(0.5), 0.1], rel=0.05)
     assert wind_spread_m_sqrt_s(winds[:1], 0.5, 0.1) == pytest.approx([0.1, 0.1])
     # So far do 20 steps really displace.
-    ways_m = (winds[:, 0].reshape(200, 20) * 0.5).sum(axis=1)
+    distances_m = (winds[:, 0].reshape(200, 20) * 0.5).sum(axis=1)
     expected = puff_variances_m2(21, 0.5, wind_spread_m_sqrt_s(winds, 0.5, 0.1), 0.0)[20, 0]
-    assert ways_m.var() == pytest.approx(expected, rel=0.3)
+    assert distances_m.var() == pytest.approx(expected, rel=0.3)
 
 
 def test_the_same_seed_gives_the_same_cloud():

@@ -293,7 +293,7 @@ def test_a_filter_survives_readings_that_its_model_cannot_explain():
     assert searcher.weights().sum() == pytest.approx(1.0)
 
 
-def test_a_reading_where_the_sets_differ_tells_more_than_one_where_they_agree():
+def test_a_reading_where_the_sets_differ_shows_more_than_one_where_they_agree():
     near, far = TERM_SET.copy(), TERM_SET.copy()
     far[:2] = 20.0, 2.0
     terms = np.array([near, far] * 20)

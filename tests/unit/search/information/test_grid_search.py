@@ -33,11 +33,11 @@ SETTINGS = {
 }  # fmt: skip
 
 
-def searcher(*, dimensions=2, told=None, **changes) -> GridSearch:
+def searcher(*, dimensions=2, briefed=None, **changes) -> GridSearch:
     return GridSearch(
-        told or briefing(sensors=PID),
+        briefed or briefing(sensors=PID),
         SimpleNamespace(**{**SETTINGS, **changes}),
-        lambda outlook: infotaxis_cost(outlook.foresight()),
+        lambda context: infotaxis_cost(context.predict()),
         dimensions=dimensions,
     )
 
@@ -82,7 +82,7 @@ def test_the_second_finding_at_a_place_weighs_half_the_third_a_third():
     for k in range(3):
         smell(search, (7.0, 5.0, 2.0), 1.0, start_s=5.0 + k, n_s=1)
         odds.append(math.log(search.p[upwind] / search.p[aside]))
-        assert search.outlook((7.0, 5.0)).novelty[0] == pytest.approx(1.0 / (2.0 + k))
+        assert search.build_context((7.0, 5.0)).novelty[0] == pytest.approx(1.0 / (2.0 + k))
     first, second, third = np.diff(odds)
     assert (second, third) == pytest.approx((first / 2.0, first / 3.0), rel=1e-6)
 
@@ -96,7 +96,7 @@ def test_a_floor_keeps_every_cell_possible():
 
 
 def test_what_was_passed_is_ruled_out_where_arrival_would_end_the_run():
-    coming, declaring = searcher(told=briefing(sensors=PID, mission=COME)), searcher()
+    coming, declaring = searcher(briefed=briefing(sensors=PID, mission=COME)), searcher()
     for search in (coming, declaring):
         search.observe(seen(0.0, speed_m_s=0.0))
     even = 1.0 / (30 * 20)
@@ -107,7 +107,7 @@ def test_what_was_passed_is_ruled_out_where_arrival_would_end_the_run():
 
 
 def test_passing_again_rules_out_no_more():
-    search = searcher(told=briefing(sensors=PID, mission=COME))
+    search = searcher(briefed=briefing(sensors=PID, mission=COME))
     for k in range(5):
         search.observe(seen(float(k), (7.0 + 3.0 * (k % 2), 5.0, 2.0), speed_m_s=0.0))
     assert search.p.min() == pytest.approx(0.1 * search.p.max())
@@ -159,7 +159,7 @@ def test_where_every_step_is_refused_it_stays():
 
 def test_with_a_map_neither_belief_nor_steps_enter_walls():
     wall = (8.0, 3.0, 9.0, 7.0)
-    search = searcher(told=briefing(sensors=PID, known_map=open_map(walls=(wall,))))
+    search = searcher(briefed=briefing(sensors=PID, known_map=open_map(walls=(wall,))))
     x, y = np.meshgrid(search.grid.axis_m(0), search.grid.axis_m(1), indexing="ij")
     inside = (x > 8.0) & (x < 9.0) & (y > 3.0) & (y < 7.0)
     smell(search, (7.0, 5.0, 2.0), 1.0)
@@ -175,11 +175,11 @@ def test_in_space_it_also_goes_up_and_down():
 
 
 def test_a_tree_surveys_each_place_once():
-    outlook = searcher().outlook((7.0, 5.0))
-    tree = outlook.tree(2)
+    context = searcher().build_context((7.0, 5.0))
+    tree = context.tree(2)
     assert len(tree.start) == 4
     # Two steps along the axes: 4 places one step away, and 9 that lie two steps away.
-    assert len(tree.prospect.places_m) == 13
+    assert len(tree.candidates.places_m) == 13
     assert [len(tree.moves[place]) for place in tree.start] == [4, 4, 4, 4]
 
 
@@ -225,7 +225,7 @@ def test_the_published_belief_is_that_of_the_searcher():
 # ------------------------------------------------------------------------------------------------ what is known
 
 
-def test_the_mission_s_sentence_tells_whether_arrival_ends_the_run(make_scenario):
+def test_the_mission_s_sentence_shows_whether_arrival_ends_the_run(make_scenario):
     scenario = make_scenario({})
     coming = briefing(mission=mission_text(scenario))
     assert arrival_radius_m(coming) == scenario.referee.success.within_m

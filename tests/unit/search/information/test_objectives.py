@@ -37,7 +37,7 @@ def belief(seed=3) -> np.ndarray:
     return p / p.sum()
 
 
-def prospect(*, n_outcomes=3, floor=0.0, power=1.0, reach_m=0.6, places_m=PLACES_M) -> Candidates:
+def candidates(*, n_outcomes=3, floor=0.0, power=1.0, reach_m=0.6, places_m=PLACES_M) -> Candidates:
     model = EncounterModel(
         dimensions=2, emission_per_s=2.0, diffusivity_m2_s=0.4, lifetime_s=20.0, detector_m=0.2, wind_m_s=(0.3, 0.1)
     )
@@ -67,8 +67,8 @@ def by_hand(p, stops):
 
 @pytest.mark.parametrize("tempering", [{}, {"floor": 1e-2, "power": 0.4}, {"reach_m": 0.0}])
 def test_each_criterion_is_its_definition_outcome_by_outcome(tempering):
-    p, stops = belief(), prospect(**tempering)
-    foresight = predict_stops(p, stops, alpha=0.5)
+    p, stops = belief(), candidates(**tempering)
+    predictions = predict_stops(p, stops, alpha=0.5)
     mean_m = p @ CELLS_M
     step_m, temperature, exploration = 1.0, 0.7, 2.0
     for i, outcomes in enumerate(by_hand(p, stops)):
@@ -82,23 +82,23 @@ def test_each_criterion_is_its_definition_outcome_by_outcome(tempering):
         renyi = [-2.0 * math.log2(float(np.sqrt(q * p).sum())) for _, q in outcomes]
         steps = [math.log2(d + 2 ** (h - 1) - 0.5) for d, h in zip(distances, entropies, strict=True)]
 
-        assert infotaxis_cost(foresight)[i] == pytest.approx(np.dot(chances, entropies))
-        assert space_aware_cost(foresight, step_m=step_m)[i] == pytest.approx(np.dot(chances, steps))
-        assert entrotaxis_cost(foresight)[i] == pytest.approx(-entropy_bits(rho))
-        assert information_gain_cost(foresight)[i] == pytest.approx(-np.dot(rho, gains))
-        assert renyi_cost(foresight)[i] == pytest.approx(-np.dot(rho, renyi))
-        assert mean_distance_cost(foresight)[i] == pytest.approx(np.dot(chances, distances))
-        assert greedy_cost(foresight)[i] == pytest.approx(sum(chances))
-        assert free_energy_cost(foresight, step_m=step_m, temperature=temperature)[i] == pytest.approx(
+        assert infotaxis_cost(predictions)[i] == pytest.approx(np.dot(chances, entropies))
+        assert space_aware_cost(predictions, step_m=step_m)[i] == pytest.approx(np.dot(chances, steps))
+        assert entrotaxis_cost(predictions)[i] == pytest.approx(-entropy_bits(rho))
+        assert information_gain_cost(predictions)[i] == pytest.approx(-np.dot(rho, gains))
+        assert renyi_cost(predictions)[i] == pytest.approx(-np.dot(rho, renyi))
+        assert mean_distance_cost(predictions)[i] == pytest.approx(np.dot(chances, distances))
+        assert greedy_cost(predictions)[i] == pytest.approx(sum(chances))
+        assert free_energy_cost(predictions, step_m=step_m, temperature=temperature)[i] == pytest.approx(
             np.dot(chances, np.array(distances) + temperature * np.array(entropies))
         )
-        assert dual_control_cost(foresight, stops.places_m, mean_m, exploration=exploration)[i] == pytest.approx(
+        assert dual_control_cost(predictions, stops.places_m, mean_m, exploration=exploration)[i] == pytest.approx(
             float(((place - mean_m) ** 2).sum()) + exploration * np.dot(rho, variances)
         )
 
 
 def test_the_chance_to_find_the_source_is_the_mass_within_reach():
-    p, stops = belief(), prospect()
+    p, stops = belief(), candidates()
     assert predict_stops(p, stops).found_frac == pytest.approx([p[GRID.shape[1] * i + j] for i, j in
                                                           ((2, 2), (3, 2), (1, 2), (2, 3), (2, 1))])  # fmt: skip
 
@@ -106,62 +106,62 @@ def test_the_chance_to_find_the_source_is_the_mass_within_reach():
 def test_a_belief_without_doubt_has_no_entropy_left_to_lose():
     p = np.zeros(GRID.n_cells)
     p[7] = 1.0
-    foresight = predict_stops(p, prospect(reach_m=0.0))
-    assert infotaxis_cost(foresight) == pytest.approx(0.0)
-    assert information_gain_cost(foresight) == pytest.approx(0.0)
-    assert foresight.variance_m2 == pytest.approx(0.0)
+    predictions = predict_stops(p, candidates(reach_m=0.0))
+    assert infotaxis_cost(predictions) == pytest.approx(0.0)
+    assert information_gain_cost(predictions) == pytest.approx(0.0)
+    assert predictions.variance_m2 == pytest.approx(0.0)
 
 
 def test_a_stop_never_raises_the_entropy_that_is_expected():
     for seed in range(20):
         p = belief(seed)
-        assert (infotaxis_cost(predict_stops(p, prospect(reach_m=0.0))) <= entropy_bits(p) + 1e-12).all()
+        assert (infotaxis_cost(predict_stops(p, candidates(reach_m=0.0))) <= entropy_bits(p) + 1e-12).all()
 
 
 def test_without_finding_and_tempering_divergence_and_entropy_drop_are_the_same():
     p = belief()
-    foresight = predict_stops(p, prospect(reach_m=0.0))
-    assert -information_gain_cost(foresight) == pytest.approx(entropy_bits(p) - infotaxis_cost(foresight))
+    predictions = predict_stops(p, candidates(reach_m=0.0))
+    assert -information_gain_cost(predictions) == pytest.approx(entropy_bits(p) - infotaxis_cost(predictions))
 
 
 def test_the_usual_form_of_dual_control_does_not_see_the_reading():
     """|x - E'[s]|^2 + tr cov' averages to E|s - x|^2, whatever the reading tells: why ours keeps the mean of now."""
-    p, stops = belief(), prospect(reach_m=0.0)
-    foresight = predict_stops(p, stops)
+    p, stops = belief(), candidates(reach_m=0.0)
+    predictions = predict_stops(p, stops)
     usual = [
         sum(
-            chance * (((stops.places_m[i] - q @ CELLS_M) ** 2).sum() + foresight.variance_m2[i, h])
+            chance * (((stops.places_m[i] - q @ CELLS_M) ** 2).sum() + predictions.variance_m2[i, h])
             for h, (chance, q) in enumerate(outcomes)
         )
         for i, outcomes in enumerate(by_hand(p, stops))
     ]
     blind = [float(p @ ((CELLS_M - place) ** 2).sum(axis=1)) for place in stops.places_m]
     assert usual == pytest.approx(blind)
-    assert (foresight.predictive * foresight.square_m2).sum(axis=1) == pytest.approx(blind)
+    assert (predictions.predictive * predictions.square_m2).sum(axis=1) == pytest.approx(blind)
 
 
 def test_the_renyi_divergence_tends_to_that_of_kullback_and_leibler():
-    p, stops = belief(), prospect()
+    p, stops = belief(), candidates()
     near_one = predict_stops(p, stops, alpha=1.0 - 1e-6)
     assert near_one.renyi_bits == pytest.approx(near_one.gain_bits, rel=1e-4)
 
 
 def test_smaller_cells_take_their_share_from_the_entropy_in_steps():
-    foresight = predict_stops(belief(), prospect())
-    coarse = space_aware_cost(foresight, step_m=1.0)
-    assert (space_aware_cost(foresight, step_m=1.0, cells_per_step=4.0) < coarse).all()
+    predictions = predict_stops(belief(), candidates())
+    coarse = space_aware_cost(predictions, step_m=1.0)
+    assert (space_aware_cost(predictions, step_m=1.0, cells_per_step=4.0) < coarse).all()
 
 
 def test_an_impossible_outcome_adds_nothing():
-    p, stops = belief(), prospect(n_outcomes=2)
+    p, stops = belief(), candidates(n_outcomes=2)
     stops.likelihood[:, 1], stops.weight[:, 1], stops.log_weight[:, 1] = 0.0, 0.0, 0.0
-    foresight = predict_stops(p, stops)
-    assert np.isfinite(infotaxis_cost(foresight)).all()
-    assert foresight.entropy_bits[:, 1] == pytest.approx(0.0)
+    predictions = predict_stops(p, stops)
+    assert np.isfinite(infotaxis_cost(predictions)).all()
+    assert predictions.entropy_bits[:, 1] == pytest.approx(0.0)
 
 
 def test_a_belief_after_an_outcome_is_bayes_rule_and_ruled_out_cells_stay_so():
-    p, stops = belief(), prospect(reach_m=0.0)
+    p, stops = belief(), candidates(reach_m=0.0)
     assert update_belief(p, stops.log_weight[0, 1]) == pytest.approx(by_hand(p, stops)[0][1][1])
     p[3] = 0.0
     assert update_belief(p, np.zeros(p.shape))[3] == 0.0
@@ -188,13 +188,13 @@ def line_tree(n_outcomes=2):
     """Five places in a row; each leads to its neighbours and to itself."""
     places_m = np.array([[x, 2.5] for x in (0.5, 1.5, 2.5, 3.5, 4.5)])
     moves = [[q for q in (i - 1, i, i + 1) if 0 <= q < 5] for i in range(5)]
-    return MoveTree(prospect=prospect(n_outcomes=n_outcomes, places_m=places_m), moves=moves, start=moves[2])
+    return MoveTree(candidates=candidates(n_outcomes=n_outcomes, places_m=places_m), moves=moves, start=moves[2])
 
 
 def gain_by_hand(p, tree, place, depth, discount):
     gain = entropy_bits(p)
     later = 0.0
-    for chance, q in by_hand(p, tree.prospect)[place]:
+    for chance, q in by_hand(p, tree.candidates)[place]:
         gain -= chance * entropy_bits(q)
         if depth > 1:
             later += chance * max(
@@ -212,7 +212,7 @@ def test_gains_of_several_steps_are_those_of_all_paths(depth, n_outcomes):
 
 def test_one_step_ahead_is_infotaxis():
     p, tree = belief(), line_tree()
-    costs = infotaxis_cost(predict_stops(p, tree.prospect))[list(tree.start)]
+    costs = infotaxis_cost(predict_stops(p, tree.candidates))[list(tree.start)]
     assert n_step_costs(p, tree, depth=1) == pytest.approx(costs - entropy_bits(p))
 
 
@@ -227,8 +227,8 @@ def test_more_steps_never_promise_less():
 
 def test_greedy_takes_the_neighbour_that_is_most_likely_the_source():
     p = belief()
-    assert find_min_cost_index(greedy_cost(predict_stops(p, prospect()))) == int(
-        np.argmax(predict_stops(p, prospect()).found_frac)
+    assert find_min_cost_index(greedy_cost(predict_stops(p, candidates()))) == int(
+        np.argmax(predict_stops(p, candidates()).found_frac)
     )
 
 
@@ -252,8 +252,8 @@ def test_the_most_likely_place_is_approached():
 
 def outcomes_until_alarm(chance_told, chance_true, n=400, seed=1):
     rng, monitor = np.random.default_rng(seed), SurpriseMonitor()
-    told = np.array([1.0 - chance_told, chance_told])
-    return sum(monitor.add(told, int(rng.random() < chance_true)) for _ in range(n))
+    chances = np.array([1.0 - chance_told, chance_told])
+    return sum(monitor.add(chances, int(rng.random() < chance_true)) for _ in range(n))
 
 
 def test_a_right_model_hardly_ever_alarms_and_a_wrong_one_soon_does():

@@ -18,10 +18,10 @@ def seen(vector, **changes):
 
 def test_the_pose_is_relative_to_the_room():
     vector = ObservationVector(briefing(size_m=(15.0, 10.0, 8.0)))
-    told = seen(vector, position_m=(15.0, 5.0, 2.0), yaw_rad=math.pi / 2, tick=1500, notice="refused")
-    assert (told["x"], told["y"], told["z"]) == pytest.approx((1.0, 0.0, -0.5))
-    assert (told["yaw_sin"], told["yaw_cos"]) == pytest.approx((1.0, 0.0), abs=1e-6)
-    assert (told["time"], told["refused"]) == pytest.approx((0.5, 1.0))
+    vector_of = seen(vector, position_m=(15.0, 5.0, 2.0), yaw_rad=math.pi / 2, tick=1500, notice="refused")
+    assert (vector_of["x"], vector_of["y"], vector_of["z"]) == pytest.approx((1.0, 0.0, -0.5))
+    assert (vector_of["yaw_sin"], vector_of["yaw_cos"]) == pytest.approx((1.0, 0.0), abs=1e-6)
+    assert (vector_of["time"], vector_of["refused"]) == pytest.approx((0.5, 1.0))
 
 
 def test_sensors_follow_in_the_briefings_order():
@@ -29,8 +29,8 @@ def test_sensors_follow_in_the_briefings_order():
     assert vector.names[10:] == (
         "nose.log_resistance", "vane.speed", "vane.from_sin", "vane.from_cos", "nose_ppm.amount",
     )  # fmt: skip
-    told = seen(vector, readings={"nose": 1e4, "nose_ppm": 10_000.0, "vane": (0.0, math.pi / 2)})
-    assert list(told.values())[10:] == pytest.approx([0.0, 0.0, 1.0, 0.0, 1.0], abs=1e-6)
+    vector_of = seen(vector, readings={"nose": 1e4, "nose_ppm": 10_000.0, "vane": (0.0, math.pi / 2)})
+    assert list(vector_of.values())[10:] == pytest.approx([0.0, 0.0, 1.0, 0.0, 1.0], abs=1e-6)
 
 
 def test_a_sensor_that_warms_up_shows_nothing():
@@ -56,7 +56,7 @@ def test_amounts_and_ranges_have_these_scales():
     assert (closeness(0.0), closeness(1.0)) == (1.0, 0.5)
 
 
-def test_a_lidar_shows_the_nearest_in_each_sector_until_it_shows_anew():
+def test_a_lidar_shows_the_nearest_in_each_sector_until_it_shows_again():
     directions = NumericArray.from_array(np.zeros((2, 360, 3), np.float32))
     lidar = SensorDescription(
         name="lidar", model="lidar_3d", quantity="range", unit="m", mount_body_m=(0, 0, 0), directions_body=directions

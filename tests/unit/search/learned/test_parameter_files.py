@@ -1,4 +1,4 @@
-"""Learned parameters come back as they were written, and a wrong file is told."""
+"""Learned parameters come back as they were written, and a wrong file is reported."""
 
 import json
 from types import SimpleNamespace
@@ -25,13 +25,13 @@ def test_an_agent_gets_them_beside_its_settings(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["{", "[]", "{}", '{"schema": "gslcosim/parameters/2", "parameters": {}}'])
-def test_what_is_no_file_of_parameters_is_told(tmp_path, text):
+def test_what_is_no_file_of_parameters_is_reported(tmp_path, text):
     (tmp_path / PARAMETERS_FILE).write_text(text)
     with pytest.raises(MethodError, match=r"parameters (that|of schema).*\nFile: .*parameters\.json"):
         load_parameters(tmp_path / PARAMETERS_FILE)
 
 
-def test_a_file_that_is_not_there_is_told(tmp_path):
+def test_a_file_that_is_not_there_is_reported(tmp_path):
     with pytest.raises(
         MethodError, match=r"expected a folder with parameters\.json, found none.*\nFile: .*parameters\.json"
     ):

@@ -65,7 +65,7 @@ def test_gas_draws_and_so_does_what_is_unknown():
 
 def test_of_equal_places_the_nearest_that_can_be_flown_to_is_chosen():
     flyable = np.array([[True], [True], [False], [True]])
-    way_m = np.array([[5.0], [3.0], [1.0], [np.inf]])
+    lengths_m = np.array([[5.0], [3.0], [1.0], [np.inf]])
     empty = maps(np.zeros((4, 1)), np.zeros((4, 1)))
-    assert choose_next_cell(empty, flyable, way_m, curiosity=1.0, travel_per_m=0.1) == (1, 0)
+    assert choose_next_cell(empty, flyable, lengths_m, curiosity=1.0, travel_per_m=0.1) == (1, 0)
     assert choose_next_cell(empty, flyable, np.full((4, 1), np.inf), curiosity=1.0, travel_per_m=0.1) is None

@@ -79,7 +79,7 @@ def test_a_hit_without_a_wind_changes_nothing():
 
 
 def test_a_hit_in_front_of_a_wall_changes_what_is_behind_by_the_way_round_its_end_only():
-    """The wind seems to come through the wall: cells behind it are told what the way to them is told, all the same."""
+    """The wind seems to come through the wall: cells behind it get what the path to them gets."""
     free = room_with_wall()
     gsl = method(free)
     gsl.update(centre((15, 5)), is_hit=True, downwind_rad=EAST)

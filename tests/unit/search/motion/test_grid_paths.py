@@ -95,36 +95,36 @@ def test_a_gap_between_two_corners_is_no_way():
 
 def test_a_way_in_plain_sight_is_straight():
     free = np.ones((20, 20), bool)
-    way_m = shortest_path(free, grid_of(free), (1.1, 1.3), (8.7, 4.2))
-    assert way_m == pytest.approx(np.array([(1.1, 1.3), (8.7, 4.2)]))
+    path_m = shortest_path(free, grid_of(free), (1.1, 1.3), (8.7, 4.2))
+    assert path_m == pytest.approx(np.array([(1.1, 1.3), (8.7, 4.2)]))
 
 
 def test_a_way_leads_round_the_end_of_a_wall_and_stays_in_free_cells():
     free = room_with_wall()
-    way_m = shortest_path(free, grid_of(free), (2.0, 2.0), (8.0, 2.0))
-    assert way_m[0] == pytest.approx((2.0, 2.0))
-    assert way_m[-1] == pytest.approx((8.0, 2.0))
-    assert way_m[:, 1].max() > 7.5
+    path_m = shortest_path(free, grid_of(free), (2.0, 2.0), (8.0, 2.0))
+    assert path_m[0] == pytest.approx((2.0, 2.0))
+    assert path_m[-1] == pytest.approx((8.0, 2.0))
+    assert path_m[:, 1].max() > 7.5
     around_m = math.hypot(3.0, 5.5) + 0.5 + math.hypot(2.5, 5.5)
-    assert around_m <= path_length_m(way_m) <= 1.08 * around_m
-    for distance_m in np.arange(0.0, path_length_m(way_m), 0.01):
-        assert free[tuple((point_along(way_m, distance_m) / 0.5).astype(int))]
+    assert around_m <= path_length_m(path_m) <= 1.08 * around_m
+    for distance_m in np.arange(0.0, path_length_m(path_m), 0.01):
+        assert free[tuple((point_along(path_m, distance_m) / 0.5).astype(int))]
 
 
 def test_a_point_along_a_way_is_as_far_from_its_start_as_asked():
-    way_m = np.array([(0.0, 0.0), (3.0, 0.0), (3.0, 4.0)])
-    assert point_along(way_m, 0.0) == pytest.approx((0.0, 0.0))
-    assert point_along(way_m, 2.0) == pytest.approx((2.0, 0.0))
-    assert point_along(way_m, 5.0) == pytest.approx((3.0, 2.0))
-    assert point_along(way_m, 99.0) == pytest.approx((3.0, 4.0))
+    path_m = np.array([(0.0, 0.0), (3.0, 0.0), (3.0, 4.0)])
+    assert point_along(path_m, 0.0) == pytest.approx((0.0, 0.0))
+    assert point_along(path_m, 2.0) == pytest.approx((2.0, 0.0))
+    assert point_along(path_m, 5.0) == pytest.approx((3.0, 2.0))
+    assert point_along(path_m, 99.0) == pytest.approx((3.0, 4.0))
 
 
 def test_ends_in_obstacles_are_joined_to_the_nearest_free_cells():
     free = room_with_wall()
-    way_m = shortest_path(free, grid_of(free), (5.05, 2.25), (5.45, 4.25))
-    assert way_m[0] == pytest.approx((5.05, 2.25))
-    assert way_m[1] == pytest.approx((4.75, 2.25))
-    assert way_m[-1] == pytest.approx((5.75, 4.25))
+    path_m = shortest_path(free, grid_of(free), (5.05, 2.25), (5.45, 4.25))
+    assert path_m[0] == pytest.approx((5.05, 2.25))
+    assert path_m[1] == pytest.approx((4.75, 2.25))
+    assert path_m[-1] == pytest.approx((5.75, 4.25))
 
 
 def test_without_a_free_cell_or_a_way_there_is_no_path():

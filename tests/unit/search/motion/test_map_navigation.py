@@ -123,7 +123,7 @@ def test_a_goal_that_cannot_be_reached_becomes_the_nearest_place_that_can():
     assert is_free_at(on_map.flyable, on_map.grid, on_map.goal_m)
 
 
-def test_a_refused_or_missed_goal_is_told():
+def test_a_refused_or_missed_goal_is_reported():
     on_map = flights()
     on_map.go_to((8.0, 2.0))
     on_map.leg(observation(0))
@@ -165,7 +165,7 @@ def test_of_parts_that_do_not_hang_together_the_largest_is_taken():
     assert largest_connected_part(np.zeros((3, 3), bool)).all()
 
 
-def test_a_stop_tells_each_finding_and_the_wind():
+def test_a_stop_shows_each_finding_and_the_wind():
     watch = StopRecorder(briefing(), threshold_ppm=0.1, every_s=0.5)
     for tick in range(20):
         watch.add(observation(tick, ppm=1.0 if 6 <= tick < 9 else 0.0))

@@ -11,9 +11,9 @@ SETTINGS = {
 }  # fmt: skip
 
 
-def scout(mode="on_request", **changes):
-    told = briefing(sensors=(("pid", "nose"), ("anemometer", "vane")), mode=mode)
-    return ReactiveSearcher(told, ReactiveSettings(**(SETTINGS | changes)), RandomStream(1))
+def searcher(mode="on_request", **changes):
+    agent_briefing = briefing(sensors=(("pid", "nose"), ("anemometer", "vane")), mode=mode)
+    return ReactiveSearcher(agent_briefing, ReactiveSettings(**(SETTINGS | changes)), RandomStream(1))
 
 
 def at(tick, place_m=(7.0, 5.0, 2.0), *, ppm=0.0, notice=None, status="holding"):
@@ -22,20 +22,20 @@ def at(tick, place_m=(7.0, 5.0, 2.0), *, ppm=0.0, notice=None, status="holding")
 
 
 def test_a_question_is_answered_with_what_is_known():
-    contact = scout().ask(at(10, ppm=1.0))
+    contact = searcher().ask(at(10, ppm=1.0))
     assert isinstance(contact, Contact)
     assert contact.has_gas
 
 
 def test_holds_are_those_of_the_settings():
-    flown = scout(hold_s=1.5)
+    flown = searcher(hold_s=1.5)
     assert flown.fly_to(at(10), (8.0, 5.0)).hold_s == 1.5
     assert flown.cast_to(at(10), (8.0, 5.0)).hold_s == 0.0
-    assert scout().fly_to(at(10), (8.0, 5.0)).hold_s is None
+    assert searcher().fly_to(at(10), (8.0, 5.0)).hold_s is None
 
 
-def test_the_leash_sends_away_for_some_legs():
-    flown = scout()
+def test_a_stuck_searcher_is_sent_away_for_some_legs():
+    flown = searcher()
     for tick in range(5):
         assert not flown.is_away
         flown.ask(at(10 + tick, ppm=1.0))
@@ -47,7 +47,7 @@ def test_the_leash_sends_away_for_some_legs():
 
 
 def test_exploring_leads_to_one_new_place_after_the_other():
-    flown, here_m, ends = scout(), (1.0, 1.0, 2.0), set()
+    flown, here_m, ends = searcher(), (1.0, 1.0, 2.0), set()
     for tick in range(30):
         flown.observe(at(tick, here_m))
         here_m = flown.explore(at(tick, here_m)).position_world_m
@@ -56,7 +56,7 @@ def test_exploring_leads_to_one_new_place_after_the_other():
 
 
 def test_a_place_that_was_refused_is_not_explored_again():
-    flown = scout()
+    flown = searcher()
     first_m = flown.explore(at(1)).position_world_m
     ends = [flown.explore(at(2 + i, notice="in an obstacle")).position_world_m for i in range(20)]
     assert first_m not in ends
@@ -64,7 +64,7 @@ def test_a_place_that_was_refused_is_not_explored_again():
 
 def test_following_leaves_out_what_lies_behind_a_wall():
     places = [(20.0, 5.0), (15.0, 5.0), (13.0, 7.0), (0.0, 0.0)]
-    flown = scout()
+    flown = searcher()
     following = iter(places)
     command = flown.follow(at(1, (14.0, 5.0, 2.0)), lambda: next(following, None))
     assert command is not None
@@ -73,7 +73,7 @@ def test_following_leaves_out_what_lies_behind_a_wall():
 
 
 def test_a_leg_under_way_goes_on_unless_gas_may_end_it():
-    flown = scout(mode="lockstep")
+    flown = searcher(mode="lockstep")
     flown.cast_to(at(10), (8.0, 5.0))
     assert flown.ask(at(20, ppm=1.0, status="flying")).kind == "noop"
     assert flown.ask(at(21, ppm=0.0, status="flying"), aborts=True).kind == "noop"
@@ -88,14 +88,14 @@ def legs_around_the_source(flown, declares=True):
 
 
 def test_it_declares_where_the_gas_ends_upwind_once():
-    declared = legs_around_the_source(scout(leash_legs=0))
+    declared = legs_around_the_source(searcher(leash_legs=0))
     assert len(declared) == 1
     x_m, y_m, z_m = declared[0].declaration.position_world_m
     assert (x_m, y_m, z_m) == pytest.approx((7.07, 5.07, 2.0), abs=0.05)
     assert declared[0].declaration.confidence == pytest.approx(0.75)
 
 
-def test_it_declares_nothing_where_it_is_told_not_to_or_where_there_is_no_gas():
-    assert legs_around_the_source(scout(leash_legs=0, declares=False)) == []
-    flown = scout(leash_legs=0)
+def test_it_declares_nothing_where_it_is_set_not_to_or_where_there_is_no_gas():
+    assert legs_around_the_source(searcher(leash_legs=0, declares=False)) == []
+    flown = searcher(leash_legs=0)
     assert all(isinstance(flown.ask(at(10 + i)), Contact) for i in range(40))

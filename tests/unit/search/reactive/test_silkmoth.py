@@ -47,7 +47,7 @@ def seen(tick, apparent_m_s, velocity_m_s=(0.0, 0.0, 0.0), warming=()):
     return observation(tick=tick, readings={"vane": (speed, upwind)}, velocity_m_s=velocity_m_s, warming=warming)
 
 
-def test_a_moving_vehicle_tells_the_wind_from_its_own_motion():
+def test_a_moving_vehicle_distinguishes_the_wind_from_its_own_motion():
     wind = TrueWind(Vane(name="vane"), smoothing_s=1.0, threshold_m_s=0.1)
     wind.add(seen(1, (0.5 - 1.0, 0.0 - 0.7), velocity_m_s=(1.0, 0.7, 0.0)))
     assert math.remainder(wind.upwind_rad - math.pi, math.tau) == pytest.approx(0.0, abs=1e-9)

@@ -102,28 +102,28 @@ def test_legs_that_grow_each_time_are_1_2_3_4():
     assert lengths_m == [1.0, 2.0, 3.0, 4.0]
 
 
-def course(is_free, n_skips=3, **changes):
+def spiral_path(is_free, n_skips=3, **changes):
     return SpiralPath(square(**changes), (3.0, 4.0), is_free=is_free, n_skips=n_skips)
 
 
 def test_blocked_corners_are_left_out_and_the_spiral_goes_on_behind_them():
-    open_course = course(lambda place: True)
-    corners = [open_course.next_place_m() for _ in range(5)]
-    flown = course(lambda place: place not in corners[:3])
+    open_path = spiral_path(lambda place: True)
+    corners = [open_path.next_place_m() for _ in range(5)]
+    flown = spiral_path(lambda place: place not in corners[:3])
     assert [flown.next_place_m(), flown.next_place_m()] == corners[3:]
     assert not flown.is_blocked
 
 
 def test_a_spiral_is_over_after_more_blocked_corners_than_it_may_leave_out():
     asked = []
-    flown = course(lambda place: asked.append(place) is not None)
+    flown = spiral_path(lambda place: asked.append(place) is not None)
     assert flown.next_place_m() is None
     assert flown.is_blocked
     assert len(asked) == 4
 
 
 def test_a_spiral_is_over_after_its_sides_or_at_its_reach():
-    flown = course(lambda place: True, n_sides=3)
+    flown = spiral_path(lambda place: True, n_sides=3)
     assert [flown.next_place_m() is None for _ in range(5)] == [False, False, False, True, True]
     assert not flown.is_blocked
     wide = ArchimedeanSpiral(gap_m=GAP_M, arc_m=0.1, start_rad=0.0, side=1, reach_m=1.0)

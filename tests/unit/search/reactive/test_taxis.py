@@ -45,7 +45,7 @@ def test_it_is_the_least_squares_solution_with_its_error():
     assert fit.standard_error_per_m == pytest.approx(math.sqrt(unit @ covariance[1:, 1:] @ unit))
 
 
-def test_places_on_a_line_tell_the_slope_along_it():
+def test_places_on_a_line_show_the_slope_along_it():
     along = np.array([0.0, 1.0, 2.0, 3.5])
     fit = fit_gradient(np.outer(along, (0.6, 0.8)), 5.0 * along, np.ones(4))
     assert fit.gradient_per_m == pytest.approx((3.0, 4.0))
@@ -60,7 +60,7 @@ def test_places_on_a_line_tell_the_slope_along_it():
         (np.empty((0, 2)), np.ones(0)),
     ],
 )
-def test_too_few_readings_or_one_place_tell_nothing(places_m, weights):
+def test_too_few_readings_or_one_place_show_nothing(places_m, weights):
     assert fit_gradient(places_m, np.arange(float(len(places_m))), weights) is None
 
 

@@ -30,7 +30,7 @@ def watch(sensors=(LEFT, RIGHT)):
 
 
 @pytest.mark.parametrize("sensors", [(LEFT, RIGHT), (RIGHT, LEFT), (RIGHT, ("pid", "middle"), LEFT)])
-def test_noses_are_told_by_where_they_are_not_by_their_order(sensors):
+def test_noses_are_distinguished_by_where_they_are_not_by_their_order(sensors):
     noses = watch(sensors)
     noses.add(observation(tick=1, readings={"port": 3.0, "starboard": 1.0, "middle": 9.0}))
     assert noses.means() == (3.0, 1.0)

@@ -65,7 +65,7 @@ def test_a_mox_sensor_that_recovers_says_nothing():
     assert not late[900].is_hit
 
 
-def test_a_mox_sensor_that_is_at_rest_in_gas_does_not_tell_of_clean_air():
+def test_a_mox_sensor_that_is_at_rest_in_gas_does_not_show_clean_air():
     found = findings(MOX, [CLEAN_OHM] * 40 + [0.5 * CLEAN_OHM] * 200)
     assert [tick for tick, finding in found.items() if tick > 40 and not finding.is_hit] == []
 

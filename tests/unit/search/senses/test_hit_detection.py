@@ -88,7 +88,7 @@ def test_the_slope_of_an_exponential_is_its_rate_whatever_the_step(step_s):
     assert not detector.is_offset
 
 
-def test_the_onset_detector_tells_gas_that_comes_from_gas_that_goes():
+def test_the_onset_detector_distinguishes_gas_that_comes_from_gas_that_goes():
     """A first-order sensor: 10 s of clean air, 8 s of gas, 20 s of clean air."""
     target = np.repeat([1.0, 0.4, 1.0], [100, 80, 200])
     ratio, ratios = 1.0, []
@@ -189,7 +189,7 @@ def test_hits_of_a_mox_sensor_are_onsets():
     assert all(said[110:])
 
 
-def test_a_sensor_that_warms_up_and_a_tick_told_twice_give_no_hit():
+def test_a_sensor_that_warms_up_and_a_tick_sent_twice_give_no_hit():
     hits = GasHits(nose("ppm"))
     assert hits.since_hit_s(5.0) == math.inf
     assert not hits.add(observation(1, 9.0, is_warming_up=True))

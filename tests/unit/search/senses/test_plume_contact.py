@@ -9,8 +9,8 @@ EAST_RAD = 0.0
 
 
 def watch(model="pid", **changes):
-    told = briefing(sensors=((model, "nose"), ("anemometer", "vane")))
-    return PlumeContactDetector(told, **({"threshold_ppm": 0.1, "threshold_m_s": 0.1} | changes))
+    agent_briefing = briefing(sensors=((model, "nose"), ("anemometer", "vane")))
+    return PlumeContactDetector(agent_briefing, **({"threshold_ppm": 0.1, "threshold_m_s": 0.1} | changes))
 
 
 def seen(tick, nose, *, x_m=5.0, vane=(0.5, EAST_RAD), status="flying"):
@@ -74,8 +74,8 @@ def test_without_an_anemometer_there_is_no_wind():
 
 
 def test_a_broken_sensor_gives_no_infinite_amount():
-    told = briefing(sensors=(("tgs2600", "nose"),)).model_copy()
-    plume = PlumeContactDetector(told, threshold_ppm=0.1, threshold_m_s=0.1)
+    agent_briefing = briefing(sensors=(("tgs2600", "nose"),)).model_copy()
+    plume = PlumeContactDetector(agent_briefing, threshold_ppm=0.1, threshold_m_s=0.1)
     assert plume.contact(observation(readings={"nose": 0.0, "nose_ppm": 1.0e308})).gas_ppm == 1.0e308
     assert math.isfinite(plume.contact(observation(tick=41, readings={"nose": 0.0, "nose_ppm": 0.0})).gas_ppm)
 
@@ -88,6 +88,6 @@ def contact(*, has_gas, last_m):
 
 def test_the_way_left_shrinks_with_the_distance_from_the_last_gas():
     here_m = (5.0, 5.0, 2.0)
-    assert contact(has_gas=True, last_m=here_m).way_left_m(here_m, 0.5) == math.inf
-    assert contact(has_gas=False, last_m=None).way_left_m(here_m, 0.5) == -math.inf
-    assert contact(has_gas=False, last_m=(5.3, 5.4, 2.0)).way_left_m(here_m, 0.6) == pytest.approx(0.1)
+    assert contact(has_gas=True, last_m=here_m).remaining_m(here_m, 0.5) == math.inf
+    assert contact(has_gas=False, last_m=None).remaining_m(here_m, 0.5) == -math.inf
+    assert contact(has_gas=False, last_m=(5.3, 5.4, 2.0)).remaining_m(here_m, 0.6) == pytest.approx(0.1)

@@ -55,7 +55,7 @@ def test_the_next_hold_begins_afresh_even_where_nobody_saw_the_flight():
     assert stop.measured().values == (4e4,)
 
 
-def test_a_tick_told_twice_counts_once_and_a_window_forgets():
+def test_a_tick_sent_twice_counts_once_and_a_window_forgets():
     stop = StopAndMeasure((NOSE,), window_s=0.25)
     for tick in (1, 2, 2, 3, 4):
         stop.add(observation(tick, ohm=1e4 * tick))

@@ -132,7 +132,7 @@ def test_a_box_is_found_where_it_stands():
     assert width_m == pytest.approx(0.8, abs=0.1)
 
 
-def test_a_foot_that_is_hidden_or_cut_off_tells_no_place():
+def test_a_foot_that_is_hidden_or_cut_off_shows_no_place():
     pixels = plain(160, 120)
     image = picture(pixels)
     drawn_box(pixels, image, VIEW, (ahead(VIEW, 5.0, 0.4), ahead(VIEW, 5.0, -0.4)), 2.0, BLUE)

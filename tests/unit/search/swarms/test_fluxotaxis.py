@@ -136,7 +136,7 @@ def test_three_rounds_of_outflow_running_are_a_declaration():
 
 
 @pytest.mark.parametrize("flow", [RingFlow(inward=0.6, outward=1.0), RingFlow(inward=0.0, outward=0.05)])
-def test_a_round_of_throughflow_or_of_almost_nothing_begins_anew(flow):
+def test_a_round_of_throughflow_or_of_almost_nothing_begins_again(flow):
     held = rule()
     good, place = RingFlow(inward=0.0, outward=1.0), np.zeros(2)
     for each in (good, good, flow, good, good):

@@ -28,12 +28,12 @@ PLACES_M = {"ada": (4.0, 4.0), "bob": (5.0, 4.0), "cyd": (4.0, 5.0)}
 
 def flight(**changes) -> FormationFlight:
     channel = ChannelDescription(name="radio", members=NAMES, range_m=None, delay_ticks=1, max_bytes=1024)
-    told = Briefing(
+    agent_briefing = Briefing(
         tick=0, agent="ada", contract_version="1.2", mission="", tick_ns=100_000_000, seed=1, mode="on_request",
         latency_ticks=1, gas="ethanol", bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=(9.0, 9.0, 3.0)),
         search_height_m=1.0, hold_s=1.0, time_limit_s=60.0, sensors=SENSORS, channels=(channel,),
     )  # fmt: skip
-    return FormationFlight(told, SimpleNamespace(**{**SETTINGS, **changes}))
+    return FormationFlight(agent_briefing, SimpleNamespace(**{**SETTINGS, **changes}))
 
 
 def seen(time_s, *, ppm=0.0, heard=(), notice=None, upwind_rad=0.0, speed_m_s=0.5) -> Observation:
@@ -67,7 +67,7 @@ def play_round(team, time_s, *, ppm=0.0, **of_the_others):
     return team.complete(then)
 
 
-def test_it_waits_for_the_others_and_tells_them_its_own_reading_meanwhile():
+def test_it_waits_for_the_others_and_sends_them_its_own_reading_meanwhile():
     team, first = flight(), seen(1.0, ppm=2.0)
     team.observe(first)
     assert team.complete(first) is None
@@ -118,7 +118,7 @@ def test_the_centre_is_where_the_slots_say():
     assert team.centre_of(now, offsets) == pytest.approx((places - offsets).mean(axis=0))
 
 
-def test_a_step_ends_in_the_room_and_tells_the_reading_again():
+def test_a_step_ends_in_the_room_and_shows_the_reading_again():
     team = flight()
     play_round(team, 1.0)
     leg = team.step(seen(1.2), (20.0, 4.0))

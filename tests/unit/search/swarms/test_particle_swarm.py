@@ -174,7 +174,7 @@ def test_a_best_that_stays_for_k_iterations_is_noticed_once():
     ]
 
 
-def test_a_better_best_starts_the_count_anew_and_no_best_never_counts():
+def test_a_better_best_starts_the_count_again_and_no_best_never_counts():
     watch = Stagnation(3)
     places = [(0.0, 0.0)] * 3 + [(1.0, 0.0)] * 3
     assert not any(watch.note(Sighting(place, 5.0, 0.0)) for place in places)

@@ -32,7 +32,7 @@ def briefing(*members: str, name: str = "one", max_bytes: int = 64, channels: in
     )  # fmt: skip
 
 
-def hearing(*texts: tuple[str, str], time_s: float = 50.0, channel: str = "radio") -> Observation:
+def with_incoming(*texts: tuple[str, str], time_s: float = 50.0, channel: str = "radio") -> Observation:
     return Observation(
         tick=round(time_s * 10), agent="one", time_s=time_s, position_world_m=(1.0, 1.0, 1.0), yaw_rad=0.0,
         velocity_world_m_s=(0.0, 0.0, 0.0), status="holding", awaiting_command=False, readings=(),
@@ -40,7 +40,7 @@ def hearing(*texts: tuple[str, str], time_s: float = 50.0, channel: str = "radio
     )  # fmt: skip
 
 
-def said(time_s: float, amount: float = 1.0) -> str:
+def report_text(time_s: float, amount: float = 1.0) -> str:
     text = encode(Report(time_s=time_s, position_m=(1.0, 2.0, 1.0), amount=amount), max_bytes=64)
     assert text is not None
     return text
@@ -117,15 +117,17 @@ def test_anything_else_on_the_channel_is_no_report(text):
 def test_the_last_report_of_each_member_is_kept_with_its_age():
     team = Team(briefing("one", "two", "three"))
     assert team.others == ("three", "two")
-    news = team.hear(hearing(("two", said(40.0)), ("three", said(45.0)), ("two", said(48.0)), time_s=50.0))
-    assert [(name, report.time_s) for name, report in news] == [("two", 40.0), ("three", 45.0), ("two", 48.0)]
+    reports = team.receive(
+        with_incoming(("two", report_text(40.0)), ("three", report_text(45.0)), ("two", report_text(48.0)), time_s=50.0)
+    )
+    assert [(name, report.time_s) for name, report in reports] == [("two", 40.0), ("three", 45.0), ("two", 48.0)]
     assert team.age_s("two", 50.0) == pytest.approx(2.0)
     assert list(team.recent(50.0, 3.0)) == ["two"]
     assert list(team.recent(50.0)) == ["three", "two"]
     assert team.recent(60.0, 3.0) == {}
 
 
-def test_who_was_never_heard_is_infinitely_old():
+def test_who_never_sent_is_infinitely_old():
     team = Team(briefing("one", "two"))
     assert team.age_s("two", 1.0) == math.inf
     assert team.recent(1.0) == {}
@@ -133,22 +135,28 @@ def test_who_was_never_heard_is_infinitely_old():
 
 def test_repeated_and_late_texts_change_nothing():
     team = Team(briefing("one", "two"))
-    team.hear(hearing(("two", said(40.0, amount=3.0))))
-    assert team.hear(hearing(("two", said(40.0, amount=9.0)), ("two", said(39.0, amount=9.0)))) == ()
+    team.receive(with_incoming(("two", report_text(40.0, amount=3.0))))
+    assert (
+        team.receive(with_incoming(("two", report_text(40.0, amount=9.0)), ("two", report_text(39.0, amount=9.0))))
+        == ()
+    )
     assert team.reports["two"].amount == 3.0
 
 
-def test_strangers_other_channels_itself_and_the_future_are_not_heard():
+def test_strangers_other_channels_itself_and_the_future_are_not_received():
     team = Team(briefing("one", "two"))
-    assert team.hear(hearing(("four", said(40.0)), ("one", said(40.0)), ("two", said(99.0)))) == ()
-    assert team.hear(hearing(("two", said(40.0)), channel="other")) == ()
+    assert (
+        team.receive(with_incoming(("four", report_text(40.0)), ("one", report_text(40.0)), ("two", report_text(99.0))))
+        == ()
+    )
+    assert team.receive(with_incoming(("two", report_text(40.0)), channel="other")) == ()
     assert team.reports == {}
 
 
 def test_garbage_from_a_member_leaves_its_last_report():
     team = Team(briefing("one", "two"))
-    team.hear(hearing(("two", said(40.0))))
-    assert team.hear(hearing(("two", "7.2 5.1"))) == ()
+    team.receive(with_incoming(("two", report_text(40.0))))
+    assert team.receive(with_incoming(("two", "7.2 5.1"))) == ()
     assert team.reports["two"].time_s == 40.0
 
 
@@ -156,13 +164,13 @@ def test_a_call_is_a_text_to_all_on_the_channel_and_two_teams_understand_each_ot
     (message,) = Team(briefing("one", "two")).call(FULL)
     assert (message.channel, message.to) == ("radio", "all")
     listener = Team(briefing("one", "two", name="two"))
-    assert listener.hear(hearing(("one", message.text))) == (("one", FULL),)
+    assert listener.receive(with_incoming(("one", message.text))) == (("one", FULL),)
 
 
 def test_without_a_channel_a_robot_is_alone_and_says_nothing():
     team = Team(briefing(channels=0))
     assert (team.members, team.others, team.call(FULL)) == (("one",), (), ())
-    assert team.hear(hearing(("two", said(40.0)))) == ()
+    assert team.receive(with_incoming(("two", report_text(40.0)))) == ()
 
 
 def test_nothing_is_said_on_a_channel_that_is_too_narrow():

@@ -18,12 +18,12 @@ SENSORS = (
 
 def rounds_of(name: str, *, members=NAMES, **settings) -> Rounds:
     channel = ChannelDescription(name="radio", members=members, range_m=None, delay_ticks=1, max_bytes=64)
-    told = Briefing(
+    agent_briefing = Briefing(
         tick=0, agent=name, contract_version="1.2", mission="", tick_ns=100_000_000, seed=1, mode="on_request",
         latency_ticks=1, gas="ethanol", bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=(9.0, 9.0, 3.0)),
         search_height_m=1.0, hold_s=1.0, time_limit_s=60.0, sensors=SENSORS, channels=(channel,) if members else (),
     )  # fmt: skip
-    return Rounds(told, find_noses(told)[0], find_vanes(told)[0], **settings)
+    return Rounds(agent_briefing, find_noses(agent_briefing)[0], find_vanes(agent_briefing)[0], **settings)
 
 
 class Station:
@@ -35,13 +35,13 @@ class Station:
 
     def ask(self, time_s: float):
         tick = round(time_s * 10)
-        heard = tuple(
+        received = tuple(
             RadioReception(sender=sender, channel="radio", text=text, sent_tick=0) for sender, text in self.inbox
         )
         self.inbox.clear()
         observation = Observation(
             tick=tick, agent=self.name, time_s=time_s, position_world_m=(1.0, 2.0, 1.0), yaw_rad=0.0,
-            velocity_world_m_s=(0.0, 0.0, 0.0), status="holding", awaiting_command=True, incoming=heard,
+            velocity_world_m_s=(0.0, 0.0, 0.0), status="holding", awaiting_command=True, incoming=received,
             readings=(
                 Reading(sensor="nose", quantity="", unit="ppm", values=(self.ppm,)),
                 Reading(sensor="vane", quantity="", unit="", values=(0.5, 0.0)),
@@ -99,7 +99,7 @@ def test_who_stays_silent_is_waited_for_once_and_then_no_more():
     assert stations[0].rounds.lost == {"cyd"}
 
 
-def test_who_was_lost_takes_part_again_when_it_is_heard_and_comes_into_step():
+def test_who_was_lost_takes_part_again_when_it_is_received_and_comes_into_step():
     stations = team(timeout_s=2.0, first_timeout_s=4.0)
     play(stations, 12.0, begins={"cyd": 8.0})
     last = [station.done[-1][1] for station in stations]
@@ -108,7 +108,7 @@ def test_who_was_lost_takes_part_again_when_it_is_heard_and_comes_into_step():
     assert stations[0].rounds.lost == set()
 
 
-def test_a_text_that_is_lost_is_told_again_and_stops_nobody():
+def test_a_text_that_is_lost_is_sent_again_and_stops_no_robot():
     stations = team(timeout_s=2.0)
     # Nothing from bob is heard by ada at every second time.
     play(stations, 6.0, drops=lambda sender, listener, t: (sender, listener) == ("bob", "ada") and round(5 * t) % 2)

@@ -84,16 +84,16 @@ def test_the_second_finding_at_a_place_weighs_half_of_the_first():
 
 
 def test_a_stop_searches_the_cells_within_reach():
-    prospect = belief(reach_m=1.2).prospect([(4.5, 3.5)], WIND, 0.2)
+    candidates = belief(reach_m=1.2).candidates([(4.5, 3.5)], WIND, 0.2)
     within = (np.hypot(*(GRID.centres_m() - np.array([4.5, 3.5])).T) < 1.2).nonzero()[0]
-    assert prospect.likelihood[0][:, within] == pytest.approx(0.0)
-    assert prospect.likelihood[0].sum(axis=0).max() == pytest.approx(1.0)
+    assert candidates.likelihood[0][:, within] == pytest.approx(0.0)
+    assert candidates.likelihood[0].sum(axis=0).max() == pytest.approx(1.0)
 
 
 def test_with_no_plans_of_others_it_is_infotaxis():
     known = belief()
     known.add(FINDINGS[1])
-    own = known.prospect([(3.0, 3.0), (6.0, 2.0)], WIND, 0.2)
+    own = known.candidates([(3.0, 3.0), (6.0, 2.0)], WIND, 0.2)
     p = known.p.reshape(-1)
     assert assigned_costs(p, own, []) == pytest.approx(infotaxis_cost(predict_stops(p, own)))
 
@@ -102,8 +102,8 @@ def test_with_no_plans_of_others_it_is_infotaxis():
 def test_the_cost_is_the_entropy_that_all_stops_together_leave(plans):
     """Against a sum over all combinations of outcomes, written out."""
     known = belief(power=1.0)
-    own = known.prospect([(6.0, 2.0), (3.0, 4.0)], WIND, 0.2)
-    planned = [known.prospect([plan], WIND, 0.2) for plan in plans]
+    own = known.candidates([(6.0, 2.0), (3.0, 4.0)], WIND, 0.2)
+    planned = [known.candidates([plan], WIND, 0.2) for plan in plans]
     p = known.p.reshape(-1)
     for i, cost in enumerate(assigned_costs(p, own, planned)):
         expected = 0.0
@@ -119,9 +119,9 @@ def test_the_cost_is_the_entropy_that_all_stops_together_leave(plans):
 def test_where_another_goes_there_is_less_left_to_learn():
     known = belief()
     here, there = (4.0, 3.5), (4.0, 0.8)
-    own = known.prospect([here, there], WIND, 0.2)
+    own = known.candidates([here, there], WIND, 0.2)
     p = known.p.reshape(-1)
     alone = assigned_costs(p, own, [])
-    taken = assigned_costs(p, own, [known.prospect([here], WIND, 0.2)])
+    taken = assigned_costs(p, own, [known.candidates([here], WIND, 0.2)])
     assert taken.max() < math.log2(GRID.n_cells)
     assert taken[0] - taken[1] > alone[0] - alone[1]

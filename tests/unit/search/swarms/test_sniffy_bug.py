@@ -197,6 +197,6 @@ def test_the_four_range_finders_are_found_among_others():
     assert find_four_ranges(briefing_with([[1.0, 0.0, 0.0]], FOUR)).name == "ranges_1"
 
 
-def test_one_beam_is_not_enough_and_the_remedy_is_told():
+def test_one_beam_is_not_enough_and_the_remedy_is_reported():
     with pytest.raises(MethodError, match="four_range_finders"):
         find_four_ranges(briefing_with([[1.0, 0.0, 0.0]]))

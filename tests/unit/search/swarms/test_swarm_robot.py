@@ -125,14 +125,14 @@ def test_the_own_best_stays_when_the_robot_flies_on_to_less_gas():
     assert robot.swarm_best().place_m == (5.0, 5.0)
 
 
-def test_the_swarms_best_is_the_most_that_anybody_told():
+def test_the_swarms_best_is_the_most_that_any_robot_reported():
     robot = taken(
         particle(), seen(5.0, heard=[("two", "g 90 100 100 100 3 b200 300 100 8"), ("three", "g 90 1 1 1 7")])
     )
     assert (robot.swarm_best().place_m, robot.swarm_best().amount) == ((2.0, 3.0), 8.0)
 
 
-def test_bests_of_others_fade_from_when_they_were_told():
+def test_bests_of_others_fade_from_when_they_were_sent():
     robot = taken(particle(fades_s=60.0), seen(5.0, heard=[("two", "g 90 100 100 100 3 b200 300 100 8")]))
     assert robot.swarm_best().amount == pytest.approx(8.0 * math.exp(-1.0 / 60.0))
     taken(robot, seen(0.0, time_s=70.0))
@@ -147,7 +147,7 @@ def test_what_is_ignored_counts_neither_here_nor_from_others():
     assert robot.swarm_best().place_m == (7.0, 1.0)
 
 
-def test_who_forgets_hears_again():
+def test_who_forgets_receives_again():
     robot = taken(particle(), seen(5.0, heard=[("two", "g 90 100 100 100 3 b200 300 100 8")]))
     robot.forget()
     assert robot.swarm_best() is None
@@ -191,13 +191,13 @@ def test_the_step_that_was_flown_is_the_velocity_of_the_next():
     assert step == pytest.approx([0.2, 0.0], abs=2e-3)
 
 
-def test_the_wind_that_is_told_is_where_the_air_goes():
+def test_the_wind_that_is_reported_is_where_the_air_goes():
     robot = taken(particle(), seen(wind=(0.4, math.pi / 2)))
     report = parse(robot.call(seen())[0].text)
     assert report.wind_m_s == pytest.approx((0.0, -0.4), abs=0.005)
 
 
-def test_who_is_not_heard_keeps_a_declaration_for_nearness_back():
+def test_who_does_not_send_keeps_a_declaration_for_nearness_back():
     robot = particle(unchanged_s=1000.0)
     for i in range(30):
         taken(robot, seen(5.0, time_s=10.0 + i, heard=[("two", f"g {100 + 10 * i} 500 500 100 0")]))

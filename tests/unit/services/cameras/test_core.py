@@ -178,18 +178,18 @@ NO_DRIVER = {"__EGL_VENDOR_LIBRARY_DIRS": "/nonexistent"}
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("way", "environment"),
+    ("renderer", "environment"),
     [("egl", {}), ("osmesa", {"MUJOCO_GL": "osmesa"}), ("osmesa", NO_DRIVER)],
     ids=["egl", "osmesa_by_choice", "osmesa_where_egl_fails"],
 )
-def test_either_way_to_draw_works_alone(way, environment):
+def test_either_way_to_draw_works_alone(renderer, environment):
     """In processes of their own: a process keeps to the first way that it has found."""
-    if find_library("EGL" if way == "egl" else "OSMesa") is None:
-        pytest.skip(f"no library for {way}")
+    if find_library("EGL" if renderer == "egl" else "OSMesa") is None:
+        pytest.skip(f"no library for {renderer}")
     kept = {key: value for key, value in os.environ.items() if key not in ("MUJOCO_GL", "PYOPENGL_PLATFORM")}
     call = [sys.executable, "-W", "error", "-c", ALONE]
     done = subprocess.run(call, env=kept | environment, capture_output=True, text=True, check=False)
-    assert done.stdout.split() == [f"mujoco.{way}", "2.0"], done.stderr
+    assert done.stdout.split() == [f"mujoco.{renderer}", "2.0"], done.stderr
 
 
 def test_a_door_is_seen_while_it_is_closed(room_with_gate):

@@ -161,7 +161,7 @@ def test_a_gas_step_of_several_ticks_rests_between_them(scenario_with, room):
     assert steps == [100, 100, 101, 101, 102]
 
 
-def test_clouds_tell_place_size_and_gas_of_every_filament(scenario_with, room):
+def test_clouds_show_place_size_and_gas_of_every_filament(scenario_with, room):
     core = FieldsCore(scenario_with(), room)
     cloud = run(core, 1)[0][keys.FILAMENTS]
     assert cloud.gases == ("ethanol",)
@@ -252,7 +252,7 @@ def test_every_gas_is_sampled_and_sliced(scenario_with, room):
     assert [s.gas for s in cloud.slices] == ["ethanol", "methane"]
 
 
-def test_a_rehearsal_leaves_the_warm_up_out_and_a_run_does_not(scenario_with, room):
+def test_a_warm_up_run_leaves_the_gas_warm_up_out_and_a_run_does_not(scenario_with, room):
     core = FieldsCore(scenario_with(warm_up_s=20.0), room)
     core.reset(Episode(seed=1, is_warmup=True))
     assert core.gas.step == 1

@@ -63,23 +63,23 @@ def said(text, **changes):
     return RadioMessage(channel="radio", text=text, **changes)
 
 
-def heard(traffic):
+def receptions(traffic):
     return [(arrival.agent, arrival.reception.sender, arrival.reception.text) for arrival in traffic.arrivals]
 
 
-def test_a_text_to_all_is_heard_by_all_others_once(core_of):
+def test_a_text_to_all_is_received_by_all_others_once(core_of):
     core = core_of({})
-    assert heard(step(core, 0)) == []
+    assert receptions(step(core, 0)) == []
     traffic = step(core, 1, sent={1: [said("here")]})
-    assert heard(traffic) == [("agent_0", "agent_1", "here"), ("agent_2", "agent_1", "here")]
+    assert receptions(traffic) == [("agent_0", "agent_1", "here"), ("agent_2", "agent_1", "here")]
     assert {arrival.reception.sent_tick for arrival in traffic.arrivals} == {0}
     assert traffic.transmissions[0].reached == ("agent_0", "agent_2")
     assert step(core, 2).model_dump() == {"tick": 2, "transmissions": (), "arrivals": ()}
 
 
-def test_a_text_to_one_is_heard_by_that_one(core_of):
+def test_a_text_to_one_is_received_by_that_one(core_of):
     traffic = step(core_of({}), 1, sent={0: [said("you", to="agent_2")]})
-    assert heard(traffic) == [("agent_2", "agent_0", "you")]
+    assert receptions(traffic) == [("agent_2", "agent_0", "you")]
     assert traffic.transmissions[0].reached == ("agent_2",)
 
 
@@ -88,13 +88,15 @@ def test_texts_come_by_sender_and_then_as_they_were_sent(core_of):
     assert [(t.sender, t.message.text) for t in traffic.transmissions] == [
         ("agent_0", "b"), ("agent_0", "a"), ("agent_2", "c"),
     ]  # fmt: skip
-    assert [text for _, _, text in heard(traffic)] == ["b", "a", "a", "c"]
+    assert [text for _, _, text in receptions(traffic)] == ["b", "a", "a", "c"]
 
 
-def test_a_text_is_heard_after_the_delay_of_its_channel(core_of):
+def test_a_text_is_received_after_the_delay_of_its_channel(core_of):
     core = core_of({}, {"name": "slow", "delay_ticks": 3})
     sent = {0: [RadioMessage(channel="slow", text="late", to="agent_1"), said("soon", to="agent_1")]}
-    texts = [[text for *_, text in heard(step(core, tick, sent=sent if tick == 5 else None))] for tick in range(5, 9)]
+    texts = [
+        [text for *_, text in receptions(step(core, tick, sent=sent if tick == 5 else None))] for tick in range(5, 9)
+    ]
     assert texts == [["soon"], [], ["late"], []]
 
 
@@ -103,7 +105,7 @@ def test_range_is_that_of_the_tick_of_sending(core_of):
     far = step(core, 1, sent={0: [said("far")]}, x_m=(0.0, 2.0, 2.001))
     assert (far.transmissions[0].reached, far.transmissions[0].out_of_range) == (("agent_1",), ("agent_2",))
     near = step(core, 2, x_m=(0.0, 100.0, 0.0))
-    assert heard(near) == [("agent_1", "agent_0", "far")]
+    assert receptions(near) == [("agent_1", "agent_0", "far")]
 
 
 def test_everything_or_nothing_is_lost_at_the_ends_of_the_loss(core_of):

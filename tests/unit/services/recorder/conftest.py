@@ -3,13 +3,13 @@ from pathlib import Path
 
 import pytest
 
-# Importlib mode puts no test folder on the path; `scripted_flight` is shared by the tests of this folder.
+# Importlib mode puts no test folder on the path; `recording_content` is shared by the tests of this folder.
 sys.path.insert(0, str(Path(__file__).parent))
 
 
 @pytest.fixture
 def record(make_room, tmp_path):
-    """Record a scripted flight into a folder of that name and return the file; see `ScriptedFlight`."""
+    """Record a scripted run into a folder of that name and return the file; see `ScriptedFlight`."""
     from scripted_flight import ScriptedFlight
 
     from gslcosim.contract.participant import Episode

@@ -1,4 +1,4 @@
-"""All messages of a flight without any core: a vehicle flies a circle through a cloud that shakes."""
+"""All messages of a run without any core: a vehicle flies a circle through a cloud that shakes."""
 
 import io
 import math
@@ -70,7 +70,7 @@ def scenario(n_agents=1, channels=(), sensors=NOSE_AND_VANE, sources=({"position
 
 
 class ScriptedFlight:
-    """A flight of `n_ticks` ticks; the last one carries the verdict.
+    """A run of `n_ticks` ticks; the last one carries the verdict.
 
     `plans` are the paths planned at its ticks, `contacts` what is touched at them. All agents have the same `sensors`.
     """

@@ -94,7 +94,7 @@ def test_a_vehicle_with_on_board_sensors_has_a_page_with_its_pictures_and_curves
     assert not [name for name in _plots(pages["Flight"]) if "imu" in name or "BAROMETER" in name]
 
 
-def test_ten_vehicles_have_ten_pages_and_share_the_plots_of_the_flight(make_room):
+def test_ten_vehicles_have_ten_pages_and_share_the_plots_of_the_run(make_room):
     pages = _layout(make_room, n_agents=10, sensors=(*NOSE_AND_VANE, {"model": "imu", "name": "imu"}))
     assert list(pages) == ["Flight", *(f"Sensors of agent_{i}" for i in range(10))]
     assert len(_plots(pages["Flight"])) == 6
@@ -119,7 +119,7 @@ def test_a_few_cameras_are_side_by_side_and_many_share_one_place(make_room, n_ca
     assert len(cameras.contents) == n_cameras
 
 
-def test_cameras_of_several_vehicles_are_told_apart(make_room):
+def test_cameras_of_several_vehicles_are_distinguished(make_room):
     names = [name for name, _ in _pictures(_layout(make_room, n_agents=2, sensors=CAMERAS[:1])["Flight"])]
     assert names == ["agent_0: eye_0", "agent_1: eye_0"]
 

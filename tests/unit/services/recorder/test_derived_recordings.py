@@ -17,7 +17,7 @@ N_TICKS = 60
 
 @pytest.fixture
 def record_contact(make_room, tmp_path):
-    """Record a flight whose nose first meets gas at a tick, if at any."""
+    """Record a run whose nose first meets gas at a tick, if at any."""
 
     def run(name, contact_tick=None):
         flight = ScriptedFlight(n_ticks=N_TICKS)

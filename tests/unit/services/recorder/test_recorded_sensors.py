@@ -1,4 +1,4 @@
-"""What the sensors of a flight report is in its recording, number by number."""
+"""What the sensors of a run report is in its recording, number by number."""
 
 import io
 
@@ -39,7 +39,9 @@ def flown(record):
     """Return the readings of every on-board sensor, by sensor, and the file that they are recorded in."""
     flight = ScriptedFlight(n_ticks=N_TICKS, sensors=ON_BOARD)
     observations = [flight.inbox(tick)[keys.observation("agent_0")] for tick in range(N_TICKS)]
-    readings = {sensor["name"]: [told.reading(sensor["name"]) for told in observations] for sensor in ON_BOARD}
+    readings = {
+        sensor["name"]: [observation.reading(sensor["name"]) for observation in observations] for sensor in ON_BOARD
+    }
     return flight, readings, record(n_ticks=N_TICKS, sensors=ON_BOARD)
 
 
@@ -153,9 +155,9 @@ def test_what_is_read_before_an_instrument_is_warm_is_no_curve(make_room, tmp_pa
     core.reset(Episode(seed=0))
     for tick in range(5):
         inbox = flight.inbox(tick)
-        told = inbox[keys.observation("agent_0")]
-        readings = tuple(reading.model_copy(update={"is_warming_up": tick < 3}) for reading in told.readings)
-        core.step(tick, {**inbox, keys.observation("agent_0"): told.model_copy(update={"readings": readings})})
+        observation = inbox[keys.observation("agent_0")]
+        readings = tuple(reading.model_copy(update={"is_warming_up": tick < 3}) for reading in observation.readings)
+        core.step(tick, {**inbox, keys.observation("agent_0"): observation.model_copy(update={"readings": readings})})
     core.close()
     ticks, _, _ = column(path, "/plots/response/agent_0/nose", "Scalars:scalars")
     assert ticks == [3, 4]

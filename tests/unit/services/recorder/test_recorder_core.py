@@ -1,4 +1,4 @@
-"""The recorder keeps what it is told, all of it, up to the verdict."""
+"""The recorder keeps all that it gets, up to the verdict."""
 
 import itertools
 
@@ -109,7 +109,7 @@ def test_curves_are_the_numbers_of_the_messages(record):
         "/plots/gas_ppm/agent_0/nose/ethanol": [
             inbox[keys.SAMPLES].samples[0].gases[0].mixing_ratio_ppm for inbox in inboxes
         ],
-        "/plots/response/agent_0/nose": [told.reading("nose").values[0] for told in observations],
+        "/plots/response/agent_0/nose": [each.reading("nose").values[0] for each in observations],
         "/plots/wind_m_s/agent_0/vane/measured": [
             observation.reading("vane").values[0] for observation in observations
         ],
@@ -239,7 +239,7 @@ def test_closing_twice_or_before_the_start_does_nothing(make_room, tmp_path):
     assert path.read_bytes() == content
 
 
-def test_a_reset_starts_the_file_anew(make_room, rows_of, tmp_path):
+def test_a_reset_starts_the_file_again(make_room, rows_of, tmp_path):
     flight, path = ScriptedFlight(), tmp_path / "recording.rrd"
     core = RecorderCore(flight.scenario, make_room(), path)
     for n_ticks in (25, 12):
@@ -265,7 +265,7 @@ def test_rerun_switched_off_is_an_error_instead_of_an_empty_file(make_room, tmp_
         core.reset(Episode(seed=0))
 
 
-def test_the_radio_has_a_log_that_tells_what_became_of_each_text(make_room, tmp_path):
+def test_the_radio_has_a_log_that_shows_what_became_of_each_text(make_room, tmp_path):
     flight = ScriptedFlight(n_agents=2, channels=({"name": "radio"},))
     path = tmp_path / "recording.rrd"
     core = RecorderCore(flight.scenario, make_room(), path)

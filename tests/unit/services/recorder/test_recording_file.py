@@ -1,4 +1,4 @@
-"""A file behind a pipe: complete when it is closed, and the first write that fails is told and stops nobody."""
+"""A file behind a pipe: complete when it is closed, and the first write that fails is reported and stops nobody."""
 
 import os
 from pathlib import Path
@@ -38,7 +38,7 @@ def test_what_is_sent_is_written(tmp_path):
     assert (tmp_path / "new" / "recording.rrd").read_bytes() == content
 
 
-def test_a_write_that_fails_is_told_and_the_writer_goes_on(tmp_path, largest_file):
+def test_a_write_that_fails_is_reported_and_the_writer_goes_on(tmp_path, largest_file):
     file = PipedFile(tmp_path / "recording.rrd")
     expected = r"recording\.rrd: expected to write .* more after .*, was file too large\. .*recording\.enabled=false"
     largest_file(100_000)

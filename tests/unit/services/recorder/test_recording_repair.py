@@ -78,7 +78,7 @@ def test_a_killed_recorder_leaves_everything_up_to_the_verdict(rows_of, tmp_path
 
 
 @pytest.mark.parametrize("content", [b"", b"RRF2", b"not a recording at all, but long enough to be looked at twice"])
-def test_a_file_without_anything_readable_is_told_and_kept(tmp_path, content):
+def test_a_file_without_anything_readable_is_reported_and_kept(tmp_path, content):
     path = tmp_path / "recording.rrd"
     path.write_bytes(content)
     with pytest.raises(RecordingError, match="expected a file of which something can be read"):

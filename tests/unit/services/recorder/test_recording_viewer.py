@@ -26,7 +26,7 @@ def vulkan():
         pytest.skip("no Vulkan driver (on Debian: mesa-vulkan-drivers)")
 
 
-def test_without_a_screen_the_remedy_is_told(record, monkeypatch):
+def test_without_a_screen_the_remedy_is_reported(record, monkeypatch):
     path = record()
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.delenv("DISPLAY", raising=False)

@@ -241,7 +241,7 @@ def test_a_collision_is_any_contact_but_with_the_floor_before_flight(phase, cont
         assert court.kinds()[-2:] == ["contact", "collision"]
 
 
-def test_where_collisions_do_not_end_the_run_each_touch_is_told_once():
+def test_where_collisions_do_not_end_the_run_each_touch_is_reported_once():
     court = Court(scenario(stop={"on_collision": False}))
     for contacts in ((), ("rack",), ("rack",), (), ("rack",)):
         court.step(body(contacts=contacts))
@@ -342,7 +342,7 @@ def test_gas_at_another_agent_is_not_mine():
     assert (0, "first", "gas_contact") not in court.events
 
 
-def test_each_refused_command_is_told_once_also_when_two_in_a_row_are_refused_alike():
+def test_each_refused_command_is_reported_once_also_when_two_in_a_row_are_refused_alike():
     court = Court(scenario()).step(command=WAYPOINT)
     for _ in range(3):
         court.step(body(rejected_command="outside the room"))
@@ -469,7 +469,7 @@ def test_a_declaration_does_not_end_a_run_in_which_maps_are_judged():
     assert court.verdict is None
 
 
-def test_events_are_told_and_sources_that_move_are_followed():
+def test_events_are_reported_and_sources_that_move_are_followed():
     plan = scenario()
     moves = {"what": "source_moves", "at_s": 0.1, "to_m": (8.0, 1.0, 2.0)}
     plan = Scenario.model_validate({**plain_values(plan), "events": [moves]})
@@ -484,7 +484,7 @@ def test_events_are_told_and_sources_that_move_are_followed():
     # From where it was at tick 0 to where the source is now.
     assert court.verdict.agents[0].straight_line_m == pytest.approx(3.0)
     assert court.verdict.agents[0].shortest_path_m == pytest.approx(2.0, abs=0.5)
-    told = {"event": 0, "what": "source_moves", "tick": 1, "time_s": 0.1, "text": "source 0 moves to [8, 1, 2] m"}
-    assert court.core.summary() == {"events": [{**told, "agent": None}]}
+    event = {"event": 0, "what": "source_moves", "tick": 1, "time_s": 0.1, "text": "source 0 moves to [8, 1, 2] m"}
+    assert court.core.summary() == {"events": [{**event, "agent": None}]}
     court.core.reset(Episode(seed=1))
     assert court.core.summary() == {"events": []}

@@ -23,7 +23,7 @@ def scenario_with(make_scenario):
     return build
 
 
-def test_nothing_is_told_that_is_not_granted(make_room, scenario_with):
+def test_no_knowledge_is_given_that_is_not_granted(make_room, scenario_with):
     scenario = scenario_with({})
     briefing = build_briefing(scenario.agents[0], scenario, make_room(), seed=1)
     assert (briefing.known_map, briefing.plume, briefing.known_sources, briefing.parameters) == (None, None, (), {})
@@ -57,7 +57,7 @@ def test_the_nominal_plume_holds_the_amount_of_its_filaments(scenario_with):
     assert plume.wind_speed_m_s == pytest.approx(math.hypot(0.3, 0.4))
 
 
-def test_a_plume_without_filaments_is_told_with_the_spread_of_usual_ones(scenario_with):
+def test_a_plume_without_filaments_is_reported_with_the_spread_of_usual_ones(scenario_with):
     scenario = scenario_with({"plume": True})
     gas = GaussianPlumeGasSpec(sources=scenario.gas.sources)
     assert build_nominal_plume(scenario.model_copy(update={"gas": gas})) == build_nominal_plume(scenario)

@@ -68,7 +68,7 @@ def first_difference(one, other):
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("delay_s", [0.0, 0.2])
 def test_nothing_is_noticed_before_the_delay_is_over(read, name, delay_s):
-    """Two flights that part at tick 5 are told apart that much later; slow instruments and counters need a moment."""
+    """Two runs that part at tick 5 differ that much later; slow instruments and counters need a moment."""
     still, moved = (read(name, [0] * 5 + [moment] * 10, delay_s=delay_s) for moment in (0, 1))
     noticed = first_difference(still, moved) - round(delay_s / 0.1)
     assert noticed == 5 if SENSOR_MODELS[name].is_on_board else 5 <= noticed <= 7

@@ -13,9 +13,9 @@ ABOUT_NOSE = "agent: beetle, sensor: nose"
 @pytest.fixture
 def faults_of():
     def build(*events, model="pid"):
-        told = ", ".join(f"{{at_s: {i + 1}, {ABOUT_NOSE}, {event}}}" for i, event in enumerate(events))
+        events_text = ", ".join(f"{{at_s: {i + 1}, {ABOUT_NOSE}, {event}}}" for i, event in enumerate(events))
         sensors = f"agents[0].sensors=[{{model: {model}, name: nose}}, {{model: tgs2600, name: wind}}]"
-        changes = [sensors, f"events=[{told}]"]
+        changes = [sensors, f"events=[{events_text}]"]
         return SensorFaults(load_scenario("tiny_room", overrides=changes).scenario)
 
     return build

@@ -47,13 +47,13 @@ def test_a_mount_off_the_axis_feels_the_turn(make_room):
     assert reading.values == pytest.approx((-4.0, 3.0, G, 0.0, 0.0, 2.0))
 
 
-def test_what_exceeds_its_range_is_cut_and_told(make_room):
+def test_what_exceeds_its_range_is_cut_and_reported(make_room):
     reading = read(imu(max_acceleration_m_s2=5.0, **SILENT), make_room(), at_rest())
     assert reading.is_saturated
     assert reading.values[2] == 5.0
 
 
-def test_a_world_that_tells_no_forces_is_an_error(make_room):
+def test_a_world_that_shows_no_forces_is_an_error(make_room):
     with pytest.raises(ModelError, match="expected inertial_body of vehicle 'beetle'"):
         imu().read(surroundings_in(make_room(), inertial_body=None), (0.0, 0.0, 0.0))
 

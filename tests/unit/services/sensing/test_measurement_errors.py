@@ -46,7 +46,7 @@ def test_between_readings_the_last_one_holds():
     assert values([1.0, 2.0, 3.0, 4.0, 5.0], period_s=0.2) == [1.0, 1.0, 3.0, 3.0, 5.0]
 
 
-def test_saturation_limits_the_value_and_is_told():
+def test_saturation_limits_the_value_and_is_reported():
     readings = read([3.0, 9.0, 12.0], max_value=9.0)
     assert [r.values[0] for r in readings] == [3.0, 9.0, 9.0]
     assert [r.is_saturated for r in readings] == [False, True, True]

@@ -19,18 +19,18 @@ def test_a_bundled_scenario_has_what_its_method_needs():
     assert problems_with() == []
 
 
-def test_a_missing_sensor_is_told_before_the_run():
+def test_a_missing_sensor_is_reported_before_the_run():
     (text,) = problems_with("agents[0].sensors=[{model: pid, name: nose}]")
     assert "agents[0].sensors: expected at least 1 of kind" in text
 
 
-def test_an_unknown_parameter_is_told_with_its_place():
+def test_an_unknown_parameter_is_reported_with_its_place():
     (text,) = problems_with("agents[0].parameters={wings: 2}")
     assert text.startswith("--set agents[0].parameters") or "agents[0].parameters" in text
     assert "expected a parameter of" in text
 
 
-def test_a_knowledge_that_is_not_granted_is_told():
+def test_a_knowledge_that_is_not_granted_is_reported():
     (text,) = problems_with("agents[0].start={python: oracle}")
     assert "source: true" in text
 

@@ -90,7 +90,7 @@ def test_decay_is_slower_than_rise():
     assert back_ohm / fall_ohm == pytest.approx(math.expm1(-0.1 / 18.75) / math.expm1(-0.1 / 4.8))
 
 
-def test_saturation_is_told():
+def test_saturation_is_reported():
     sensor = MoxSensor(MOX_PARAMETERS["tgs2600"], "nose", 1.0)
     readings = [sensor.read(sample(ethanol=1e8), STILL) for _ in range(300)]
     assert not readings[0].is_saturated

@@ -35,7 +35,7 @@ def test_a_wandering_bias_does_not_depend_on_the_step(dt_s):
     assert np.var(ends) == pytest.approx(expected, rel=0.06)
 
 
-def test_a_gps_tells_place_and_velocity_of_its_mount(make_room):
+def test_a_gps_shows_place_and_velocity_of_its_mount(make_room):
     exact = dict.fromkeys(
         ("random_walk_xy", "random_walk_z", "position_noise_xy_m", "position_noise_z_m",
          "velocity_noise_xy_m_s", "velocity_noise_z_m_s"), 0.0

@@ -49,7 +49,7 @@ def test_a_threshold_sensors_noise_is_in_the_gas_only():
     assert not values_of(sensor, [sample(ethanol=1.0)] * 50).any()
 
 
-def test_a_binary_sensor_tells_gas_from_none():
+def test_a_binary_sensor_distinguishes_gas_from_none():
     sensor = instrument_of("binary", threshold_ppm=1.0)
     assert values_of(sensor, [sample(ethanol=0.6), sample(ethanol=0.6, methane=0.6)]).tolist() == [0.0, 1.0]
 

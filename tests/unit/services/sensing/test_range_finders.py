@@ -34,7 +34,7 @@ def test_a_single_beam_goes_where_it_points(make_room):
     assert read(make_room(), "range_finder", slanted).values == pytest.approx((1.5 * math.sqrt(2),))
 
 
-def test_nothing_in_range_is_the_longest_range_and_told(make_room):
+def test_nothing_in_range_is_the_longest_range_and_reported(make_room):
     reading = read(make_room(), "range_finder", {"max_range_m": 4.0, "noise_std": 0.1})
     assert (reading.values, reading.is_saturated) == ((4.0,), True)
     one_of_four = read(make_room(), "four_range_finders", {"max_range_m": 4.0})
@@ -55,8 +55,10 @@ def test_a_level_lidar_sees_the_walls(make_room):
     ranges = reading.array.to_array()
     azimuths = np.deg2rad(np.arange(-180, 180, 5))
     with np.errstate(divide="ignore"):
-        ways = np.stack([14 / np.cos(azimuths), -1 / np.cos(azimuths), 8 / np.sin(azimuths), -2 / np.sin(azimuths)])
-    expected = np.where(ways > 0, ways, np.inf).min(axis=0)
+        distances = np.stack(
+            [14 / np.cos(azimuths), -1 / np.cos(azimuths), 8 / np.sin(azimuths), -2 / np.sin(azimuths)]
+        )
+    expected = np.where(distances > 0, distances, np.inf).min(axis=0)
     assert ranges.shape == (1, 72)
     assert ranges[0] == pytest.approx(expected, rel=1e-5)
     assert reading.values[0] == pytest.approx(1.0)

@@ -105,13 +105,13 @@ def test_the_mission_names_gas_radius_and_time(core):
     assert mission == "Find the source of ethanol in the room: come within 0.75 m of it in at most 120 s."
 
 
-def test_a_declaration_task_is_told_as_such(scenario, make_room):
+def test_a_declaration_task_is_reported_as_such(scenario, make_room):
     referee = scenario.referee.model_copy(update={"success": DeclarationSuccess(within_m=0.75)})
     core = SensingCore(scenario.model_copy(update={"referee": referee}), make_room())
     assert "declare a position within 0.75 m" in core.reset(Episode(seed=3))[keys.briefing("moth")].mission
 
 
-def test_a_briefing_does_not_tell_where_the_source_is(core):
+def test_a_briefing_does_not_show_where_the_source_is(core):
     for briefing in core.reset(Episode(seed=3)).values():
         assert "5.125" not in str(briefing)
         assert "1.375" not in str(briefing)
@@ -122,7 +122,7 @@ def test_agents_seeds_differ_from_each_other_and_from_the_runs(core):
     assert len({*seeds, 3, 4}) == 6
 
 
-def test_an_observation_tells_pose_state_and_readings(core):
+def test_an_observation_shows_pose_state_and_readings(core):
     core.reset(Episode(seed=3))
     core.step(0, inbox(0))
     observation = core.step(1, inbox(1, rejected_command="too far"))[keys.observation("moth")]
@@ -157,7 +157,7 @@ def test_equal_seeds_give_equal_messages_and_another_seed_others(scenario, make_
     assert encoded(3) != encoded(4)
 
 
-def test_reset_switches_the_instruments_on_anew(core):
+def test_reset_switches_the_instruments_on_again(core):
     core.reset(Episode(seed=3))
     first = [core.step(tick, inbox(tick)) for tick in range(5)]
     core.reset(Episode(seed=3))
@@ -188,7 +188,7 @@ def test_a_rate_that_does_not_fit_the_ticks_is_refused_before_the_run(scenario, 
         SensingCore(Scenario.model_validate(slow), make_room())
 
 
-def test_each_agent_hears_what_comes_to_it_and_is_told_of_its_refusals(scenario, make_room):
+def test_each_agent_receives_what_comes_to_it_and_is_reported_of_its_refusals(scenario, make_room):
     fields = plain_values(scenario)
     fields["channels"] = [{"name": "radio", "range_m": 5.0}, {"name": "far"}]
     core = SensingCore(Scenario.model_validate(fields), make_room())
@@ -210,7 +210,7 @@ def test_each_agent_hears_what_comes_to_it_and_is_told_of_its_refusals(scenario,
     assert (moth.incoming, moth.radio_refusals) == ((reception,), ())
 
 
-def test_without_channels_nobody_is_told_of_any(core):
+def test_without_channels_no_briefing_names_any(core):
     assert core.reset(Episode(seed=1))[keys.briefing("moth")].channels == ()
     assert core.step(0, inbox(0))[keys.observation("moth")].incoming == ()
 
@@ -253,8 +253,8 @@ def test_a_gas_of_ones_own_is_noticed_as_the_scenario_says(scenario, make_room):
     assert observation.reading("wind").values == (1.6,)
 
 
-def test_on_board_sensors_need_no_samples_and_a_pose_is_what_the_agent_is_told(make_room):
-    """An agent with a noisy pose sensor is told that pose; arrays come when they are new or a command is awaited."""
+def test_on_board_sensors_need_no_samples_and_a_pose_is_what_the_agent_gets(make_room):
+    """An agent with a noisy pose sensor gets that pose; arrays come when new or when a command is awaited."""
     sensors = [
         {"model": "pose", "name": "pose", "pose": {"position_noise_m": 0.5}},
         {"model": "lidar_2d", "name": "scan", "period_s": 0.2},

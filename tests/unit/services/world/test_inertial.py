@@ -20,7 +20,7 @@ def ticks(make_scenario, room, n, has_imu=True, **commands):
     return [core.step(tick, commands.get(f"t{tick}", {}))["truth/bodies"].bodies[0] for tick in range(n)]
 
 
-def test_only_a_vehicle_with_an_imu_is_told_of(make_room, make_scenario):
+def test_only_a_vehicle_with_an_imu_is_measured(make_room, make_scenario):
     assert ticks(make_scenario, make_room(), 2, has_imu=False)[1].inertial_body is None
 
 

@@ -80,7 +80,7 @@ def test_a_velocity_is_a_direction_and_a_speed(make_pilot):
 
 
 def test_a_turning_velocity_drives_a_circle_of_the_right_radius(make_pilot):
-    """Speed over rate of turn, 0.5 m/s over 0.4 rad/s, given anew at every tick; within 1 %."""
+    """Speed over rate of turn, 0.5 m/s over 0.4 rad/s, given again at every tick; within 1 %."""
     pilot = make_pilot({**ROVER, "start_m": (7.0, 3.0, 0.1)}, mode="lockstep")
     pilot.run(3)
     places = []

@@ -22,7 +22,7 @@ def family(folder, *, seeds=SEEDS, vary=VARY, more=""):
     return load_family(path)
 
 
-def told(folder, **settings):
+def refusal_text(folder, **settings):
     with pytest.raises(ScenarioError) as error:
         family(folder, **settings)
     return str(error.value)
@@ -57,14 +57,14 @@ def test_splits_share_no_room(tmp_path):
 
 def test_overlapping_seeds_are_refused(tmp_path):
     seeds = SEEDS.replace("first: 20", "first: 14")
-    assert "expected seeds apart from those of training, which are 10 to 14, was 14 to 18" in told(
+    assert "expected seeds apart from those of training, which are 10 to 14, was 14 to 18" in refusal_text(
         tmp_path, seeds=seeds
     )
 
 
 def test_a_seed_of_a_suite_is_refused(tmp_path):
     taken = max(collect_bundled_seeds())
-    text = told(tmp_path, seeds=SEEDS.replace("{first: 30, count: 5}", f"{{first: {taken - 2}, count: 5}}"))
+    text = refusal_text(tmp_path, seeds=SEEDS.replace("{first: 30, count: 5}", f"{{first: {taken - 2}, count: 5}}"))
     assert "seeds.test" in text
     assert f"with {taken} of a suite among them" in text
 
@@ -90,10 +90,10 @@ def test_a_seed_of_a_suite_is_refused(tmp_path):
     ],
 )
 def test_what_means_nothing_is_refused_by_its_place(tmp_path, change, expected):
-    assert expected in told(tmp_path, **change)
+    assert expected in refusal_text(tmp_path, **change)
 
 
-def test_a_case_that_has_problems_is_told_with_file_and_seed(tmp_path):
+def test_a_case_that_has_problems_is_reported_with_file_and_seed(tmp_path):
     mine = family(tmp_path, vary="vary: [{environment.layut.seed: {rooms: 2}}]\n")
     with pytest.raises(ScenarioError, match=r"family.yaml: seed 21 of validation: .*layut: expected one of the keys"):
         mine.case("validation", 1)
@@ -104,7 +104,7 @@ def test_more_cases_than_seeds_are_refused(tmp_path):
         family(tmp_path).cases("test", 6)
 
 
-def test_an_unknown_family_is_told_which_there_are():
+def test_an_unknown_family_is_reported_which_there_are():
     with pytest.raises(ScenarioError, match=r"open_halls.*Did you mean open_halls"):
         load_family("open_hall")
 

@@ -37,6 +37,6 @@ def test_a_checkpoint_of_another_train_file_is_refused(tmp_path):
         load_checkpoint(tmp_path, identity="b")
 
 
-def test_no_checkpoint_is_told(tmp_path):
+def test_no_checkpoint_is_reported(tmp_path):
     with pytest.raises(UsageError, match=r"found none\. Leave out --resume"):
         load_checkpoint(tmp_path, identity="a")

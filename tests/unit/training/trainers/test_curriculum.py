@@ -25,15 +25,15 @@ def costs():
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("told", [infos(), {"success": None, "final_info": infos()}], ids=["next_step", "same_step"])
-def test_the_newest_search_of_a_case_counts_a_half(told):
+@pytest.mark.parametrize("ended", [infos(), {"success": None, "final_info": infos()}], ids=["next_step", "same_step"])
+def test_the_newest_search_of_a_case_counts_a_half(ended):
     mine = costs()
-    mine.count(told, ENDS)
+    mine.count(ended, ENDS)
     # A half of the time; a failure at half the diagonal and then a fifth of the time; not flown.
     np.testing.assert_allclose(mine.costs, [0.5, (1.5 + 0.2) / 2, np.nan])
     np.testing.assert_allclose(mine.shares, np.array([0.5, 0.85, 9.0]) / 10.35)
 
 
-def test_an_environment_that_does_not_tell_its_cases_is_refused():
+def test_an_environment_that_does_not_show_its_cases_is_refused():
     with pytest.raises(UsageError, match=r"doping: expected environments that tell case, .* was without case, time_s"):
         costs().count({"success": ENDS, "distance_to_source_m": ENDS}, ENDS)

@@ -1,4 +1,4 @@
-"""Evolution of a method's parameters: within their ranges, from the defaults on; wrong settings are told."""
+"""Evolution of a method's parameters: within their ranges, from the defaults on; wrong settings are reported."""
 
 import numpy as np
 import pytest
@@ -19,8 +19,8 @@ def cases():
 
 
 def trainer(cases, **settings):
-    told = MethodSettings(kind="method", **{**SWARM, "rounds": 2, "population": 4, **settings})
-    return EvolvedMethod("open_halls", cases, settings=told, seed=1, weights=lambda costs: np.ones(1))
+    method_settings = MethodSettings(kind="method", **{**SWARM, "rounds": 2, "population": 4, **settings})
+    return EvolvedMethod("open_halls", cases, settings=method_settings, seed=1, weights=lambda costs: np.ones(1))
 
 
 def test_it_begins_at_the_methods_own_defaults(cases):
@@ -59,12 +59,12 @@ def test_every_individual_is_within_its_ranges_and_whole_where_the_card_says_so(
         ({"method": "e_coli", "ranges": {"leg_m": (0.3, 1.0)}}, r"trainer\.robots: expected 1 for e_coli, was 3"),
     ],
 )
-def test_wrong_settings_are_told_by_their_places(cases, settings, expected):
+def test_wrong_settings_are_reported_by_their_places(cases, settings, expected):
     with pytest.raises(UsageError, match=expected):
         trainer(cases, **settings)
 
 
-def test_sensors_that_the_family_lacks_are_told_before_anything_is_flown(cases):
+def test_sensors_that_the_family_lacks_are_reported_before_anything_is_run(cases):
     with pytest.raises(ScenarioError, match=r"agents\[0\]\.sensors: expected at least 1 of kind range for Sniffy Bug"):
         trainer(cases, method="sniffy_bug", ranges={"speed_m_s": (0.2, 1.0)})
 

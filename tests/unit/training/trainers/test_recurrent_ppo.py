@@ -19,8 +19,8 @@ HEADING = ActionSettings(kind="heading")
 
 def trainer(*, n_envs=8, action=VELOCITY, seed=1, env=None, **settings):
     envs = ToyHall(n_envs, choices=action is HEADING, **(env or {}))
-    told = PpoSettings(**{**QUICK, **settings})
-    return RecurrentPpo(envs, observation_names=NAMES, action=action, settings=told, seed=seed)
+    ppo_settings = PpoSettings(**{**QUICK, **settings})
+    return RecurrentPpo(envs, observation_names=NAMES, action=action, settings=ppo_settings, seed=seed)
 
 
 def arrays_of(one):
@@ -117,12 +117,12 @@ def test_advantages_are_the_sum_that_they_should_be():
         ({"observations": ("x", "smell")}, "recurrent_ppo.observations: expected names among x, y, .*, was smell"),
     ],
 )
-def test_wrong_settings_are_told(settings, words):
+def test_wrong_settings_are_reported(settings, words):
     with pytest.raises(UsageError, match=words):
         trainer(**settings)
 
 
-def test_plain_settings_are_read_and_unknown_ones_told():
+def test_plain_settings_are_read_and_unknown_ones_reported():
     assert PpoSettings.of({"observations": ["x"], "rounds": 2}) == PpoSettings(observations=("x",), rounds=2)
     with pytest.raises(UsageError, match=r"recurrent_ppo: expected settings among rounds, .*, was speed"):
         PpoSettings.of({"speed": 1})
@@ -138,11 +138,13 @@ def test_a_checkpoint_of_another_network_is_refused_and_nothing_is_lost():
 
 @pytest.mark.parametrize("is_final", [False, True], ids=["next_step", "same_step"])
 def test_a_search_that_ends_by_a_collision_costs_what_is_set(is_final):
-    told = {"outcome": np.array(["collision", "success", None, "collision"], dtype=object)}
+    ppo_settings = {"outcome": np.array(["collision", "success", None, "collision"], dtype=object)}
     ends = np.array([True, True, False, False])
     one = trainer(collision_cost=1.5)
-    np.testing.assert_array_equal(one._cost_of_ends({"final_info": told} if is_final else told, ends), [1.5, 0, 0, 0])
-    assert trainer()._cost_of_ends(told, ends) == 0.0
+    np.testing.assert_array_equal(
+        one._cost_of_ends({"final_info": ppo_settings} if is_final else ppo_settings, ends), [1.5, 0, 0, 0]
+    )
+    assert trainer()._cost_of_ends(ppo_settings, ends) == 0.0
 
 
 def test_a_policy_sees_the_observations_that_were_chosen():
@@ -150,7 +152,7 @@ def test_a_policy_sees_the_observations_that_were_chosen():
     assert one.policy().observation_names == ("wind.from_cos", "wind.from_sin")
 
 
-def test_without_jax_the_command_that_installs_it_is_told(monkeypatch):
+def test_without_jax_the_command_that_installs_it_is_reported(monkeypatch):
     imported = builtins.__import__
 
     def without(name, *args, **kwargs):

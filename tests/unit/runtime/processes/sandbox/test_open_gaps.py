@@ -19,9 +19,9 @@ def test_the_result_says_what_an_older_kernel_leaves_open(monkeypatch):
     scenario = load_scenario("tiny_room", overrides=["agents[0].sandbox=landlock"]).scenario
     monkeypatch.setattr(seccomp, "is_possible", lambda: True)
     monkeypatch.setattr(landlock, "read_version", lambda: 5)
-    told = describe_sandboxes(scenario, is_one_process=False)["beetle"]
-    assert told.startswith("landlock 5 (open: other processes of the user can be signalled")
-    assert is_sandboxed(told)
+    described = describe_sandboxes(scenario, is_one_process=False)["beetle"]
+    assert described.startswith("landlock 5 (open: other processes of the user can be signalled")
+    assert is_sandboxed(described)
     monkeypatch.setattr(landlock, "read_version", lambda: 6)
     assert describe_sandboxes(scenario, is_one_process=False)["beetle"] == "landlock 6"
 

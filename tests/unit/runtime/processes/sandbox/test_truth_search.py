@@ -105,7 +105,7 @@ def test_files_of_a_program_stay(tmp_path, name, content):
     assert find_exposed_truth([tmp_path]) == []
 
 
-def test_what_is_flown_is_found_under_its_other_names(tmp_path):
+def test_what_is_run_is_found_under_its_other_names(tmp_path):
     """A hard link has no content of its own to be known by, a symbolic link leads to what is hidden."""
     source = tmp_path / "elsewhere" / "room.obj"
     source.parent.mkdir()

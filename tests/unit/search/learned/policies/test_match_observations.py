@@ -9,7 +9,7 @@ def test_a_policy_takes_what_it_names_in_its_own_order():
     assert match_observations(gru(), ("x", "wind.from_cos", "nose.amount", "refused", "wind.from_sin")) == [3, 2, 4, 1]
 
 
-def test_a_sensor_of_another_name_fits_where_it_is_the_only_one_that_tells_this():
+def test_a_sensor_of_another_name_fits_where_it_is_the_only_one_that_shows_this():
     assert match_observations(gru(), ("refused", "mox_ppm.amount", "vane.from_sin", "vane.from_cos")) == [0, 1, 2, 3]
     with pytest.raises(
         PolicyError, match=r"expected nose\.amount .*, was missing; not used are a\.amount, b\.amount\."

@@ -1,4 +1,4 @@
-"""A model that another program trained flies without an agent of its own, and whatever does not fit is told."""
+"""A model that another program trained flies without an agent of its own, and whatever does not fit is reported."""
 
 import builtins
 import json
@@ -148,12 +148,12 @@ def test_choices_are_values_or_whole_numbers(written, as_index):
         ({"text": "words"}, "expected a map that says what a model's numbers mean, was str"),
     ],
 )  # fmt: skip
-def test_a_wrong_meaning_is_told_with_the_file(written, meaning, words):
+def test_a_wrong_meaning_is_reported_with_the_file(written, meaning, words):
     with pytest.raises(PolicyError, match=rf"(?s){words}.*File: .*theirs\.onnx"):
         written(linear(), **meaning)
 
 
-def test_other_inputs_and_outputs_than_the_meaning_names_are_told(written):
+def test_other_inputs_and_outputs_than_the_meaning_names_are_reported(written):
     with pytest.raises(PolicyError, match="inputs: expected observation and memory alone, was h too"):
         written(remembering())
     policy = written(linear(), action={"kind": "velocity_3d"})
@@ -161,7 +161,7 @@ def test_other_inputs_and_outputs_than_the_meaning_names_are_told(written):
         policy.act(seen(2, 1)[0], policy.memory(2))
 
 
-def test_a_model_without_meaning_and_a_corrupt_one_are_told(tmp_path):
+def test_a_model_without_meaning_and_a_corrupt_one_are_reported(tmp_path):
     path = tmp_path / "theirs.onnx"
     with pytest.raises(PolicyError, match="expected the model of a policy, was none there"):
         load_policy(path)
@@ -179,7 +179,7 @@ def test_a_model_is_no_npz(written, tmp_path):
         save_policy(tmp_path / "p.npz", written(linear()), {})
 
 
-def test_without_onnxruntime_the_command_that_installs_it_is_told(written, monkeypatch):
+def test_without_onnxruntime_the_command_that_installs_it_is_reported(written, monkeypatch):
     imported = builtins.__import__
 
     def without(name, *args, **kwargs):

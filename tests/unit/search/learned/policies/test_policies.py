@@ -163,7 +163,7 @@ def test_a_share_of_choices_is_drawn_by_the_bits_of_what_is_observed():
         ValueTable.of_arrays(NAMES, HEADING, policy.arrays, {**policy.settings, "explores": 2})
 
 
-def test_wrong_settings_are_told():
+def test_wrong_settings_are_reported():
     with pytest.raises(PolicyError, match=r"action\.kind: expected one of waypoint.*, was 'jump'"):
         ActionSettings(kind="jump")
     with pytest.raises(PolicyError, match=r"action\.hold_s: expected a number from 0, was -1"):

@@ -40,7 +40,7 @@ def test_a_policy_with_a_spread_scatters_around_its_mean_and_remembers_the_same(
     assert np.array_equal(memory, mean.act(observed, mean.memory(len(observed)))[1])
 
 
-def test_a_wrong_spread_is_told():
+def test_a_wrong_spread_is_reported():
     with pytest.raises(PolicyError, match=r"settings\.spread: expected a number from 0, was -1"):
         spread_of(-1)
     with pytest.raises(PolicyError, match=r"settings\.spread: expected 0 for action heading, which has choices"):

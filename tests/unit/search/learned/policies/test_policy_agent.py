@@ -24,18 +24,18 @@ def flown(agent, n=5):
 @pytest.mark.parametrize(("make", "kind"), [(gru, "velocity"), (table, "waypoint")])
 def test_it_flies_a_file_with_the_files_own_settings(tmp_path, make, kind):
     save_policy(tmp_path / "mine.npz", make(), {})
-    told = briefing(parameters={"policy": str(tmp_path / "mine.npz")})
-    commands = flown(Learned(told))
+    agent_briefing = briefing(parameters={"policy": str(tmp_path / "mine.npz")})
+    commands = flown(Learned(agent_briefing))
     assert {command.kind for command in commands} <= {kind, "hold"}
     assert {command.hold_s for command in commands} == {make().action.hold_s}
-    assert flown(Learned(told)) == commands
+    assert flown(Learned(agent_briefing)) == commands
 
 
 def test_a_bundled_policy_is_flown_by_its_name():
     assert flown(Learned(briefing(parameters={"policy": "learned"}))) == flown(Learned(briefing()))
 
 
-def test_what_is_no_policy_is_told(tmp_path):
+def test_what_is_no_policy_is_reported(tmp_path):
     with pytest.raises(MethodError, match=r"policy: expected one of .*learned.*, was 'learner'\. .*may_read"):
         Learned(briefing(parameters={"policy": "learner"}))
     (tmp_path / "p.npz").write_bytes(b"PK")
@@ -43,7 +43,7 @@ def test_what_is_no_policy_is_told(tmp_path):
         Learned(briefing(parameters={"policy": str(tmp_path / "p.npz")}))
 
 
-def test_a_policy_that_does_not_fit_is_told_by_names(tmp_path):
+def test_a_policy_that_does_not_fit_is_reported_by_names(tmp_path):
     save_policy(
         tmp_path / "mine.npz", gru(names=("refused", "sonar.closeness_0", "vane.from_sin", "vane.from_cos")), {}
     )

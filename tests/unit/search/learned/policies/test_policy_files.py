@@ -1,4 +1,4 @@
-"""A policy's file holds all of it, and whatever is wrong with a file is told with its name and entry."""
+"""A policy's file holds all of it, and whatever is wrong with a file is reported with its name and entry."""
 
 import json
 
@@ -11,12 +11,12 @@ from gslcosim.search.learned.policies.policy import PolicyError
 from gslcosim.search.learned.policies.policy_files import CARD, load_policy, read_policy_card, save_policy
 
 
-def changed(path, *, told=None, drop=(), **arrays):
+def changed(path, *, new_card=None, drop=(), **arrays):
     """Write a file again with changes."""
     with np.load(path) as file:
         entries = {name: file[name] for name in file.files if name not in drop}
-    if told is not None:
-        entries[CARD] = np.array(json.dumps({**json.loads(str(entries[CARD])), **told}))
+    if new_card is not None:
+        entries[CARD] = np.array(json.dumps({**json.loads(str(entries[CARD])), **new_card}))
     np.savez(path, **{**entries, **arrays})
     return path
 
@@ -44,7 +44,7 @@ def test_the_same_policy_makes_the_same_bytes(tmp_path):
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
 
 
-def test_a_corrupt_file_is_told_and_runs_nothing(tmp_path):
+def test_a_corrupt_file_is_reported_and_runs_nothing(tmp_path):
     path = tmp_path / "p.npz"
     with pytest.raises(PolicyError, match=r"expected the file of a policy, was none there\.\nFile: .*p\.npz"):
         load_policy(path)
@@ -67,18 +67,21 @@ def test_a_corrupt_file_is_told_and_runs_nothing(tmp_path):
         ({"gates": np.zeros((15, 7))}, r"gates: expected numbers of shape \(15, 8\), was float64 of shape \(15, 7\)"),
         ({"gates": np.full((15, 8), np.nan)}, "gates: expected finite numbers, was 120 that are not"),
         ({"gates": np.full((15, 8), "a")}, "gates: expected numbers"),
-        ({"told": {"schema": "gslcosim/policy/9"}}, "card.schema: expected gslcosim/policy/1, was 'gslcosim/policy/9'"),
-        ({"told": {"kind": "lstm"}}, "card.kind: expected one of ctrnn, gru, table, was 'lstm'"),
-        ({"told": {"observation_names": ["x"]}}, r"encoder: expected numbers of shape \(any, 1\)"),
-        ({"told": {"observation_names": ["x", "x"]}}, "expected each name once"),
-        ({"told": {"observation_names": "x"}}, "observation_names: expected a list of names"),
-        ({"told": {"action": None}}, "action: expected a map with kind, was None"),
-        ({"told": {"action": {"kind": "velocity_3d"}}}, r"outputs: expected numbers of shape \(3, any\)"),
+        (
+            {"new_card": {"schema": "gslcosim/policy/9"}},
+            "card.schema: expected gslcosim/policy/1, was 'gslcosim/policy/9'",
+        ),
+        ({"new_card": {"kind": "lstm"}}, "card.kind: expected one of ctrnn, gru, table, was 'lstm'"),
+        ({"new_card": {"observation_names": ["x"]}}, r"encoder: expected numbers of shape \(any, 1\)"),
+        ({"new_card": {"observation_names": ["x", "x"]}}, "expected each name once"),
+        ({"new_card": {"observation_names": "x"}}, "observation_names: expected a list of names"),
+        ({"new_card": {"action": None}}, "action: expected a map with kind, was None"),
+        ({"new_card": {"action": {"kind": "velocity_3d"}}}, r"outputs: expected numbers of shape \(3, any\)"),
         ({CARD: np.array("{")}, "card: expected JSON"),
         ({CARD: np.array("[]")}, "card: expected a block, was a list"),
     ],
 )
-def test_what_is_wrong_with_an_entry_is_told(tmp_path, changes, words):
+def test_what_is_wrong_with_an_entry_is_reported(tmp_path, changes, words):
     save_policy(tmp_path / "p.npz", gru(), {})
     with pytest.raises(PolicyError, match=words):
         load_policy(changed(tmp_path / "p.npz", **changes))
@@ -94,13 +97,13 @@ def test_what_is_wrong_with_an_entry_is_told(tmp_path, changes, words):
         (table, {"digits": [{"digit": "level", "observation": "refused", "cuts": [1]}]}, r"of shape \(2, 9\)"),
     ],
 )  # fmt: skip
-def test_wrong_settings_of_a_kind_are_told(tmp_path, make, settings, words):
+def test_wrong_settings_of_a_kind_are_reported(tmp_path, make, settings, words):
     save_policy(tmp_path / "p.npz", make(), {})
     with pytest.raises(PolicyError, match=words):
-        load_policy(changed(tmp_path / "p.npz", told={"settings": settings}))
+        load_policy(changed(tmp_path / "p.npz", new_card={"settings": settings}))
 
 
-def test_what_cannot_be_saved_is_told(tmp_path):
+def test_what_cannot_be_saved_is_reported(tmp_path):
     with pytest.raises(UsageError, match=r"to end with \.npz, was p\.zip"):
         save_policy(tmp_path / "p.zip", gru(), {})
     with pytest.raises(UsageError, match=r"card: expected other names than schema.*, was kind"):

@@ -56,15 +56,15 @@ def test_the_way_to_a_wall_is_that_of_small_steps():
         start = np.array(origin_m) + rng.random(3) * np.multiply(occupancy.shape, cell_m)
         direction = rng.standard_normal(3)
         direction /= np.linalg.norm(direction)
-        way_m = 0.0
+        distance_m = 0.0
         while True:
-            cell = np.floor((start + way_m * direction - origin_m) / cell_m).astype(int)
+            cell = np.floor((start + distance_m * direction - origin_m) / cell_m).astype(int)
             is_inside = ((cell >= 0) & (cell < occupancy.shape)).all()
             if not is_inside or occupancy[tuple(cell)]:
                 break
-            way_m += tiny_m
+            distance_m += tiny_m
         found = distance_to_wall_m(occupancy, origin_m, cell_m, *start.tolist(), *direction.tolist())
-        assert abs(found - way_m) <= 2 * tiny_m
+        assert abs(found - distance_m) <= 2 * tiny_m
 
 
 def test_a_beam_along_an_axis_ends_at_the_wall():

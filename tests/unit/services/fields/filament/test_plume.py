@@ -83,8 +83,8 @@ def test_heavy_gas_sinks_slower_as_it_grows(make_plume, make_source, power):
     plume = make_plume(sources=(source,), step_s=0.01, growth_m2_s=gamma, diffusivity_m2_s=0.0)
     plume.advance(900)
     s1 = math.sqrt(s0**2 + gamma * 8.0)
-    way_m = 2 * b / gamma * ((s1 - s0) if power == 1 else (1 / s0 - 1 / s1))
-    assert plume.filaments.position_world_m[0, 2] == pytest.approx(2.5 - way_m, rel=0.01)
+    distance_m = 2 * b / gamma * ((s1 - s0) if power == 1 else (1 / s0 - 1 / s1))
+    assert plume.filaments.position_world_m[0, 2] == pytest.approx(2.5 - distance_m, rel=0.01)
 
 
 def test_sources_with_buoyancies_of_two_powers_are_refused(make_plume, make_source):

@@ -19,7 +19,7 @@ def born_s(plan, changes, n_steps, seed=1):
     return np.array(found)
 
 
-def test_a_closed_tap_keeps_back_what_is_born_and_changes_nothing_after():
+def test_a_closed_valve_keeps_back_what_is_born_and_changes_nothing_after():
     plan = PoissonRelease(filaments_per_s=20.0)
     open_s = born_s(plan, {}, 100)
     closed_s = born_s(plan, {30: SourceChange(is_open=False), 60: SourceChange(is_open=True)}, 100)

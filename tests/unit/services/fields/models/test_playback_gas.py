@@ -27,7 +27,7 @@ agents:
 
 
 @pytest.fixture
-def told(tmp_path, capsys):
+def call_with_gas(tmp_path, capsys):
     """Return exit code and lines of a command for a scenario that plays stored gas beside it."""
     (tmp_path / "frames").mkdir()
     for i in (0, 2):
@@ -44,13 +44,13 @@ def told(tmp_path, capsys):
     return tell
 
 
-def test_stored_gas_of_the_scenario_s_source_is_valid(told):
-    assert told("validate") == (0, [])
+def test_stored_gas_of_the_scenario_s_source_is_valid(call_with_gas):
+    assert call_with_gas("validate") == (0, [])
 
 
 @pytest.mark.parametrize("command", ["validate", "up"])
-def test_gas_of_another_source_and_name_is_told_with_its_lines(told, command):
-    code, lines = told(command, gas="ethanol", source="[5, 5, 2]")
+def test_gas_of_another_source_and_name_is_reported_with_its_lines(call_with_gas, command):
+    code, lines = call_with_gas(command, gas="ethanol", source="[5, 5, 2]")
     assert code == 2
     assert lines[1:] == [
         "hall.yaml:7: gas.gas: expected methane, the gas of the stored frames, was ethanol. Write gas: methane.",
@@ -62,8 +62,8 @@ def test_gas_of_another_source_and_name_is_told_with_its_lines(told, command):
 @pytest.mark.parametrize(
     ("folder", "words"), [("empty", "expected files iteration_0"), ("faulty.npz", "gas movie: expected")]
 )
-def test_gas_that_cannot_be_read_is_told_with_its_line(told, folder, words):
-    code, (line,) = told("validate", folder=folder)
+def test_gas_that_cannot_be_read_is_reported_with_its_line(call_with_gas, folder, words):
+    code, (line,) = call_with_gas("validate", folder=folder)
     assert code == 2
     assert line.startswith("hall.yaml:11: gas.playback.folder: expected frames of gas, or a movie, that can be read")
     assert words in line

@@ -102,7 +102,7 @@ def test_a_folder_of_another_kind_is_none(tmp_path):
     assert find_stored_field_sampler(tmp_path) is None
 
 
-def test_gadens_frames_are_half_a_second_apart_unless_told(results):
+def test_gadens_frames_are_half_a_second_apart_unless_set(results):
     fields = find_stored_field_sampler(results)
     by_time = fields.gas_ppm(PLACES, Instant(time_s=0.6), THROUGH_WALLS)
     np.testing.assert_array_equal(by_time, fields.gas_ppm(PLACES, Instant(frame=1), THROUGH_WALLS))

@@ -41,7 +41,7 @@ def write(tmp_path):
 
 @pytest.mark.parametrize("is_late", [False, True])
 @pytest.mark.parametrize("name", VERSIONS)
-def test_every_version_tells_the_same(write, name, is_late):
+def test_every_version_shows_the_same(write, name, is_late):
     frame = read_gaden_frame(write(gaden.compressed(VERSIONS[name], is_late=is_late)))
     assert frame.version == name.split()[0]
     assert frame.grid.shape == gaden.CELLS
@@ -56,7 +56,7 @@ def test_every_version_tells_the_same(write, name, is_late):
     assert centre_ppm == pytest.approx(10.0, rel=1e-5)
 
 
-def test_version_2_6_does_not_tell_gas_and_source(write):
+def test_version_2_6_does_not_show_gas_and_source(write):
     frame = read_gaden_frame(write(gaden.compressed(gaden.version_2_6())))
     assert frame.gas is None
     assert frame.source_position_m is None

@@ -37,7 +37,7 @@ def test_frames_hold_until_the_next_one_that_is_there(gaden_folder):
     ]  # fmt: skip
 
 
-def test_looping_begins_anew_after_the_last_frame(gaden_folder):
+def test_looping_begins_again_after_the_last_frame(gaden_folder):
     playback = GasPlayback(gaden_folder, period_s=0.5, is_looping=True)
     assert [playback.number_at(t) for t in (2.9, 3.0, 4.0, 4.5)] == [5, None, 2, 3]
 

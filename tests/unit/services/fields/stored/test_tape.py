@@ -93,7 +93,7 @@ def test_a_tape_holds_sixteen_bytes_for_each_filament_and_tick(scenario_of, room
     assert 21 * 30 <= n_filaments <= 21 * 50
 
 
-def test_a_damaged_tape_is_recorded_anew(scenario_of, room, cache, caplog):
+def test_a_damaged_tape_is_recorded_again(scenario_of, room, cache, caplog):
     live = messages(scenario_of(), room)
     folder = next(iter(cache.iterdir()))
     for name in ("filaments.npy", "first.npy", "head.json"):
@@ -105,7 +105,7 @@ def test_a_damaged_tape_is_recorded_anew(scenario_of, room, cache, caplog):
         assert "damaged and is recorded anew" in caplog.text
 
 
-def test_whoever_comes_second_keeps_the_first_ones_tape(scenario_of, room, cache, make_plume):
+def test_the_second_recorder_keeps_the_tape_of_the_first(scenario_of, room, cache, make_plume):
     schedule = TapeSchedule(first_step=0, stride=1, n_frames=5)
     record_tape(make_plume(), schedule, cache / "tape")
     before = (cache / "tape" / "head.json").stat().st_ino

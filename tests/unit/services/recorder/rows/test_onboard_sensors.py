@@ -1,4 +1,4 @@
-"""Rows of lidars and cameras when a reading is told again."""
+"""Rows of lidars and cameras when a reading is sent again."""
 
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def test_points_of_a_scan_are_what_is_nearer_than_its_reach():
     assert points_m == pytest.approx(np.array([[-1.0, 0.0, 2.5], [2.0, 0.0, 2.5]]), abs=1e-6)
 
 
-def test_a_scan_that_is_told_again_because_a_command_is_awaited_is_recorded_once():
+def test_a_scan_that_is_sent_again_because_a_command_is_awaited_is_recorded_once():
     spec = make_sensor_spec(model="lidar_2d", name="scan", period_s=0.5, lidar={"n_azimuths": 1})
     poses = PoseHistory([spec], TICK_NS)
     rows, file = LidarRows("seen/a/scan", spec, poses, RowTiming(spec, TICK_NS), (255, 0, 0)), SentRows()
@@ -61,7 +61,7 @@ def test_a_scan_that_is_told_again_because_a_command_is_awaited_is_recorded_once
     assert [ticks for _, ticks, _ in file.sent] == [[0, 5]]
 
 
-def test_a_picture_that_is_told_twice_is_recorded_once():
+def test_a_picture_that_is_sent_twice_is_recorded_once():
     spec = make_sensor_spec(model="camera", name="eye")
     poses = PoseHistory([spec], TICK_NS)
     image = EXAMPLES["images"].frames[0].image

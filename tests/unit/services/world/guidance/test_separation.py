@@ -51,7 +51,7 @@ def send_and_wait(pilot, places_m, at_most=900):
 
 
 # Time to contact against the closed form: 5 m apart, 1 m to keep, 1 m/s: after 4 s.
-def test_it_looks_as_far_ahead_as_told():
+def test_it_looks_as_far_ahead_as_set():
     others = among(((5.0, 0.0, 0.0), STILL))
     assert has_conflict((1.0, 0.0, 0.0), others, 4.01)
     assert not has_conflict((1.0, 0.0, 0.0), others, 3.99)

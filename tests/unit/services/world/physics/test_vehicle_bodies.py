@@ -44,13 +44,13 @@ def with_section(name, section, **changes):
         ("rover", "wheels", {"caster_place_m": (0.2, 0.0, 0.0)}, "caster_place_m: expected [-0.2145, 0, -0.081]"),
     ],
 )  # fmt: skip
-def test_what_the_mjcf_contradicts_is_told(name, section, changes, problem):
+def test_what_the_mjcf_contradicts_is_reported(name, section, changes, problem):
     with pytest.raises(VehicleError) as error:
         check_body(with_section(name, section, **changes))
     assert problem in str(error.value)
 
 
-def test_a_rotor_elsewhere_is_told():
+def test_a_rotor_elsewhere_is_reported():
     places_m = list(get_vehicle("iris").rotors.rotor_places_m)
     places_m[2] = (0.1, 0.2, 0.0)
     with pytest.raises(VehicleError, match=r"rotor_places_m\[2\]: expected \[0.13, 0.22, 0.023\]"):
