@@ -9,11 +9,13 @@ import argparse
 import ast
 import bisect
 import builtins
+import json
 import re
 import subprocess
 import sys
 from collections import defaultdict
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import yaml
@@ -42,6 +44,10 @@ HEAVY = {
     "onnxruntime",
     "gymnasium",
 }
+_KERNEL_PRAGMA = "# ruff: noqa: ANN001, ANN201, ANN202, N803, N806 - kernels have no types, and symbols of equations"
+_OWN_IMPORT = "pass  # its import is of this module"
+# The commit whose import names work for one release more.
+FIRST_RELEASE = "fade3737"
 _DOTTED = re.compile(r"(?<![\w./])gslcosim(?:_services|_agents)?(?:\.[A-Za-z_]\w*)+")
 _PATH = re.compile(r"(?<![\w./-])(?:[A-Za-z_]\w*/)+[A-Za-z_]\w*\.py\b")
 
@@ -715,7 +721,7 @@ class Renamer:
                 start, end = source.span(node)
                 indent = " " * node.col_offset
                 texts = [f"from {package} import {', '.join(dict.fromkeys(names))}" for package, names in lines.items()]
-                joined = f"\n{indent}".join(texts) if texts else "pass  # its import is of this module"
+                joined = f"\n{indent}".join(texts) if texts else _OWN_IMPORT
                 source.edit(start, end, joined)
 
         # A name that a merged sibling brings in is module-wide afterwards; local imports of it are dropped.
@@ -1021,6 +1027,8 @@ class Renamer:
         return new
 
     def _map_path(self, text: str) -> str:
+        if (test := self.root / text) in self._moved_tests:
+            return self._moved_tests[test].relative_to(self.root).as_posix()
         for head, prefix in (("", ""), ("gslcosim/", "gslcosim/")):
             path = self.root / (head + text)
             module = self.module_of_path.get(path)
@@ -1103,6 +1111,9 @@ class Renamer:
                 if re.match(r"# (pyright|ruff):", line):
                     pragmas.append(line)
                     drop.add(number)
+            if "kernels" in old.rpartition(".")[2] and "kernels" not in new.rpartition(".")[2]:
+                # pyproject.toml lets files of that name have symbols and no types
+                pragmas.append(_KERNEL_PRAGMA)
             for node in body:
                 if isinstance(node, (ast.Import, ast.ImportFrom)):
                     first = node.lineno
@@ -1148,10 +1159,12 @@ class Renamer:
                 summary = " ".join(head.split("\n"))
                 self.notes.append(f"docstring: {new} has no first line in the map")
             if rest.strip():
-                paragraphs.append(rest.strip())
+                # What a module tells further is of what its first line names.
+                is_namesake = old.rpartition(".")[2] == new.rpartition(".")[2] or len(docs) == 1
+                paragraphs += [rest.strip()] if is_namesake else [head.strip(), rest.strip()]
         doc = '"""' + "\n\n".join([summary or "", *paragraphs]) + ("\n" if paragraphs else "") + '"""'
         runtime = "\n".join(self._without_repeated_names(list(dict.fromkeys(imports))))
-        parts = [*dict.fromkeys(pragmas), doc, ""]
+        parts = [*_join_pragmas(pragmas), doc, ""]
         if typing_imports and "TYPE_CHECKING" not in runtime:
             runtime += "\nfrom typing import TYPE_CHECKING"
         parts += [runtime, ""]
@@ -1215,26 +1228,28 @@ class Renamer:
         return order
 
     def _write(self, outputs: dict[Path, str], removed: set[Path]) -> None:
-        tests = self._test_moves()
+        tests = self._moved_tests
         for path in removed:
             if path not in outputs:
                 path.unlink()
         for path, text in outputs.items():
             path = tests.get(path, path)
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text)
+            path.write_text(drop_passes(text))
         for old, new in tests.items():
             if old != new and old.exists() and old not in outputs.values():
                 if old in outputs:
                     old.unlink()
         self._move_data_files()
         self._text_files()
+        self._old_names()
         for folder in ROOTS.values():
             self._packages(self.root / folder)
             remove_empty(self.root / folder)
         remove_empty(self.root / "tests")
 
-    def _test_moves(self) -> dict[Path, Path]:
+    @cached_property
+    def _moved_tests(self) -> dict[Path, Path]:
         moves: dict[Path, Path] = {self.root / a: self.root / b for a, b in self.plan.tests.items()}
         taken = set(moves.values())
         for new, olds in self.groups.items():
@@ -1362,6 +1377,43 @@ class Renamer:
             if new != text:
                 path.write_text(new)
 
+    # Each table of old names says where a module of the first release is now, and names that are called otherwise.
+    def _old_names(self) -> None:
+        folder = self.root / "gslcosim/base/old_names"
+        if not (folder / "moved_modules.json").exists():
+            return
+        tables = [json.loads((folder / f"{name}.json").read_text()) for name in ("moved_modules", "renamed_in_place")]
+        entries: dict[str, dict] = {**tables[1], **tables[0]}
+        for module in self._modules_of_first_release():
+            if module in self.old_modules:
+                entries.setdefault(module, {"module": module})
+        moved, in_place = {}, {}
+        for old, entry in sorted(entries.items()):
+            now = entry["module"]
+            names = {name: self.new_name(now, known) for name, known in entry.get("names", {}).items()}
+            for name, new in self.plan.names.get(now, {}).items():
+                if not name.startswith("_") and name not in entry.get("names", {}).values():
+                    names.setdefault(name, new)
+            written: dict = {"module": self.new_of[now]}
+            if names := {name: new for name, new in names.items() if name != new}:
+                written["names"] = names
+            stays = old in self.new_of.values()
+            if not stays:
+                moved[old] = written
+            elif written != {"module": old}:
+                in_place[old] = written
+            if stays and old not in self.packages and any(other.startswith(f"{old}.") for other in entries):
+                self.notes.append(f"old names: {old} is a module now, and had modules in it")
+        for name, table in (("moved_modules", moved), ("renamed_in_place", in_place)):
+            rows = [f"  {json.dumps(old)}: {json.dumps(entry, ensure_ascii=False)}" for old, entry in table.items()]
+            (folder / f"{name}.json").write_text("{\n" + ",\n".join(rows) + "\n}\n")
+
+    def _modules_of_first_release(self) -> list[str]:
+        command = ["git", "ls-tree", "-r", "--name-only", FIRST_RELEASE, "gslcosim"]
+        listed = subprocess.run(command, cwd=self.root, capture_output=True, text=True, check=True).stdout.split()
+        parts = [Path(name).with_suffix("").parts for name in listed if name.endswith(".py")]
+        return [".".join(p[:-1] if p[-1] == "__init__" else p) for p in parts if all(map(str.isidentifier, p))]
+
     def _packages(self, folder: Path) -> None:
         if folder.name == "agents":
             return
@@ -1382,6 +1434,38 @@ class Renamer:
                     )
                     self.notes.append(f"package: {dotted} is new")
                 package = package.parent
+
+
+def _join_pragmas(pragmas: list[str]) -> list[str]:
+    codes: set[str] = set()
+    others, reason = [], ""
+    for pragma in dict.fromkeys(pragmas):
+        if match := re.fullmatch(r"# ruff: noqa: ([A-Z0-9, ]+?)( - .*)?", pragma):
+            codes.update(match.group(1).split(", "))
+            reason = reason or match.group(2) or ""
+        else:
+            others.append(pragma)
+    return [*others, f"# ruff: noqa: {', '.join(sorted(codes))}{reason}"] if codes else others
+
+
+# An import that was local, of what is now in the same module, leaves a `pass` where it stood.
+def drop_passes(text: str) -> str:
+    if _OWN_IMPORT not in text:
+        return text
+    lines: list[str | None] = list(text.split("\n"))
+    for node in ast.walk(ast.parse(text)):
+        for part in ("body", "orelse", "finalbody"):
+            body = getattr(node, part, None)
+            if not isinstance(body, list):
+                continue
+            passes = [
+                each for each in body if isinstance(each, ast.Pass) and _OWN_IMPORT in (lines[each.lineno - 1] or "")
+            ]
+            for each in passes if len(body) > len(passes) else passes[1:]:
+                lines[each.lineno - 1] = None
+                if each.lineno < len(lines) and lines[each.lineno] == "":
+                    lines[each.lineno] = None
+    return "\n".join(line for line in lines if line is not None)
 
 
 def strongly_connected(graph: dict[str, set[str]]) -> list[set[str]]:

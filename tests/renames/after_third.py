@@ -1,0 +1,74 @@
+"""What follows tests/renames/third.yaml and is no import: lists of code, names in strings and tables of lazy imports.
+
+`python tests/renames/after_third.py` changes the checkout it is called in, after rename.py and `ruff check --fix`.
+"""
+
+# ruff: noqa: E501, T201 - a script of texts that prints
+
+import sys
+from pathlib import Path
+
+REPLACEMENTS = {
+    "gslcosim/bench/__init__.py": {'"run": "api",': '"run": "execution.runner",'},
+    "gslcosim/environment/generation/__init__.py": {': "batch",': ': "builder",'},
+    "gslcosim/environment/generation/cache.py": {
+        '"gslcosim/environment/layouts", "gslcosim/environment/geometry_source.py"]': '"gslcosim/environment/layouts"]',
+        'if wind.solver == "openfoam" else ["gslcosim/flow/*", "gslcosim/flow/boundaries"]': (
+            'if wind.solver == "openfoam" else ["gslcosim/flow/*"]'
+        ),
+    },
+    "gslcosim/runtime/replay/snapshot.py": {
+        '("cameras", "events", "fields", "radio", "referee", "sensing", "world")),': (
+            '(\n        "cameras", "events.py", "fields", "radio.py", "referee", "sensing", "world",\n    )),'
+        ),
+    },
+    "gslcosim/runtime/__init__.py": {
+        """From outside: `taking_part.serve_from_here` and `agents_from_here.fly_agent_from_here` are the two lives of
+`gslcosim join`; `offering.Offering` is the side of the host that flies the run.""": (
+            "For `gslcosim join` there are `remote_join.join_as_services` and `join_as_agent`; `remote_server.RunServer` is the\n"
+            "side of the host that runs the others."
+        ),
+    },
+    "gslcosim/runtime/external.py": {
+        """Each is a service to the run: `foreign_core.ForeignCore` is its core, which asks the program over the gateway's frames
+at each step. `hearing` judges what the program says, `program` starts and ends it, `declared` knows its ports.""": (
+            "Each is a service to the run: `ExternalCore` is its core, which asks the program over the gateway's frames\nat each step."
+        ),
+    },
+    "services/fields/tape.py": {
+        '"gases.py", "stored/tape.py",': '"gases.py", "tape.py",',
+        '"environment/model.py", "environment/model.py",': '"environment/model.py",',
+    },
+    "services/recorder/service.py": {
+        '("blueprint", "rows.wind", "recording_file", "run_recording", "summary")': (
+            '("blueprint", "recording_file", "rows.events", "run_recording")'
+        ),
+        "def _import_early() -> None:\n    preload_modules()\n\n\n": "",
+        "import_early=_import_early,": "import_early=preload_modules,",
+    },
+    "tests/unit/base/test_socket_peers.py": {
+        "sandbox import landlock, seccomp": "sandbox import confinement",
+        "sandbox import seccomp": "sandbox import confinement",
+        "seccomp.filter_calls": "confinement.filter_calls",
+        "landlock.give_up": "confinement.give_up",
+    },
+}
+
+
+def main() -> None:
+    """Replace each text, which has to be there."""
+    is_whole = True
+    for name, texts in REPLACEMENTS.items():
+        path = Path(name)
+        content = path.read_text()
+        for old, new in texts.items():
+            if old not in content:
+                print(f"{name}: expected {old!r}")
+                is_whole = False
+            content = content.replace(old, new)
+        path.write_text(content)
+    sys.exit(not is_whole)
+
+
+if __name__ == "__main__":
+    main()
