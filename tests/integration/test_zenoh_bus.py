@@ -2,6 +2,7 @@
 
 import queue
 import threading
+import time
 
 import pytest
 from deadlines import EVENT_S
@@ -11,6 +12,7 @@ from gslcosim.bus.interface import JoinData
 from gslcosim.bus.zenoh_bus import AgentAccount, ZenohBus
 
 NAMESPACE = "gsl/test"
+PROBE = b"is there a route?"
 
 
 @pytest.fixture
@@ -39,13 +41,33 @@ def net(tmp_path):
 
 
 def inbox(bus, key="**"):
+    """Return what a bus hears, and tell `open_route` apart from it."""
     events = queue.Queue()
-    bus.subscribe(key, lambda at, payload: events.put((at, payload)))
+    events.probed = queue.Queue()
+    bus.subscribe(key, lambda at, payload: (events.probed if payload == PROBE else events).put((at, payload)))
     return events
 
 
+def send(member, key, payload):
+    """Send whatever is known of readers, as who cheats would: `publish` sends nothing once it knows of none."""
+    member._session.put(key, payload)
+
+
+def open_route(sender, key, *inboxes):
+    """Send on a key until each of these hears it; before there is a route, messages go nowhere."""
+    deadline_s = time.monotonic() + EVENT_S
+    for events in inboxes:
+        while True:
+            send(sender, key, PROBE)
+            try:
+                if events.probed.get(timeout=0.05)[0] == key:
+                    break
+            except queue.Empty:
+                assert time.monotonic() < deadline_s, f"no route for {key} within {EVENT_S} s"
+
+
 def settle(router, *buses):
-    """Give what each bus has said before time to go through the router: an absence can only be waited for."""
+    """Give what each bus has said time to go through the router: an absence can only be waited for."""
     for bus in buses:
         bus.ask("rpc/settle", b"", lambda *_: None)
         threading.Event().wait(0.1)
@@ -78,13 +100,14 @@ def test_an_agent_is_confined_to_its_own_keys(net):
     a.declare_alive("agents/b/alive")
     a.declare_alive("agents/a/alive")
     assert tokens.get(timeout=EVENT_S) == "agents/a/alive"
-    settle(router, service, a, b)
+    open_route(a, "agents/a/command", at_router)
+    open_route(service, "agents/b/observation", at_router, at_b)
     forbidden = ["truth/bodies", "command/a", "agents/b/command", "agents/b/observation", "agents/a/observation"]
     for key in [*forbidden, "ctl/stop", "bundle/world", "agents/a/command"]:
-        a.publish(key, b"from a")
+        send(a, key, b"from a")
     for key in ["truth/bodies", "command/a", "ctl/start", "bundle/world", "agents/a/observation"]:
-        service.publish(key, b"from service")
-    service.publish("agents/b/observation", b"from service")
+        send(service, key, b"from service")
+    send(service, "agents/b/observation", b"from service")
     assert at_b.get(timeout=EVENT_S) == ("agents/b/observation", b"from service")
     received = [at_router.get(timeout=EVENT_S) for _ in range(7)]
     assert [key for key, payload in received if payload == b"from a"] == ["agents/a/command"]
@@ -109,10 +132,12 @@ def test_a_process_of_several_agents_reaches_the_keys_of_each_and_no_others(net)
     assert {tokens.get(timeout=EVENT_S) for _ in range(2)} == {("agents/c/alive", True), ("agents/d/alive", True)}
     process.withdraw_alive("agents/d/alive")
     assert tokens.get(timeout=EVENT_S) == ("agents/d/alive", False)
-    settle(router, service, process)
+    for name in ("c", "d"):
+        open_route(process, f"agents/{name}/command", at_router)
+        open_route(service, f"agents/{name}/observation", at_process)
     for name in ("a", "c", "d"):
-        process.publish(f"agents/{name}/command", b"from c")
-        service.publish(f"agents/{name}/observation", b"from service")
+        send(process, f"agents/{name}/command", b"from c")
+        send(service, f"agents/{name}/observation", b"from service")
     assert [at_router.get(timeout=EVENT_S)[0] for _ in range(2)] == ["agents/c/command", "agents/d/command"]
     received = [at_process.get(timeout=EVENT_S) for _ in range(5)]
     keys_of_service = [key for key, payload in received if payload == b"from service"]
