@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flaky_tests import mark_flaky_tests
 from hypothesis import HealthCheck, settings
 
 from gslcosim.environment.build.still_air import build_still_environment
@@ -23,6 +24,12 @@ settings.register_profile("explore", deadline=None, database=None, suppress_heal
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 GOLDEN_DIR = Path(__file__).parent / "golden"
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Give a second try to who is named for it; before tests are left out, so that no name is missed."""
+    mark_flaky_tests(config, items, Path(__file__).with_name("flaky_tests.yaml"))
 
 
 @pytest.fixture(scope="session", autouse=True)
