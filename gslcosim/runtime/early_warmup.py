@@ -13,17 +13,17 @@ from gslcosim.scenario import Scenario, dump_resolved
 
 
 def build_warmup_request(scenario: Scenario, directory: Path) -> dict[str, Any]:
-    """Return as plain values what `run_warmup_request` is asked for."""
+    """Return a request for `run_warmup_request`, as plain values."""
     return {"scenario": dump_resolved(scenario), "directory": str(directory.absolute())}
 
 
 def run_warmup_request(request: dict[str, Any]) -> None:
-    """Rehearse what `build_warmup_request` has asked for."""
+    """Warm up the services that a request of `build_warmup_request` names."""
     warm_up_services(Scenario.model_validate(yaml.safe_load(request["scenario"])), Path(request["directory"]))
 
 
 def warm_up_services(scenario: Scenario, directory: Path) -> None:
-    """Build and rehearse the services of a scenario in its room; what they compile is kept in the cache.
+    """Build and warm up the services of a scenario in its room; what they compile is kept in the cache.
 
     Args:
         scenario: Its environment is any but one with a `path`.
@@ -31,6 +31,6 @@ def warm_up_services(scenario: Scenario, directory: Path) -> None:
     """
     environment = build_still_environment(scenario, scenario_dir=directory)
     setup = RunSetup(run_dir=RunDir(directory), scenario=scenario, environment_dir=directory, environment=environment)
-    rehearsed = [kind for kind in list_services(scenario) if kind.is_warmed_up]
-    for kind in sorted(rehearsed, key=lambda kind: not kind.has_most_kernels):
+    services = [kind for kind in list_services(scenario) if kind.is_warmed_up]
+    for kind in sorted(services, key=lambda kind: not kind.has_most_kernels):
         build_core(kind.name, setup)

@@ -137,13 +137,13 @@ def run_scenario(
 
 # Where nothing was made before, kernels are compiled for longer than an environment is made: the other core has time.
 def _prepare_environment(loaded: LoadedScenario, report: StatusHandler, fork_server: ForkServer | None) -> Path:
-    rehearsing = fork_server
+    idle_server = fork_server
 
     def progress(text: str, fraction: float) -> None:
-        nonlocal rehearsing
-        if rehearsing is not None:
-            rehearsing.warm_up(loaded.scenario, loaded.directory)
-            rehearsing = None
+        nonlocal idle_server
+        if idle_server is not None:
+            idle_server.warm_up(loaded.scenario, loaded.directory)
+            idle_server = None
         report(RunStatus(state="preparing", text=text, fraction=fraction))
 
     return prepare_environment(loaded.scenario, scenario_dir=loaded.directory, progress=progress)

@@ -1,4 +1,4 @@
-"""`gslcosim join`: take part in a run that is run on another host."""
+"""`gslcosim join`: take part in a run on another host."""
 
 import argparse
 from collections.abc import Callable

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from gslcosim.scenario import Scenario
 
 FORK_SERVER = "fork_server"
-WARMUP_PROCESS = "rehearsal"
+WARMUP_PROCESS = "warm-up"
 CLOSE_TIMEOUT_S = 2.0
 # A service needs no threads for linear algebra, and a process that forks must have none.
 SINGLE_THREAD_VARIABLES = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1") | {
@@ -233,7 +233,7 @@ class ForkServer:
         from gslcosim.runtime.early_warmup import build_warmup_request
 
         with contextlib.suppress(SimulationFault):
-            return self._ask(WARMUP_PROCESS, {"rehearse": build_warmup_request(scenario, directory)}, Path(os.devnull))
+            return self._ask(WARMUP_PROCESS, {"warm_up": build_warmup_request(scenario, directory)}, Path(os.devnull))
         return None
 
     def release_unused(self) -> None:

@@ -40,7 +40,7 @@ def child_main(request: dict[str, Any], parent: int, unwanted: Sequence[int]) ->
     """Do in this fork what is requested, and end it, whatever happens: there must be one server.
 
     Args:
-        request: `log`, and either `rehearse`, or `services` and `join`.
+        request: `log`, and either `warm_up`, or `services` and `join`.
         parent: The process that has forked this one.
         unwanted: Descriptors that are none of its business.
     """
@@ -55,10 +55,10 @@ def child_main(request: dict[str, Any], parent: int, unwanted: Sequence[int]) ->
             os.close(fd)
         _redirect_output(request["log"])
         gc.enable()
-        if "rehearse" in request:
+        if "warm_up" in request:
             from gslcosim.runtime.early_warmup import run_warmup_request
 
-            run_warmup_request(request["rehearse"])
+            run_warmup_request(request["warm_up"])
             os._exit(0)
         names = [str(name) for name in request["services"]]
         set_process_title(f"{sys.executable} -P -m gslcosim_services {' '.join(names)}")
@@ -280,7 +280,7 @@ class _Server:
         *lines, self._unread = (self._unread + received).split(b"\n")
         for line in lines:
             request = json.loads(line)
-            if "services" in request or "rehearse" in request:
+            if "services" in request or "warm_up" in request:
                 self._start(request)
             else:
                 self._dismiss_apprentices()
