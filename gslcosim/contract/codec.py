@@ -4,6 +4,7 @@ import base64
 import contextlib
 import json
 import re
+import threading
 from collections.abc import Iterable
 from functools import cache
 from typing import Any, TypeVar, cast, get_args
@@ -22,6 +23,7 @@ MAJOR_VERSION = 1
 # Without type stubs, so its functions are Any.
 _msgpack: Any = msgpack
 _ENCODER = msgspec.msgpack.Encoder()
+_DECODER_LOCK = threading.Lock()
 # A float64 whose exponent has all its bits; texts and arrays may hold the same bytes.
 _NON_FINITE_PATTERN = re.compile(rb"\xcb[\x7f\xff][\xf0-\xff]")
 MAX_MESSAGE_BYTES = 64 * 1024 * 1024
@@ -70,9 +72,11 @@ def decode_trusted(message_type: type[AnyMessage], payload: bytes) -> AnyMessage
         return decode(message_type, payload)  # which says what is wrong
 
 
+# One after the other: msgspec shows a type to other threads while it still reads its fields, and decoding then crashes.
 @cache
 def _get_decoder(message_type: type[AnyMessage]) -> msgspec.msgpack.Decoder[AnyMessage]:
-    return msgspec.msgpack.Decoder(message_type)
+    with _DECODER_LOCK:
+        return msgspec.msgpack.Decoder(message_type)
 
 
 def decode_untrusted(
