@@ -122,8 +122,8 @@ def write_suite(loaded: LoadedSuite, folder: Path) -> None:
         values["include"][i] = place
     text = dump_values(values)
     path = folder / SUITE_FILE
-    if path.resolve() != loaded.path and not (path.is_file() and path.read_text(encoding="utf-8") == text):
-        path.write_text(text, encoding="utf-8")
+    if path.resolve() != loaded.path and not (path.is_file() and path.read_bytes() == text.encode()):
+        path.write_bytes(text.encode())
 
 
 def _kept_scenario(spec: ScenarioSpec, loaded: LoadedSuite, folder: Path) -> str:

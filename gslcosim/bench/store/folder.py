@@ -299,7 +299,7 @@ class ResultsFolder:
                 if sys.platform != "win32":
                     fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
-                holder = path.read_text(encoding="utf-8").strip() or "?"
+                holder = path.read_text(encoding="utf-8", errors="replace").strip() or "?"
                 raise UsageError(
                     f"{self.path}: expected a folder that no other bench run works in, was one in use by process "
                     f"{holder}. Wait for it, or name another folder with --results."

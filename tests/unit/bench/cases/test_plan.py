@@ -256,6 +256,15 @@ def test_a_written_suite_stands_alone_and_plans_the_same_trials(tmp_path: Path) 
     assert again.suite_hash == plan.suite_hash
 
 
+def test_a_damaged_suite_file_of_results_is_written_again(tmp_path: Path) -> None:
+    from gslcosim.bench.cases.suite_files import write_suite
+
+    loaded = load_suite("smoke")
+    (tmp_path / "suite.yaml").write_bytes(b"\x80\x00")
+    write_suite(loaded, tmp_path)
+    assert load_suite(tmp_path / "suite.yaml").suite.name == "smoke"
+
+
 def _tiny_room() -> str:
     from gslcosim.scenario.bundled import bundled_scenarios
 
