@@ -1,5 +1,6 @@
 """Second tries: those that the table names get them, nobody else, and a name without a test is an error."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -54,7 +55,11 @@ def run_suite(tmp_path):
     def run(table, *words):
         (tmp_path / "tests" / "flaky.yaml").write_text(table)
         call = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-p", "no:randomly", *words]
-        ended = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, timeout=PROCESS_S, check=False)
+        # A developer's own options, such as reruns of all tests, are not this suite's.
+        environment = {name: value for name, value in os.environ.items() if name != "PYTEST_ADDOPTS"}
+        ended = subprocess.run(
+            call, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=PROCESS_S, check=False
+        )
         return ended.returncode, ended.stdout + ended.stderr
 
     return run
