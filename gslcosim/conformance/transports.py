@@ -262,7 +262,7 @@ class CheckedProcess:
         self._scratch = ScratchFolder.for_sockets("check")
         self.folder = self._scratch.path
         self.log = self.folder / "log"
-        self.children = ChildProcesses(lambda _, code, __: self.events.put(AgentExited(code)))
+        self.children = ChildProcesses(lambda _, code, __: self.events.put(AgentExited(code)), are_foreign=True)
         self.orphans = OrphanProcesses(str(self.folder))
         self.leftover_processes: tuple[str, ...] = ()
 

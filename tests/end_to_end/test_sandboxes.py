@@ -23,10 +23,11 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 import yaml
-from deadlines import PROCESS_S
-from real_runs import AGENTS, ROOT, TINY_ROOM, children_of, fly, fly_here, start
+from crowd import OTHER_RUNS, crowded
+from ordinary_user import run_tests_as_ordinary_user
+from real_runs import AGENTS, ROOT, TINY_ROOM, fly, fly_here
 
-from gslcosim.base.kernel_cache import get_cache_root, get_key_path
+from gslcosim.base.kernel_cache import get_cache_root
 from gslcosim.runtime.processes.sandbox import selection, truth_search
 from gslcosim.runtime.processes.sandbox.selection import unavailable_reason
 from gslcosim.scenario.bundled import bundled_agents
@@ -53,10 +54,13 @@ REFUSED_ANYWAY = {
     "read_environment_of_the_user",
 }
 TOKEN_NAME = "TOKEN_OF_THE_USER"
-# Who may do nothing that others may not: nobody.
-ORDINARY = 65534
-# What nobody but root may do, so that it proves nothing elsewhere.
-ONLY_ROOT = {"use_rights_of_root", "change_settings_of_the_kernel"}
+# What nobody but root may do, or where settings of the kernel say so, so that it proves nothing for others.
+ONLY_ROOT = {
+    "use_rights_of_root",
+    "change_settings_of_the_kernel",
+    "read_log_of_the_kernel",
+    "watch_others_by_perf",
+}
 
 
 @dataclass
@@ -64,7 +68,6 @@ class Attacked:
     """What is left after a run with the attacker."""
 
     reached: dict[str, str]
-    other: dict
     result: dict
     written: dict
     outside: Path
@@ -72,7 +75,10 @@ class Attacked:
 
 
 def attacked(folder: Path, sandbox: str) -> Attacked:
-    """Fly with the attacker, its program beside the scenario and the runs: the arrangement that helps it most."""
+    """Fly with the attacker, its program beside the scenario and the runs: the arrangement that helps it most.
+
+    A warm server and two other flights go on beside it, and are as they were in the end.
+    """
     if reason := unavailable_reason(sandbox):
         pytest.skip(f"{sandbox} cannot be tested here: {reason}")
     work, outside = folder / "work", folder / "outside"
@@ -96,7 +102,7 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
     (work / "named.py").symlink_to(scenario)
     with contextlib.ExitStack() as stack:
         stack.enter_context(patch.dict(os.environ, {TOKEN_NAME: "secret"}))
-        other = stack.enter_context(_other_flight(work))
+        crowd = stack.enter_context(crowded(work))
         victim, address = stack.enter_context(_victim())
         terminal = stack.enter_context(_terminal())
         key = stack.enter_context(_key())
@@ -118,7 +124,8 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
             "temporary": tempfile.gettempdir(),
             "token_name": TOKEN_NAME,
             "has_private_folder": sandbox == "bubblewrap",
-            "other_flight": [*children_of(other.process.pid), other.process.pid],
+            "other_runs": crowd.pids,
+            "runs_of_others": [str(work / name) for name in OTHER_RUNS],
             **ports,
             **shared,
         }
@@ -129,7 +136,7 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
         ended = fly(scenario, work / "runs", *changes, "--set", "referee.stop.time_limit_s=6")
         was_victim_signalled = victim.poll() is not None
         is_memory_left = ctypes.CDLL(None).shmget(shared["system_v_left"], 64, 0) >= 0
-        other_ended = other.end()
+        crowd.end()
     assert ended.result.get("valid") is True, (ended.errors, ended.result)
     lines = (ended.run_dir / "logs" / "agent_beetle.log").read_text().splitlines()
     attacks = [json.loads(line) for line in lines if line.startswith('{"attack"')]
@@ -138,23 +145,11 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
     reached["leave_system_v_memory_behind"] *= is_memory_left
     return Attacked(
         reached=reached,
-        other=other_ended.result,
         result=ended.result,
         written=json.loads((ended.run_dir / "result.json").read_text()),
         outside=outside,
         was_victim_signalled=was_victim_signalled,
     )
-
-
-@contextlib.contextmanager
-def _other_flight(work):
-    """Another run of the same user, beside the attacker's, as long as that lasts."""
-    flight = start(TINY_ROOM, work / "other_runs", "--pace", "1", "--set", "agents[0].sandbox=auto")
-    try:
-        flight.wait_until_flying()
-        yield flight
-    finally:
-        flight.abandon()
 
 
 @contextlib.contextmanager
@@ -284,16 +279,13 @@ def test_the_run_is_as_if_nothing_had_been_tried(in_sandbox):
     assert after.written == after.result
     assert sorted(path.name for path in after.outside.iterdir()) == ["removable.txt", "s", "victim.txt"]
     assert not after.was_victim_signalled
-    assert after.other["valid"] is True
-    assert after.other["faults"] == []
 
 
 def test_without_a_sandbox_the_same_attacks_do_get_through(tmp_path):
     """Otherwise the attacks would prove nothing; the result says that there was none."""
     after = attacked(tmp_path / "x", "none")
-    assert {name for name, evidence in after.reached.items() if not evidence} == REFUSED_ANYWAY | (
-        ONLY_ROOT if os.geteuid() else set()
-    )
+    refused = {name for name, evidence in after.reached.items() if not evidence}
+    assert refused - (ONLY_ROOT if os.geteuid() else set()) == REFUSED_ANYWAY
     assert after.result["sandboxes"] == {"beetle": "none"}
     assert after.written == after.result
 
@@ -304,7 +296,7 @@ def test_the_table_of_attacks(tmp_path, capsys):
     after = {sandbox: attacked(tmp_path / sandbox, sandbox) for sandbox in (*SANDBOXES, "none")}
     rows = [
         f"| {attack.replace('_', ' ')} | "
-        + " | ".join("got through" if each.reached[attack] else "refused" for each in after.values())
+        + " | ".join(_outcome(attack, each.reached[attack], sandbox) for sandbox, each in after.items())
         + " |"
         for attack in ATTACKS
     ]
@@ -312,6 +304,24 @@ def test_the_table_of_attacks(tmp_path, capsys):
     with capsys.disabled():
         sys.stdout.write(f"\n{table}\n")
     assert table in (ROOT / "docs" / "reliability.md").read_text()
+
+
+# The same words whoever flies it, so that one table holds for root and for others.
+def _outcome(attack, evidence, sandbox):
+    if attack in ONLY_ROOT and sandbox == "none" and (evidence or os.geteuid() != 0):
+        return "got through as root"
+    return "got through" if evidence else "refused"
+
+
+@pytest.mark.soak
+@pytest.mark.debian
+@pytest.mark.timeout(1800)
+def test_the_table_of_attacks_holds_for_an_ordinary_user(capsys):
+    ran = run_tests_as_ordinary_user(__file__, "-k", "test_the_table_of_attacks and not ordinary", limit_s=1200)
+    with capsys.disabled():
+        sys.stdout.write(ran.stdout)
+    assert ran.returncode == 0
+    assert "1 passed" in ran.stdout
 
 
 def flown_with(tmp_path, program, sandbox, limits):
@@ -542,51 +552,8 @@ def test_the_digest_is_the_same_in_every_sandbox(tmp_path):
 
 @pytest.mark.debian
 @pytest.mark.slow
-def test_an_ordinary_user_is_kept_as_root_is(tmp_path):
-    """Tests run as root in containers, users do not: the attacks, flown by an ordinary user."""
-    if os.getuid() != 0 or shutil.which("setpriv") is None or shutil.which("unshare") is None:
-        pytest.skip("only root can become an ordinary user here")
-    with tempfile.TemporaryDirectory(prefix="ordinary-") as name:
-        home = Path(name)
-        kernels = Path(os.environ["NUMBA_CACHE_DIR"])
-        shutil.copytree(kernels, home / "cache" / "numba" / kernels.name)
-        # Nothing is to be compiled again: root's kernels are trusted by others, with the key that they can read here.
-        shutil.copy(get_key_path(), home / "cache" / "kernels.key")
-        (home / "cache" / "kernels.key").chmod(0o644)
-        for folder in (home, home / "cache", home / "cache" / "numba"):
-            os.chown(folder, ORDINARY, ORDINARY)
-            folder.chmod(0o755)
-        call = [
-            "setpriv",
-            f"--reuid={ORDINARY}",
-            f"--regid={ORDINARY}",
-            "--clear-groups",
-            sys.executable,
-            "-m",
-            "pytest",
-        ]
-        call += ["-q", "-p", "no:cacheprovider", "--basetemp", str(home / "tests"), __file__]
-        call += ["-k", "attack_does_not_get_through or as_if_nothing_had_been_tried"]
-        variables = os.environ | {"HOME": str(home), "GSLCOSIM_CACHE": str(home / "cache")}
-        variables.pop("NUMBA_CACHE_DIR")
-        ran = subprocess.run(
-            [*_making_python_visible(home), *call], cwd=ROOT, env=variables, capture_output=True, text=True,
-            timeout=2 * PROCESS_S, check=False,
-        )  # fmt: skip
+def test_an_ordinary_user_is_kept_as_root_is():
+    """The attacks, flown by an ordinary user."""
+    ran = run_tests_as_ordinary_user(__file__, "-k", "attack_does_not_get_through or as_if_nothing_had_been_tried")
     assert ran.returncode == 0, ran.stdout
     assert "passed" in ran.stdout
-
-
-def _making_python_visible(folder):
-    """Return what precedes a command so that another user sees this Python in a home that is closed to others."""
-    base = Path(sys.base_prefix)
-    closed = next((each for each in reversed(base.parents) if not each.stat().st_mode & 0o001), None)
-    if closed is None:
-        return []
-    kept = folder / "python"
-    kept.mkdir()
-    script = (
-        f"mount --bind {base} {kept} && mount -t tmpfs -o mode=755 tmpfs {closed} && mkdir -p {base} && "
-        f'mount --bind {kept} {base} && exec "$@"'
-    )
-    return ["unshare", "--mount", "--propagation", "private", "sh", "-c", script, "sh"]

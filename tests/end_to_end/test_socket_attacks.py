@@ -1,20 +1,19 @@
-"""Agents that ask the sockets of gslcosim for more than they may have, with a warm server and another run beside them.
+"""Agents that ask the sockets of gslcosim for more than they may have, beside a warm server and two other runs.
 
 `make attacks` prints the table of attacks and sandboxes; it stands in docs/reliability.md.
 """
 
-import contextlib
 import json
 import os
 import re
 import shutil
-import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 import pytest
-from real_runs import AGENTS, COMMAND, ROOT, TINY_ROOM, fly, start, with_agent
+from crowd import crowded
+from ordinary_user import run_tests_as_ordinary_user
+from real_runs import AGENTS, ROOT, TINY_ROOM, fly, start
 
 from gslcosim.base.user_state import user_state_folder
 from gslcosim.runtime.processes.daemon_client import get_daemon_secret_file, get_daemon_socket, read_code_identity
@@ -35,29 +34,6 @@ REFUSED_ANYWAY = {
 BY_WHO_IS_FASTER = {"ask_the_server_by_who_has_ended"}
 # Where a folder that an agent sees holds what is hidden, Landlock still lets it see the names of it.
 KNOWN_GAPS = {("landlock", "list_the_sockets_of_the_user")}
-LONG = ("--set", "referee.success.within_m=0.001", "--set", "referee.stop.time_limit_s=20000")
-
-
-@contextlib.contextmanager
-def _folder_of_sockets():
-    """A folder for sockets alone, whose name is short."""
-    with tempfile.TemporaryDirectory(prefix="a-") as folder, pytest.MonkeyPatch.context() as patch:
-        patch.setenv("TMPDIR", folder)
-        patch.setattr("tempfile.tempdir", None)
-        yield Path(folder)
-
-
-@contextlib.contextmanager
-def _serving():
-    process = subprocess.Popen([*COMMAND, "serve"], stdout=subprocess.PIPE, text=True, start_new_session=True)
-    try:
-        assert "--warm" in process.stdout.readline()
-        yield process
-        assert process.poll() is None, "the server goes on"
-    finally:
-        process.terminate()
-        process.wait(60)
-        process.stdout.close()
 
 
 def _sockets(ending):
@@ -74,12 +50,11 @@ def attacked(folder, sandbox):
     mark = user_state_folder() / "verified" / "known.json"
     mark.parent.mkdir(parents=True, exist_ok=True)
     mark.write_text("what the user has found out")
-    with _folder_of_sockets() as sockets, _serving():
+    with crowded(folder) as crowd:
+        sockets = crowd.sockets
         for name in ("socket_attacker.py", "raw.py"):
             shutil.copy(AGENTS / name, sockets)
-        other = start(TINY_ROOM, folder / "other", *LONG, *with_agent("holding"))
-        other.wait_until_flying()
-        (seen,) = list_active_runs()
+        seen = list_active_runs()
         attacks = {
             "server": str(get_daemon_socket()),
             "secret_file": str(get_daemon_secret_file()),
@@ -91,7 +66,7 @@ def attacked(folder, sandbox):
             "scenario": str(TINY_ROOM),
             "outside": str(outside),
             "windows": str(get_status_folder()),
-            "window": str(seen.window),
+            "windows_of_others": [str(each.window) for each in seen],
             "routers": _sockets("router.sock"),
             "meshes": _sockets(".mesh"),
             "mark": str(mark),
@@ -100,13 +75,14 @@ def attacked(folder, sandbox):
         assert attacks["meshes"]
         start_by = {"command": [sys.executable, str(sockets / "socket_attacker.py"), json.dumps(attacks)]}
         changes = ("--set", f"agents[0].start={json.dumps(start_by)}", "--set", f"agents[0].sandbox={sandbox}")
-        # Two more are let in afterwards as if nothing had happened.
+        # Where temporary files are kept no program is seen unless the user says so.
+        changes = (*changes, "--set", f"agents[0].may_read=[{sockets}]")
         ended = fly(TINY_ROOM, folder / "runs", *changes, "--set", "referee.stop.time_limit_s=6")
-        assert [flight.pid for flight in list_active_runs()] == [other.process.pid]
+        assert {flight.pid for flight in list_active_runs()} == {flight.pid for flight in seen}
+        # One more is let in as if nothing had happened.
         warm = start(TINY_ROOM, folder / "warm", "--warm", "--set", "referee.stop.time_limit_s=0.1").end()
         assert "digest" in warm.result, warm.errors
-        other.process.terminate()
-        assert other.end().result["end_reason"] == "interrupted"
+        crowd.end()
     assert (ended.result.get("valid"), ended.result.get("end_reason")) == (True, "time_limit"), ended.errors
     assert ended.result["faults"] == []
     lines = (ended.run_dir / "logs" / "agent_beetle.log").read_text().splitlines()
@@ -153,3 +129,13 @@ def test_the_table_of_attacks_on_sockets(tmp_path, capsys):
     with capsys.disabled():
         sys.stdout.write(f"\n{table}\n")
     assert table in (ROOT / "docs" / "reliability.md").read_text()
+
+
+@pytest.mark.debian
+@pytest.mark.timeout(1800)
+def test_the_table_of_attacks_on_sockets_holds_for_an_ordinary_user(capsys):
+    ran = run_tests_as_ordinary_user(__file__, "-k", "test_the_table_of_attacks and not ordinary", limit_s=1200)
+    with capsys.disabled():
+        sys.stdout.write(ran.stdout)
+    assert ran.returncode == 0
+    assert "1 passed" in ran.stdout

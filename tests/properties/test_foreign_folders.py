@@ -16,6 +16,7 @@ import socket
 import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from hypothesis import HealthCheck, given, settings
@@ -36,6 +37,13 @@ RUN_FILES = (
 )  # fmt: skip
 RESULT_FILES = ("manifest.json", "maps.json", "rows.jsonl", "suite.yaml", "trials.parquet", "tracks.parquet")
 ENVIRONMENT_FILES = ("environment.yaml", "occupancy.npy", "wind.npy")
+SWEEP_FILES = (*RESULT_FILES, "sweep.json", "sweep.csv", "sweep.svg")
+TUNING_FILES = (
+    "study.log", "tuning.json", "tuning.csv",
+    *(f"{part}/{name}" for part in ("training", "validation") for name in RESULT_FILES),
+)  # fmt: skip
+TRAINING_FILES = ("checkpoint.npz", "curves.json", "policy.npz")
+VARIED = ["tiny_room", "--entry", "dung_beetle", "--jobs", "1", "--json"]
 # How commands that read folders are called: RUN is the damaged run, OTHER a whole one beside it.
 CALLS = {
     "runs": ["runs", "RUNS"],
@@ -64,8 +72,35 @@ CALLS = {
     "bench run": ["bench", "run", "smoke", "--results", "RESULTS", "--only", "trial=none"],
     "import": ["import", "ENVIRONMENT", "--out", "OUT"],
     "import-flight": ["import-flight", "RUN", "--scenario", "tiny_room", "--runs-dir", "OUT"],
-    "join": ["join", "RUN/manifest.json", "--quiet"],
+    "join": ["join", "JOIN/fields.json", "--quiet"],
+    "join as an agent": ["join", "--quiet", "JOIN/beetle.json", "agent", "true"],
+    "join at the gateway": ["join", "--quiet", "JOIN/ant.json", "agent", "true"],
+    "sweep": ["sweep", *VARIED, "--repetitions", "1", "--vary", "leg_m=0.4,0.8", "--results", "SWEEP"],
+    "tune": ["tune", *VARIED, "--range", "leg_m=0.2:2.0", "--budget", "4", "--flights-per-setting", "1",
+             "--results", "TUNING"],
+    "train --resume": ["train", "TRAIN_FILE", "--out", "TRAINING", "--resume", "--record", "0", "--json"],
 }  # fmt: skip
+# As `gslcosim up` writes them, of a run that is over.
+JOIN_FILES = {
+    "fields.json": {"name": "fields", "endpoint": "tcp/127.0.0.1:9", "namespace": "gsl/x", "user": "service",
+                    "password": "p", "run_dir": "/nowhere/x", "lease_s": 15.0, "window_ticks": 256,
+                    "mesh": {"listen": "tcp/127.0.0.1:9", "connect": []}},
+    "beetle.json": {"name": "beetle", "endpoint": "tcp/127.0.0.1:9", "namespace": "gsl/x", "user": "agent_beetle",
+                    "password": "p", "agents": ["beetle", "ant"], "tls_root_ca": "PEM", "needs_tls_client": False},
+    "ant.json": {"name": "ant", "gateway": "tcp:127.0.0.1:9", "token": "t", "format": "json", "agents": ["ant"]},
+}  # fmt: skip
+# A learner that needs no package of its own, and next to no budget.
+TRAIN_FILE = """schema: gslcosim/train/1
+name: small
+family: open_halls
+trainer: {kind: table, rounds: 2, searches: 4, steps_per_round: 4, gas_cuts: [0.1], since_cuts: [1]}
+action: {kind: heading, step_m: 2, hold_s: 0}
+seed: 1
+cases: {training: 2, validation: 2}
+validate_every: 1
+"""
+# Optuna comes with the extra `tune`.
+ALL_CALLS = [pytest.param(call, marks=pytest.mark.extras) if call == "tune" else call for call in CALLS]
 # Each other command, and why no foreign folder makes it fail.
 OTHERS = {
     "up": "reads a scenario: tests/properties/test_scenario_problems.py",
@@ -82,9 +117,6 @@ OTHERS = {
     "ps": "asks sockets: test_active_runs_report_anything",
     "top": "the same",
     "stop": "the same",
-    "sweep": "its results are those of bench run",
-    "tune": "the same",
-    "train": "tests/unit/training: its one file is a checkpoint",
     "bench list": "reads what is installed",
     "bench plan": "reads a suite",
 }
@@ -93,7 +125,7 @@ OTHERS = {
 REFUSED = {
     "view": "viewer: expected a screen", "view of several": "viewer: expected a screen",
     "view of an environment": "viewer: expected a screen", "import": "expected", "import-flight": "expected",
-    "join": "expected",
+    "join": "expected the run's router",
 }  # fmt: skip
 
 # What paths, numbers, tables and writers stumble over.
@@ -134,7 +166,7 @@ def changed(data, value):
 def damaged(data, content, name):
     """Return other bytes for a file."""
     kinds = ["whole", "cut", "flipped"]
-    if name.endswith((".json", ".jsonl", ".log", ".yaml")):
+    if name.endswith((".json", ".jsonl", ".log", ".yaml")) or name == "checkpoint.npz":
         kinds += ["values"] * 4
     match data.draw(st.sampled_from(kinds)):
         case "whole":
@@ -148,10 +180,29 @@ def damaged(data, content, name):
         return json.dumps(changed(data, yaml.load(content, Loader=CoreLoader)), default=str).encode()
     if name.endswith(".json"):
         return json.dumps(changed(data, json.loads(content))).encode()
+    if name == "checkpoint.npz":
+        return changed_checkpoint(data, content)
     lines = content.splitlines()
     i = data.draw(st.integers(0, len(lines) - 1))
     lines[i] = json.dumps(changed(data, json.loads(lines[i]))).encode()
     return b"\n".join(lines) + b"\n"
+
+
+def changed_checkpoint(data, content):
+    """Return a checkpoint with another array, or with other words about it; whole as a file."""
+    arrays = dict(np.load(io.BytesIO(content)))
+    name = data.draw(st.sampled_from(["about"] * len(arrays) + list(arrays)))
+    if name == "about":
+        told = json.loads(str(arrays[name][()]))
+        told["about"] = changed(data, told["about"])
+        arrays[name] = np.array(json.dumps(told))
+    elif data.draw(st.booleans()):
+        arrays[name] = data.draw(st.sampled_from([np.array("x"), np.zeros(0), np.full((2, 2), np.nan), np.array(-1)]))
+    else:
+        del arrays[name]
+    written = io.BytesIO()
+    np.savez_compressed(written, **arrays)
+    return written.getvalue()
 
 
 def damage(data, path):
@@ -192,7 +243,7 @@ def check_answer(words, code, out, err):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """A folder with a short run, another that is the same, results of a suite, and an environment."""
+    """A folder with a short run, another that is the same, results of a suite, an environment, and join files."""
     root = tmp_path_factory.mktemp("whole")
     limit = ["--set", "referee.stop.time_limit_s=1", "--set", "agents[0].vehicle.start_m=[5.5,4.5,1]"]
     with contextlib.chdir(root):
@@ -205,7 +256,25 @@ def whole(tmp_path_factory):
     _write_rows(folder)
     environment = prepare_environment(load_scenario("tiny_room").scenario, scenario_dir=root)
     shutil.copytree(environment, root / "environment")
+    (root / "join").mkdir()
+    for name, fields in JOIN_FILES.items():
+        (root / "join" / name).write_text(json.dumps(fields))
+    (root / "small.train.yaml").write_text(TRAIN_FILE)
     return root
+
+
+MADE_BY_ITSELF = {"sweep": "swept", "tune": "tuned", "train --resume": "trained"}
+
+
+def with_own_folder(call, whole):
+    """Return the folder with what a command has left that goes on from it, made at its first use."""
+    if call in MADE_BY_ITSELF and not (whole / MADE_BY_ITSELF[call]).exists():
+        words = [word for word in words_of(call, whole) if word != "--resume"]
+        assert main(words) in (0, 1)
+        if call != "train --resume":
+            for folder in (whole / MADE_BY_ITSELF[call]).rglob("trials.parquet"):
+                _write_rows(folder.parent)
+    return whole
 
 
 # As they stand while a suite is flown.
@@ -222,28 +291,34 @@ def words_of(call, root):
     places = {
         "RUNS": root / "runs", "RUN": root / "runs" / "damaged", "OTHER": root / "runs" / "other",
         "RESULTS": root / "results" / "smoke", "ENVIRONMENT": root / "environment", "OUT": root / "out",
+        "JOIN": root / "join", "SWEEP": root / "swept", "TUNING": root / "tuned", "TRAINING": root / "trained",
+        "TRAIN_FILE": root / "small.train.yaml",
     }  # fmt: skip
     recorded = [path.name for path in (root / "results" / "smoke" / "recordings").iterdir()]
     places |= {"TRIAL": recorded[0]}
-    return [re.sub("^[A-Z]{3,}", lambda found: str(places[found[0]]), word) for word in CALLS[call]]
+    return [re.sub("^[A-Z_]{3,}", lambda found: str(places[found[0]]), word) for word in CALLS[call]]
 
 
 def files_of(call, root):
     """Return the files that a call may read."""
     words = " ".join(CALLS[call])
-    files = [root / "runs" / "damaged" / name for name in RUN_FILES if "RUN" in words]
+    files = [root / "join" / word.partition("/")[2] for word in CALLS[call] if word.startswith("JOIN/")]
+    files += [root / "swept" / name for name in SWEEP_FILES if "SWEEP" in words]
+    files += [root / "tuned" / name for name in TUNING_FILES if "TUNING" in words]
+    files += [root / "trained" / name for name in TRAINING_FILES if "TRAINING" in words]
+    files += [root / "runs" / "damaged" / name for name in RUN_FILES if "RUN" in words]
     files += [root / "results" / "smoke" / name for name in RESULT_FILES if "RESULTS" in words]
     files += [root / "environment" / name for name in ENVIRONMENT_FILES if "ENVIRONMENT" in words]
     return [path for path in files if path.is_file()]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("call", CALLS)
+@pytest.mark.parametrize("call", ALL_CALLS)
 @settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(data=st.data())
 def test_a_damaged_file_is_reported_in_one_sentence(whole, tmp_path_factory, call, data):
     root = tmp_path_factory.mktemp("damaged")
-    shutil.copytree(whole, root, dirs_exist_ok=True)
+    shutil.copytree(with_own_folder(call, whole), root, dirs_exist_ok=True)
     path = data.draw(st.sampled_from(files_of(call, root)))
     damage(data, path)
     words = words_of(call, root)
@@ -256,11 +331,11 @@ def test_a_damaged_file_is_reported_in_one_sentence(whole, tmp_path_factory, cal
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("call", CALLS)
+@pytest.mark.parametrize("call", ALL_CALLS)
 def test_whole_files_are_read(whole, tmp_path_factory, call):
     """So that none of the calls above is refused for what is the same in all of them."""
     root = tmp_path_factory.mktemp("same")
-    shutil.copytree(whole, root, dirs_exist_ok=True)
+    shutil.copytree(with_own_folder(call, whole), root, dirs_exist_ok=True)
     words = words_of(call, root)
     code, _, err = answer_to(words)
     if call in REFUSED:

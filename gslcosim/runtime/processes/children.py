@@ -26,6 +26,7 @@ from gslcosim.runtime.processes.sandbox.launcher_client import (
     is_launcher_possible,
     write_memory_file,
 )
+from gslcosim.runtime.processes.short_environment import build_short_environment
 
 # Days of talk; and a disk has room for the logs of a swarm.
 MAX_LOG_BYTES = 64_000_000
@@ -151,10 +152,13 @@ class ChildProcesses:
 
     Args:
         on_exit: Receives a process that has ended, its exit code, and in words how it ended, on a thread of its own.
+        are_foreign: Whether processes that have no confinement are programs of other people, which start in the short
+            environment of all agents; otherwise in that of this process.
     """
 
-    def __init__(self, on_exit: Callable[[str, int, str], object]) -> None:
+    def __init__(self, on_exit: Callable[[str, int, str], object], *, are_foreign: bool = False) -> None:
         self._on_exit = on_exit
+        self._are_foreign = are_foreign
         self._children: dict[str, ChildProcess] = {}
         self._logs: list[ProcessLog] = []
 
@@ -255,7 +259,7 @@ class ChildProcesses:
     ) -> "subprocess.Popen[bytes]":
         check_program(name, command, cwd)
         # Who starts a run from within another one must not hand its own place on.
-        around = os.environ if confinement is None else confinement.environment
+        around = self._surroundings(command) if confinement is None else confinement.environment
         environment = {key: value for key, value in around.items() if not key.startswith(JOIN_VARIABLES)}
         environment |= variables
         line, descriptors, launch = [*build_parent_death_prefix(), *command], keep, None
@@ -284,6 +288,9 @@ class ChildProcesses:
                 os.close(descriptor)
         self.adopt(name, process, launch)
         return process
+
+    def _surroundings(self, command: Sequence[str]) -> Mapping[str, str]:
+        return build_short_environment(command) if self._are_foreign else os.environ
 
     def adopt(self, name: str, process: ProcessHandle, launch: Launch | None = None) -> None:
         """Watch a process that leads its own process group, and end it with the others."""

@@ -12,8 +12,9 @@ from gslcosim.bus.interface import INHERITED_FILES, JOIN_VARIABLE
 from gslcosim.runtime.agents.gateway_transport import GATEWAY_VARIABLE, TOKEN_VARIABLE
 from gslcosim.runtime.agents.loader import find_python_agent
 from gslcosim.runtime.network import JoinFile
-from gslcosim.runtime.processes.children import JOIN_VARIABLES, check_program
+from gslcosim.runtime.processes.children import check_program
 from gslcosim.runtime.processes.sandbox.launcher_client import write_memory_file
+from gslcosim.runtime.processes.short_environment import build_short_environment
 from gslcosim.runtime.remote.run_server import ProgressHandler
 
 
@@ -50,7 +51,8 @@ def build_agent_command(words: Sequence[str], *, is_behind_gateway: bool) -> lis
 def join_as_agent(joined: JoinFile, command: Sequence[str], *, say: ProgressHandler) -> None:
     """Start an agent's program with its join data, and return when it has ended well; Ctrl-C ends it.
 
-    It is not in a sandbox: this host has nothing of the run but what the agent may know.
+    It is not in a sandbox: this host has nothing of the run but what the agent may know. Its environment is the short
+    one of all agents.
 
     Args:
         joined: The agent's join file.
@@ -61,7 +63,7 @@ def join_as_agent(joined: JoinFile, command: Sequence[str], *, say: ProgressHand
         SimulationFault: it has ended otherwise.
         KeyboardInterrupt: a signal has ended it.
     """
-    variables = {key: value for key, value in os.environ.items() if not key.startswith(JOIN_VARIABLES)}
+    variables = build_short_environment(command)
     keep: tuple[int, ...] = ()
     if (gateway := joined.gateway) is not None:
         variables |= {GATEWAY_VARIABLE: gateway.gateway, TOKEN_VARIABLE: gateway.token}

@@ -48,8 +48,8 @@ def read_bundled_scenario():
 
 def read_run_folder():
     names = ("scenario.yaml", "setup.json", "manifest.json")
-    others = RUNS.with_name("other_runs")
-    return _text_of(*(path for name in names for folder in (RUNS, others) for path in folder.glob(f"*/{name}")))
+    folders = [RUNS, *map(Path, TARGETS["runs_of_others"])]
+    return _text_of(*(path for name in names for folder in folders for path in folder.glob(f"*/{name}")))
 
 
 def read_run_folder_by_its_name():
@@ -500,8 +500,8 @@ def read_environment_of_the_user():
     return TARGETS["token_name"] if TARGETS["token_name"] in os.environ else ""
 
 
-def touch_other_flight():
-    for pid in TARGETS["other_flight"]:
+def touch_other_runs():
+    for pid in TARGETS["other_runs"]:
         with contextlib.suppress(OSError):
             os.kill(pid, 0)
             return f"signalled {pid}"
@@ -525,7 +525,7 @@ ATTACKS = [
     read_rooms_beside_it, read_system_v_memory, take_from_system_v_queues, read_system_v_semaphores,
     leave_system_v_memory_behind, open_posix_queues, pass_by_netlink, watch_files_of_others, watch_folders_of_others,
     watch_file_system, change_times_of_files, connect_to_host_of_virtual_machine, offer_socket_to_other_agents,
-    read_log_of_the_kernel, read_private_folders_of_others, read_environment_of_the_user, touch_other_flight,
+    read_log_of_the_kernel, read_private_folders_of_others, read_environment_of_the_user, touch_other_runs,
     leave_a_daemon_behind,
 ]  # fmt: skip
 

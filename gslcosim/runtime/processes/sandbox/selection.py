@@ -2,7 +2,6 @@
 
 import itertools
 import os
-import sys
 import tempfile
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -29,6 +28,7 @@ from gslcosim.runtime.processes.sandbox.truth_search import (
     find_exposed_truth,
     is_truth_folder,
 )
+from gslcosim.runtime.processes.short_environment import build_short_environment
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.input_files import list_input_files
@@ -189,24 +189,6 @@ def _check_no_demands(agent: AgentSpec) -> None:
             )
 
 
-# Where programs and their libraries are, the user's language and time, private folders, and numbers of threads.
-PASSED_ON = frozenset((
-    "PATH", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "LANG", "LANGUAGE", "TZ", "HOME", "TMPDIR",
-    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS",
-    "NUMEXPR_NUM_THREADS", "RAYON_NUM_THREADS", "GOMAXPROCS", "JULIA_NUM_THREADS",
-    # Where compiled kernels are: an agent without a sandbox uses the same.
-    "GSLCOSIM_CACHE", "XDG_CACHE_HOME",
-    # Without these there is no process on Windows.
-    "SYSTEMROOT", "PATHEXT", "TEMP", "TMP",
-))  # fmt: skip
-PASSED_ON_PREFIXES = ("LC_", "NUMBA_")
-# Of our own Python: how it finds its packages and writes.
-_OF_PYTHON = frozenset((
-    "PYTHONPATH", "PYTHONHOME", "PYTHONNOUSERSITE", "PYTHONUSERBASE", "PYTHONUNBUFFERED", "PYTHONDONTWRITEBYTECODE",
-    "PYTHONUTF8", "PYTHONIOENCODING", "PYTHONHASHSEED",
-))  # fmt: skip
-
-
 def build_environment_variables(
     agent: ConfinementSpec, command: Sequence[str], surroundings: Mapping[str, str] | None = None
 ) -> dict[str, str]:
@@ -221,12 +203,7 @@ def build_environment_variables(
         UsageError: the scenario passes on a variable that is not set.
     """
     around = os.environ if surroundings is None else surroundings
-    is_ours = command[0] == sys.executable
-    passed_on = {
-        name: value
-        for name, value in around.items()
-        if name in PASSED_ON or name.startswith(PASSED_ON_PREFIXES) or (is_ours and name in _OF_PYTHON)
-    }
+    passed_on = build_short_environment(command, around)
     return passed_on | {name: _value(agent, name, value, around) for name, value in (agent.environment or {}).items()}
 
 

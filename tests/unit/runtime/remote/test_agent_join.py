@@ -56,3 +56,13 @@ def test_a_program_finds_how_to_join_and_its_end_is_reported(joined):
     join_as_agent(joined(GUEST), [sys.executable, "-c", tells], say=said.append)
     with pytest.raises(SimulationFault, match="agent beetle: the program ended with exit code 4"):
         join_as_agent(joined(AGENT), [sys.executable, "-c", "raise SystemExit(4)"], say=said.append)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fields", [AGENT, GUEST], ids=["bus", "gateway"])
+def test_tokens_of_the_user_do_not_reach_the_program(joined, monkeypatch, fields):
+    """Its environment is the short one that it would have in a run of this host."""
+    monkeypatch.setenv("A_TOKEN", "of the user")
+    monkeypatch.setenv("LC_TIME", "C")
+    reads = "import os; assert 'A_TOKEN' not in os.environ and os.environ['LC_TIME'] == 'C'"
+    join_as_agent(joined(fields), [sys.executable, "-c", reads], say=lambda text: None)
