@@ -1,12 +1,14 @@
 """Suite files: read with all problems reported at once, and written resolved into a folder that stands alone."""
 
 import json
+import os
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gslcosim.base.errors import ScenarioError
+from gslcosim.base.errors import ScenarioError, UsageError
+from gslcosim.base.files import replace_file
 from gslcosim.bench.cases.hashes import list_entry_files
 from gslcosim.bench.cases.models import EntrySpec, ScenarioSpec, Suite
 from gslcosim.scenario import load_scenario
@@ -109,6 +111,9 @@ def write_suite(loaded: LoadedSuite, folder: Path) -> None:
     Args:
         loaded: The suite.
         folder: Where; it is made, and written over.
+
+    Raises:
+        UsageError: a folder is where `suite.yaml` has to be.
     """
     folder.mkdir(parents=True, exist_ok=True)
     values: dict[str, Any] = json.loads(loaded.suite.model_dump_json(by_alias=True, exclude_none=True))
@@ -122,8 +127,13 @@ def write_suite(loaded: LoadedSuite, folder: Path) -> None:
         values["include"][i] = place
     text = dump_values(values)
     path = folder / SUITE_FILE
-    if path.resolve() != loaded.path and not (path.is_file() and path.read_bytes() == text.encode()):
-        path.write_bytes(text.encode())
+    if os.path.realpath(path) == str(loaded.path) or (path.is_file() and path.read_bytes() == text.encode()):
+        return
+    try:
+        replace_file(folder, SUITE_FILE, text.encode())
+    except IsADirectoryError as error:
+        problem = f"{path}: expected a file, was a folder. Move it away, or choose another folder for results."
+        raise UsageError(problem) from error
 
 
 def _kept_scenario(spec: ScenarioSpec, loaded: LoadedSuite, folder: Path) -> str:
