@@ -13,6 +13,7 @@ from gslcosim.base.disk_cache import limit_from_environment
 from gslcosim.base.errors import ExitCode, GslCosimError, MachineError
 from gslcosim.base.interruption import is_asked_to_end
 from gslcosim.base.os_errors import check_address_space, check_working_directory, translate
+from gslcosim.base.thread_limit import check_thread_limit
 from gslcosim.cli.arguments import build_parser, parse
 from gslcosim.cli.commands import (
     agent,
@@ -144,6 +145,7 @@ def _exit_code_of(words: Sequence[str], call: Callable[[argparse.Namespace], int
         if words[0] in _COMPUTING:
             check_address_space()
             check_working_directory()
+            check_thread_limit()
             limit_from_environment()
         return int((call or arguments.call)(arguments))
     except SystemExit:

@@ -1,0 +1,36 @@
+"""Limit on processes and threads, looked at before libraries run into it."""
+
+import os
+import threading
+
+from gslcosim.base.errors import MachineError
+from gslcosim.base.os_errors import build_process_error
+
+# A session of Zenoh has as many at the most.
+_N_SESSION_THREADS = 16
+
+
+def check_thread_limit() -> None:
+    """Refuse a limit that libraries would run into, each with words of its own, by starting their number of threads.
+
+    OpenBLAS, which starts a thread a processor, raises SIGINT where it cannot, as if somebody had pressed Ctrl-C, and
+    Zenoh panics.
+
+    Raises:
+        MachineError: so many threads cannot be started now.
+    """
+    gate = threading.Event()
+    threads = [
+        threading.Thread(target=gate.wait, daemon=True) for _ in range((os.cpu_count() or 1) + _N_SESSION_THREADS)
+    ]
+    n_started = 0
+    try:
+        for thread in threads:
+            thread.start()
+            n_started += 1
+    except RuntimeError as error:
+        raise build_process_error() from error
+    finally:
+        gate.set()
+        for thread in threads[:n_started]:
+            thread.join()
