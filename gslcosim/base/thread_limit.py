@@ -3,7 +3,6 @@
 import os
 import threading
 
-from gslcosim.base.errors import MachineError
 from gslcosim.base.os_errors import build_process_error
 
 # A session of Zenoh has as many at the most.
