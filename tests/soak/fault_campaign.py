@@ -250,7 +250,8 @@ def _judge(trial: Trial, ended: Ended, allowed: tuple[str, ...], baseline: dict 
     is_named = first.get("participant") == culprit and word in ended.text
     if baseline is None or _is_as(result, baseline, ended.exit_code, culprit, faults):
         ended.outcome = GOES_ON
-    elif ended.exit_code == -signal.SIGKILL and not result:
+    elif ended.exit_code == -signal.SIGKILL and (not result or _has_same_result(result, baseline)):
+        # Its last act may have been to write the result, which then is that of a run without a fault.
         ended.outcome = TAKEN_ALONG
     elif ended.exit_code == 3 and result.get("valid") is False and is_named:
         ended.outcome = NAMED
@@ -269,9 +270,12 @@ def _judge(trial: Trial, ended: Ended, allowed: tuple[str, ...], baseline: dict 
 
 # At the end an agent may be gone already, which is reported and changes nothing.
 def _is_as(result: dict, baseline: dict, exit_code: int, culprit: str, faults: list[dict]) -> bool:
-    same = ("valid", "end_reason", "digest", "ticks")
-    is_same = exit_code == baseline["exit_code"] and all(result.get(key) == baseline[key] for key in same)
+    is_same = exit_code == baseline["exit_code"] and _has_same_result(result, baseline)
     return is_same and all(each["participant"] == culprit for each in faults)
+
+
+def _has_same_result(result: dict, baseline: dict) -> bool:
+    return all(result.get(key) == baseline[key] for key in ("valid", "end_reason", "digest", "ticks"))
 
 
 def _leftovers(trial: Trial, *, is_supervisor_gone: bool) -> Iterator[str]:
