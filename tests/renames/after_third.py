@@ -29,12 +29,6 @@ REPLACEMENTS = {
             "side of the host that runs the others."
         ),
     },
-    "gslcosim/runtime/external.py": {
-        """Each is a service to the run: `foreign_core.ForeignCore` is its core, which asks the program over the gateway's frames
-at each step. `hearing` judges what the program says, `program` starts and ends it, `declared` knows its ports.""": (
-            "Each is a service to the run: `ExternalCore` is its core, which asks the program over the gateway's frames\nat each step."
-        ),
-    },
     "services/fields/tape.py": {
         '"gases.py", "stored/tape.py",': '"gases.py", "tape.py",',
         '"environment/model.py", "environment/model.py",': '"environment/model.py",',
