@@ -23,8 +23,8 @@ REPLACEMENTS = {
         ),
     },
     "gslcosim/runtime/__init__.py": {
-        """From outside: `taking_part.serve_from_here` and `agents_from_here.fly_agent_from_here` are the two lives of
-`gslcosim join`; `offering.Offering` is the side of the host that flies the run.""": (
+        """`service_join.join_as_services` and `agent_join.join_as_agent` are the two forms of `gslcosim join`;
+`run_server.RunServer` is the side of the run's own host.""": (
             "For `gslcosim join` there are `remote_join.join_as_services` and `join_as_agent`; `remote_server.RunServer` is the\n"
             "side of the host that runs the others."
         ),
