@@ -17,11 +17,6 @@ REPLACEMENTS = {
             'if wind.solver == "openfoam" else ["gslcosim/flow/*"]'
         ),
     },
-    "gslcosim/runtime/replay/snapshot.py": {
-        '("cameras", "events", "fields", "radio", "referee", "sensing", "world")),': (
-            '(\n        "cameras", "events.py", "fields", "radio.py", "referee", "sensing", "world",\n    )),'
-        ),
-    },
     "gslcosim/runtime/__init__.py": {
         """`service_join.join_as_services` and `agent_join.join_as_agent` are the two forms of `gslcosim join`;
 `run_server.RunServer` is the side of the run's own host.""": (
