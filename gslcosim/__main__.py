@@ -2,7 +2,7 @@
 
 import sys
 
-from gslcosim.base.interruption import raise_on_signals
+from gslcosim.base.processes import raise_on_signals
 
 
 def main() -> int:

@@ -9,9 +9,8 @@ import pytest
 from flaky_tests import mark_flaky_tests
 from hypothesis import HealthCheck, settings
 
-from gslcosim.environment.build.still_air import build_still_environment
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Box, Cell, Environment, WindFrames
+from gslcosim.environment.geometry_source import build_still_environment
+from gslcosim.environment.model import Box, Cell, Environment, Grid, WindFrames
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.models.scenario import Scenario
 

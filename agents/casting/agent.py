@@ -11,7 +11,7 @@ from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.cast_and_surge import CastSequence, oblique_surge_end_m
 from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
 from gslcosim.search.reactive.spirals import random_side
-from gslcosim.search.senses.plume_contact import Contact
+from gslcosim.search.senses.stop_and_measure import Contact
 
 LEAST_LEG_M = 0.1
 

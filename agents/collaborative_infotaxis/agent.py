@@ -8,21 +8,18 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, RadioMessage, run
-from gslcosim.search.beliefs import BeliefPublisher
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import BeliefPublisher, CellGrid
 from gslcosim.search.information.grid_search import arrival_radius_m, assumed_dispersal, direction_spread_rad
 from gslcosim.search.information.objectives import find_min_cost_index
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.commands import declaration
 from gslcosim.search.motion.declaration import DeclarationGuard, by_entropy, by_mass
-from gslcosim.search.motion.leg_planner import LegPlanner
-from gslcosim.search.motion.legs import leg_end
+from gslcosim.search.motion.legs import LegPlanner, leg_end
 from gslcosim.search.random_stream import RandomStream
-from gslcosim.search.senses.gas_evidence import Finding, GasEvidence
+from gslcosim.search.senses.hit_detection import Finding, GasEvidence
 from gslcosim.search.senses.instruments import find_noses, find_vane
 from gslcosim.search.senses.wind_field import WindRecord
-from gslcosim.search.swarms.radio_reports import Report, Team
-from gslcosim.search.swarms.rounds import round_to_sent_digits
+from gslcosim.search.swarms.rounds import Report, Team, round_to_sent_digits
 from gslcosim.search.swarms.shared_belief import SharedBelief, SharedFinding, assigned_costs
 
 WIND_STEP_S = 1.0

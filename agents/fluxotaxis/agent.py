@@ -17,8 +17,7 @@ from gslcosim.search.swarms.fluxotaxis import (
     relaxed_lattice,
     ring_flow,
 )
-from gslcosim.search.swarms.formation_flight import FormationFlight
-from gslcosim.search.swarms.formations import fit_plane, formation, mixed_direction, odour_offset_m
+from gslcosim.search.swarms.formations import FormationFlight, fit_plane, formation, mixed_direction, odour_offset_m
 from gslcosim.search.swarms.rounds import Round
 
 NO_FLOW = RingFlow(inward=0.0, outward=0.0)

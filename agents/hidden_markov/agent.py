@@ -18,7 +18,7 @@ from gslcosim.search.bayes.hidden_markov import (
 from gslcosim.search.bayes.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
 from gslcosim.search.beliefs import distances_m
 from gslcosim.search.method_settings import load_settings
-from gslcosim.search.senses.gas_evidence import Finding
+from gslcosim.search.senses.hit_detection import Finding
 
 
 class HiddenMarkov(Agent):

@@ -8,13 +8,12 @@ from collections.abc import Sequence
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.beliefs import BeliefPublisher, normalised
-from gslcosim.search.maps.gas_mapping import ReadingCollector, choose_next_cell
-from gslcosim.search.maps.kernel_dm import GasMaps, KernelMap, KernelWidths, warm_up
+from gslcosim.search.maps.kernel_dm import GasMaps, KernelMap, KernelWidths, ReadingCollector, choose_next_cell, warm_up
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.commands import declaration
+from gslcosim.search.motion.coverage import lawnmower_path_m
 from gslcosim.search.motion.declaration import DeclarationGuard, Estimate, UnchangedRule
 from gslcosim.search.motion.grid_paths import path_field
-from gslcosim.search.motion.lawnmower import lawnmower_path_m
 from gslcosim.search.motion.map_navigation import MapNavigator
 from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.senses.instruments import find_noses, find_vane

@@ -7,8 +7,14 @@ import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method_settings import load_settings
-from gslcosim.search.swarms.formation_flight import FormationFlight
-from gslcosim.search.swarms.formations import formation, in_world, laplacian_leg_m, next_width, odour_offset_m
+from gslcosim.search.swarms.formations import (
+    FormationFlight,
+    formation,
+    in_world,
+    laplacian_leg_m,
+    next_width,
+    odour_offset_m,
+)
 from gslcosim.search.swarms.rounds import Round
 
 LEAST_WIDTH, MOST_WIDTH = 0.5, 2.0

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from gslcosim.agent_kit import Briefing, run
-from gslcosim.search.learned.policies.policy import Policy
-from gslcosim.search.learned.policies.policy_agent import PolicyAgent, find_policy
+from gslcosim.search.learned.policy import Policy
+from gslcosim.search.learned.policy_agent import PolicyAgent, find_policy
 from gslcosim.search.method_settings import load_settings
 
 

@@ -9,10 +9,15 @@ import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method_settings import load_settings
-from gslcosim.search.swarms.formation_flight import FormationFlight
-from gslcosim.search.swarms.formations import diagonal_line, in_world
+from gslcosim.search.swarms.formations import (
+    FormationFlight,
+    diagonal_line,
+    find_lane_point,
+    in_world,
+    nearest_axis_rad,
+    plan_crosswind_lanes,
+)
 from gslcosim.search.swarms.particle_swarm import Sighting
-from gslcosim.search.swarms.plume_search import find_lane_point, nearest_axis_rad, plan_crosswind_lanes
 from gslcosim.search.swarms.rounds import Round
 
 NOWHERE_M = (math.inf, math.inf)

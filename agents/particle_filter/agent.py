@@ -14,11 +14,11 @@ from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettin
 from gslcosim.search.bayes.particle_filter import ParticleCloud, puff_variances_m2, wind_spread_m_sqrt_s
 from gslcosim.search.bayes.puff_tracing import partial_sums_m
 from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.coverage_grid import CoverageGrid
+from gslcosim.search.motion.coverage import CoverageGrid
 from gslcosim.search.motion.declaration import Estimate, by_spread
 from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.spirals import ArchimedeanSpiral, random_side
-from gslcosim.search.senses.gas_evidence import Finding
+from gslcosim.search.senses.hit_detection import Finding
 
 
 class ParticleFilter(Agent):

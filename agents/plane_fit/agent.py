@@ -7,8 +7,7 @@ import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method_settings import load_settings
-from gslcosim.search.swarms.formation_flight import FormationFlight
-from gslcosim.search.swarms.formations import fit_plane, formation, mixed_direction
+from gslcosim.search.swarms.formations import FormationFlight, fit_plane, formation, mixed_direction
 from gslcosim.search.swarms.rounds import Round
 
 

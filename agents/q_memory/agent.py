@@ -10,9 +10,16 @@ from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
-from gslcosim.search.reactive.recovery import STEPS, Recovery, make_recovery
 from gslcosim.search.reactive.silkmoth import TrueWind
-from gslcosim.search.reactive.temporal_memory import N_GAS_STATES, TemporalMemory, best_move, load_policies
+from gslcosim.search.reactive.temporal_memory import (
+    N_GAS_STATES,
+    STEPS,
+    Recovery,
+    TemporalMemory,
+    best_move,
+    load_policies,
+    make_recovery,
+)
 from gslcosim.search.senses.hit_detection import GasHits
 from gslcosim.search.senses.instruments import find_noses, find_vane
 

@@ -9,15 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.beliefs import BeliefPublisher
-from gslcosim.search.grids import CellGrid
-from gslcosim.search.information.offset_grid import (
+from gslcosim.search.beliefs import BeliefPublisher, CellGrid
+from gslcosim.search.information.pomdp import (
     MOVES,
     PlumeTable,
     RunningWind,
     headings_rad,
     offsets_m,
-    update_belief,
+    update_offset_belief,
 )
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.commands import declaration, waypoint
@@ -87,7 +86,7 @@ class Qmdp(Agent):
         for downwind_rad in self._downwinds_rad():
             likelihood += self.table.likelihood(level, self._offsets_m(observation, downwind_rad))
         likelihood /= len(self._downwinds_rad())
-        self.belief = update_belief(self.belief, likelihood, self.settings.power)
+        self.belief = update_offset_belief(self.belief, likelihood, self.settings.power)
 
     def _downwinds_rad(self) -> list[float]:
         if self.wind.downwind_rad is not None:

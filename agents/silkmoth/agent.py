@@ -7,11 +7,10 @@ import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.coverage_grid import CoverageGrid
+from gslcosim.search.motion.coverage import CoverageGrid
 from gslcosim.search.motion.legs import LegSpace
 from gslcosim.search.random_stream import RandomStream
-from gslcosim.search.reactive.sidestep import Sidestep
-from gslcosim.search.reactive.silkmoth import SURGE, TrueWind, heading_after, phase_at
+from gslcosim.search.reactive.silkmoth import SURGE, Sidestep, TrueWind, heading_after, phase_at
 from gslcosim.search.reactive.spirals import random_side
 from gslcosim.search.senses.hit_detection import GasHits
 from gslcosim.search.senses.instruments import find_noses, find_vane

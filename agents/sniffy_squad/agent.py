@@ -17,7 +17,8 @@ from gslcosim.search.motion.map_navigation import MapNavigator, StopRecorder
 from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.senses.instruments import find_noses, find_vane
 from gslcosim.search.senses.stop_and_measure import Measurement
-from gslcosim.search.swarms.langevin import (
+from gslcosim.search.swarms.rounds import Round, Rounds
+from gslcosim.search.swarms.shared_belief import (
     belief_potential,
     langevin_step_m,
     potential_slope,
@@ -25,7 +26,6 @@ from gslcosim.search.swarms.langevin import (
     swap_roles,
     temperature_ladder,
 )
-from gslcosim.search.swarms.rounds import Round, Rounds
 
 HIT, CLEAN, UNCLEAR = 1.0, 0.0, -1.0
 N_REDRAWS = 20

@@ -12,10 +12,10 @@ from gslcosim.search.bayes import source_terms
 from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettings
 from gslcosim.search.bayes.source_terms import PlumeSensor, SourcePrior, SourceTermFilter, TermPrior
 from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.coverage_grid import CoverageGrid
+from gslcosim.search.motion.coverage import CoverageGrid
 from gslcosim.search.motion.declaration import by_spread
 from gslcosim.search.random_stream import RandomStream
-from gslcosim.search.senses.gas_evidence import Finding
+from gslcosim.search.senses.hit_detection import Finding
 from gslcosim.search.senses.instruments import find_noses
 
 N_DIRECTIONS = 8

@@ -9,7 +9,7 @@ from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
 from gslcosim.search.reactive.spirals import SpiralPath, SquareSpiral, random_side
 from gslcosim.search.senses.instruments import find_noses
-from gslcosim.search.senses.proximity import BestProximity, proximity_index
+from gslcosim.search.senses.stop_and_measure import BestProximity, proximity_index
 
 
 class Spiral(Agent):

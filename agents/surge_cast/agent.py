@@ -8,7 +8,7 @@ from gslcosim.search.method_settings import load_settings
 from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.cast_and_surge import BlankMemory, CastSequence, side_or_random, surge_end_m
 from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
-from gslcosim.search.senses.plume_contact import Contact
+from gslcosim.search.senses.stop_and_measure import Contact
 
 WANDER_M = 0.5
 LEAST_LEG_M = 0.1

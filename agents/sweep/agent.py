@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, Waypoint, run
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.commands import waypoint
-from gslcosim.search.motion.lawnmower import lawnmower_path_m
+from gslcosim.search.motion.coverage import lawnmower_path_m
 from gslcosim.search.motion.legs import LegSpace
 
 THERE_M = 0.3

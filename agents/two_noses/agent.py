@@ -10,7 +10,7 @@ from gslcosim.search.method_settings import load_settings
 from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
 from gslcosim.search.reactive.spirals import random_side
-from gslcosim.search.reactive.two_noses import TwoNoses, bearing_rad, turn_rad
+from gslcosim.search.reactive.taxis import TwoNoses, bearing_rad, turn_rad
 
 
 class TwoNosesAgent(Agent):

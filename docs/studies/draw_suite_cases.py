@@ -19,12 +19,11 @@ from typing import Any
 import numpy as np
 
 from gslcosim.bench.cases import build_plan, load_suite
+from gslcosim.bench.cases.models import Trial
 from gslcosim.bench.cases.suite_files import LoadedSuite, bundled_suites
-from gslcosim.bench.cases.trials import Trial
-from gslcosim.environment.build.geometry_source import build_geometry
 from gslcosim.environment.generation import prepare_environment
-from gslcosim.environment.geometry_model import EnvironmentGeometry
-from gslcosim.environment.model import Cell, Opening
+from gslcosim.environment.geometry_source import build_geometry
+from gslcosim.environment.model import Cell, EnvironmentGeometry, Opening
 from gslcosim.environment.store import load_environment
 
 PICTURE = "cases.png"

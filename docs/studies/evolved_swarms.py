@@ -15,8 +15,8 @@ from training_to_flight import Searches, rates, searches_of, shown_differences
 
 from gslcosim.bench.cases.models import EntrySpec
 from gslcosim.scenario.models.scenario import StartSpec
-from gslcosim.training.families import load_family
-from gslcosim.training.families.case_runs import compute_rows
+from gslcosim.training.family import load_family
+from gslcosim.training.trainers.evolution import compute_rows
 
 FAMILY, PLACE, N_ROBOTS = "open_halls", "holonomic", 3
 EVOLVED = ("evolved_pso", "evolved_pso_doped")

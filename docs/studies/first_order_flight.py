@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from gslcosim.training.batch import BatchSearchEnv
 from gslcosim.training.batch.case_builder import lags_s
-from gslcosim.training.learning_task import LearningTask
 from gslcosim.training.search_env import SearchEnv
+from gslcosim.training.stepped_run import LearningTask
 from gslcosim.vehicles import get_vehicle
 
 ROTORCRAFT = ("iris", "crazyflie", "hexarotor")

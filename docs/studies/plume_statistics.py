@@ -30,8 +30,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.rng import stream
 from gslcosim.contract.messages import GasAmount, MountSample
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Environment, WindFrames
+from gslcosim.environment.model import Environment, Grid, WindFrames
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.models.sensors import make_sensor_spec
 from gslcosim_services.fields.gas_builder import build_gas_field

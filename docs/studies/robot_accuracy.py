@@ -19,15 +19,14 @@ from numpy.typing import NDArray
 from gslcosim.base.quantities import GRAVITY_M_S2, PHYSICS_STEP_MS, Vec3
 from gslcosim.contract.messages import BodyState, Command, DriveSetpoint, Waypoint
 from gslcosim.contract.participant import Episode
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Box, Environment, WindFrames
+from gslcosim.environment.model import Box, Environment, Grid, WindFrames
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.vehicles import get_vehicle
+from gslcosim_services.world import vehicle_records
 from gslcosim_services.world.core import WorldCore
-from gslcosim_services.world.paths.trajectory import plan_rest
-from gslcosim_services.world.physics import vehicle_records
-from gslcosim_services.world.physics.scene import build_scene
-from gslcosim_services.world.physics.simulation_loop import find_step_address, run_substeps_inplace
+from gslcosim_services.world.scene import build_scene
+from gslcosim_services.world.simulation_loop import find_step_address, run_substeps_inplace
+from gslcosim_services.world.trajectory import plan_rest
 
 DT_S = PHYSICS_STEP_MS * 1e-3
 TICK_S = 0.1

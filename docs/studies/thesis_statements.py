@@ -16,7 +16,7 @@ import numpy as np
 
 from gslcosim.bench import Results, compare
 from gslcosim.bench.statistics.estimates import Estimate
-from gslcosim.bench.statistics.lift import difference_of_rates
+from gslcosim.bench.statistics.rates import difference_of_rates
 
 ODD = ["gsl_bench_1", "gsl_bench_3", "gsl_bench_5"]
 EVEN = ["gsl_bench_2", "gsl_bench_4", "gsl_bench_6"]

@@ -20,20 +20,21 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Environment, WindFrames
+from gslcosim.environment.model import Environment, Grid, WindFrames
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.search.information.offset_grid import OffsetGrid, PlumeTable, offsets_m
 from gslcosim.search.information.pomdp import (
+    OffsetGrid,
+    PlumeTable,
     Pomdp,
     improve_by_perseus,
+    offsets_m,
     sample_beliefs,
     solve_by_value_iteration,
     update_belief,
 )
-from gslcosim_services.fields.concentration.mixing_ratio import CUTOFF_SIGMA
 from gslcosim_services.fields.gas_builder import build_gas_field
 from gslcosim_services.fields.gas_field import GasField, PointGrid
+from gslcosim_services.fields.mixing_ratio import CUTOFF_SIGMA
 
 Floats = NDArray[np.float64]
 

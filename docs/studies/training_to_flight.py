@@ -39,16 +39,16 @@ from gslcosim.bench.statistics.estimates import Estimate
 from gslcosim.bench.statistics.pairs import paired_difference
 from gslcosim.bench.statistics.rates import wilson
 from gslcosim.bench.statistics.times import counted_times, restricted_mean
-from gslcosim.environment.build.position_checks import find_position_problems
+from gslcosim.environment.positions import find_position_problems
 from gslcosim.runtime.run import run_scenario
 from gslcosim.scenario.bundled import bundled_agents, bundled_folder
 from gslcosim.scenario.loader import LoadedScenario
-from gslcosim.search.learned.policies.policy import Policy
-from gslcosim.search.learned.policies.policy_agent import bundled_policies
-from gslcosim.search.learned.policies.policy_files import load_policy
+from gslcosim.search.learned.policy import Policy
+from gslcosim.search.learned.policy_agent import bundled_policies
+from gslcosim.search.learned.policy_files import load_policy
 from gslcosim.training.batch import BatchSearchEnv
-from gslcosim.training.families import bundled_families, load_family
-from gslcosim.training.learning_task import LearningTask
+from gslcosim.training.family import bundled_families, load_family
+from gslcosim.training.stepped_run import LearningTask
 
 HAND_MADE = ("e_coli", "dung_beetle", "persistent_walk")
 # The agent that flies any policy has the one of another agent.

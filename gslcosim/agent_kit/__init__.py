@@ -1,7 +1,6 @@
 """Kit that the author of a Python agent imports: a base class, the messages, and `run`."""
 
-from gslcosim.agent_kit.agent import Agent
-from gslcosim.agent_kit.connection import run
+from gslcosim.agent_kit.agent import Agent, run
 from gslcosim.contract.messages import (
     AttitudeSetpoint,
     Belief,

@@ -24,7 +24,7 @@ def call_address(builder: ir.IRBuilder, address: Any, function_type: ir.Function
         arguments: Of the types that the function has.
 
     Held by:
-        tests/unit/services/world/physics/test_simulation_loop.py
+        tests/unit/services/world/test_simulation_loop.py
         tests/unit/services/fields/models/test_numpy_loops.py
     """
     return builder.call(_FunctionAt(builder.inttoptr(address, ir.PointerType()), function_type), arguments)

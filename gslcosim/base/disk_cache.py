@@ -16,9 +16,8 @@ from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gslcosim.base.errors import GslCosimError, UsageError
+from gslcosim.base.errors import GslCosimError, UsageError, build_path_error
 from gslcosim.base.kernel_cache import get_cache_root
-from gslcosim.base.os_errors import build_path_error
 
 if sys.platform != "win32":
     import fcntl

@@ -1,6 +1,11 @@
-"""Exception tree: one class for each party that can cause a problem and has to act on it."""
+"""Exception tree: one class for each party that can act, and errors of the operating system in one sentence."""
 
+import errno
+import os
+import sys
+import traceback
 from enum import IntEnum
+from pathlib import Path
 from typing import ClassVar
 
 
@@ -104,3 +109,192 @@ class RunTimeoutError(GslCosimError):
     """Nothing moved for longer than allowed; says who waits for whom."""
 
     exit_code = ExitCode.TIMEOUT
+
+
+if sys.platform != "win32":
+    import resource
+
+_FREE_SPACE_REMEDY = "Free room there, or choose another disk."
+_PERMISSION_REMEDY = "Change its permissions, or choose another place."
+_FILE_TYPE_REMEDY = "A file is where a folder should be, or the other way round: move it away, or choose another place."
+_REMEDIES = {
+    errno.ENOSPC: _FREE_SPACE_REMEDY,
+    errno.EDQUOT: _FREE_SPACE_REMEDY,
+    errno.EFBIG: "Raise the limit on the size of a file (ulimit -f), or choose another disk.",
+    errno.EROFS: "Choose a place on a disk that can be written.",
+    errno.EACCES: _PERMISSION_REMEDY,
+    errno.EPERM: _PERMISSION_REMEDY,
+    errno.ENOENT: "Make it, or choose another place.",
+    errno.ENOTDIR: _FILE_TYPE_REMEDY,
+    errno.EEXIST: _FILE_TYPE_REMEDY,
+    errno.EISDIR: _FILE_TYPE_REMEDY,
+    errno.ELOOP: "A symbolic link is where a file or folder of its own should be: take it away.",
+    errno.EMFILE: "Raise the limit on open files (ulimit -n).",
+    errno.ENFILE: "Close programs.",
+    errno.ENOMEM: "Close programs, or raise the limit on memory (ulimit -v).",
+    errno.EAGAIN: "Close programs, or raise the limit on processes (ulimit -u).",
+    errno.EIO: "Check the disk.",
+}
+RESOURCE_ERRNOS = (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOSPC, errno.EAGAIN)
+"""Error numbers of exhausted resources, whatever was asked for."""
+
+_TARGET_ERRNOS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EEXIST)
+_PATH_ERRNOS = (errno.EEXIST, errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.ENOTEMPTY)
+# What Python and packages say instead of an error of a class of its own.
+_MEMORY_MESSAGES = (
+    "cannot allocate memory",
+    "failed to map segment",
+    "could not allocate memory",
+    "out of memory",
+)
+# The system gives one reason for both: no more processes, which threads count as, or no room for a stack.
+_PROCESS_MESSAGES = ("can't start new thread", "resource temporarily unavailable")
+# With less room for addresses packages of other people hang or abort while they are loaded, and nobody can tell why.
+MIN_ADDRESS_SPACE_MB = 1200
+
+
+def check_address_space() -> None:
+    """Refuse a limit on addresses below which no run works.
+
+    Raises:
+        MachineError: it is as low.
+    """
+    limit = _read_address_limit()
+    if limit is not None and limit < MIN_ADDRESS_SPACE_MB * 1e6:
+        raise MachineError(
+            f"the machine: expected room for {MIN_ADDRESS_SPACE_MB} MB of addresses in each process, was a limit of "
+            f"{limit / 1e6:.0f} MB. Raise the limit on memory (ulimit -v)."
+        )
+
+
+def _read_address_limit() -> int | None:
+    if sys.platform == "win32":
+        return None
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return None if limit == resource.RLIM_INFINITY else limit
+
+
+def check_working_directory() -> None:
+    """Refuse a working directory that was removed, in which no relative path means anything.
+
+    Raises:
+        UsageError: it is gone.
+    """
+    try:
+        Path.cwd()
+    except FileNotFoundError as error:
+        raise UsageError(
+            "working directory: expected a folder, was removed since it was entered. Change to one that is there (cd)."
+        ) from error
+
+
+def build_process_error() -> MachineError:
+    """Return an error for a person where a process or thread could not be started."""
+    if _read_address_limit() is not None:
+        return build_machine_error(MemoryError(), "the machine", "memory for one thing more")
+    return MachineError(
+        "the machine: expected room for one more process or thread, was none. Close programs, or raise the limit on "
+        "processes (ulimit -u; in a container, that on its tasks)."
+    )
+
+
+def describe_os_error(error: OSError | MemoryError) -> str:
+    """Return what the machine says, as part of a sentence."""
+    if isinstance(error, MemoryError) or error.errno == errno.ENOMEM:
+        return "out of memory"
+    return (error.strerror or str(error) or type(error).__name__).rstrip(".").lower()
+
+
+def find_remedy(error: OSError | MemoryError) -> str:
+    """Return what helps against what the machine says, as a sentence."""
+    number = errno.ENOMEM if isinstance(error, MemoryError) else error.errno
+    return _REMEDIES.get(number or 0, "Look at what it says, then try again.")
+
+
+def build_machine_error(
+    error: OSError | MemoryError,
+    place: str,
+    expected: str,
+    *,
+    path: Path | str | None = None,
+    remedy: str = "",
+) -> MachineError:
+    """Return an error for a person, made of what the machine said.
+
+    Args:
+        error: What the machine said.
+        place: What could not be used.
+        expected: What it should have been, for example `a folder that can be written`.
+        path: The file or folder; by default the one that the error names.
+        remedy: What to do; by default what helps against this kind of error.
+    """
+    return MachineError(format_machine_error(error, place, expected, path=path, remedy=remedy))
+
+
+def format_machine_error(
+    error: OSError | MemoryError, place: str, expected: str, *, path: Path | str | None = None, remedy: str = ""
+) -> str:
+    """Return the text of `build_machine_error`."""
+    named = _get_refused_path(error) if path is None and isinstance(error, OSError) else path
+    text = f"{place}: expected {expected}, was {describe_os_error(error)}. {remedy or find_remedy(error)}"
+    return text if named is None else f"{text}\nFile: {os.fspath(named)}"
+
+
+# Of a link, a copy or a move the machine names what is there already as well.
+def _get_refused_path(error: OSError) -> Path | str | None:
+    return error.filename2 if error.filename2 is not None and error.errno in _TARGET_ERRNOS else error.filename
+
+
+def build_path_error(error: OSError, place: str, expected: str, *, path: Path | str) -> GslCosimError:
+    """Return an error for a person about a place that the call itself has named.
+
+    Args:
+        error: What the machine said.
+        place: The option or argument.
+        expected: What it should have been.
+        path: The file or folder.
+
+    Returns:
+        UsageError where another place is all that is needed, MachineError where the machine lacks something.
+    """
+    text = format_machine_error(error, place, expected, path=path)
+    return UsageError(text) if error.errno in _PATH_ERRNOS else MachineError(text)
+
+
+def translate(error: BaseException) -> MachineError | None:
+    """Return an error for a person where the machine has refused something that nobody has foreseen, else None."""
+    if isinstance(error, MachineError):
+        return error
+    if isinstance(error, OSError) and _is_kernel_cache_error(error):
+        remedy = "Free room there, or set GSLCOSIM_CACHE to a folder that can be written."
+        return build_machine_error(error, "cache of compiled kernels", "a folder that can be written", remedy=remedy)
+    if isinstance(error, BlockingIOError) and error.filename is None:
+        return build_process_error()
+    if isinstance(error, OSError | MemoryError):
+        return build_machine_error(error, "the machine", "it to do what was asked")
+    said = str(error).lower()
+    is_of_a_package = isinstance(error, RuntimeError | ImportError | SystemError | ValueError)
+    if is_of_a_package and any(word in said for word in _PROCESS_MESSAGES):
+        return build_process_error()
+    if is_of_a_package and any(word in said for word in _MEMORY_MESSAGES):
+        return build_machine_error(MemoryError(), "the machine", "memory for one thing more")
+    return None
+
+
+# Numba does not say which file it was; what it reads and writes are our functions.
+def _is_kernel_cache_error(error: BaseException) -> bool:
+    frames = (frame.f_globals.get("__name__", "") for frame, _ in traceback.walk_tb(error.__traceback__))
+    return "numba.core.caching" in frames
+
+
+def format_fault(error: BaseException, trace: str) -> str:
+    """Return what to say of an error that ends a run.
+
+    Args:
+        error: The error.
+        trace: Its traceback, which is shown where the error is ours alone.
+    """
+    if isinstance(error, GslCosimError):
+        return str(error)
+    refused = translate(error)
+    return trace if refused is None else str(refused)

@@ -3,7 +3,7 @@
 import os
 import threading
 
-from gslcosim.base.os_errors import build_process_error
+from gslcosim.base.errors import build_process_error
 
 # A session of Zenoh has as many at the most.
 _N_SESSION_THREADS = 16

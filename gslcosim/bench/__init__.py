@@ -10,8 +10,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gslcosim.bench.api import run
     from gslcosim.bench.cases.suite_files import load_suite
+    from gslcosim.bench.execution.runner import run
     from gslcosim.bench.results import Comparison, Results, compare
 
 __all__ = ["Comparison", "Results", "compare", "load_suite", "run"]
@@ -21,7 +21,7 @@ _HOMES = {
     "Results": "results",
     "compare": "results",
     "load_suite": "cases.suite_files",
-    "run": "api",
+    "run": "execution.runner",
 }
 
 

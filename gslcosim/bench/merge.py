@@ -11,13 +11,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.scratch import ScratchFolder
-from gslcosim.bench.execution.sandbox_requirement import find_unsandboxed_rows
+from gslcosim.base.files import ScratchFolder
+from gslcosim.bench.execution.verification import find_unsandboxed_rows
 from gslcosim.bench.report.writer import write_report
 from gslcosim.bench.results import PAIR, Results
-from gslcosim.bench.store.columns import TRIALS
-from gslcosim.bench.store.folder import ResultsFolder
-from gslcosim.bench.store.verification_marks import VerificationMark, find_mark, results_hash, save_mark
+from gslcosim.bench.store import TRIALS, ResultsFolder
+from gslcosim.bench.verification_marks import VerificationMark, find_mark, results_hash, save_mark
 
 LEADERBOARD = "leaderboard.json"
 

@@ -15,8 +15,7 @@ from gslcosim.bench.statistics.estimates import Estimate
 from gslcosim.bench.statistics.pairs import mcnemar, paired_difference, probability_better, sign_flip
 from gslcosim.bench.statistics.rates import wilson
 from gslcosim.bench.statistics.times import restricted_mean
-from gslcosim.bench.store.columns import TRACKS, TRIALS
-from gslcosim.bench.store.folder import ResultsFolder
+from gslcosim.bench.store import TRACKS, TRIALS, ResultsFolder
 
 _compute: Any = pc
 # Rows that agree in these are runs of the same case, repetition and gas: they make a pair.
@@ -27,7 +26,7 @@ PAIR = ("case", "repetition", "is_control")
 class Results:
     """The rows of a results folder, all or some of them.
 
-    `trials` has the columns of `gslcosim.bench.store.columns.TRIAL_COLUMNS`. Figures leave controls out; select
+    `trials` has the columns of `gslcosim.bench.store.TRIAL_COLUMNS`. Figures leave controls out; select
     them with `select(is_control=True)`.
     """
 
@@ -94,7 +93,7 @@ class Results:
         return values.to_numpy(zero_copy_only=False)
 
     def tracks(self) -> pa.Table:
-        """Return the tracks of these rows, as `gslcosim.bench.store.columns.TRACK_COLUMNS` has them."""
+        """Return the tracks of these rows, as `gslcosim.bench.store.TRACK_COLUMNS` has them."""
         table = ResultsFolder(self.folder).track_table()
         if table is None:
             return TRACKS.empty_table()

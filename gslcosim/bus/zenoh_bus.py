@@ -23,8 +23,13 @@ from typing import Any, Self
 import zenoh
 import zenoh.handlers
 
-from gslcosim.base.errors import MachineError, SimulationFault
-from gslcosim.base.os_errors import RESOURCE_ERRNOS, build_machine_error, build_process_error
+from gslcosim.base.errors import (
+    RESOURCE_ERRNOS,
+    MachineError,
+    SimulationFault,
+    build_machine_error,
+    build_process_error,
+)
 from gslcosim.bus.interface import (
     INHERITED_FILES,
     Certificate,

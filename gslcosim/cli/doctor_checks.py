@@ -211,7 +211,7 @@ def zenoh_round_trip_s() -> float:
     Raises:
         TimeoutError: no answer came.
     """
-    from gslcosim.base.scratch import ScratchFolder
+    from gslcosim.base.files import ScratchFolder
     from gslcosim.bus.interface import JoinData
     from gslcosim.bus.zenoh_bus import SERVICE_ACCOUNT, ZenohBus, generate_password
 

@@ -10,9 +10,15 @@ from collections.abc import Callable, Sequence
 
 from gslcosim import __version__
 from gslcosim.base.disk_cache import limit_from_environment
-from gslcosim.base.errors import ExitCode, GslCosimError, MachineError
-from gslcosim.base.interruption import is_asked_to_end
-from gslcosim.base.os_errors import check_address_space, check_working_directory, translate
+from gslcosim.base.errors import (
+    ExitCode,
+    GslCosimError,
+    MachineError,
+    check_address_space,
+    check_working_directory,
+    translate,
+)
+from gslcosim.base.processes import is_asked_to_end
 from gslcosim.base.thread_limit import check_thread_limit
 from gslcosim.cli.arguments import build_parser, parse
 from gslcosim.cli.commands import (
@@ -38,12 +44,10 @@ from gslcosim.cli.commands import (
     runs,
     sample,
     schema,
-    serve,
     sweep,
     train,
     tune,
     up,
-    validate,
     view,
 )
 from gslcosim.cli.terminal import (
@@ -59,13 +63,13 @@ _COLLECT_EVERY = 50_000
 _BUG = "This is a mistake in gslcosim: please report it with the lines above."
 
 COMMANDS = (
-    up.COMMAND,
+    up.UP,
     fly.COMMAND,
     bench.COMMAND,
     sweep.COMMAND,
     tune.COMMAND,
     train.COMMAND,
-    validate.COMMAND,
+    up.VALIDATE,
     list_.COMMAND,
     generate.COMMAND,
     import_.COMMAND,
@@ -84,7 +88,7 @@ COMMANDS = (
     monitor.PS,
     monitor.TOP,
     monitor.STOP,
-    serve.COMMAND,
+    up.SERVE,
     sample.COMMAND,
     agent.COMMAND,
     participant.COMMAND,

@@ -1,17 +1,24 @@
-"""Output of `gslcosim up`: the live line of a run, and its summary at the end."""
+"""Output of runs and of suites: live lines, progress, plans and summaries."""
 
 import contextlib
 import sys
+import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gslcosim.cli.run_paths import RECORDING
-from gslcosim.cli.terminal import plain_text, table, write_note
+from gslcosim.cli.arguments import RECORDING
+from gslcosim.cli.terminal import clear_status_line, draw_status_line, plain_text, table, write_note
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from gslcosim.bench.cases import Plan
+    from gslcosim.bench.cases.models import Selection
+    from gslcosim.bench.execution.runner import Progress, RunSummary
+    from gslcosim.bench.execution.verification import Verification
+    from gslcosim.bench.merge import Ranking
     from gslcosim.runtime.status import RunResult, RunStatus
 
 Report = Callable[["RunStatus"], None]
@@ -168,3 +175,261 @@ def _pace_text(pace: dict[str, float]) -> str:
 
 def _figure(value: object, pattern: str) -> str:
     return "-" if value is None else pattern.format(value)
+
+
+# Lines in a pipe come at most so often [s].
+_PLAIN_EVERY_S = 10.0
+_BAR = 20
+
+
+def plan_to_json(plan: "Plan", selection: "Selection", *, n_workers: int) -> dict[str, Any]:
+    """Return what a plan says of itself.
+
+    Args:
+        plan: The plan.
+        selection: Which of its trials are meant.
+        n_workers: How many would fly at the same time.
+    """
+    from gslcosim.bench.cases.plan import BYTES_PER_TRIAL, OVERHEAD_S, PLUME_S, ROOM_S, measured_pace
+
+    trials = [trial for trial in plan.trials if selection.takes(trial)]
+    share = len(trials) / len(plan.trials)
+    rooms, plumes = {trial.room for trial in trials}, {trial.tape for trial in trials if trial.tape}
+    flying_s = (plan.sim_s * share / measured_pace() + OVERHEAD_S * len(trials)) / n_workers
+    preparing_s = (ROOM_S * len(rooms) + PLUME_S * len(plumes)) / n_workers
+    return {
+        "suite": plan.loaded.suite.name,
+        "suite_hash": plan.suite_hash,
+        "n_trials": len(trials),
+        "n_cases": len({trial.case for trial in trials}),
+        "n_controls": sum(trial.is_control for trial in trials),
+        "n_rooms": len(rooms),
+        "n_plumes_on_tape": len(plumes),
+        "entries": dict(Counter(trial.entry for trial in trials)),
+        "scenarios": dict(Counter(trial.scenario for trial in trials)),
+        "dropped": [{"case": each.case, "reason": each.reason} for each in plan.dropped],
+        "moved": [{"case": m.case, "agent": m.agent, "from_m": m.from_m, "to_m": m.to_m} for m in plan.moved],
+        "most_simulated_h": round(plan.sim_s * share / 3600, 2),
+        "expected_flying_s": round(flying_s),
+        "expected_preparing_s": round(preparing_s),
+        "expected_disk_mb": round(BYTES_PER_TRIAL * len(trials) / 1e6, 1),
+        "n_workers": n_workers,
+    }
+
+
+def format_plan(plan: "Plan", fields: dict[str, Any]) -> str:
+    """Return a plan for people."""
+    scenarios = fields["scenarios"]
+    cases = Counter(case.scenario for case in plan.cases)
+    rows = [(name, str(cases[name]), str(n)) for name, n in scenarios.items()]
+    lines = [
+        f"{fields['suite']}: {fields['n_trials']} trials of {len(fields['entries'])} entries in {fields['n_cases']} "
+        f"cases, {fields['n_controls']} of them without gas",
+        table(("SCENARIO", "CASES", "TRIALS"), rows),
+        f"Entries: {', '.join(fields['entries'])}",
+        f"Prepared once: {fields['n_rooms']} rooms, {fields['n_plumes_on_tape']} plumes on tape "
+        f"(up to {_duration(fields['expected_preparing_s'])} where the cache has none)",
+        f"Flown: at most {fields['most_simulated_h']:g} h of simulated time, about "
+        f"{_duration(fields['expected_flying_s'])} with {fields['n_workers']} workers, "
+        f"{fields['expected_disk_mb']:g} MB",
+    ]
+    lines += [
+        f"Moved: the start of {each['agent']} in {each['case']}, from {each['from_m']} to {each['to_m']} m"
+        for each in fields["moved"]
+    ]
+    if fields["dropped"]:
+        lines.append(f"Left out: {len(fields['dropped'])} combinations that are no case:")
+        lines += [f"  {each['case']}: {each['reason']}" for each in fields["dropped"][:10]]
+        if len(fields["dropped"]) > 10:
+            lines.append(f"  and {len(fields['dropped']) - 10} more (--json has all)")
+    return "\n".join(lines)
+
+
+@contextlib.contextmanager
+def show_suite_progress(title: str, *, is_quiet: bool) -> "Iterator[Callable[[Progress], None]]":
+    """Yield what a run reports to: a line that is drawn again on a terminal, a line now and then in a pipe."""
+    line = _Line(is_quiet=is_quiet)
+    n_told = 0
+
+    def show(progress: "Progress") -> None:
+        nonlocal n_told
+        for text in progress.lost[n_told:]:
+            line.add(f"{title}: {text}")
+        n_told = max(n_told, len(progress.lost))
+        line.show(f"{title}: {format_progress(progress)}", is_last=progress.done == progress.total)
+
+    try:
+        yield show
+    finally:
+        line.end()
+
+
+@contextlib.contextmanager
+def show_count_progress(title: str, *, is_quiet: bool) -> Iterator[Callable[[int, int], None]]:
+    """Yield what work reports to that counts: how many are done, of how many (0: nobody knows)."""
+    line = _Line(is_quiet=is_quiet)
+    try:
+        yield lambda done, total: line.show(f"{title}: {done}{f' of {total}' if total else ' trials'}")
+    finally:
+        line.end()
+
+
+@contextlib.contextmanager
+def show_text_progress(*, is_quiet: bool) -> Iterator[Callable[[str], None]]:
+    """Yield what work reports to that says in words how it goes."""
+    line = _Line(is_quiet=is_quiet)
+    try:
+        yield line.show
+    finally:
+        line.end()
+
+
+def format_progress(progress: "Progress") -> str:
+    """Return how a run stands in one line."""
+    done, total = progress.done, progress.total
+    share = done / total if total else 1.0
+    bar = f"[{'#' * round(share * _BAR):<{_BAR}}]"
+    if progress.phase != "trials":
+        return f"{bar} {progress.phase} {done}/{total}"
+    rate = f"{progress.rate_per_s:.1f}/s" if progress.rate_per_s >= 1 else f"{progress.rate_per_s * 60:.1f}/min"
+    left = f", {_duration(progress.left_s)} left" if progress.left_s is not None else ""
+    found = ", ".join(f"{name} {progress.successes.get(name, 0)}/{n}" for name, n in sorted(progress.flown.items()))
+    lost = f" | {progress.n_without_result} without result" if progress.n_without_result else ""
+    return f"{bar} {done}/{total} trials, {rate}{left} | found: {found or 'none yet'}{lost}"
+
+
+def format_suite_summary(summary: "RunSummary", page: Path | None) -> str:
+    """Return what a run did."""
+    wall = summary.wall
+    lines = []
+    if summary.put_aside is not None:
+        lines.append(f"Earlier results of another version are in {summary.put_aside}.")
+    what = "Interrupted: " if summary.is_interrupted else ""
+    lines.append(
+        f"{what}{summary.n_flown} trials flown, {summary.n_flown_before} were there already, of {summary.n_chosen} "
+        f"chosen and {summary.n_planned} planned."
+    )
+    if summary.n_without_result:
+        lines.append(f"{summary.n_without_result} without result: see status and fault in the report.")
+    if "busy_share" in wall:
+        lines.append(
+            f"Time: {_duration(wall['total_s'])}, of which preparing {_duration(wall['preparing_s'])}; workers busy "
+            f"{100 * wall['busy_share']:.0f} % of the time after that, flying {100 * wall['flying_share']:.0f} %; "
+            f"{wall['jobs']} workers, at most {wall['peak_worker_mb']:.0f} MB each."
+        )
+    if summary.is_interrupted:
+        lines.append("The same command goes on.")
+    lines.append(f"Results: {summary.folder}" + (f"\nReport: {page}" if page else ""))
+    return "\n".join(lines)
+
+
+def verification_to_json(verification: "Verification") -> dict[str, Any]:
+    """Return what came of a verification as JSON has it."""
+    return {
+        "sample": verification.n_sampled,
+        "same": verification.n_sampled - len(verification.differences),
+        "missing": verification.n_missing,
+        "sandboxes": dict(verification.sandboxes),
+        "differences": [
+            {"trial": d.trial, "case": d.case, "entry": d.entry, "columns": d.columns} for d in verification.differences
+        ],
+    }
+
+
+def format_verification(verification: "Verification") -> str:
+    """Return what came of a verification."""
+    from gslcosim.runtime.processes.sandbox.selection import is_sandboxed
+
+    n, different = verification.n_sampled, verification.differences
+    started = ", ".join(f"{count} {kind}" for kind, count in sorted(verification.sandboxes.items()))
+    note = f"Sandbox of agents: {started or 'nothing was flown'}."
+    if any(not is_sandboxed(kind) for kind in verification.sandboxes):
+        note += " Agents without one could read the truth; without --trusted all of them are in one."
+    if verification.n_missing:
+        note += (
+            f"\n{verification.n_missing} trials of the suite have no row, so that nobody can tell what came of them: "
+            "bench rank does not take these results for verified."
+        )
+    if not different:
+        return f"{n} of {n} flights came out the same: digests and all figures.\n{note}"
+    lines = [f"{len(different)} of {n} flights came out differently:"]
+    for each in different:
+        name, (before, now) = next(iter(each.columns.items()))
+        more = f" and {len(each.columns) - 1} other columns" if len(each.columns) > 1 else ""
+        lines.append(f"  {each.trial} {each.case}, {each.entry}: {name} was {before}, is {now}{more}")
+    return "\n".join([*lines, note])
+
+
+def format_ranking(ranking: "Ranking") -> str:
+    """Return a merged leaderboard: equal ranks where entries cannot be distinguished, and who has been verified."""
+    view = ranking.leaderboard["views"][0]
+    rows = [
+        (
+            str(row["rank"]),
+            row["entry"],
+            _format_figure(row["score"], 1.0, 3),
+            f"{_format_figure(row['success'], 100.0, 0)} %",
+            _format_figure(row["time_s"], 1.0, 0),
+            str(row["n"]),
+            ranking.submissions[row["entry"]],
+            _verified(ranking.verified[row["entry"]]),
+        )
+        for row in view["rows"]
+    ]
+    head = ("RANK", "ENTRY", "SCORE", "SUCCESS", "TIME [s]", "N", "SUBMISSION", "VERIFIED")
+    return f"{table(head, rows)}\nIntervals are 95 %. Entries of one rank have not been told apart."
+
+
+def _format_figure(figure: dict[str, float] | None, times: float, digits: int) -> str:
+    if figure is None:
+        return "-"
+    value, low, high = (
+        "?" if part is None else f"{times * part:.{digits}f}" for part in (figure[k] for k in ("value", "low", "high"))
+    )
+    return f"{value} [{low}, {high}]"
+
+
+def _verified(counts: tuple[int, int] | None) -> str:
+    return "no" if counts is None else f"{counts[0]} of {counts[1]}"
+
+
+class _Line:
+    """Progress on standard error: one line drawn again on a terminal, lines some seconds apart in a pipe."""
+
+    def __init__(self, *, is_quiet: bool) -> None:
+        self._is_quiet = is_quiet
+        self._is_terminal = sys.stderr.isatty()
+        self._shown_at = -1e9
+        self._is_drawn = False
+
+    def show(self, text: str, *, is_last: bool = False) -> None:
+        """Show a text in place of the last one."""
+        if self._is_quiet:
+            return
+        now = time.monotonic()
+        if self._is_terminal:
+            draw_status_line(text)
+            self._is_drawn = True
+        elif is_last or now - self._shown_at >= _PLAIN_EVERY_S:
+            self._shown_at = now
+            write_note(text)
+
+    def add(self, text: str) -> None:
+        """Write a line that stays."""
+        if self._is_quiet:
+            return
+        self.end()
+        write_note(text)
+
+    def end(self) -> None:
+        """Leave the line empty."""
+        if self._is_drawn:
+            clear_status_line()
+
+
+def _duration(seconds: float | None) -> str:
+    if seconds is None:
+        return "?"
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.cli.arguments import parse_positive_number
-from gslcosim.cli.bench_output import show_count_progress
+from gslcosim.cli.run_output import show_count_progress
 from gslcosim.cli.terminal import table, write_note
 
 if TYPE_CHECKING:
@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from gslcosim.bench.execution.pool import Pool
     from gslcosim.bench.execution.runner import Progress
     from gslcosim.bench.statistics.estimates import Estimate
-    from gslcosim.bench.studies.setting_figures import SettingFigures
-    from gslcosim.bench.studies.sweep import SweepResult
+    from gslcosim.bench.studies.sweep import SettingFigures, SweepResult
     from gslcosim.bench.studies.tuning import EvaluatedSetting, TuningProgress, TuningResult
 
 RESULTS_DIR = Path("results")

@@ -12,9 +12,8 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, TextIO, cast
 
-from gslcosim.base.errors import MachineError
-from gslcosim.base.os_errors import build_machine_error
-from gslcosim.base.terminal_text import escape_json_text, escape_terminal_text
+from gslcosim.base.errors import MachineError, build_machine_error
+from gslcosim.base.untrusted_input import escape_json_text, escape_terminal_text
 
 if TYPE_CHECKING:
     from rich.text import Text

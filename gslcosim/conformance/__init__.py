@@ -1,8 +1,7 @@
 """Conformance check of agents: a scripted peer plays whole sessions with one, and judges each rule of the contract."""
 
 from gslcosim.conformance.agent_check import AgentCheck, check_agent
-from gslcosim.conformance.report import CheckReport, Finding, Status
-from gslcosim.conformance.rules import RULES, Rule
+from gslcosim.conformance.rules import RULES, CheckReport, Finding, Rule, Status
 from gslcosim.conformance.session import SessionLimits
 from gslcosim.conformance.transports import ConnectionSpec
 

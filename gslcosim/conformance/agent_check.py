@@ -4,10 +4,9 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
-from gslcosim.base.command_lines import describe_exit
+from gslcosim.base.processes import describe_exit
 from gslcosim.conformance.answers import format_command
-from gslcosim.conformance.report import CheckReport, Failure, build_findings
-from gslcosim.conformance.rules import RULES
+from gslcosim.conformance.rules import RULES, CheckReport, Failure, build_findings
 from gslcosim.conformance.session import (
     BELIEF_PERIOD_TICKS,
     MAX_SURPLUS_MESSAGES,

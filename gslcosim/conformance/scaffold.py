@@ -13,7 +13,7 @@ import yaml
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.kernel_cache import get_cache_root
-from gslcosim.conformance.participants.session import PARTICIPANT_NAME
+from gslcosim.conformance.participant_check import PARTICIPANT_NAME
 from gslcosim.runtime.external.protocol import is_valid_name
 from gslcosim.scenario.bundled import bundled_agents
 

@@ -27,8 +27,14 @@ from gslcosim.conformance.transports import (
 )
 from gslcosim.contract.messages import Command, Ending, Message
 from gslcosim.methods.card import Needs
-from gslcosim.runtime.agents.session import REPEAT_QUESTION_AFTER_S, AgentSession
-from gslcosim.runtime.agents.transport import AgentJoined, AgentLost, CommandReceived, CommandRefused
+from gslcosim.runtime.agents.session import (
+    REPEAT_QUESTION_AFTER_S,
+    AgentJoined,
+    AgentLost,
+    AgentSession,
+    CommandReceived,
+    CommandRefused,
+)
 from gslcosim.runtime.agents.validator import BELIEF_PERIOD_S, CommandValidator
 from gslcosim.scenario.models.scenario import AgentSpec
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, Protocol
 
-from gslcosim.agent_kit.connection import AGENT_VARIABLE
+from gslcosim.agent_kit.agent import AGENT_VARIABLE
 from gslcosim.base.errors import UsageError
-from gslcosim.base.scratch import ScratchFolder
+from gslcosim.base.files import ScratchFolder
 from gslcosim.bus.audit_router import AuditRouter
 from gslcosim.bus.interface import JoinData
 from gslcosim.bus.zenoh_bus import AgentAccount, generate_password
@@ -25,7 +25,7 @@ from gslcosim.gateway.connections import EventKind, Listener, PipeStream, Stream
 from gslcosim.gateway.frame_codec import FrameFormat
 from gslcosim.methods.card import Needs, find_card_beside
 from gslcosim.runtime.agents.gateway_transport import GATEWAY_VARIABLE, TOKEN_VARIABLE
-from gslcosim.runtime.agents.transport import (
+from gslcosim.runtime.agents.session import (
     AgentEvent,
     AgentJoined,
     AgentLost,

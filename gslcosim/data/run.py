@@ -25,10 +25,10 @@ from gslcosim.data.streams import (
     RecordedTexts,
     RecordedTrack,
 )
-from gslcosim.environment.generation.variants import prepare_variants, with_variants
+from gslcosim.environment.generation.cache import prepare_variants, with_variants
 from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
-from gslcosim.environment.variants.variant import first_variant
+from gslcosim.environment.variants import first_variant
 from gslcosim.runtime.replay.past_run import PastRun, find_environment
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import AgentSpec

@@ -13,7 +13,7 @@ from gslcosim.scenario import Scenario
 from gslcosim_services.recorder import entities
 from gslcosim_services.recorder.colors import GasScale
 from gslcosim_services.recorder.entities import AgentEntities, get_unit, list_gas_names
-from gslcosim_services.recorder.rows.hidden_columns import NUMBERS_COMPONENT, decode_numbers
+from gslcosim_services.recorder.rows.agents import NUMBERS_COMPONENT, decode_numbers
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]

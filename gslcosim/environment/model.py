@@ -1,15 +1,77 @@
-"""Environment model that every core shares: geometry, occupancy and wind, read-only."""
+"""Environment model that every core shares: grid, geometry, occupancy and wind, read-only."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from enum import IntEnum
 from typing import Any, Literal, NamedTuple, Self, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.errors import EnvironmentDataError, ScenarioError
 from gslcosim.base.quantities import Vec3
-from gslcosim.environment.grid import Grid
+from gslcosim.scenario.problems import Problem
+
+
+class ImpossibleEnvironmentError(ScenarioError):
+    """A room cannot be built; the text lists all `problems`, one a line. The scenario or its files have to change."""
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(_line(problem) for problem in problems))
+
+
+def raise_if_any(problems: Sequence[Problem]) -> None:
+    """Raise all problems as one error; do nothing when there are none.
+
+    Raises:
+        ImpossibleEnvironmentError: there is at least one problem.
+    """
+    if problems:
+        raise ImpossibleEnvironmentError(problems)
+
+
+def _line(problem: Problem) -> str:
+    remedy = f" {problem.remedy}" if problem.remedy else ""
+    return f"{problem.path}: expected {problem.expected}, was {problem.found}.{remedy}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grid:
+    """A box of equal cubic cells; index order is (x, y, z), cell (0, 0, 0) touches `origin_m`."""
+
+    origin_m: Vec3
+    cell_m: float
+    shape: tuple[int, int, int]
+
+    @property
+    def max_m(self) -> Vec3:
+        """The corner opposite to `origin_m`, world frame [m]."""
+        o, n = self.origin_m, self.shape
+        return (o[0] + n[0] * self.cell_m, o[1] + n[1] * self.cell_m, o[2] + n[2] * self.cell_m)
+
+    def cell_of(self, position_world_m: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the (…, 3) indices of the cells that hold (…, 3) points; they may lie outside the grid."""
+        return np.floor((np.asarray(position_world_m) - self.origin_m) / self.cell_m).astype(np.int64)
+
+    def contains_cell(self, cell: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return which of (…, 3) cell indices lie in the grid."""
+        return np.all((cell >= 0) & (cell < self.shape), axis=-1)
+
+    def centres_m(self) -> NDArray[np.float64]:
+        """Return the (nx, ny, nz, 3) cell centres, world frame [m]."""
+        return np.stack(np.meshgrid(*(self.axis_centres_m(axis) for axis in range(3)), indexing="ij"), axis=-1)
+
+    def axis_centres_m(self, axis: int) -> NDArray[np.float64]:
+        """Return the (n,) coordinates of the cell centres on one axis (0, 1, 2 is x, y, z), world frame [m]."""
+        return self.origin_m[axis] + (np.arange(self.shape[axis], dtype=np.float64) + 0.5) * self.cell_m
+
+
+def point_text(point_m: Sequence[float]) -> str:
+    """Return a point as a scenario file would have it, such as `[5, 1, 2]`."""
+    return "[" + ", ".join(f"{coordinate_m:.6g}" for coordinate_m in point_m) + "]"
 
 
 class Cell(IntEnum):
@@ -158,3 +220,121 @@ class Environment:
         for variant, room in self.later_rooms.items():
             rooms.setdefault(variant.closed, room)
         return rooms
+
+
+@dataclass(frozen=True, kw_only=True)
+class EnvironmentGeometry:
+    """Geometry and occupancy of a room; see `gslcosim.environment.model.Environment`, which adds the wind.
+
+    `notices` are sentences for the user on what was done differently from what the scenario says.
+    """
+
+    name: str
+    grid: Grid
+    occupancy: NDArray[np.uint8]
+    boxes: tuple[Box, ...]
+    openings: tuple[Opening, ...]
+    notices: tuple[str, ...] = ()
+    lights: tuple[Light, ...] = ()
+    meshes: tuple[VisualMesh, ...] = ()
+
+
+def with_wind(room: EnvironmentGeometry, wind: WindFrames) -> Environment:
+    """Return the environment that a room and its wind make; its arrays are read-only and in C order.
+
+    Raises:
+        EnvironmentDataError: the wind is not (t, nx, ny, nz, 3) of the room's grid.
+    """
+    velocity_m_s = freeze_array(np.ascontiguousarray(wind.velocity_m_s, dtype=np.float32))
+    if velocity_m_s.shape[1:] != (*room.grid.shape, 3) or not len(velocity_m_s):
+        raise EnvironmentDataError(
+            f"wind of {room.name}: expected (t, nx, ny, nz, 3) with cells {room.grid.shape} and at least one frame, "
+            f"was {velocity_m_s.shape}"
+        )
+    frozen_wind = WindFrames(velocity_m_s=velocity_m_s, period_s=wind.period_s, is_looping=wind.is_looping)
+    return Environment(
+        name=room.name,
+        grid=room.grid,
+        occupancy=room.occupancy,
+        wind=frozen_wind,
+        boxes=room.boxes,
+        openings=room.openings,
+        content_hash=content_hash(room, frozen_wind),
+        lights=room.lights,
+        meshes=room.meshes,
+    )
+
+
+def content_hash(room: EnvironmentGeometry | Environment, wind: WindFrames) -> str:
+    """Return 32 hexadecimal digits that change whenever anything of an environment does."""
+    facts = {
+        "name": room.name,
+        "grid": asdict(room.grid),
+        "boxes": [asdict(box) for box in room.boxes],
+        "openings": [asdict(opening) for opening in room.openings],
+        "lights": [asdict(light) for light in room.lights],
+        "wind": {"shape": wind.velocity_m_s.shape, "period_s": wind.period_s, "is_looping": wind.is_looping},
+    }
+    digest = hashlib.blake2b(json.dumps(facts, sort_keys=True).encode(), digest_size=16)
+    digest.update(np.ascontiguousarray(room.occupancy, dtype=np.uint8).data)
+    digest.update(np.ascontiguousarray(wind.velocity_m_s, dtype="<f4").data)
+    for mesh in room.meshes:
+        digest.update(json.dumps([mesh.name, mesh.rgba, mesh.vertices_m.shape, mesh.faces.shape]).encode())
+        digest.update(np.ascontiguousarray(mesh.vertices_m, dtype="<f4").data)
+        digest.update(np.ascontiguousarray(mesh.faces, dtype="<i4").data)
+    return digest.hexdigest()
+
+
+def freeze_array(array: NDArray[Any]) -> NDArray[Any]:
+    """Return an array, which nobody can write to from now on."""
+    array.setflags(write=False)
+    return array
+
+
+LAYOUT_PATH = "environment.layout"
+# More cells than this would not fit into the memory of a common machine together with the solver's fields.
+MAX_CELLS = 200_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeometryPlan:
+    """A room on paper: where its air, its solids and its openings are.
+
+    `grid` covers exactly the air, from the corner (0, 0, 0) to the layout's `size_m`; walls, floor and ceiling lie
+    outside it. Openings are whole cells; walls are closed behind them, so that no vehicle leaves the room.
+    `notices` are sentences on what was done differently from what the layout says.
+    """
+
+    name: str
+    grid: Grid
+    boxes: tuple[Box, ...]
+    openings: tuple[Opening, ...]
+    notices: tuple[str, ...] = ()
+    lights: tuple[Light, ...] = ()
+
+
+WALL_NAMES = ("wall_x_min", "wall_x_max", "wall_y_min", "wall_y_max", "floor", "ceiling")
+
+FLOOR_RGBA = (0.45, 0.45, 0.47, 1.0)
+CEILING_RGBA = (0.8, 0.8, 0.82, 0.15)
+OBSTACLE_RGBA = (0.62, 0.46, 0.30, 1.0)
+
+
+def closing_boxes(min_m: Vec3, max_m: Vec3, wall_m: float) -> tuple[Box, ...]:
+    """Return the six boxes named `WALL_NAMES` that close a box of air from outside, without overlap.
+
+    Args:
+        min_m: Lower corner of the air, world frame [m].
+        max_m: Upper corner of the air, world frame [m].
+        wall_m: How thick they are [m].
+    """
+    (x0, y0, z0), (x1, y1, z1), w = min_m, max_m, wall_m
+    low, high = (x0 - w, y0 - w), (x1 + w, y1 + w)
+    return (
+        Box(name="wall_x_min", kind="wall", min_m=(*low, z0), max_m=(x0, high[1], z1)),
+        Box(name="wall_x_max", kind="wall", min_m=(x1, low[1], z0), max_m=(*high, z1)),
+        Box(name="wall_y_min", kind="wall", min_m=(x0, low[1], z0), max_m=(x1, y0, z1)),
+        Box(name="wall_y_max", kind="wall", min_m=(x0, y1, z0), max_m=(x1, high[1], z1)),
+        Box(name="floor", kind="floor", min_m=(*low, z0 - w), max_m=(*high, z0), rgba=FLOOR_RGBA),
+        Box(name="ceiling", kind="ceiling", min_m=(*low, z1), max_m=(*high, z1 + w), rgba=CEILING_RGBA),
+    )

@@ -37,11 +37,19 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.quantities import Vec3
-from gslcosim.base.untrusted_json import describe_validation_errors
+from gslcosim.base.untrusted_input import describe_validation_errors
 from gslcosim.environment.formats.data_files import load_npy
-from gslcosim.environment.geometry_model import content_hash
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Box, Cell, Environment, Light, Opening, VisualMesh, WindFrames
+from gslcosim.environment.model import (
+    Box,
+    Cell,
+    Environment,
+    Grid,
+    Light,
+    Opening,
+    VisualMesh,
+    WindFrames,
+    content_hash,
+)
 
 
 def encode_glb(meshes: Sequence[VisualMesh]) -> bytes:

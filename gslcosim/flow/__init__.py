@@ -1,11 +1,19 @@
 """Wind solvers: incompressible flow on a staggered grid, from a geometry to velocities at cell centres."""
 
 from gslcosim.base.errors import FlowError
-from gslcosim.flow.boundaries.inflow import Schedule, log_profile, parabolic_profile
-from gslcosim.flow.boundaries.patches import Inlet, MovingWall, Open, Outlet, Patch, SlipWall
 from gslcosim.flow.convergence import ConvergenceResult, WindowCheck
-from gslcosim.flow.history_plot import plot_history
-from gslcosim.flow.report import WindReport
+from gslcosim.flow.patches import (
+    Inlet,
+    MovingWall,
+    Open,
+    Outlet,
+    Patch,
+    Schedule,
+    SlipWall,
+    log_profile,
+    parabolic_profile,
+)
+from gslcosim.flow.report import WindReport, plot_history
 from gslcosim.flow.solve import solve_wind, solve_wind_report
 
 __all__ = [

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import ShapeError
-from gslcosim.flow.boundaries.patches import Patch
 from gslcosim.flow.openfoam import find_installation, solve_wind_openfoam
+from gslcosim.flow.patches import Patch
 from gslcosim.flow.pressure import F32
 from gslcosim.flow.solve import AIR_NU_M2_S, Turbulence, solve_wind
 

@@ -1,5 +1,8 @@
-"""Card of a search method: a YAML file beside its program, read without running anything of it."""
+"""Card of a search method: a YAML file beside its program, kinds of instruments, and the check of its needs."""
 
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -11,8 +14,56 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from gslcosim.base.errors import MethodError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.yaml_core import CoreLoader
-from gslcosim.contract.messages import ParameterValue
-from gslcosim.methods.instrument_kinds import INSTRUMENT_KINDS
+from gslcosim.contract.messages import ParameterValue, SensorDescription
+
+# What gas sensors at points report.
+GAS_QUANTITIES = ("resistance", "mixing_ratio", "gas_detected", "hits")
+ESTIMATE_QUANTITY = "estimated_mixing_ratio"
+WIND_QUANTITY = "apparent_wind"
+RANGE_QUANTITY = "range"
+CAMERA_QUANTITY = "picture"
+
+
+def _is_gas(sensor: SensorDescription) -> bool:
+    return sensor.quantity in GAS_QUANTITIES
+
+
+def _is_gas_ohm(sensor: SensorDescription) -> bool:
+    return sensor.quantity == "resistance"
+
+
+def _is_gas_ppm(sensor: SensorDescription) -> bool:
+    return sensor.quantity in ("mixing_ratio", ESTIMATE_QUANTITY)
+
+
+def _is_wind(sensor: SensorDescription) -> bool:
+    return sensor.quantity == WIND_QUANTITY
+
+
+def _is_range(sensor: SensorDescription) -> bool:
+    return sensor.quantity == RANGE_QUANTITY
+
+
+def _is_camera(sensor: SensorDescription) -> bool:
+    return sensor.quantity == CAMERA_QUANTITY
+
+
+# For each kind its predicate, and an example that a person may add to a scenario.
+INSTRUMENT_KINDS: dict[str, tuple[Callable[[SensorDescription], bool], str]] = {
+    "gas": (_is_gas, "{model: tgs2600, name: nose}"),
+    "gas_ohm": (_is_gas_ohm, "{model: tgs2600, name: nose}"),
+    "gas_ppm": (_is_gas_ppm, "{model: pid, name: nose}"),
+    "wind": (_is_wind, "{model: anemometer, name: wind}"),
+    "range": (_is_range, "{model: four_range_finders, name: ranges}"),
+    "camera": (_is_camera, "{model: camera, name: eye}"),
+}
+
+
+def count_instruments(kind: str, sensors: Iterable[SensorDescription]) -> int:
+    """Return how many sensors are of a kind of `INSTRUMENT_KINDS`; the estimate of a MOX sensor counts as ppm."""
+    is_of_kind, _ = INSTRUMENT_KINDS[kind]
+    return sum(is_of_kind(sensor) for sensor in sensors)
+
 
 CARD_FILE = "method.yaml"
 FAMILIES = ("anchor", "reactive", "swarm", "bayesian", "information", "map", "learned", "vision")
@@ -205,3 +256,97 @@ def _loaded(path: Path, changed_ns: int, n_bytes: int) -> MethodCard:
             for problem in error.errors(include_url=False)
         ]
         raise MethodError("the method card is wrong: " + "; ".join(lines) + f".\nFile: {path}") from error
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnmetNeed:
+    """Something that a method lacks, or a parameter that is wrong; `part` is its place under the agent's block."""
+
+    part: str
+    expected: str
+    found: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.part}: expected {self.expected}, was {self.found}. {self.remedy}"
+
+
+def find_unmet_needs(
+    card: MethodCard,
+    *,
+    sensors: Iterable[SensorDescription],
+    knows: Collection[str],
+    n_channels: int,
+    parameters: Mapping[str, Any],
+) -> list[UnmetNeed]:
+    """Return all that keeps a method from flying.
+
+    Args:
+        card: The method's.
+        sensors: The instruments of the vehicle, as described in a briefing.
+        knows: What is granted: `map`, `plume`, `source`.
+        n_channels: The radio channels on which the agent is.
+        parameters: The scenario's settings for it.
+    """
+    sensors = tuple(sensors)
+    return [
+        *_missing_sensors(card, sensors),
+        *_missing_grants(card, knows),
+        *_missing_radio(card, n_channels),
+        *_wrong_parameters(card, parameters),
+    ]
+
+
+def _missing_sensors(card: MethodCard, sensors: tuple[SensorDescription, ...]) -> Iterable[UnmetNeed]:
+    for kind, n_needed in card.needs.sensors.items():
+        n_found = count_instruments(kind, sensors)
+        if n_found < n_needed:
+            yield UnmetNeed(
+                part="sensors",
+                expected=f"at least {n_needed} of kind {kind} for {card.title}",
+                found=f"{n_found} ({', '.join(sensor.model for sensor in sensors) or 'no sensors'})",
+                remedy=f"Add for example {INSTRUMENT_KINDS[kind][1]}.",
+            )
+
+
+def _missing_grants(card: MethodCard, knows: Collection[str]) -> Iterable[UnmetNeed]:
+    for item in card.needs.knows:
+        if item not in knows:
+            yield UnmetNeed(
+                part="knows",
+                expected=f"{item}: true for {card.title}",
+                found="not granted",
+                remedy=f"Add knows: {{{item}: true}} to the agent.",
+            )
+
+
+def _missing_radio(card: MethodCard, n_channels: int) -> Iterable[UnmetNeed]:
+    if card.needs.radio and not n_channels:
+        yield UnmetNeed(
+            part="name",
+            expected=f"an agent on a radio channel for {card.title}",
+            found="one without",
+            remedy="Add for example channels: [{name: radio}] to the scenario.",
+        )
+
+
+def _wrong_parameters(card: MethodCard, parameters: Mapping[str, Any]) -> Iterable[UnmetNeed]:
+    for name, value in parameters.items():
+        parameter = card.parameters.get(name)
+        if parameter is None:
+            known = ", ".join(card.parameters) or "none"
+            nearest = get_close_matches(name, card.parameters, n=1)
+            hint = f"Did you mean {nearest[0]}?" if nearest else "Leave it out."
+            yield UnmetNeed(
+                part=f"parameters.{name}",
+                expected=f"a parameter of {card.title} ({known})",
+                found=f"'{name}'",
+                remedy=hint,
+            )
+        elif expected := parameter.problem_of(value):
+            yield UnmetNeed(
+                part=f"parameters.{name}",
+                expected=expected,
+                found=f"{value!r}" if isinstance(value, str) else f"{value}",
+                remedy=f"Its default is {parameter.default}.",
+            )

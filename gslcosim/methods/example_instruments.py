@@ -20,8 +20,7 @@ from gslcosim.contract.messages import (
     Vec3,
 )
 from gslcosim.contract.record import NumericArray
-from gslcosim.methods.card import Needs
-from gslcosim.methods.instrument_kinds import CAMERA_QUANTITY, RANGE_QUANTITY, WIND_QUANTITY, count_instruments
+from gslcosim.methods.card import CAMERA_QUANTITY, RANGE_QUANTITY, WIND_QUANTITY, Needs, count_instruments
 
 ROOM_M: Vec3 = (12.0, 8.0, 3.0)
 SOURCE_M: Vec3 = (2.0, 4.0, 1.5)

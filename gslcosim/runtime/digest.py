@@ -11,10 +11,9 @@ from typing import Annotated, TypedDict
 
 import msgspec
 
-from gslcosim.base.errors import UsageError
+from gslcosim.base.errors import UsageError, build_machine_error
 from gslcosim.base.files import replace_file
-from gslcosim.base.os_errors import build_machine_error
-from gslcosim.base.untrusted_json import FROM_A_COPY, JsonObject, read_json, validate_value
+from gslcosim.base.untrusted_input import FROM_A_COPY, JsonObject, read_json, validate_value
 from gslcosim.runtime.services import get_upstream_rank
 
 SCHEMA = "gslcosim/digest/1"

@@ -5,7 +5,7 @@ from typing import Any
 
 import yaml
 
-from gslcosim.environment.build.still_air import build_still_environment
+from gslcosim.environment.geometry_source import build_still_environment
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.services import build_core, list_services
 from gslcosim.runtime.setup import RunSetup

@@ -10,24 +10,25 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.agent_kit import Agent
-from gslcosim.base.errors import GslCosimError, RunFolderError
-from gslcosim.base.interruption import Interruption
-from gslcosim.base.os_errors import format_fault
-from gslcosim.base.scratch import ScratchFolder
+from gslcosim.base.errors import GslCosimError, RunFolderError, format_fault
+from gslcosim.base.files import ScratchFolder
+from gslcosim.base.processes import Interruption
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Message, Observation, Verdict
 from gslcosim.contract.participant import Core, SupportsClose, SupportsSummary
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents
 from gslcosim.runtime.agents.loader import load_agent_types
-from gslcosim.runtime.agents.session import AgentSession, build_agent_statuses, build_session
-from gslcosim.runtime.agents.transport import (
+from gslcosim.runtime.agents.session import (
     AgentEvent,
+    AgentSession,
     AgentTransport,
     EventSink,
     ObjectTransport,
     ThreadedTransport,
     WorkerThread,
+    build_agent_statuses,
+    build_session,
 )
 from gslcosim.runtime.agents.validator import collect_faults
 from gslcosim.runtime.digest import RunDigest

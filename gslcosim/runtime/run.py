@@ -1,31 +1,31 @@
 """One run from a loaded scenario to a run directory: the entry point of the runtime."""
 
+import os
+import threading
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from gslcosim.base.disk_cache import keep_within_limit, mark_used
-from gslcosim.base.errors import MachineError, RecordingError, UsageError
-from gslcosim.base.interruption import is_asked_to_end
-from gslcosim.base.os_errors import format_fault
+from gslcosim.base.errors import MachineError, RecordingError, UsageError, format_fault
+from gslcosim.base.kernel_cache import NUMBA_VARIABLE
+from gslcosim.base.processes import is_asked_to_end
 from gslcosim.environment.generation import prepare_environment
-from gslcosim.environment.generation.variants import prepare_variants, with_variants
+from gslcosim.environment.generation.cache import prepare_variants, with_variants
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.agents.kernel_warmup import compile_agent_kernels
 from gslcosim.runtime.agents.validator import RecordedCommands
 from gslcosim.runtime.distributed.process_launch import run_distributed
 from gslcosim.runtime.external.core import hash_programs
-from gslcosim.runtime.kernel_compilation import CompilationReporter
-from gslcosim.runtime.machine_notes import MachineLog
 from gslcosim.runtime.network import Network
 from gslcosim.runtime.outcome import RunOutcome, ServiceFault
 from gslcosim.runtime.processes.fork_client import ForkServer
 from gslcosim.runtime.processes.sandbox.selection import describe_sandboxes
 from gslcosim.runtime.replay.snapshot import Snapshot
-from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.run_dir import MachineLog, RunDir
 from gslcosim.runtime.services import ServiceGroup, build_dataflow, group_services, list_service_names, list_services
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunResult, RunStatus, StatusServer
@@ -35,6 +35,94 @@ from gslcosim.scenario.models.scenario import Processes
 
 if TYPE_CHECKING:
     from gslcosim.environment.generation import Progress
+
+LOOK_EVERY_S = 0.5
+TEXT = "compiling kernels"
+
+
+class KernelFolder:
+    """The folder in which numba keeps kernels, as it was when this object was made.
+
+    Args:
+        folder: It; by default that of this process, which those of a run share.
+    """
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self._folder = folder or Path(os.environ.get(NUMBA_VARIABLE, os.devnull))
+        self._before = self._times()
+
+    def has_new(self) -> bool:
+        """Return whether kernels were added since."""
+        return self._times() != self._before
+
+    def mark_used(self) -> None:
+        """Keep it in the cache while this process lives."""
+        mark_used(self._folder)
+
+    # Each folder of modules changes when a file is added.
+    def _times(self) -> Mapping[str, int]:
+        try:
+            return {entry.name: entry.stat().st_mtime_ns for entry in os.scandir(self._folder) if entry.is_dir()}
+        except OSError:
+            return {}
+
+
+class CompilationReporter:
+    """Adds to the status of a run that starts that kernels are compiled; used as a context, and as the report in it.
+
+    A first run of a version compiles for a minute, and one in a single process has nothing else to report meanwhile.
+
+    Args:
+        report: Is given the status.
+        folder: Where kernels are added.
+    """
+
+    def __init__(self, report: Callable[[RunStatus], None], folder: KernelFolder | None = None) -> None:
+        self._report = report
+        self._folder = folder or KernelFolder()
+        self._folder.mark_used()
+        self._guard = threading.Lock()
+        self._last = RunStatus(state="starting")
+        self._is_compiling = False
+        self._is_over = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="watches kernels", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._is_over.set()
+        self._thread.join()
+
+    @property
+    def has_compiled(self) -> bool:
+        """True if kernels were compiled."""
+        return self._is_compiling
+
+    def __call__(self, status: RunStatus) -> None:
+        """Report a status."""
+        with self._guard:
+            self._last = status
+            if status.state != "starting":
+                self._is_over.set()
+            self._report(self._completed(status))
+
+    def _watch(self) -> None:
+        while not self._is_over.wait(LOOK_EVERY_S):
+            if not self._folder.has_new():
+                continue
+            with self._guard:
+                if not self._is_over.is_set():
+                    self._is_compiling = True
+                    self._report(self._completed(replace(self._last, run_dir=None)))
+            return
+
+    def _completed(self, status: RunStatus) -> RunStatus:
+        if not self._is_compiling or status.state != "starting":
+            return status
+        return replace(status, text=", ".join(filter(None, (TEXT, status.text))), is_compiling=True)
+
 
 StatusHandler = Callable[[RunStatus], None]
 

@@ -1,4 +1,4 @@
-"""Run directory: everything a run leaves behind, in one place."""
+"""Run directory: everything a run leaves behind, in one place, with notes of the machine and versions of packages."""
 
 import contextlib
 import hashlib
@@ -6,11 +6,12 @@ import importlib.metadata
 import json
 import os
 import platform
+import re
 import secrets
 import subprocess
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any, Required, TypedDict
@@ -21,17 +22,163 @@ from pydantic import ValidationError
 
 import gslcosim
 from gslcosim.base.code_identity import COMPUTING_PACKAGES
-from gslcosim.base.errors import RunFolderError
-from gslcosim.base.files import append_bytes, open_for_writing, read_regular_file, replace_file
-from gslcosim.base.os_errors import build_machine_error, describe_os_error, find_remedy, format_machine_error
-from gslcosim.base.untrusted_json import FROM_A_COPY, MalformedFileError, describe_validation_errors, read_json
+from gslcosim.base.errors import (
+    RunFolderError,
+    build_machine_error,
+    describe_os_error,
+    find_remedy,
+    format_machine_error,
+)
+from gslcosim.base.files import append_bytes, open_for_writing, read_regular_file, replace_file, write_all
+from gslcosim.base.untrusted_input import (
+    FROM_A_COPY,
+    MalformedFileError,
+    describe_validation_errors,
+    parse_json,
+    read_json,
+)
 from gslcosim.base.yaml_core import BoundedLoader
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
 from gslcosim.contract.schema import get_contract_hash
 from gslcosim.environment.model import VariantValues
-from gslcosim.runtime.installed_packages import compare_with_lock, installed_versions, versions_hash
 from gslcosim.scenario.models.scenario import Processes, Scenario
+
+LOCK_FILE = Path(__file__).resolve().parents[2] / "requirements.lock"
+_PIN = re.compile(r"^([A-Za-z0-9._-]+)==([^\s;]+)", re.MULTILINE)
+_INSTALLED = re.compile(r"^([A-Za-z0-9._]+)-([^-]+)\.dist-info$")
+
+
+def installed_versions() -> dict[str, str]:
+    """Return the version of each installed package by its normalised name; the first on the path counts, as in imports.
+
+    The names of folders say all of it: reading the files in them takes longer than a run's start should.
+    """
+    versions: dict[str, str] = {}
+    for place in sys.path:
+        try:
+            names = [entry.name for entry in os.scandir(place or ".")]
+        except OSError:
+            continue
+        for match in filter(None, map(_INSTALLED.match, names)):
+            versions.setdefault(_normalised(match[1]), match[2])
+    return versions
+
+
+def versions_hash(versions: Mapping[str, str]) -> str:
+    """Return the SHA-256 of names with versions, in the order of the names."""
+    lines = "".join(f"{name}=={version}\n" for name, version in sorted(versions.items()))
+    return hashlib.sha256(lines.encode()).hexdigest()
+
+
+def compare_with_lock(versions: Mapping[str, str], file: Path = LOCK_FILE) -> dict[str, Any] | None:
+    """Return the hash of a lock file and the installed packages whose version it does not name; None without the file.
+
+    What is installed besides what the file names does not count.
+    """
+    try:
+        content = file.read_bytes()
+    except OSError:
+        return None
+    pins: dict[str, set[str]] = {}
+    for name, version in _PIN.findall(content.decode(errors="replace")):
+        pins.setdefault(_normalised(name), set()).add(version)
+    differing = sorted(name for name, allowed in pins.items() if name in versions and versions[name] not in allowed)
+    return {"sha256": hashlib.sha256(content).hexdigest(), "differing": differing}
+
+
+def _normalised(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+NAME = "machine.log"
+
+
+_MAX_BYTES = 1_000_000_000
+
+
+class _Note(TypedDict, total=False):
+    tick: Annotated[int, msgspec.Meta(ge=-1, lt=1 << 62)]
+    agent: str
+    decided_ms: float
+    participant: str
+    fault: str
+    sandboxes: dict[str, str]
+
+
+class MachineLog:
+    """Writes notes as they come, a line of JSON each; where that fails a run goes on without them.
+
+    Args:
+        folder: The run's; absent: nothing is written.
+    """
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self._folder = folder
+        self._fd: int | None = None
+
+    def decided(self, agent: str, tick: int, taken_s: float) -> None:
+        """Note how long an agent has taken for its answer to the observation of a tick, by the clock [s]."""
+        self._write({"agent": agent, "tick": tick, "decided_ms": round(taken_s * 1e3, 4)})
+
+    def failed(self, participant: str, tick: int, text: str) -> None:
+        """Note a fault."""
+        self._write({"participant": participant, "tick": tick, "fault": text})
+
+    def confined(self, sandboxes: Mapping[str, str]) -> None:
+        """Note by agent and participant what its process is confined by."""
+        self._write({"sandboxes": dict(sandboxes)})
+
+    def close(self) -> None:
+        """Release the file."""
+        if self._fd is not None:
+            os.close(self._fd)
+        self._fd = self._folder = None
+
+    def _write(self, note: Mapping[str, Any]) -> None:
+        if self._folder is None:
+            return
+        try:
+            if self._fd is None:
+                self._fd = open_for_writing(self._folder, NAME, is_appended=True)
+            write_all(self._fd, (json.dumps(note) + "\n").encode())
+        except OSError:
+            with contextlib.suppress(OSError):
+                self.close()
+            self._folder = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class MachineNotes:
+    """Notes read back: by agent (tick, ms) of each decision, (tick, participant, text) of each fault, and sandboxes."""
+
+    decisions_ms: Mapping[str, Sequence[tuple[int, float]]] = field(default_factory=dict[str, list[tuple[int, float]]])
+    faults: Sequence[tuple[int, str, str]] = ()
+    sandboxes: Mapping[str, str] = field(default_factory=dict[str, str])
+
+
+def read_machine_notes(folder: Path) -> MachineNotes:
+    """Return what was noted in the folder of a run: nothing where nothing was, or where the file is elsewhere."""
+    try:
+        lines = read_regular_file(folder / NAME, max_bytes=_MAX_BYTES).splitlines()
+    except OSError:
+        return MachineNotes()
+    decisions: dict[str, list[tuple[int, float]]] = {}
+    faults: list[tuple[int, str, str]] = []
+    sandboxes: dict[str, str] = {}
+    for line in lines:
+        # Of a file that was cut off, or that an agent has written into, only what is one of our lines counts.
+        with contextlib.suppress(MalformedFileError):
+            note = parse_json(line, _Note, place=NAME)
+            tick = note.get("tick", 0)
+            if "decided_ms" in note:
+                decisions.setdefault(note.get("agent", ""), []).append((tick, note["decided_ms"]))
+            elif "fault" in note:
+                faults.append((tick, note.get("participant", ""), note["fault"]))
+            else:
+                sandboxes |= note.get("sandboxes", {})
+    return MachineNotes(decisions_ms=decisions, faults=sorted(faults), sandboxes=sandboxes)
+
 
 # Room kept free for the result: where a disk runs full in flight, this is what can still be written.
 RESERVE_FILE = ".reserve"

@@ -21,9 +21,8 @@ from gslcosim.runtime.external.protocol import build_external_spec, find_declara
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.warmup import warm_up
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.participants import ParticipantProgramSpec
+from gslcosim.scenario.models.participants import ParticipantProgramSpec, ServiceSpec
 from gslcosim.scenario.models.scenario import AgentSpec, Processes
-from gslcosim.scenario.models.services import ServiceSpec
 from gslcosim.scenario.problems import Problem
 
 ServiceGroup = tuple[str, ...]

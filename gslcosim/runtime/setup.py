@@ -73,7 +73,7 @@ class RunSetup:
         rooms = saved.get("later_rooms", ())
         later_rooms = {EnvironmentVariant.from_values(each): Path(each["folder"]) for each in rooms}
         if later_rooms:
-            from gslcosim.environment.generation.variants import with_variants
+            from gslcosim.environment.generation.cache import with_variants
 
             environment = with_variants(environment, later_rooms)
         return cls(

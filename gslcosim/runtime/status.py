@@ -19,7 +19,7 @@ from typing import Any, Literal, Self, TypedDict
 from gslcosim.base.errors import RunTimeoutError, UsageError
 from gslcosim.base.sockets import check_peer, read_peer_pid, short_socket_address
 from gslcosim.base.ticks import seconds_from_ticks
-from gslcosim.base.untrusted_json import JsonObject, MalformedFileError, parse_json, validate_value
+from gslcosim.base.untrusted_input import JsonObject, MalformedFileError, parse_json, validate_value
 from gslcosim.runtime.processes.current_process import get_user_id
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.scenario import Scenario

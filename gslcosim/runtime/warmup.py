@@ -19,8 +19,8 @@ from gslcosim.contract.messages import (
 from gslcosim.contract.participant import Core, Episode, SupportsWarmup
 from gslcosim.contract.record import NumericArray
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.onboard_sensors import ImuSensorSpec
 from gslcosim.scenario.models.scenario import AgentSpec
+from gslcosim.scenario.models.sensors import ImuSensorSpec
 
 N_WARMUP_TICKS = 2
 _ZERO = (0.0, 0.0, 0.0)

@@ -10,23 +10,25 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from gslcosim.scenario.checks.plain_values import MAX_NUMBER
+from gslcosim.scenario.checks import MAX_NUMBER
 from gslcosim.scenario.loader import MAX_BYTES
 from gslcosim.scenario.model_schema import (
     SchemaNode,
+    default_text,
     field_annotation,
+    field_meaning,
     find_default_kind,
     find_model,
     find_tag_key,
     item_annotation,
     list_blocks,
+    unit_text,
 )
-from gslcosim.scenario.models.one_of import KindedSpec
+from gslcosim.scenario.models.base import KindedSpec
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.models.sensors import mox_sensor_names
 from gslcosim.scenario.problems import child_path
-from gslcosim.scenario.settings import default_text, field_meaning, unit_text
-from gslcosim.scenario.yaml_tree import MAX_LEVELS, MAX_VALUES
+from gslcosim.scenario.serialization import MAX_LEVELS, MAX_VALUES
 
 _HEAD = f"""# Scenario files
 

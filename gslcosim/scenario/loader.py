@@ -1,31 +1,175 @@
-"""Loader of scenario files into frozen models, with every problem of a file reported at once."""
+"""Loader of scenario files, recipes of environments and other files of one block, with all problems at once."""
 
 import json
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
-from pydantic import ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from gslcosim.base.errors import ScenarioError
+from gslcosim.base.errors import ScenarioError, describe_os_error
 from gslcosim.base.files import read_regular_file
-from gslcosim.base.os_errors import describe_os_error
+from gslcosim.base.quantities import Vec3
 from gslcosim.scenario.bundled import bundled_scenarios
-from gslcosim.scenario.checks.cross_checks import find_cross_problems
-from gslcosim.scenario.checks.plain_values import find_numbers_too_large
-from gslcosim.scenario.checks.program_checks import find_unusable_paths
-from gslcosim.scenario.model_schema import find_schema_node
-from gslcosim.scenario.models.scenario import Scenario
+from gslcosim.scenario.checks import find_cross_problems, find_numbers_too_large
+from gslcosim.scenario.model_schema import find_schema_node, format_value, list_kinds, problems_from_validation
+from gslcosim.scenario.models.scenario import SCHEMA, EnvironmentSpec, Scenario, SolverSpec, VehicleSpec
+from gslcosim.scenario.models.wind import Wind
 from gslcosim.scenario.overrides import SET_OPTION, apply_overrides
-from gslcosim.scenario.partial_positions import extract_position_values
-from gslcosim.scenario.problems import InvalidScenarioError, Problem, ProblemLike, TextLocation, TextLocations, locate
-from gslcosim.scenario.random_positions import Placer, drop_consequent_problems, replace_random_positions
-from gslcosim.scenario.serialization import dump_resolved, with_absolute_gas
-from gslcosim.scenario.suggestions import did_you_mean
-from gslcosim.scenario.validation_errors import format_value, problems_from_validation
-from gslcosim.scenario.yaml_tree import YamlTree, read_yaml
+from gslcosim.scenario.problems import (
+    InvalidScenarioError,
+    Problem,
+    ProblemLike,
+    TextLocation,
+    TextLocations,
+    did_you_mean,
+    locate,
+)
+from gslcosim.scenario.program_checks import find_unusable_paths
+from gslcosim.scenario.serialization import YamlTree, dump_resolved, read_yaml, with_absolute_gas
+
+_SAYS_NOTHING_OF_PLACES = ("schema", "name", "seed", "tick_ms", "referee", "recording")
+
+
+def extract_position_values(values: dict[str, Any], problem_paths: Iterable[str]) -> dict[str, Any] | None:
+    """Return a scenario that has the places of a faulty one and nothing else of it.
+
+    Returns nothing when a problem concerns what says where things are: no place is ever guessed.
+
+    Args:
+        values: The faulty scenario as plain values.
+        problem_paths: Where its problems are.
+    """
+    agents = values.get("agents")
+    if not isinstance(agents, list) or any(_concerns_places(path) for path in problem_paths):
+        return None
+    places = {
+        "schema": "gslcosim/scenario/1",
+        "name": "places",
+        "environment": values.get("environment"),
+        "gas": {"sources": _get(values.get("gas"), "sources")},
+        "agents": [_agent(i, agent) for i, agent in enumerate(cast("list[Any]", agents))],
+    }
+    return {**places, "wind": values["wind"]} if "wind" in values else places
+
+
+def _agent(index: int, agent: Any) -> dict[str, Any]:
+    return {
+        "name": f"agent_{index}",
+        "start": {"attach": True},
+        "vehicle": _get(agent, "vehicle"),
+        "sensors": [{"model": "anemometer", "name": "wind"}],
+    }
+
+
+def _concerns_places(path: str) -> bool:
+    top, *inner = path.replace("[", ".").replace("]", "").split(".")
+    if top in _SAYS_NOTHING_OF_PLACES:
+        return False
+    if top == "gas":
+        return not inner or inner[0] == "sources"
+    if top == "agents":
+        return len(inner) < 2 or inner[1] == "vehicle"
+    return True
+
+
+def _get(values: Any, key: str) -> Any:
+    return cast("dict[str, Any]", values).get(key) if isinstance(values, dict) else None
+
+
+RANDOM = "random"
+_WIND = TypeAdapter[SolverSpec](Wind)
+# What a place that cannot be drawn yet is refused with; told only where nothing else is wrong.
+_AFTER_THE_OTHERS = "a random place once the other problems are solved"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RandomPosition:
+    """A place to draw: its path in the scenario, and the vehicle that is to stand there, if it is for one."""
+
+    path: str
+    vehicle: VehicleSpec | None = None
+
+
+# From the environment, its wind, the scenario's folder and seed to a place for each that is wanted.
+Placer = Callable[[EnvironmentSpec, SolverSpec, Path, int, Sequence[RandomPosition]], Mapping[str, Vec3]]
+
+
+def replace_random_positions(values: dict[str, Any], directory: Path, placer: Placer | None) -> list[Problem]:
+    """Replace `random` positions in a scenario's plain values, in place.
+
+    Where nothing can be drawn because the environment or a vehicle has problems of its own, a stand-in takes their
+    place, so that those problems are found.
+
+    Args:
+        values: The scenario as dicts, lists and scalars; modified.
+        directory: The scenario's folder.
+        placer: Draws the places; absent: `random` is refused.
+
+    Returns:
+        A problem for each place that cannot be drawn.
+    """
+    spots = list(_spots(values))
+    if not spots:
+        return []
+    if placer is None:
+        return [_refusal(path, "three numbers: the room is not known here") for path, _, _ in spots]
+    try:
+        environment = EnvironmentSpec.model_validate_json(json.dumps(values.get("environment")), strict=True)
+        wind = _WIND.validate_json(json.dumps(values.get("wind", {})), strict=True)
+        wanted = [RandomPosition(path=path, vehicle=_vehicle_in(block, key)) for path, block, key in spots]
+    except ValidationError:
+        for _, block, key in spots:
+            block[key] = [0.0, 0.0, 0.0]
+        return [_refusal(path, _AFTER_THE_OTHERS) for path, _, _ in spots]
+    seed = values.get("seed", 0)
+    places = placer(environment, wind, directory, seed if isinstance(seed, int) else 0, wanted)
+    for path, block, key in spots:
+        if path in places:
+            block[key] = list(places[path])
+    return [
+        _refusal(path, "a room with free air, and space for the vehicle") for path, _, _ in spots if path not in places
+    ]
+
+
+def drop_consequent_problems(problems: Sequence[ProblemLike]) -> list[ProblemLike]:
+    """Return problems without those of places that only wait for the others to be solved, if there are others."""
+    causes = [p for p in problems if not (isinstance(p, Problem) and p.expected == _AFTER_THE_OTHERS)]
+    return causes or list(problems)
+
+
+def _refusal(path: str, expected: str) -> Problem:
+    return Problem(path=path, expected=expected, found=RANDOM)
+
+
+def _spots(values: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
+    for i, source in enumerate(_blocks(_block(values, "gas").get("sources"))):
+        if source.get("position_m") == RANDOM:
+            yield f"gas.sources[{i}].position_m", source, "position_m"
+    for i, agent in enumerate(_blocks(values.get("agents"))):
+        vehicle = _block(agent, "vehicle")
+        if vehicle.get("start_m") == RANDOM:
+            yield f"agents[{i}].vehicle.start_m", vehicle, "start_m"
+
+
+def _vehicle_in(block: dict[str, Any], key: str) -> VehicleSpec | None:
+    if key != "start_m":
+        return None
+    return VehicleSpec.model_validate_json(json.dumps({**block, key: [0, 0, 0]}), strict=True)
+
+
+def _block(values: dict[str, Any], key: str) -> dict[str, Any]:
+    inner = values.get(key)
+    return cast("dict[str, Any]", inner) if isinstance(inner, dict) else {}
+
+
+# Everything that is no block is an empty one, so that numbers count as in the file.
+def _blocks(items: Any) -> list[dict[str, Any]]:
+    listed = cast("list[Any]", items) if isinstance(items, list) else []
+    return [cast("dict[str, Any]", item) if isinstance(item, dict) else {} for item in listed]
+
 
 __all__ = [
     "Check",
@@ -83,7 +227,7 @@ def load_scenario(
         checks: Further rules, for example about places in the room. Each is given the scenario and its folder, and is
             asked even when other parts of the file have problems, as long as the places are known.
         placer: Draws the places that are `random`, for example
-            `gslcosim.environment.build.random_positions.draw_positions`.
+            `gslcosim.environment.positions.draw_positions`.
         set_in: Where problems with overrides are said to stand.
 
     Raises:
@@ -232,3 +376,167 @@ def _check_places(
 
 def _is_inside(path: str, part: str) -> bool:
     return path == part or path.startswith((f"{part}.", f"{part}["))
+
+
+S = TypeVar("S", bound=BaseModel)
+
+
+def read_spec_file(
+    path: Path, model: type[S], *, shown_path: str, keys: str, check: Callable[[S], Iterable[Problem]] = lambda _: ()
+) -> S:
+    """Return what a file says.
+
+    Args:
+        path: The file.
+        model: What it has to be.
+        shown_path: How errors name it.
+        keys: Its required keys, for who has written no block of keys.
+        check: Finds problems that the model does not.
+
+    Raises:
+        ScenarioError: it cannot be read, or has problems: all of them in one error.
+    """
+    try:
+        text = read_regular_file(path, max_bytes=MAX_BYTES).decode("utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = describe_os_error(error) if isinstance(error, OSError) else "no UTF-8"
+        raise ScenarioError(
+            f"{shown_path}: expected a file of UTF-8 text, was one that cannot be read ({reason})."
+        ) from error
+    tree = read_yaml(text, source=shown_path)
+    if tree.block is None:
+        problem = Problem(path="", expected=f"a block of keys with {keys}", found=format_value(tree.values))
+        raise InvalidScenarioError(locate([problem], tree.marks), name=shown_path)
+    try:
+        spec = model.model_validate_json(json.dumps(tree.block), strict=True)
+    except ValidationError as error:
+        problems = locate(problems_from_validation(error, root=model), tree.marks)
+        raise InvalidScenarioError([*tree.problems, *problems], name=shown_path) from error
+    if problems := [*tree.problems, *locate(list(check(spec)), tree.marks)]:
+        raise InvalidScenarioError(problems, name=shown_path)
+    return spec
+
+
+def list_input_files(scenario: Scenario, directory: Path) -> list[Path]:
+    """Return what a scenario names beside its own file: the room's folder or geometry, its wind, and stored gas.
+
+    Args:
+        scenario: The scenario.
+        directory: Where its relative paths start.
+    """
+    environment, gas = scenario.environment, scenario.gas.stored
+    named = [getattr(environment, environment.folder_key)] if environment.folder_key is not None else []
+    named += environment.geometry.files if environment.geometry is not None else ()
+    named += [name for name in (scenario.wind.file, gas.folder if gas is not None else None) if name is not None]
+    return [(directory / Path(name).expanduser()).absolute() for name in named]
+
+
+LAYOUT_KEYS = ("layout", "wind")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recipe:
+    """A room and the wind in it; `sources_m` are the scenario's, where there is one.
+
+    `directory` is where relative paths start.
+    """
+
+    name: str
+    environment: EnvironmentSpec
+    wind: SolverSpec
+    directory: Path | None = None
+    sources_m: tuple[Vec3, ...] = ()
+
+
+def load_recipe(
+    source: str, *, overrides: Sequence[str] = (), checks: Sequence[Check] = (), placer: Placer | None = None
+) -> Recipe:
+    """Read what to generate.
+
+    Args:
+        source: A scenario's file or name, a YAML file with the keys `layout` and, if wanted, `wind`, or a kind of
+            layout, which is then generated with all its defaults.
+        overrides: Values to replace, such as `wind.cell_m=0.1`.
+        checks: Further rules for scenarios.
+        placer: Draws the places of scenarios that are `random`.
+
+    Raises:
+        ScenarioError: there is nothing of that name, or it has problems.
+    """
+    path, kinds = Path(source), list_kinds(find_schema_node(("environment", "layout")).annotation)
+    is_layout_file = path.is_file() and _is_layout_file(path)
+    if not is_layout_file and (path.exists() or source in bundled_scenarios() or source not in kinds):
+        if not path.exists() and path.suffix == "" and len(path.parts) == 1 and source not in bundled_scenarios():
+            names = list(dict.fromkeys([*bundled_scenarios(), *kinds]))
+            raise ScenarioError(
+                f"{source}: expected a file, a bundled scenario or a kind of layout ({', '.join(names)}), "
+                f"found none of them. {did_you_mean(source, names)}".rstrip()
+            )
+        return _from_scenario(source, overrides, checks, placer)
+    text = read_regular_file(path).decode("utf-8-sig") if is_layout_file else f"layout: {{kind: {source}}}"
+    return _from_layout(text, source, [each.removeprefix("environment.") for each in overrides])
+
+
+def _from_scenario(source: str, overrides: Sequence[str], checks: Sequence[Check], placer: Placer | None) -> Recipe:
+    loaded = load_scenario(source, overrides=overrides, checks=checks, placer=placer)
+    scenario = loaded.scenario
+    if scenario.environment.path is not None:
+        raise ScenarioError(
+            f"{source}: environment: expected something to make, was path: {scenario.environment.path}, "
+            f"which is made already."
+        )
+    return Recipe(
+        name=scenario.name,
+        environment=scenario.environment,
+        wind=scenario.wind,
+        directory=loaded.directory,
+        sources_m=tuple(each.position_m for each in scenario.gas.sources),
+    )
+
+
+def _is_layout_file(path: Path) -> bool:
+    try:
+        values = read_yaml(read_regular_file(path).decode("utf-8-sig"), source=str(path)).block
+    except (OSError, UnicodeDecodeError):
+        return False
+    return values is not None and "layout" in values and "schema" not in values
+
+
+def _from_layout(text: str, source: str, overrides: Sequence[str]) -> Recipe:
+    tree = apply_overrides(read_yaml(text, source=source), overrides)
+    values = cast("dict[str, Any]", tree.block)
+    problems = [
+        Problem(path=key, expected=f"one of the keys {', '.join(LAYOUT_KEYS)}", found="an unknown key")
+        for key in values
+        if key not in LAYOUT_KEYS
+    ]
+    try:
+        recipe = _from_values(values, Path(source).stem)
+    except ValidationError as error:
+        problems += [
+            replace(each, path=each.path.removeprefix("environment.")) for each in problems_from_validation(error)
+        ]
+        recipe = None
+    if recipe is None or problems or tree.problems:
+        raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=source)
+    return recipe
+
+
+# Read as a part of a scenario whose other parts are well, so that problems are reported in the same words.
+def _from_values(values: dict[str, Any], name: str) -> Recipe:
+    rest: dict[str, Any] = {
+        "schema": SCHEMA,
+        "name": "layout",
+        "gas": {"sources": [{"position_m": [0, 0, 0]}]},
+        "agents": [
+            {
+                "name": "none",
+                "start": {"attach": True},
+                "vehicle": {"start_m": [0, 0, 0]},
+                "sensors": [{"model": "tgs2600", "name": "none"}],
+            }
+        ],
+    }
+    whole = {**rest, "environment": {"layout": values["layout"]}, "wind": values.get("wind", {})}
+    scenario = Scenario.model_validate_json(json.dumps(whole), strict=True)
+    return Recipe(name=name, environment=scenario.environment, wind=scenario.wind)

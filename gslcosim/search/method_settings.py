@@ -5,8 +5,7 @@ from types import SimpleNamespace
 
 from gslcosim.base.errors import MethodError
 from gslcosim.contract.messages import Briefing
-from gslcosim.methods.card import CARD_FILE, load_card
-from gslcosim.methods.needs import find_unmet_needs
+from gslcosim.methods.card import CARD_FILE, find_unmet_needs, load_card
 
 
 def load_settings(briefing: Briefing, program: str) -> SimpleNamespace:

@@ -3,6 +3,20 @@
 `import gslcosim.training` registers `gslcosim/Search-v0` with Gymnasium where that is installed.
 """
 
-from gslcosim.training.registration import register_environments
+import importlib.util
+
+SEARCH = "gslcosim/Search-v0"
+REMEDY = "pip install 'gslcosim[gym]'"
+
+
+def register_environments() -> None:
+    """Register the environments with Gymnasium, once; do nothing where it is not installed."""
+    if importlib.util.find_spec("gymnasium") is None:
+        return
+    from gymnasium.envs.registration import register, registry
+
+    if SEARCH not in registry:
+        register(id=SEARCH, entry_point="gslcosim.training.search_env:SearchEnv")
+
 
 register_environments()

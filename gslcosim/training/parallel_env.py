@@ -14,12 +14,10 @@ from gslcosim.agent_kit import Briefing, Observation, RadioMessage
 from gslcosim.base.errors import UsageError
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim.contract.messages import Command
-from gslcosim.search.learned.actions import ActionKind, action_kind
-from gslcosim.search.learned.observations import ObservationVector
-from gslcosim.training.learning_task import LearningTask
-from gslcosim.training.registration import REMEDY
+from gslcosim.search.learned.encoding import ActionKind, ObservationVector, action_kind
+from gslcosim.training import REMEDY
 from gslcosim.training.rewards import AgentState, Reward, TaskScale, reward_function
-from gslcosim.training.stepped_run import SteppedRun
+from gslcosim.training.stepped_run import LearningTask, SteppedRun
 
 _DECIMALS = 3
 

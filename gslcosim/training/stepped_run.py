@@ -1,28 +1,71 @@
-"""Stepped run: its agents are commanded by the caller; it goes on until one of them is asked, and waits."""
+"""Stepped run of a scenario as a task for learning: its agents are commanded by the caller."""
 
 import math
 import queue
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from gslcosim.base.errors import SimulationFault, UsageError
-from gslcosim.base.scratch import ScratchFolder
+from gslcosim.base.files import ScratchFolder
 from gslcosim.contract import codec
 from gslcosim.contract.messages import AgentScore, Briefing, Command, Ending, Message, Observation, Score
 from gslcosim.environment.generation import prepare_environment
-from gslcosim.environment.generation.variants import prepare_variants, with_variants
+from gslcosim.environment.generation.cache import prepare_variants, with_variants
+from gslcosim.environment.positions import draw_positions, find_position_problems
 from gslcosim.environment.store import load_environment
-from gslcosim.runtime.agents.session import AgentSession, build_session
-from gslcosim.runtime.agents.transport import AgentEvent, CommandReceived, CommandRefused, ObservationOrHead
+from gslcosim.runtime.agents.session import (
+    AgentEvent,
+    AgentSession,
+    CommandReceived,
+    CommandRefused,
+    ObservationOrHead,
+    build_session,
+)
 from gslcosim.runtime.in_process import InProcessRun
 from gslcosim.runtime.outcome import RunOutcome
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.setup import RunSetup
-from gslcosim.scenario import Scenario
+from gslcosim.scenario import Scenario, load_scenario
 from gslcosim.scenario.loader import LoadedScenario
 from gslcosim.scenario.models.scenario import AgentSpec
+from gslcosim.scenario.overrides import SET_OPTION
 from gslcosim.training.rewards import TaskScale
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearningTask:
+    """A scenario with values replaced; each seed draws its random places, gas and noise again.
+
+    Problems with values are said to stand in `set_in`.
+    """
+
+    scenario: str | Path
+    overrides: Sequence[str] = field(default=())
+    set_in: str = SET_OPTION
+
+    def loaded(self, seed: int) -> LoadedScenario:
+        """Return the scenario with a seed.
+
+        Raises:
+            ScenarioError: it has problems.
+        """
+        return load_scenario(
+            self.scenario,
+            overrides=self.overrides,
+            seed=seed,
+            set_in=self.set_in,
+            checks=(lambda scenario, directory: find_position_problems(scenario, scenario_dir=directory),),
+            placer=draw_positions,
+        )
+
+
+def get_environment_key(loaded: LoadedScenario) -> str:
+    """Return what scenarios have in common whose room and wind are the same."""
+    scenario = loaded.scenario
+    return f"{loaded.directory}\n{scenario.environment.model_dump_json()}\n{scenario.wind.model_dump_json()}"
 
 
 class SteppedTransport:

@@ -1,9 +1,22 @@
-"""Registration of the cameras service."""
+"""Registration and ports of the cameras service, known without building its core."""
 
-from gslcosim.contract.participant import Core
+from gslcosim.contract import keys
+from gslcosim.contract.messages import CameraFrames
+from gslcosim.contract.participant import Core, ParticipantSpec, Read, Write
 from gslcosim.runtime.services import ServiceKind
 from gslcosim.runtime.setup import RunSetup
-from gslcosim_services.cameras.ports import cameras_spec
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.events import DoorEventSpec
+from gslcosim.scenario.models.scenario import list_event_reads
+
+
+def cameras_spec(scenario: Scenario) -> ParticipantSpec:
+    """Return the cameras' dataflow: poses in, pictures out."""
+    return ParticipantSpec(
+        name="cameras",
+        reads=(Read(port=keys.BODIES), *list_event_reads(scenario, DoorEventSpec)),
+        writes=(Write(port=keys.IMAGES, message_type=CameraFrames),),
+    )
 
 
 def _build(setup: RunSetup) -> Core:

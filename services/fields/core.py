@@ -20,9 +20,8 @@ from gslcosim.contract.messages import (
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.contract.record import NumericArray, build_unchecked_constructor
 from gslcosim.environment.model import AT_START, Closed, Environment
-from gslcosim.environment.variants.scaled_wind import ScaledWind
+from gslcosim.environment.variants import ScaledWind
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.due_events import find_due_events
 from gslcosim.scenario.models.events import (
     SourceEventSpec,
     SourceMovesSpec,
@@ -30,15 +29,16 @@ from gslcosim.scenario.models.events import (
     SourceStartsSpec,
     SourceStopsSpec,
 )
-from gslcosim_services.fields.concentration.filament_field import FilamentField
-from gslcosim_services.fields.concentration.sample_points import Beams, MountPositions
+from gslcosim.scenario.models.scenario import find_due_events
 from gslcosim_services.fields.filament.downwash import Downwash
 from gslcosim_services.fields.filament.plume import FilamentPlume
 from gslcosim_services.fields.filament.release import SourceChange
+from gslcosim_services.fields.filament_field import FilamentField
 from gslcosim_services.fields.gas_builder import build_gas_field
 from gslcosim_services.fields.gas_field import GasField, PointGrid, wind_m_s_at
 from gslcosim_services.fields.gas_setup import gas_seed, gas_timing
-from gslcosim_services.fields.ports import fields_spec
+from gslcosim_services.fields.sample_points import Beams, MountPositions
+from gslcosim_services.fields.service import fields_spec
 
 
 class GasEvents:

@@ -2,13 +2,13 @@
 
 from gslcosim.environment.model import Environment
 from gslcosim.scenario import Scenario
-from gslcosim_services.fields.concentration.filament_field import MIN_READINGS_FOR_INDEX
 from gslcosim_services.fields.filament.plume import WindAt
+from gslcosim_services.fields.filament_field import MIN_READINGS_FOR_INDEX
 from gslcosim_services.fields.gas_field import GasField, Visibility
 from gslcosim_services.fields.gas_setup import GasSetup, build_gas_field_from_block
-from gslcosim_services.fields.models import farrell, filament_gas, gaussian_plume, playback_gas
+from gslcosim_services.fields.models import farrell, filament_gas, formula_fields, gaussian_plume
 
-BUILT_IN_MODELS = (filament_gas, gaussian_plume, farrell, playback_gas)
+BUILT_IN_MODELS = (filament_gas, gaussian_plume, farrell, formula_fields)
 """The modules that register the builders of gslcosim's own gas models."""
 
 

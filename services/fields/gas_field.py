@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.quantities import Vec3
+from gslcosim.environment.grid_kernels import trilinear_wind_at_points
 from gslcosim.environment.model import Environment
-from gslcosim.environment.wind_kernels import trilinear_wind_at_points
-from gslcosim_services.fields.concentration.mixing_ratio import CUTOFF_SIGMA, Walls
 from gslcosim_services.fields.filament.plume import Filaments
+from gslcosim_services.fields.mixing_ratio import CUTOFF_SIGMA, Walls
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,12 +8,12 @@ import numpy as np
 from gslcosim.base.errors import ScenarioError
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.ticks import NS_PER_S
+from gslcosim.environment.grid_kernels import trilinear_wind_at_points
 from gslcosim.environment.model import Environment
-from gslcosim.environment.wind_kernels import trilinear_wind_at_points
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.gas import GasSpec, SourceSpec
-from gslcosim_services.fields.concentration.filament_field import MIN_READINGS_FOR_INDEX
 from gslcosim_services.fields.filament.plume import WindAt, filament_amount_mol
+from gslcosim_services.fields.filament_field import MIN_READINGS_FOR_INDEX
 from gslcosim_services.fields.gas_field import GasField, Visibility
 from gslcosim_services.fields.gases import air_density_mol_m3, find_gas
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from gslcosim.base.errors import ScenarioError
-from gslcosim.scenario.models.gas_sources import GasDefinition
+from gslcosim.scenario.models.gas import GasDefinition
 
 # GADEN's 82.057338 cm3 atm/(mol K), so that amounts compare to the last digit (the exact constant is 3e-7 larger).
 GAS_CONSTANT_J_MOL_K = 82.057338e-6 * 101325.0

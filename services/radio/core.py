@@ -21,9 +21,8 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.due_events import find_due_events
 from gslcosim.scenario.models.events import RadioLostSpec, RadioReturnsSpec
-from gslcosim.scenario.models.scenario import ChannelSpec
+from gslcosim.scenario.models.scenario import ChannelSpec, find_due_events
 from gslcosim_services.radio.ports import radio_spec
 
 TO_ALL = "all"

@@ -4,8 +4,8 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import RadioTraffic
 from gslcosim.contract.participant import ParticipantSpec, Read, Write
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.due_events import list_event_reads
 from gslcosim.scenario.models.events import RadioEventSpec
+from gslcosim.scenario.models.scenario import list_event_reads
 
 
 def radio_spec(scenario: Scenario) -> ParticipantSpec:

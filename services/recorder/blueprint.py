@@ -1,23 +1,208 @@
-"""Default layout of a recording in the viewer: panels, views, plots and cameras."""
+"""Default layout of a recording in the viewer: panels, views, plots, cameras and the text of its summary."""
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from numpy.typing import NDArray
 
+from gslcosim.base.quantities import Vec3
+from gslcosim.base.ticks import seconds_from_ticks
+from gslcosim.contract.messages import AgentResult, Verdict
 from gslcosim.environment.model import Environment
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.onboard_sensors import DepthCameraSpec
 from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim.scenario.models.sensors import DepthCameraSpec
 from gslcosim_services.recorder import colors, entities
-from gslcosim_services.recorder.camera_pose import fit_map_camera, fit_room_camera
 from gslcosim_services.recorder.colors import GasScale
 from gslcosim_services.recorder.entities import AgentEntities, build_entities, get_unit, label_with_unit, list_gas_names
 from gslcosim_services.recorder.recording_file import TICK_TIMELINE, TIME_TIMELINE
 from gslcosim_services.recorder.scene import floor_grid_m
-from gslcosim_services.recorder.summary import title
+
+# Where the eye stands, seen from the room's middle: somewhat west of south and above, the inlet's side in front.
+CAMERA_AZIMUTH_RAD = math.radians(-114.0)
+CAMERA_ELEVATION_RAD = math.radians(31.0)
+# The viewer's vertical field of view, measured in pictures of it, and the shapes of the views in a 16:10 window.
+FIELD_OF_VIEW_RAD = math.radians(55.0)
+ROOM_VIEW_ASPECT = 1.95
+MAP_VIEW_ASPECT = 1.4
+# Room for the colour scale west of the map, and margins, in fractions of the side.
+MAP_SCALE_FRAC = 0.3
+MAP_MARGIN_FRAC = 0.09
+ROOM_MARGIN_FRAC = 0.02
+
+
+def fit_room_camera(environment: Environment) -> tuple[Vec3, Vec3]:
+    """Return eye and target [m] of the nearest camera that has all corners of the room, walls included, in view.
+
+    For a corner c seen along the fixed directions right, up and backward, |c.up - t_up| <= h (d - c.backward) must hold
+    with h the tangent of half the field of view, t the target and d the eye's distance (likewise for right with the
+    view's aspect). With A = max(c.up + h c.backward) and B = max(-c.up + h c.backward) the smallest d is
+    (A + B) / (2 h), at t_up = (A - B) / 2 (our derivation).
+    """
+    corners_m = np.array(list(itertools.product(*zip(*_extent_m(environment), strict=True))))
+    level = math.cos(CAMERA_ELEVATION_RAD)
+    backward = np.array(
+        [level * math.cos(CAMERA_AZIMUTH_RAD), level * math.sin(CAMERA_AZIMUTH_RAD), math.sin(CAMERA_ELEVATION_RAD)]
+    )
+    right = np.array([-math.sin(CAMERA_AZIMUTH_RAD), math.cos(CAMERA_AZIMUTH_RAD), 0.0])
+    up = np.cross(backward, right)
+    half_height = math.tan(FIELD_OF_VIEW_RAD / 2)
+    distances_m, offsets_m = [], []
+    for direction, h in ((right, half_height * ROOM_VIEW_ASPECT), (up, half_height)):
+        across_m, towards_m = corners_m @ direction, h * (corners_m @ backward)
+        a_m, b_m = float(np.max(across_m + towards_m)), float(np.max(-across_m + towards_m))
+        distances_m.append((a_m + b_m) / (2 * h))
+        offsets_m.append((a_m - b_m) / 2)
+    # Depths count from the world's origin along `backward`; the target lies at the corners' mean depth.
+    depth_m = float(np.mean(corners_m @ backward))
+    target_m = offsets_m[0] * right + offsets_m[1] * up + depth_m * backward
+    distance_m = (1 + ROOM_MARGIN_FRAC) * (max(distances_m) - depth_m)
+    return _vec3(target_m + distance_m * backward), _vec3(target_m)
+
+
+def fit_map_camera(environment: Environment, height_m: float, *, n_views: int = 1) -> tuple[Vec3, Vec3]:
+    """Return eye and target [m] that look straight down on the layer, with the colour scale in view.
+
+    Args:
+        environment: The room.
+        height_m: Where the layer is [m].
+        n_views: How many maps stand side by side; each is as much narrower.
+    """
+    aspect = MAP_VIEW_ASPECT * 2 / (n_views + 1)
+    low_m, high_m = np.array(environment.grid.origin_m), np.array(environment.grid.max_m)
+    width_m, depth_m = (1 + MAP_SCALE_FRAC) * (high_m[0] - low_m[0]), high_m[1] - low_m[1]
+    tallest_m = (1 + 2 * MAP_MARGIN_FRAC) * max(depth_m, width_m / aspect)
+    target_m = np.array([high_m[0] - width_m / 2, (low_m[1] + high_m[1]) / 2, height_m])
+    # An orbiting eye has no up when it looks straight down; a hair from it is close enough.
+    offset_m = np.array([0.0, -0.01, tallest_m / (2 * math.tan(FIELD_OF_VIEW_RAD / 2))])
+    return _vec3(target_m + offset_m), _vec3(target_m)
+
+
+# Walls of somebody's own geometry lie around the grid.
+def _extent_m(environment: Environment) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    lows_m = [environment.grid.origin_m, *(mesh.vertices_m.min(axis=0) for mesh in environment.meshes)]
+    highs_m = [environment.grid.max_m, *(mesh.vertices_m.max(axis=0) for mesh in environment.meshes)]
+    return np.min(lows_m, axis=0), np.max(highs_m, axis=0)
+
+
+def _vec3(values: NDArray[np.float64]) -> Vec3:
+    return (float(values[0]), float(values[1]), float(values[2]))
+
+
+# More agents than this are counted, not named.
+MAX_NAMED = 3
+
+
+def summary_text(
+    scenario: Scenario,
+    environment: Environment,
+    verdict: Verdict | None = None,
+    sandboxes: Mapping[str, str] | None = None,
+) -> str:
+    """Return the recording's text as Markdown; with a verdict it begins with the result, sandboxes are its end."""
+    parts = [_result(scenario, verdict)] if verdict else []
+    parts += [_mission(scenario, environment)]
+    if sandboxes:
+        parts.append("\n".join(f"- sandbox of {name}: {words}" for name, words in sandboxes.items()))
+    return "\n\n".join(parts) + "\n"
+
+
+def title(scenario: Scenario) -> str:
+    """Return one line that says what is run."""
+    names = [agent.name for agent in scenario.agents]
+    who = " and ".join(names) if len(names) <= MAX_NAMED else f"{len(names)} agents"
+    return f"{scenario.name}: {who} searching for {scenario.gas.gas}"
+
+
+def _mission(scenario: Scenario, environment: Environment) -> str:
+    size_m = [high - low for low, high in zip(environment.grid.origin_m, environment.grid.max_m, strict=True)]
+    stop, success = scenario.referee.stop, scenario.referee.success
+    lines = [f"**{scenario.name}**, seed {scenario.seed}, room {' x '.join(f'{s:.4g}' for s in size_m)} m", ""]
+    lines += [
+        f"- {scenario.gas.gas} leaks at {_point(source.position_m)}: {source.filaments_per_s:g} filaments/s "
+        f"of {source.ppm:g} ppm, for {scenario.gas.warm_up_s:g} s before the start"
+        for source in scenario.gas.sources
+    ]
+    lines += [
+        f"- {agent.name}: {agent.vehicle.model} from {_point(agent.vehicle.start_m)}, searching at "
+        f"{agent.vehicle.search_height_m:.3g} m height"
+        for agent in scenario.agents
+    ]
+    lines.append(f"- success: {success.summary_text} in {stop.time_limit_s:g} s")
+    return "\n".join(lines)
+
+
+def legend_text(scenario: Scenario) -> str:
+    """Return as Markdown what each element of the views is; only of those that a run of this scenario can have."""
+    agents, success = scenario.agents, scenario.referee.success
+    rows = [
+        ("cloud", "filaments of gas, each drawn at its size; bright yellow is strong, violet weak"),
+        ("map", "mixing ratio at search height, logarithmic, by the scale at its left; grey: solid there; "
+                "grey edges: ends below"),
+        ("blue arrows", "wind at search height; the longer the faster"),
+        ("blue and violet frames", "inlets with their speed, and outlets; lines at the sides of the map"),
+        ("red ball", "source" + ("; red lines around it: where success counts" if success.drawn_radius_m else "")),
+        ("line", "track of a vehicle, in its colour"),
+        ("small dots", "waypoints that it was sent to"),
+        ("start, first gas", "where it took off, and where its nose first met gas" + (
+            "; points in its colour, named when the mouse is over them" if len(agents) > 1 else "")),
+    ]  # fmt: skip
+    if any(agent.vehicle.avoidance != "none" for agent in agents):
+        rows.append(("pale line", "path that it has planned around obstacles"))
+    rows.append(("declared", "where an agent has declared the source"))
+    rows.append(("orange point", "where a vehicle began to touch something; all touches are in Contacts"))
+    rows.append(("Belief of …", "where an agent believes the source to be: white is most probable; only of agents that "
+                                "publish beliefs"))  # fmt: skip
+    if any(agent.sensors and any(hasattr(sensor, "max_range_m") for sensor in agent.sensors) for agent in agents):
+        rows.append(("thin rays, points", "what range finders, lasers and lidars see"))
+    if scenario.environment.doors:
+        rows.append(("brown boxes", "doors, while they are closed"))
+    if scenario.events:
+        rows.append(("named points", "events of the scenario, where they happen"))
+    if scenario.channels:
+        rows.append(("Radio", "texts between agents and who heard them"))
+    if any(agent.sensors for agent in agents):
+        rows.append(("curves", "the true gas at a sensor, what it reports, and the wind speed at an anemometer, the "
+                               "true one in grey; several vehicles in the colours of the distances"))  # fmt: skip
+    rows.append(("Distance", "to the nearest source; in pale, where an agent publishes beliefs, the mean distance of "
+                             "the places that it believes in"))  # fmt: skip
+    rows.append(("Control error", "behind the tab of the distance: how far a vehicle is from where its controller "
+                                  "wants it"))  # fmt: skip
+    rows.append(("Decision time", "how long an agent took for each answer, by the machine's clock; not in a replay"))
+    rows.append(("Faults", "what agents did wrong, at their tick: bad answers, late ones, ends of their processes"))
+    rows.append(("Run", "the result, what is flown, and the sandbox that each agent flew in"))
+    rows.append(("Referee", "what the referee noted; orange is a fault, a refusal or a collision"))
+    scales = {agent.vehicle.model: agent.vehicle.facts.drawn_scale for agent in agents}
+    larger = [f"{model} {scale:g} times its size" for model, scale in scales.items() if scale != 1]
+    if larger:
+        rows.append(("vehicles", f"drawn larger: {', '.join(larger)}"))
+    return "\n".join(f"- **{what}**: {how}" for what, how in rows) + "\n"
+
+
+def _result(scenario: Scenario, verdict: Verdict) -> str:
+    time_s = seconds_from_ticks(verdict.tick, scenario.tick_ns)
+    # Bold, as a heading would take the room of three lines on a small screen.
+    heading = f"**{verdict.end_reason.replace('_', ' ').capitalize()} after {time_s:g} s**"
+    return "\n".join([heading, "", *(_figures(result) for result in verdict.agents)])
+
+
+def _figures(result: AgentResult) -> str:
+    shortest = "" if result.shortest_path_m is None else f" (shortest way {result.shortest_path_m:.1f} m)"
+    commands = "1 command" if result.steps == 1 else f"{result.steps} commands"
+    return (
+        f"- **{result.name}**: {result.outcome.replace('_', ' ')}, {commands}, "
+        f"{result.path_length_m:.1f} m flown{shortest}, ends {result.final_distance_m:.2f} m from the source"
+    )
+
+
+def _point(position_m: tuple[float, float, float]) -> str:
+    return f"({', '.join(f'{c:g}' for c in position_m)}) m"
+
 
 # The curves end a little after the cursor, so that their last points are seen.
 LOOK_AHEAD_S = 3.0

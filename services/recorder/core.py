@@ -11,7 +11,7 @@ from gslcosim.contract.messages import Verdict
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.environment.model import Environment
 from gslcosim.scenario import Scenario
-from gslcosim_services.recorder.ports import recorder_spec
+from gslcosim_services.recorder.service import recorder_spec
 
 if TYPE_CHECKING:
     from gslcosim_services.recorder.run_recording import RunRecording
@@ -61,11 +61,10 @@ class RecorderCore:
         self.close()
 
         # Rerun takes half a second to import: where nobody waits for the recorder, others begin meanwhile.
-        from gslcosim_services.recorder.blueprint import default_blueprint
+        from gslcosim_services.recorder.blueprint import default_blueprint, title
         from gslcosim_services.recorder.recording_file import RecordingFile
-        from gslcosim_services.recorder.rows.wind import WindLayer
+        from gslcosim_services.recorder.rows.events import WindLayer
         from gslcosim_services.recorder.run_recording import RunRecording
-        from gslcosim_services.recorder.summary import title
 
         wind_layer = WindLayer(self._environment, self._scenario.slice_height_m)
         file = RecordingFile(

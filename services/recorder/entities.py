@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from gslcosim.contract.messages import Reading
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import SourceEventSpec
-from gslcosim.scenario.models.onboard_sensors import CameraSensorSpec
 from gslcosim.scenario.models.scenario import AgentSpec, SensorSpec
+from gslcosim.scenario.models.sensors import CameraSensorSpec
 from gslcosim_services.recorder.colors import AXES, Rgb, agent_color
+from gslcosim_services.sensing.briefing import find_sensor_kind
 from gslcosim_services.sensing.models.anemometer import QUANTITY as WIND
-from gslcosim_services.sensing.sensor_descriptions import find_sensor_kind
 
 XYZ = ("x", "y", "z")
 # Units as they are written in messages, and as people read them.

@@ -15,9 +15,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.chunk import Chunk
 
-from gslcosim.base.errors import RecordingError, RecordingWriteError
+from gslcosim.base.errors import RecordingError, RecordingWriteError, find_remedy, format_machine_error
 from gslcosim.base.files import open_for_writing, write_all
-from gslcosim.base.os_errors import find_remedy, format_machine_error
 
 if sys.platform != "win32":
     import fcntl
@@ -158,7 +157,7 @@ class RecordingFile:
 
     Nothing in it but the machine's notes comes from a wall clock, so equal runs give equal content otherwise
     (`rerun rrd compare --unordered`).
-    Until `close` has returned the file lacks its footer; see `gslcosim_services.recorder.repair`. What cannot be
+    Until `close` has returned the file lacks its footer; see `gslcosim_services.recorder.rerun_cli`. What cannot be
     written is raised by the next call of any method. On Windows Rerun writes the file itself, and reports nothing.
 
     Raises:

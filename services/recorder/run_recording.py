@@ -22,20 +22,24 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.contract.participant import Inbox
 from gslcosim.environment.model import Environment
-from gslcosim.runtime.machine_notes import read_machine_notes
+from gslcosim.runtime.run_dir import read_machine_notes
 from gslcosim.scenario import Scenario
 from gslcosim_services.recorder import entities
-from gslcosim_services.recorder.blueprint import default_blueprint
+from gslcosim_services.recorder.blueprint import default_blueprint, legend_text, summary_text
 from gslcosim_services.recorder.colors import GasScale
 from gslcosim_services.recorder.entities import build_entities, list_gas_names
 from gslcosim_services.recorder.recording_file import RecordingFile
 from gslcosim_services.recorder.rows.agents import AgentRows
 from gslcosim_services.recorder.rows.columns import FilamentRows, Rows, SliceRows, TextRows
-from gslcosim_services.recorder.rows.events import AllDoorRows, ContactRows, EventMarkRows
-from gslcosim_services.recorder.rows.services import ServiceRows
-from gslcosim_services.recorder.rows.wind import WindLayer, WindRows
+from gslcosim_services.recorder.rows.events import (
+    AllDoorRows,
+    ContactRows,
+    EventMarkRows,
+    ServiceRows,
+    WindLayer,
+    WindRows,
+)
 from gslcosim_services.recorder.scene import draw_map, draw_room, draw_sources
-from gslcosim_services.recorder.summary import legend_text, summary_text
 
 # What of the referee's events is marked in the room where it happened; all of them are in its log.
 FIRST_GAS = "first gas"

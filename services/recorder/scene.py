@@ -13,12 +13,12 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from gslcosim.environment.model import Box, Environment, Opening
-from gslcosim.environment.variants.doors import find_door_boxes
+from gslcosim.environment.variants import find_door_boxes
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.models.success import SuccessSpec
 from gslcosim.vehicles import Vehicle
-from gslcosim.vehicles.parameters import RotorDrawing, RotorParameters, WheelDrawing, WheelParameters
+from gslcosim.vehicles.catalogue import RotorDrawing, RotorParameters, WheelDrawing, WheelParameters
 from gslcosim_services.recorder import colors
 from gslcosim_services.recorder.colors import GasScale, Rgb
 from gslcosim_services.recorder.entities import MESHES

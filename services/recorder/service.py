@@ -1,13 +1,70 @@
-"""Registration of the recorder service."""
+"""Registration, ports and preload of the recorder, known without importing rerun."""
 
+import importlib
+import sys
 from pathlib import Path
 
-from gslcosim.contract.participant import Core
+from gslcosim.contract import keys
+from gslcosim.contract.environment_messages import WIND
+from gslcosim.contract.participant import Core, ParticipantSpec, Read
 from gslcosim.environment.model import Environment
 from gslcosim.environment.store import MESHES_FILE, load_environment
 from gslcosim.runtime.services import ServiceKind
 from gslcosim.runtime.setup import RunSetup
-from gslcosim_services.recorder.ports import recorder_spec
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.events import EventSpec
+from gslcosim.scenario.models.scenario import list_event_reads
+
+# The recorder may lag far behind: nobody waits for it until its buffers would grow without bound.
+RECORDER_WINDOW_TICKS = 512
+
+
+def recorder_spec(scenario: Scenario) -> ParticipantSpec:
+    """Return the recorder's dataflow: everything in, nothing out."""
+    reads = [keys.BODIES, keys.SAMPLES, keys.FILAMENTS, keys.SCORE, keys.VERDICT]
+    if scenario.channels:
+        reads.append(keys.RADIO)
+    for agent in scenario.agents:
+        reads += [keys.observation(agent.name), keys.command(agent.name)]
+    if scenario.has_driven_wind:
+        reads.append(WIND)
+    reads += scenario.curve_ports
+    return ParticipantSpec(
+        name="recorder",
+        reads=(*(Read(port=port) for port in reads), *list_event_reads(scenario, EventSpec)),
+        writes=(),
+        window_ticks=RECORDER_WINDOW_TICKS,
+    )
+
+
+def preload_modules() -> None:
+    """Import all that recording needs, in a process that does nothing else.
+
+    It may start threads.
+    """
+    for module in ("blueprint", "recording_file", "rows.events", "run_recording"):
+        importlib.import_module(f"gslcosim_services.recorder.{module}")
+    _block_pandas()
+
+
+# pyarrow imports pandas, where that is installed, as soon as it converts a list: 0.2 s and 50 MB for nothing.
+# What it has found then it keeps, so that this is not for a process in which somebody's own code runs.
+def _block_pandas() -> None:
+    import pyarrow
+
+    sys.meta_path.insert(0, _PandasBlocker)
+    try:
+        pyarrow.array([True])
+    finally:
+        sys.meta_path.remove(_PandasBlocker)
+
+
+class _PandasBlocker:
+    @staticmethod
+    def find_spec(name: str, path: object = None, target: object = None) -> None:
+        del path, target
+        if name == "pandas":
+            raise ModuleNotFoundError(name=name)
 
 
 def _build(setup: RunSetup) -> Core:
@@ -22,14 +79,8 @@ def _load_meshes(setup: RunSetup) -> Environment:
     return load_environment(setup.environment_dir, with_meshes=True) if has_meshes else setup.environment
 
 
-def _import_early() -> None:
-    from gslcosim_services.recorder.preload import preload_modules
-
-    preload_modules()
-
-
 def _repair(recording: Path) -> None:
-    from gslcosim_services.recorder.repair import repair_recording
+    from gslcosim_services.recorder.rerun_cli import repair_recording
 
     repair_recording(recording)
 
@@ -39,7 +90,7 @@ SERVICE = ServiceKind(
     build_spec=recorder_spec,
     build=_build,
     is_needed=lambda scenario: scenario.recording.enabled,
-    import_early=_import_early,
+    import_early=preload_modules,
     follows_agents=True,
     position=80,
     repair=_repair,

@@ -23,12 +23,12 @@ from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpe
 from gslcosim.contract.record import build_unchecked_constructor
 from gslcosim.environment.model import Environment
 from gslcosim.environment.paths.shortest import shortest_level_path_m, shortest_path_m
-from gslcosim.environment.variants.dynamic_environment import DynamicEnvironment
+from gslcosim.environment.variants import DynamicEnvironment
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.due_events import find_due_events
 from gslcosim.scenario.models.events import SourceMovesSpec
+from gslcosim.scenario.models.scenario import find_due_events
 from gslcosim_services.referee.agent_evaluation import AgentEvaluation, EvaluationRules, Outcome
-from gslcosim_services.referee.ports import referee_spec
+from gslcosim_services.referee.service import referee_spec
 
 # The shortest way keeps this distance from solids: about the reach of an Iris with its propellers.
 CLEARANCE_M = 0.35

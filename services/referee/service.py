@@ -1,9 +1,26 @@
-"""Registration of the referee service."""
+"""Registration and ports of the referee, known without building its core."""
 
-from gslcosim.contract.participant import Core
+from gslcosim.contract import keys
+from gslcosim.contract.messages import Score, Verdict
+from gslcosim.contract.participant import Core, ParticipantSpec, Read, Write
 from gslcosim.runtime.services import ServiceKind
 from gslcosim.runtime.setup import RunSetup
-from gslcosim_services.referee.ports import referee_spec
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.events import EventSpec
+from gslcosim.scenario.models.scenario import list_event_reads
+
+
+def referee_spec(scenario: Scenario) -> ParticipantSpec:
+    """Return the referee's dataflow: all truth and all checked commands in, the score and one verdict out."""
+    commands = tuple(Read(port=keys.command(agent.name)) for agent in scenario.agents)
+    return ParticipantSpec(
+        name="referee",
+        reads=(Read(port=keys.BODIES), Read(port=keys.SAMPLES), *commands, *list_event_reads(scenario, EventSpec)),
+        writes=(
+            Write(port=keys.SCORE, message_type=Score),
+            Write(port=keys.VERDICT, message_type=Verdict, announced_in=keys.SCORE),
+        ),
+    )
 
 
 def _build(setup: RunSetup) -> Core:

@@ -1,18 +1,79 @@
-"""Briefing of an agent: task, limits, sensors, and the map and plume that it is granted to know."""
+"""Briefing of an agent: task, limits, sensors, granted map and plume, and the check of its method's needs."""
 
 import math
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
+from gslcosim.base.errors import MethodError
 from gslcosim.base.rng import stream
-from gslcosim.contract.messages import CONTRACT_VERSION, Bounds, Briefing, ChannelDescription, KnownMap, NominalPlume
+from gslcosim.contract.messages import (
+    CONTRACT_VERSION,
+    Bounds,
+    Briefing,
+    ChannelDescription,
+    KnownMap,
+    NominalPlume,
+    SensorDescription,
+)
 from gslcosim.contract.record import NumericArray
 from gslcosim.contract.schema import get_contract_hash
 from gslcosim.environment.model import Cell, Environment
+from gslcosim.methods.card import CARD_FILE, MethodCard, find_card_beside, find_unmet_needs
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.scenario.models.gas import FilamentsSpec
 from gslcosim.scenario.models.scenario import AgentSpec
-from gslcosim_services.sensing.sensor_descriptions import describe_sensors
+from gslcosim.scenario.models.sensors import RaySensorSpec, TurnedSensorSpec
+from gslcosim.scenario.problems import Problem
+from gslcosim_services.sensing.models import SensorKind, sensor_kind, sensor_names
+from gslcosim_services.sensing.models.base import estimate_name
+from gslcosim_services.sensing.models.mox import ESTIMATE_QUANTITY, ESTIMATE_UNIT
+from gslcosim_services.sensing.models.range_finders import ray_directions_body
+
+
+def find_sensor_kind(scenario: Scenario, model: str) -> SensorKind:
+    """Return a sensor model as it is in a scenario that may define gases of its own.
+
+    Raises:
+        ScenarioError: there is no such model.
+    """
+    kind, definitions = sensor_kind(model), scenario.gas.define
+    return kind.for_gases(definitions) if definitions and kind.for_gases else kind
+
+
+def describe_sensors(agent: AgentSpec, scenario: Scenario) -> tuple[SensorDescription, ...]:
+    """Describe an agent's sensors to it: first those it has, then the estimates from their readings."""
+    kinds = [(sensor, find_sensor_kind(scenario, sensor.model)) for sensor in agent.sensors]
+    sensors = tuple(
+        SensorDescription(
+            name=sensor.name,
+            model=sensor.model,
+            quantity=kind.quantity,
+            unit=kind.unit,
+            mount_body_m=sensor.mount_m,
+            mount_rpy_rad=sensor.mount_rpy_rad if isinstance(sensor, TurnedSensorSpec) else (0.0, 0.0, 0.0),
+            directions_body=_ray_directions(sensor) if isinstance(sensor, RaySensorSpec) else None,
+        )
+        for sensor, kind in kinds
+    )
+    estimates = tuple(
+        SensorDescription(
+            name=estimate_name(sensor.name),
+            model=sensor.model,
+            quantity=ESTIMATE_QUANTITY,
+            unit=ESTIMATE_UNIT,
+            mount_body_m=sensor.mount_m,
+        )
+        for sensor, kind in kinds
+        if kind.estimator and kind.estimator(scenario.gas.gas)
+    )
+    return sensors + estimates
+
+
+def _ray_directions(sensor: RaySensorSpec) -> NumericArray:
+    return NumericArray.from_array(ray_directions_body(sensor).astype(np.float32))
 
 
 def build_known_map(agent: AgentSpec, environment: Environment) -> KnownMap | None:
@@ -128,3 +189,61 @@ def mission_text(scenario: Scenario) -> str:
 
 def _floats(vector: tuple[float, float, float]) -> tuple[float, float, float]:
     return (float(vector[0]), float(vector[1]), float(vector[2]))
+
+
+def find_method_problems(scenario: Scenario, directory: Path) -> Iterator[Problem]:
+    """Yield what keeps the methods of a scenario from flying; agents without a card are passed over.
+
+    Args:
+        scenario: What is to be flown.
+        directory: The scenario's folder, where relative paths of agents start.
+    """
+    by_name = {agent.name: agent for agent in scenario.agents}
+    for i, agent in enumerate(scenario.agents):
+        host = by_name.get(agent.process, agent)
+        card = None
+        try:
+            card = _find_card(host, directory)
+        except MethodError as error:
+            text, _, file = str(error).rpartition("\nFile: ")
+            yield Problem(
+                path=f"agents[{i}].start",
+                expected=f"an agent with a right {CARD_FILE}",
+                found="one whose card is not",
+                remedy=f"{file}: {text.rstrip('.')}.",
+            )
+        if card is not None and all(sensor.model in sensor_names() for sensor in agent.sensors):
+            yield from _find_problems(i, agent, card, scenario)
+
+
+def _find_problems(i: int, agent: AgentSpec, card: MethodCard, scenario: Scenario) -> Iterator[Problem]:
+    shortages = find_unmet_needs(
+        card,
+        sensors=describe_sensors(agent, scenario),
+        knows=agent.knows.granted,
+        n_channels=sum(agent.name in scenario.members_of(channel) for channel in scenario.channels),
+        parameters=agent.parameters,
+    )
+    for shortage in shortages:
+        yield Problem(
+            path=f"agents[{i}].{shortage.part}",
+            expected=shortage.expected,
+            found=shortage.found,
+            remedy=shortage.remedy,
+        )
+
+
+def _find_card(agent: AgentSpec, directory: Path) -> MethodCard | None:
+    for program in _list_programs(agent, directory):
+        if program.is_file() and (card := find_card_beside(program)) is not None:
+            return card
+    return None
+
+
+def _list_programs(agent: AgentSpec, directory: Path) -> Iterator[Path]:
+    if agent.start.python is not None:
+        yield directory / agent.start.python
+        if (bundled := bundled_agents().get(agent.start.python)) is not None:
+            yield bundled
+    for word in agent.start.command or ():
+        yield directory / word

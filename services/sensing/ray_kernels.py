@@ -6,7 +6,7 @@ import math
 import numba
 import numpy as np
 
-from gslcosim.environment.ray_kernels import to_next_border
+from gslcosim.environment.grid_kernels import to_next_border
 
 # How far rays may seem to miss by rounding alone; the bins' boxes are sorted in with as much.
 _ROUNDING_BINS = 1e-9

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.messages import BodyState
-from gslcosim.environment.boxes import solid_boxes
 from gslcosim.environment.model import Environment
+from gslcosim.environment.openings import solid_boxes
 from gslcosim.scenario import Scenario
 
 # Edge of a bin [m]: a few boxes each, and few bins along a ray.

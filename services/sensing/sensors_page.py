@@ -5,8 +5,8 @@ import re
 import sys
 from pathlib import Path
 
+from gslcosim.scenario.model_schema import SettingRow, list_settings
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SENSORS
-from gslcosim.scenario.settings import SettingRow, list_settings
 from gslcosim_services.sensing.models import SENSOR_MODELS
 from gslcosim_services.sensing.models.gas_sensors import PID_CORRECTION
 from gslcosim_services.sensing.models.mox import MOX_PARAMETERS, MoxParameters

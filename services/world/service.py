@@ -1,9 +1,25 @@
-"""Registration of the world service."""
+"""Registration and ports of the world service, known without building its core."""
 
-from gslcosim.contract.participant import Core
+from gslcosim.contract import keys
+from gslcosim.contract.environment_messages import WIND
+from gslcosim.contract.messages import BodyPoses
+from gslcosim.contract.participant import Core, ParticipantSpec, Read, Write
 from gslcosim.runtime.services import ServiceKind
 from gslcosim.runtime.setup import RunSetup
-from gslcosim_services.world.ports import world_spec
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.events import DoorEventSpec, RotorWeakensSpec, WindChangesSpec
+from gslcosim.scenario.models.scenario import list_event_reads
+
+
+def world_spec(scenario: Scenario) -> ParticipantSpec:
+    """Return the world's dataflow: the agents' commands with their delays in, all true poses out."""
+    commands = (Read(port=keys.command(a.name), delay_ticks=a.latency_ticks) for a in scenario.agents)
+    wind = (Read(port=WIND, delay_ticks=1),) if scenario.has_driven_wind else ()
+    return ParticipantSpec(
+        name="world",
+        reads=(*commands, *wind, *list_event_reads(scenario, RotorWeakensSpec, WindChangesSpec, DoorEventSpec)),
+        writes=(Write(port=keys.BODIES, message_type=BodyPoses),),
+    )
 
 
 def _build(setup: RunSetup) -> Core:

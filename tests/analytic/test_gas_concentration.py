@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gslcosim_services.fields.concentration.mixing_ratio import mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid
 from gslcosim_services.fields.filament.plume import Filaments
+from gslcosim_services.fields.mixing_ratio import mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid
 
 REFERENCE = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[2] / ".." / "shared" / "reference"))
 FIRST_POINT_M = (0.125, 0.125, 0.125)

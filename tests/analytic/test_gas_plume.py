@@ -5,15 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Cell, Environment, WindFrames
-from gslcosim_services.fields.concentration.mixing_ratio import (
-    mixing_ratio_ppm_at,
-    mixing_ratio_ppm_on_grid,
-    strength_ppm_m3,
-)
+from gslcosim.environment.model import Cell, Environment, Grid, WindFrames
 from gslcosim_services.fields.filament.plume import FilamentPlume, Filaments, GasSource, filament_amount_mol
 from gslcosim_services.fields.filament.release import ConstantRelease
+from gslcosim_services.fields.mixing_ratio import mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid, strength_ppm_m3
 
 WIND_M_S = 0.5
 GROWTH_M2_S = 0.004

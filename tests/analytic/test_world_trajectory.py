@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim_services.world.paths.trajectory import (
+from gslcosim_services.world.trajectory import (
     Limits,
     peak_speed_and_acceleration,
     plan_quickest_inplace,

@@ -8,8 +8,7 @@ import pytest
 
 from gslcosim.cli.arguments import build_parser, parse
 from gslcosim.cli.main import COMMANDS
-from gslcosim.conformance.report import Failure, Finding
-from gslcosim.conformance.rules import RULES
+from gslcosim.conformance.rules import RULES, Failure, Finding
 from gslcosim.conformance.scripted_world import QUESTION_TICKS, iter_ticks
 from gslcosim.conformance.session import SessionScript
 

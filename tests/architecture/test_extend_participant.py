@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.conformance.participants import PARTICIPANT_RULES
+from gslcosim.conformance.participant_check import PARTICIPANT_RULES
 from gslcosim.conformance.scaffold import PARTICIPANT_TEMPLATES
 
 ROOT = Path(__file__).parents[2]

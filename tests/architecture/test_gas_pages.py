@@ -11,9 +11,9 @@ import yaml
 
 from gslcosim.cli.main import main
 from gslcosim.scenario.loader import load_scenario
+from gslcosim.scenario.model_schema import list_settings
 from gslcosim.scenario.models.gas import GAS_MODELS
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SENSORS
-from gslcosim.scenario.settings import list_settings
 from gslcosim_services.sensing.sensors_page import fill_tables
 
 ROOT = Path(__file__).parents[2]

@@ -36,7 +36,7 @@ print(*sorted({"mujoco", "rerun"} & set(sys.modules)))
 SUPERVISOR = """
 import argparse, importlib, sys
 from gslcosim.cli.commands import up
-from gslcosim.cli.scenario_arguments import load_checked
+from gslcosim.cli.arguments import load_checked
 parser = argparse.ArgumentParser()
 up.COMMAND.add_arguments(parser)
 loaded = load_checked(parser.parse_args(["warehouse_empty"]))
@@ -49,7 +49,7 @@ print(*sorted(sys.modules))
 
 RECORDER = """
 import sys
-from gslcosim_services.recorder.preload import preload_modules
+from gslcosim_services.recorder.service import preload_modules
 preload_modules()
 from pathlib import Path
 from gslcosim.environment.store import load_environment

@@ -17,17 +17,22 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, BodyState
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.generation import prepare_environment
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Cell, Environment, WindFrames
+from gslcosim.environment.model import Cell, Environment, Grid, WindFrames
 from gslcosim.environment.store import load_environment
 from gslcosim.scenario import load_scenario
-from gslcosim_services.fields.concentration.mixing_ratio import Walls, mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid
-from gslcosim_services.fields.concentration.spatial_index import FilamentIndex
 from gslcosim_services.fields.core import FieldsCore
-from gslcosim_services.fields.filament.buoyancy import NEUTRAL, terminal_velocity_buoyancy
-from gslcosim_services.fields.filament.plume import FilamentPlume, Filaments, GasSource, filament_amount_mol
+from gslcosim_services.fields.filament.plume import (
+    NEUTRAL,
+    FilamentPlume,
+    Filaments,
+    GasSource,
+    filament_amount_mol,
+    terminal_velocity_buoyancy,
+)
 from gslcosim_services.fields.filament.release import ConstantRelease
+from gslcosim_services.fields.mixing_ratio import Walls, mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid
 from gslcosim_services.fields.models.filament_gas import build_gas_model
+from gslcosim_services.fields.spatial_index import FilamentIndex
 
 STEP_TARGET_NS = 25.0
 READING_TARGET_US = 5.0

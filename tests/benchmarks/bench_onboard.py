@@ -15,8 +15,7 @@ from gslcosim.base.rng import stream
 from gslcosim.contract.messages import BodyState
 from gslcosim.contract.record import NumericArray
 from gslcosim.environment.generation import prepare_environment
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Box, Cell, Environment, WindFrames
+from gslcosim.environment.model import Box, Cell, Environment, Grid, WindFrames
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime import in_process
 from gslcosim.runtime.run import run_scenario

@@ -6,8 +6,8 @@ import time
 import numpy as np
 
 from gslcosim.scenario.bundled import bundled_agents
-from gslcosim.search.learned.policies.policy_agent import bundled_policies
-from gslcosim.search.learned.policies.policy_files import load_policy
+from gslcosim.search.learned.policy_agent import bundled_policies
+from gslcosim.search.learned.policy_files import load_policy
 
 LIMIT_US = 100.0
 N_DECISIONS = 2000

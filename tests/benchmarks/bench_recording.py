@@ -16,8 +16,11 @@ sys.path.insert(0, str(ROOT / "tests/unit/services/recorder"))
 from scripted_flight import ScriptedFlight  # noqa: E402
 
 from gslcosim.contract.participant import Episode  # noqa: E402
-from gslcosim.environment.grid import Grid  # noqa: E402
-from gslcosim.environment.model import Environment, WindFrames  # noqa: E402
+from gslcosim.environment.model import (  # noqa: E402
+    Environment,
+    Grid,
+    WindFrames,
+)
 from gslcosim_services.recorder.core import RecorderCore  # noqa: E402
 
 N_TICKS = 3000

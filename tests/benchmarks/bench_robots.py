@@ -11,8 +11,7 @@ import numpy as np
 from gslcosim.base.quantities import PHYSICS_STEP_MS
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Box, Environment, WindFrames
+from gslcosim.environment.model import Box, Environment, Grid, WindFrames
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim_services.world.core import WorldCore
 

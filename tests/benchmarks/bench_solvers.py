@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import TypeAdapter
 
-from gslcosim.environment.layouts.builder import build_layout
+from gslcosim.environment.layouts.layouts import build_layout
 from gslcosim.environment.model import Cell
 from gslcosim.flow import Inlet, Outlet
 from gslcosim.flow.comparison import compare_solvers

@@ -18,10 +18,10 @@ import psutil
 
 from gslcosim.bench import Results
 from gslcosim.bench.cases import build_plan, load_suite
+from gslcosim.bench.cases.models import Selection
 from gslcosim.bench.execution.pool import LocalPool
 from gslcosim.bench.execution.runner import Progress, SuiteRun
-from gslcosim.bench.execution.selection import Selection
-from gslcosim.bench.store.folder import ResultsFolder
+from gslcosim.bench.store import ResultsFolder
 
 SHORT_FLIGHTS = """
 schema: gslcosim/suite/1

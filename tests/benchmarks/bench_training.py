@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gslcosim.training.batch import BatchSearchEnv
-from gslcosim.training.learning_task import LearningTask
 from gslcosim.training.search_env import SearchEnv
+from gslcosim.training.stepped_run import LearningTask
 
 SCENARIO = "warehouse_racks"
 HOLD_S = 1.0

@@ -29,8 +29,7 @@ from gslcosim.contract.messages import (
     SensorDescription,
 )
 from gslcosim.contract.record import NumericArray
-from gslcosim.methods.card import MethodCard
-from gslcosim.methods.instrument_kinds import CAMERA_QUANTITY, ESTIMATE_QUANTITY, RANGE_QUANTITY, WIND_QUANTITY
+from gslcosim.methods.card import CAMERA_QUANTITY, ESTIMATE_QUANTITY, RANGE_QUANTITY, WIND_QUANTITY, MethodCard
 
 Place = tuple[float, float, float]
 

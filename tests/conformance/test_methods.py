@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from some_methods import every_method
 
-from gslcosim.base.command_lines import build_python_command
+from gslcosim.base.processes import build_python_command
 from gslcosim.conformance import ConnectionSpec, SessionLimits, check_agent
 from gslcosim.scenario.bundled import bundled_agents
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from gslcosim.cli.main import main
-from gslcosim.conformance import ConnectionSpec, SessionLimits
-from gslcosim.conformance.participants import PARTICIPANT_RULES, check, check_participant
+from gslcosim.conformance import ConnectionSpec, SessionLimits, participant_check
+from gslcosim.conformance.participant_check import PARTICIPANT_RULES, check_participant
 from gslcosim.conformance.scaffold import PARTICIPANT_TEMPLATES
 
 PROGRAM = Path(__file__).parents[1] / "end_to_end" / "foreign_program.py"
@@ -22,7 +22,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
 
 @pytest.fixture(autouse=True)
 def _without_a_pause_between_starts(monkeypatch):
-    monkeypatch.setattr(check, "MIN_START_INTERVAL_S", 0.0)
+    monkeypatch.setattr(participant_check, "MIN_START_INTERVAL_S", 0.0)
 
 
 def checked(fault, at="3", transport="stdio"):

@@ -28,7 +28,7 @@ from ordinary_user import run_tests_as_ordinary_user
 from real_runs import AGENTS, ROOT, TINY_ROOM, fly, fly_here
 
 from gslcosim.base.kernel_cache import get_cache_root
-from gslcosim.runtime.processes.sandbox import selection, truth_search
+from gslcosim.runtime.processes.sandbox import selection
 from gslcosim.runtime.processes.sandbox.selection import unavailable_reason
 from gslcosim.scenario.bundled import bundled_agents
 
@@ -425,7 +425,7 @@ def test_a_folder_that_cannot_be_searched_to_its_end_is_refused(tmp_path, monkey
     start_by = {"command": [sys.executable, str(tmp_path / "mine" / "agent.py")], "door": "stdio"}
     words = ("--set", f"agents[0].start={json.dumps(start_by)}")
     assert fly_here(TINY_ROOM, tmp_path / "runs", *words).exit_code == 1
-    monkeypatch.setattr(truth_search, "MAX_ENTRIES", 9)
+    monkeypatch.setattr(selection, "MAX_ENTRIES", 9)
     refused = fly_here(TINY_ROOM, tmp_path / "runs", *words)
     assert refused.exit_code == 3
     assert f"was more in {tmp_path}/mine. Move the program into a folder of its own" in refused.errors

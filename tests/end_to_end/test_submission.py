@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from deadlines import PROCESS_S
 
-from gslcosim.bench.store.verification_marks import find_mark
+from gslcosim.bench.verification_marks import find_mark
 
 PAGE = Path(__file__).parents[2] / "docs" / "benchmark" / "submit.md"
 COMMANDS = re.findall(r"```sh\n(.*?)```", PAGE.read_text(), re.DOTALL)

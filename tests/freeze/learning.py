@@ -13,8 +13,8 @@ from commands import hash_of, hash_of_fields
 
 import gslcosim.training  # noqa: F401 - registers the environments
 from gslcosim.training.batch import BatchSearchEnv
-from gslcosim.training.families import load_family
-from gslcosim.training.learning_task import LearningTask
+from gslcosim.training.family import load_family
+from gslcosim.training.stepped_run import LearningTask
 
 FIGURES = ("distance_to_source_m", "path_length_m", "n_commands", "time_s")
 N_STEPS = 60

@@ -6,7 +6,7 @@ import json
 import pytest
 
 from gslcosim.cli.main import main
-from gslcosim.runtime.installed_packages import LOCK_FILE, compare_with_lock, installed_versions, versions_hash
+from gslcosim.runtime.run_dir import LOCK_FILE, compare_with_lock, installed_versions, versions_hash
 
 pytestmark = pytest.mark.slow
 

@@ -11,11 +11,10 @@ import pytest
 
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
-from gslcosim.environment.geometry_model import with_wind
-from gslcosim.environment.layouts.builder import build_layout
-from gslcosim.environment.model import WindFrames
+from gslcosim.environment.layouts.layouts import build_layout
+from gslcosim.environment.model import WindFrames, with_wind
 from gslcosim.environment.paths.planner import free_space
-from gslcosim.scenario.models.layouts import ComplexWarehouseSpec
+from gslcosim.scenario.models.geometry import ComplexWarehouseSpec
 from gslcosim.scenario.models.scenario import WindSpec
 from gslcosim_services.world.core import WorldCore
 

@@ -10,7 +10,7 @@ from gslcosim.runtime.run import run_scenario
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.serialization import plain_values
-from gslcosim_services.world.guidance.path_follower import OVERTURNED_NOTICE
+from gslcosim_services.world.path_follower import OVERTURNED_NOTICE
 
 HERE = Path(__file__).parent
 AROUND_A_WALL = HERE.parent / "end_to_end" / "around_a_wall.yaml"

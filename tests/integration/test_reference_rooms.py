@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from gslcosim.cli.main import main
-from gslcosim.environment.build.geometry_source import build_geometry
+from gslcosim.environment.geometry_source import build_geometry
 from gslcosim.environment.model import Cell
 from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
 

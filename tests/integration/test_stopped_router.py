@@ -13,7 +13,7 @@ import pytest
 import zenoh
 
 from gslcosim.base.errors import SimulationFault
-from gslcosim.base.scratch import ScratchFolder
+from gslcosim.base.files import ScratchFolder
 from gslcosim.bus.interface import JoinData, Mesh
 from gslcosim.bus.zenoh_bus import ZenohBus, open_with_retries, wait_for_router
 

@@ -8,7 +8,7 @@ import pytest
 from deadlines import EVENT_S
 
 from gslcosim.base.errors import SimulationFault
-from gslcosim.base.scratch import ScratchFolder
+from gslcosim.base.files import ScratchFolder
 from gslcosim.bus.interface import JoinData, Mesh
 from gslcosim.bus.zenoh_bus import SERVICE_ACCOUNT, AgentAccount, ZenohBus, is_mesh_possible
 

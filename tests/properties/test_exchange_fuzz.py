@@ -14,14 +14,14 @@ import pytest
 
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.environment.formats.data_files import LARGEST_SPEED_M_S
+from gslcosim.environment.formats.environment_folders import (
+    geometry_from_grid,
+    load_gaden_geometry,
+    load_gsl_bench_geometry,
+)
 from gslcosim.environment.formats.export import export_environment
-from gslcosim.environment.formats.gaden import load_gaden_geometry
-from gslcosim.environment.formats.gsl_bench import load_gsl_bench_geometry
-from gslcosim.environment.formats.occupancy_import import geometry_from_grid
 from gslcosim.environment.formats.wind_files import NoWindWarning, WindGapsWarning, load_wind
-from gslcosim.environment.geometry_model import with_wind
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import WindFrames
+from gslcosim.environment.model import Grid, WindFrames, with_wind
 from gslcosim.environment.store import load_environment, save_environment
 
 GRID = Grid(origin_m=(0.0, -1.0, 0.5), cell_m=0.5, shape=(4, 3, 2))

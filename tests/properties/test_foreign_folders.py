@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.base.yaml_core import CoreLoader
-from gslcosim.bench.store.folder import Journal, ResultsFolder
+from gslcosim.bench.store import Journal, ResultsFolder
 from gslcosim.cli.arguments import build_parser, command_parsers
 from gslcosim.cli.main import COMMANDS, main
 from gslcosim.environment.generation import prepare_environment

@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import EnvironmentDataError
-from gslcosim.environment.formats.wind_arrays import read_result
-from gslcosim.environment.grid import Grid
-from gslcosim_services.fields.concentration.mixing_ratio import mixing_ratio_ppm_at
-from gslcosim_services.fields.concentration.spatial_index import FilamentIndex
-from gslcosim_services.fields.stored.frame_formats import read_gaden_frame, read_gsl_bench_frame, read_walls
-from gslcosim_services.fields.stored.playback import GasMovie
+from gslcosim.environment.formats.data_files import read_result
+from gslcosim.environment.model import Grid
+from gslcosim_services.fields.frame_formats import read_gaden_frame, read_gsl_bench_frame, read_walls
+from gslcosim_services.fields.mixing_ratio import mixing_ratio_ppm_at
+from gslcosim_services.fields.playback import GasMovie
+from gslcosim_services.fields.spatial_index import FilamentIndex
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "unit" / "services" / "fields"))
 import gaden_writers as gaden

@@ -4,10 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Cell, Environment, WindFrames
-from gslcosim_services.fields.filament.buoyancy import Buoyancy
-from gslcosim_services.fields.filament.plume import FilamentPlume, GasSource
+from gslcosim.environment.model import Cell, Environment, Grid, WindFrames
+from gslcosim_services.fields.filament.plume import Buoyancy, FilamentPlume, GasSource
 from gslcosim_services.fields.filament.release import ConstantRelease
 
 SHAPE = (9, 7, 5)

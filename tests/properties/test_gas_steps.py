@@ -8,12 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Environment, WindFrames
-from gslcosim_services.fields.concentration.mixing_ratio import mixing_ratio_ppm_at
-from gslcosim_services.fields.concentration.spatial_index import FilamentIndex
+from gslcosim.environment.model import Environment, Grid, WindFrames
 from gslcosim_services.fields.filament.plume import FilamentPlume, GasSource, filament_amount_mol
 from gslcosim_services.fields.filament.release import ConstantRelease
+from gslcosim_services.fields.mixing_ratio import mixing_ratio_ppm_at
+from gslcosim_services.fields.spatial_index import FilamentIndex
 
 WIND_M_S = (0.4, -0.1, 0.05)
 

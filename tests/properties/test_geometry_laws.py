@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gslcosim.base.errors import ScenarioError
-from gslcosim.environment.boxes import voxelize
 from gslcosim.environment.geometry.solid_geometry import geometry_from_files
+from gslcosim.environment.grid_kernels import find_reachable_cells
 from gslcosim.environment.model import Box, Cell
-from gslcosim.environment.occupancy import find_reachable_cells
+from gslcosim.environment.openings import voxelize
 from gslcosim.scenario.models.geometry import GeometrySpec
 from gslcosim.scenario.models.scenario import WindSpec
 

@@ -14,17 +14,14 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from gslcosim.base.errors import ContractError, GslCosimError, SimulationFault, UsageError
-from gslcosim.bus.in_memory import InMemoryHub
-from gslcosim.bus.interface import JoinData
-from gslcosim.environment.geometry_model import content_hash
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Environment, WindFrames
+from gslcosim.bus.interface import InMemoryHub, JoinData
+from gslcosim.environment.model import Environment, Grid, WindFrames, content_hash
 from gslcosim.environment.store import save_environment
+from gslcosim.runtime import remote_server
 from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.network import JoinFile
-from gslcosim.runtime.remote import run_server
-from gslcosim.runtime.remote.run_server import CHUNK_KEY, OFFER_KEY, RunOffer, RunServer, SoftwareVersions, fetch_offer
-from gslcosim.runtime.remote.service_join import build_joined_setup
+from gslcosim.runtime.remote_join import build_joined_setup
+from gslcosim.runtime.remote_server import CHUNK_KEY, OFFER_KEY, RunOffer, RunServer, SoftwareVersions, fetch_offer
 from gslcosim.scenario import dump_resolved, load_scenario
 from gslcosim.scenario.serialization import dump_values
 
@@ -67,8 +64,8 @@ def host(tmp_path_factory):
         (base / name).write_text("kept")
     (here / "runs" / "earlier" / "scenario.yaml").write_text(offer["scenario"])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run_server, "ANSWER_TIMEOUT_S", 0.01)
-        patch.setattr(run_server, "RETRY_AFTER_S", 0.01)
+        patch.setattr(remote_server, "ANSWER_TIMEOUT_S", 0.01)
+        patch.setattr(remote_server, "RETRY_AFTER_S", 0.01)
         patch.setenv("GSLCOSIM_CACHE", str(here / "cache"))
         patch.chdir(here)
         yield SimpleNamespace(offer=offer, here=here, base=base, room=base / "host" / "room")
@@ -100,7 +97,7 @@ def join_with(host, offer, *, piece=None, run_dir=None):
 
 def honest_piece(host, question):
     fields = msgpack.unpackb(question)
-    return (host.room / fields["file"]).read_bytes()[fields["offset"] :][: run_server.CHUNK_BYTES]
+    return (host.room / fields["file"]).read_bytes()[fields["offset"] :][: remote_server.CHUNK_BYTES]
 
 
 def with_lie(offer, path, lie):

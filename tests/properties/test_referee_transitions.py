@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, BodyState, Command, FieldSamples, GasAmount, MountSample
 from gslcosim.contract.participant import Episode
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Box, Environment, WindFrames
+from gslcosim.environment.model import Box, Environment, Grid, WindFrames
 from gslcosim.scenario import Scenario
 from gslcosim_services.referee.core import RefereeCore
 

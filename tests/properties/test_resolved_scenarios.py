@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gslcosim.scenario import dump_resolved, load_scenario
-from gslcosim.scenario.yaml_tree import read_yaml
+from gslcosim.scenario.serialization import read_yaml
 
 SCENARIO = load_scenario("tiny_room").scenario
 

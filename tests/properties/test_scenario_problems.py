@@ -10,7 +10,7 @@ from gslcosim.cli.main import main
 from gslcosim.scenario import LoadedScenario, load_scenario
 from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.problems import InvalidScenarioError
-from gslcosim.scenario.yaml_tree import read_yaml
+from gslcosim.scenario.serialization import read_yaml
 
 PATHS = (
     "schema", "name", "seed", "tick_ms", "environment", "environment.layout", "environment.layout.size_m",

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gslcosim_services.world.paths.trajectory import Limits, plan_to_point, plan_to_velocity
+from gslcosim_services.world.trajectory import Limits, plan_to_point, plan_to_velocity
 
 TICK_NS = 100_000_000
 LIMITS = Limits(max_speed_m_s=1.2, max_acceleration_m_s2=2.5)

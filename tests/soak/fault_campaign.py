@@ -45,10 +45,10 @@ from fault_expectations import (  # noqa: E402 - test folders are no packages
 )
 from real_runs import TINY_ROOM, children_of, command_of, is_running, wait_a_moment  # noqa: E402
 
+from gslcosim.base.files import ScratchFolder  # noqa: E402
 from gslcosim.base.rng import stream  # noqa: E402
-from gslcosim.base.scratch import ScratchFolder  # noqa: E402
 from gslcosim.runtime.processes.children import STOP_TIMEOUT_S  # noqa: E402
-from gslcosim_services.recorder.repair import is_complete, repair_recording  # noqa: E402
+from gslcosim_services.recorder.rerun_cli import is_complete, repair_recording  # noqa: E402
 
 SIM_TIME_S = 120
 # After it is certain what happened: at once for a kill, after the limit for a stop.

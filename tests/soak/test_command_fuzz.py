@@ -18,7 +18,7 @@ from gslcosim.base.errors import ExitCode
 from gslcosim.base.rng import stream
 from gslcosim.cli.main import COMMANDS, run_command
 from gslcosim.scenario.bundled import bundled_scenarios
-from gslcosim.scenario.yaml_tree import read_yaml
+from gslcosim.scenario.serialization import read_yaml
 
 LENGTHS = [pytest.param(3.0, marks=pytest.mark.slow), pytest.param(240.0, marks=pytest.mark.soak)]
 # They change nothing, start no program, and end by themselves.

@@ -7,10 +7,9 @@ from typing import Any
 
 from gslcosim.base.errors import ScenarioError
 from gslcosim.bench.cases.models import EntrySpec
-from gslcosim.environment.build.geometry_source import build_geometry, find_folder
-from gslcosim.environment.build.position_checks import can_start_at
-from gslcosim.environment.geometry_model import EnvironmentGeometry
-from gslcosim.environment.model import Environment
+from gslcosim.environment.geometry_source import build_geometry, find_folder
+from gslcosim.environment.model import Environment, EnvironmentGeometry
+from gslcosim.environment.positions import can_start_at
 from gslcosim.environment.store import load_environment
 from gslcosim.methods.card import MethodCard, find_card_beside
 from gslcosim.scenario import Scenario

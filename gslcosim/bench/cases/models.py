@@ -1,10 +1,18 @@
-"""Frozen models of a suite file: every field with its meaning, default and range."""
+"""Frozen models of a suite file, and the cases and trials of a plan."""
 
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import cached_property
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from gslcosim.base.errors import UsageError
 from gslcosim.contract.messages import ParameterValue
+from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.base import Name, NonNegative, Positive, Spec, broken_rule_error
 from gslcosim.scenario.models.scenario import KnowledgeSpec, StartSpec
 from gslcosim.scenario.models.sensors import Sensor
@@ -196,3 +204,147 @@ class Suite(Spec):
 def n_values(values: "DrawSpec | tuple[Any, ...]") -> int:
     """Return how many values an axis has."""
     return values.draw if isinstance(values, DrawSpec) else len(values)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One scenario of a suite with one combination of what varies; without entry and repetition.
+
+    `varied` holds values by path; `set_in` says, for problems, which file sets them. `is_sandboxed` is whether its
+    suite, or one that includes it, demands a sandbox for agents.
+    """
+
+    name: str
+    scenario: str
+    family: str
+    source: Path
+    varied: Mapping[str, Any]
+    overrides: tuple[str, ...]
+    suite_seed: int
+    repetitions: int
+    gas_seeds: int
+    no_source_frac: float
+    is_sandboxed: bool
+    set_in: str
+
+    @property
+    def n_controls(self) -> int:
+        """Number of repetitions that also run without gas."""
+        return round(self.no_source_frac * self.repetitions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DroppedCase:
+    """A combination that is no case, and why."""
+
+    case: str
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class MovedStart:
+    """A start that was not free and has been moved, world frame [m]."""
+
+    case: str
+    agent: str
+    from_m: tuple[float, float, float]
+    to_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """One run of one entry in one case: everything that a worker needs, as plain data.
+
+    `scenario_json` is the scenario as resolved, `directory` where its relative paths start, `room` the key of its
+    environment, `tape` that of its gas where it is on tape. `sources` are the suites and scenarios of its plan.
+    """
+
+    id: str
+    index: int
+    case: str
+    scenario: str
+    family: str
+    varied: str
+    repetition: int
+    entry: str
+    is_control: bool
+    scenario_json: str
+    directory: Path
+    room: str
+    tape: str | None
+    case_hash: str
+    sources: tuple[Path, ...] = ()
+
+    @cached_property
+    def resolved(self) -> Scenario:
+        """The scenario that is run."""
+        return Scenario.model_validate_json(self.scenario_json)
+
+
+_BITS = 31
+
+
+def derive_seed(suite_seed: int, *words: str | int) -> int:
+    """Return a seed from 0 to 2^31 - 1 for what the words name, as good as independent of all others.
+
+    seed = blake2b(suite_seed / word / word ...), its first 31 bits
+
+    Args:
+        suite_seed: The suite's, which an organiser may keep until the results are in.
+        words: What it is for, for example the case and the repetition.
+    """
+    text = "/".join(str(word) for word in (suite_seed, *words))
+    digest = hashlib.blake2b(text.encode(), digest_size=8).digest()
+    return int.from_bytes(digest, "big") >> (64 - _BITS)
+
+
+def commitment(suite_seed: int) -> str:
+    """Return the SHA-256 of a seed: published before, it proves afterwards that the seed was not chosen to please."""
+    return hashlib.sha256(str(suite_seed).encode()).hexdigest()
+
+
+KEYS = ("entry", "scenario", "family", "case", "repetition", "control", "trial")
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Patterns by key, as `--only entry=e_*,surge_cast` has them; of one key any may fit, of several keys all must."""
+
+    patterns: tuple[tuple[str, tuple[str, ...]], ...] = ()
+
+    @classmethod
+    def of(cls, only: Sequence[str], text: str | None = None) -> "Selection":
+        """Return the selection of a command line.
+
+        Args:
+            only: Texts like `entry=e_coli,surge_*`.
+            text: A pattern for the name of the case, such as `gsl_bench_3/*`.
+
+        Raises:
+            UsageError: a text is not `key=patterns`, or the key is unknown.
+        """
+        patterns: list[tuple[str, tuple[str, ...]]] = []
+        for word in only:
+            key, equals, values = word.partition("=")
+            if not equals or key not in KEYS or not values:
+                raise UsageError(
+                    f"--only: expected KEY=PATTERN with a key among {', '.join(KEYS)}, was '{word}'. "
+                    "For example: --only entry=e_coli,surge_*"
+                )
+            patterns.append((key, tuple(values.split(","))))
+        if text is not None:
+            patterns.append(("case", (text if any(c in text for c in "*?[") else f"*{text}*",)))
+        return cls(tuple(patterns))
+
+    def takes(self, trial: Trial) -> bool:
+        """Return whether a trial is chosen."""
+        values = {
+            "entry": trial.entry,
+            "scenario": trial.scenario,
+            "family": trial.family,
+            "case": trial.case,
+            "repetition": str(trial.repetition),
+            "control": "yes" if trial.is_control else "no",
+            "trial": trial.id,
+        }
+        return all(any(fnmatchcase(values[key], one) for one in some) for key, some in self.patterns)

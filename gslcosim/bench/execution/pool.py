@@ -15,10 +15,16 @@ from pathlib import Path
 from typing import Any, Literal, Protocol, cast
 
 from gslcosim.base.errors import SimulationFault
-from gslcosim.bench.cases.models import LimitsSpec
-from gslcosim.bench.cases.trials import Trial
-from gslcosim.bench.execution.preparation import Progress, build_map, prepare_room, record_tape
-from gslcosim.bench.execution.trial import EnvironmentCache, record_trial, run_trial
+from gslcosim.bench.cases.models import LimitsSpec, Trial
+from gslcosim.bench.execution.trial import (
+    EnvironmentCache,
+    Progress,
+    build_map,
+    prepare_room,
+    record_tape,
+    record_trial,
+    run_trial,
+)
 from gslcosim.runtime.processes.children import StopDetector, describe_stop, is_stopped_itself
 
 # How long to wait before a person gets the status again.

@@ -14,11 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.base.errors import GslCosimError, SimulationFault, UsageError
-from gslcosim.base.scratch import ScratchFolder
+from gslcosim.base.files import ScratchFolder
 from gslcosim.bench.cases.models import LimitsSpec
-from gslcosim.bench.execution.file_bundle import BundleBuilder, Contents, FileBundle
 from gslcosim.bench.execution.pool import Failure, Job, JobResult, n_cores
 from gslcosim.bench.execution.ray_worker import (
+    BundleBuilder,
+    Contents,
+    FileBundle,
     NodeEnvironment,
     NodeJobResult,
     RayWorker,

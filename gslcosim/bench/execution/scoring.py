@@ -1,29 +1,223 @@
-"""Scoring of a trial: from its collected series to its row and its track."""
+"""Scoring of a trial: from its messages to time series, its row and its track."""
 
 import math
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from gslcosim.bench.cases.trials import Trial
-from gslcosim.bench.execution.collector import AgentSeries, SeriesCollector
+from gslcosim.base.quantities import Vec3
+from gslcosim.base.ticks import NS_PER_S
+from gslcosim.bench.cases.models import Trial
 from gslcosim.bench.metrics.beliefs import score_belief
-from gslcosim.bench.metrics.declarations import score_declarations
-from gslcosim.bench.metrics.gas_contact import first_contact_s, tracking_ratio
+from gslcosim.bench.metrics.gas import first_contact_s, tracking_ratio
 from gslcosim.bench.metrics.path_metrics import (
     directness,
     find_leading_agent,
+    score_declarations,
     spl,
     times_within_s,
     tracking_phase,
     travel_overhead,
 )
-from gslcosim.bench.metrics.scores import counted_time_s, score
 from gslcosim.bench.metrics.series import select_samples
-from gslcosim.bench.store.columns import TRIAL_COLUMNS, Tracks
-from gslcosim.contract.messages import AgentResult
+from gslcosim.bench.store import TRIAL_COLUMNS, Tracks
+from gslcosim.contract import keys
+from gslcosim.contract.messages import (
+    AgentResult,
+    Belief,
+    BodyPoses,
+    Command,
+    Declaration,
+    FieldSamples,
+    Message,
+    Observation,
+    RefereeEvent,
+    Score,
+)
 from gslcosim.runtime.outcome import RunOutcome
+from gslcosim.scenario import Scenario
 from gslcosim_services.referee.agent_evaluation import GAS_CONTACT_PPM
+
+
+def counted_time_s(*, success: bool, time_to_source_s: float | None, limit_s: float) -> float:
+    """Return the time of a run: min(time to source, T) with success, T for every failure, collisions too [s].
+
+    Args:
+        success: Whether the source was found.
+        time_to_source_s: When [s]; absent without success.
+        limit_s: Time limit T [s].
+    """
+    return min(time_to_source_s, limit_s) if success and time_to_source_s is not None else limit_s
+
+
+def score(
+    *, success: bool, time_s: float, limit_s: float, n_false_declarations: int = 0, n_collisions: int = 0
+) -> float:
+    """Return the score of a run.
+
+    q = S (1 - t / (2 T)) / 2^f, and 0 after a collision        dimensionless; 0 without success, else up to 1
+
+    Without false declarations a success has 1/2 to 1: no success is worth less than half, so that a slow one is
+    better than none.
+
+    Args:
+        success: S, 1 with success, else 0.
+        time_s: Time to source t [s], 0 to T.
+        limit_s: Time limit T [s], > 0.
+        n_false_declarations: Declarations of wrong places, f.
+        n_collisions: Collisions of all agents.
+
+    Raises:
+        ValueError: a time is not in its range.
+
+    Source:
+        Chosen; a success counts more than any time, and a false alarm costs half.
+    Held by:
+        tests/unit/bench/execution/test_scoring.py
+    """
+    if not 0.0 <= time_s <= limit_s or limit_s <= 0.0:
+        raise ValueError(
+            f"score: expected a time from 0 to the limit of {limit_s:g} s, found {time_s:g} s. "
+            "Count a failure with the limit."
+        )
+    if not success or n_collisions:
+        return 0.0
+    return (1.0 - 0.5 * time_s / limit_s) * 0.5**n_false_declarations
+
+
+GAS_SENSORS_REPORT = ("resistance", "mixing_ratio", "gas_detected", "hits", "estimated_mixing_ratio")
+_NAN = float("nan")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedDeclaration:
+    """A declaration of an agent: when it took effect [s], where [m], and how sure the agent was."""
+
+    time_s: float
+    place_m: Vec3
+    confidence: float
+
+
+@dataclass
+class AgentSeries:
+    """The series of one agent, a value for each tick, and its belief figures.
+
+    `gas_ppm` is the strongest true mixing ratio at any of its noses, `nose_ppm` that at the first; `reading` is what
+    the first gas sensor said last.
+    """
+
+    t_s: list[float] = field(default_factory=list[float])
+    position_m: list[Vec3] = field(default_factory=list[Vec3])
+    distance_m: list[float] = field(default_factory=list[float])
+    gas_ppm: list[float] = field(default_factory=list[float])
+    nose_ppm: list[float] = field(default_factory=list[float])
+    reading: list[float] = field(default_factory=list[float])
+    belief_distance_m: list[float] = field(default_factory=list[float])
+    belief_mass_near: list[float] = field(default_factory=list[float])
+    path_length_m: float = 0.0
+    last_belief: Belief | None = None
+    last_reading: float = _NAN
+    is_over: bool = False
+
+
+@dataclass
+class SeriesCollector:
+    """Hears every message of a run and keeps what its row and track are made of."""
+
+    scenario: Scenario
+    agents: dict[str, AgentSeries] = field(init=False)
+    declared: list[RecordedDeclaration] = field(default_factory=list[RecordedDeclaration])
+    _pending: list[tuple[str, Declaration]] = field(default_factory=list[tuple[str, Declaration]])
+    n_refusals: int = 0
+    n_collisions: int = 0
+
+    def __post_init__(self) -> None:
+        """Begin with nothing."""
+        self._tick_s = self.scenario.tick_ns / NS_PER_S
+        self.agents = {agent.name: AgentSeries() for agent in self.scenario.agents}
+        self._agent_of_port = {keys.command(name): name for name in self.agents}
+        self._bodies: BodyPoses | None = None
+        self._gas_ppm: dict[str, list[float]] = {}
+
+    def note(self, port: str, message: Message) -> None:
+        """Take note of a message."""
+        if isinstance(message, BodyPoses):
+            self._bodies = message
+        elif isinstance(message, FieldSamples):
+            self._note_samples(message)
+        elif isinstance(message, Score):
+            self._note_score(message)
+        elif isinstance(message, Observation):
+            self._note_observation(message)
+        elif isinstance(message, Command):
+            self._note_command(self._agent_of_port[port], message)
+
+    def _note_samples(self, samples: FieldSamples) -> None:
+        gas_ppm: dict[str, list[float]] = {}
+        for sample in samples.samples:
+            if sample.gases:
+                gas_ppm.setdefault(sample.agent, []).append(sample.gases[0].mixing_ratio_ppm)
+        self._gas_ppm = gas_ppm
+
+    def _note_observation(self, observation: Observation) -> None:
+        for reading in observation.readings:
+            if reading.quantity in GAS_SENSORS_REPORT and reading.values:
+                self.agents[observation.agent].last_reading = reading.values[0]
+                return
+
+    def _note_command(self, agent: str, command: Command) -> None:
+        watch = self.agents[agent]
+        if watch.is_over:
+            return
+        if command.belief is not None:
+            watch.last_belief = command.belief
+        if command.kind == "declare_source" and command.declaration is not None:
+            self._pending.append((agent, command.declaration))
+
+    def _note_score(self, score: Score) -> None:
+        assert self._bodies is not None, "the world writes before the referee"
+        bodies = {body.agent: body for body in self._bodies.bodies}
+        time_s = score.tick * self._tick_s
+        for standing in score.agents:
+            watch, body = self.agents[standing.agent], bodies[standing.agent]
+            if watch.is_over:
+                continue
+            gas_ppm = self._gas_ppm.get(standing.agent, [0.0])
+            watch.t_s.append(time_s)
+            watch.position_m.append(body.position_world_m)
+            watch.distance_m.append(standing.distance_to_source_m)
+            watch.gas_ppm.append(max(gas_ppm))
+            watch.nose_ppm.append(gas_ppm[0])
+            watch.reading.append(watch.last_reading)
+            watch.belief_distance_m.append(standing.belief.expected_distance_m if standing.belief else _NAN)
+            watch.belief_mass_near.append(standing.belief.mass_near_frac if standing.belief else _NAN)
+            watch.path_length_m = body.path_length_m
+        for event in score.events:
+            self._note_event(event, time_s)
+
+    def _note_event(self, event: RefereeEvent, time_s: float) -> None:
+        if event.agent is None:
+            return
+        self.n_refusals += event.kind == "refused"
+        self.n_collisions += event.kind == "contact"
+        if event.kind == "declaration":
+            self._note_declaration(event.agent, time_s)
+        if event.kind in _ENDS:
+            self.agents[event.agent].is_over = True
+
+    # A declaration counts when the referee says so, which with latency is later than the command.
+    def _note_declaration(self, agent: str, time_s: float) -> None:
+        i = next(i for i, (name, _) in enumerate(self._pending) if name == agent)
+        _, declaration = self._pending.pop(i)
+        self.declared.append(
+            RecordedDeclaration(time_s=time_s, place_m=declaration.position_world_m, confidence=declaration.confidence)
+        )
+
+
+# After one of these nothing that an agent does counts.
+_ENDS = ("success", "time_limit", "collision", "agent_failed", "declared", "out_of_bounds")
+
 
 Row = dict[str, Any]
 """A value for each column of `trials.parquet`; None where it is absent."""

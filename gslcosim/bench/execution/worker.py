@@ -8,7 +8,7 @@ import traceback
 from multiprocessing.connection import Connection
 
 from gslcosim.base.errors import GslCosimError
-from gslcosim.bench.execution.machine_speed import reference_loop_s
+from gslcosim.bench.cases.plan import reference_loop_s
 from gslcosim.bench.execution.pool import Job
 from gslcosim.bench.execution.trial import EnvironmentCache
 

@@ -1,7 +1,8 @@
-"""Analysis behind the report: the figures of each view, environments, cases and failures."""
+"""Analysis behind the report: the figures of each view, difficulty of each case with its causes, and failures."""
 
 import math
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,32 +11,300 @@ from gslcosim.bench.report.curves import (
     BeliefTracks,
     CurveWithBand,
     DeclarationCounts,
+    DrawnTrack,
     FinalBelief,
+    PlanDrawing,
+    StartSuccess,
     TimeSummary,
     belief_curves,
     belief_tracks,
+    build_plan_drawings,
+    compute_start_success,
     profile_curves,
     rows_by_entry,
     runtime_curves,
+    select_tracks,
     success_curves,
     summarise_declarations,
     summarise_final_beliefs,
     summarise_times,
 )
-from gslcosim.bench.report.difficulty import CaseDifficulty, FailureGroup, grade_cases, group_failures
 from gslcosim.bench.report.leaderboard import LeaderboardRow, build_leaderboard, build_matrix, plume_clusters
-from gslcosim.bench.report.plan_drawings import (
-    DrawnTrack,
-    PlanDrawing,
-    StartSuccess,
-    build_plan_drawings,
-    compute_start_success,
-    select_tracks,
+from gslcosim.bench.report.report_data import EnvironmentMap, Flags, Floats, Ints, ReportData
+from gslcosim.bench.statistics.difficulty import (
+    contact_difficulty,
+    distance_difficulty,
+    fit_rasch,
+    geometric_difficulty,
+    grades,
+    plume_legibility,
+    wind_difficulty,
 )
-from gslcosim.bench.report.report_data import Flags, ReportData
-from gslcosim.bench.statistics.estimates import N_DRAWS, Estimate
+from gslcosim.bench.statistics.estimates import N_DRAWS, UNDEFINED, Estimate, two_sided_z
 from gslcosim.bench.statistics.pairs import N_FLIPS
 from gslcosim.bench.statistics.ranking import PairsMatrix, pairs_matrix
+from gslcosim.bench.statistics.rates import wilson
+from gslcosim.bench.statistics.times import restricted_mean
+
+BLIND, SWEEP = "persistent_walk", "sweep"
+"""The entries whose flights tell of geometry and of contact with gas: the bundled methods under their own names."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DifficultyCauses:
+    """Causes of a case's difficulty, each dimensionless; nan where the runs it needs are missing.
+
+    Attributes:
+        geometry: D1, how rarely the persistent walk finds the source.
+        contact: D2, how rarely the sweep meets gas in the first third of the time.
+        distance: D3, the shortest path over the diagonal of the room.
+        legibility: D4, how plainly the plume points to its source; high is easy.
+        wind: D5, how much the wind's direction differs along the oracle's way and over time.
+    """
+
+    geometry: float
+    contact: float
+    distance: float
+    legibility: float
+    wind: float
+
+
+def compute_causes(material: ReportData, rooms: Sequence[PlanDrawing], cells: Ints) -> list[DifficultyCauses]:
+    """Return what makes each case difficult.
+
+    Args:
+        material: What was run.
+        rooms: The rooms that it was run in.
+        cells: (n,) indices of the cases, as in `TrialRows`.
+    """
+    rows = material.rows
+    index = {entry.name: i for i, entry in enumerate(material.entries)}
+    maps = _map_of_rows(rooms)
+    tracks = _tracks_of(material, material.index_of_anchor("lower"))
+    found: list[DifficultyCauses] = []
+    for cell in cells.tolist():
+        flown = np.flatnonzero((rows.cells == cell) & ~rows.is_control)
+        blind, sweep = (flown[rows.entry[flown] == index.get(name, -1)] for name in (BLIND, SWEEP))
+        plan = next((maps[row] for row in flown.tolist() if row in maps), None)
+        found.append(
+            DifficultyCauses(
+                geometry=geometric_difficulty(float(rows["success"][blind].mean())) if blind.size else math.nan,
+                contact=_contact_difficulty(material, sweep),
+                distance=_distance(shortest_path_m(material, flown), plan),
+                legibility=_legibility(plan) if plan else math.nan,
+                wind=_wind(plan, [tracks[row] for row in flown.tolist() if row in tracks]) if plan else math.nan,
+            )
+        )
+    return found
+
+
+def _contact_difficulty(material: ReportData, sweep: Ints) -> float:
+    if not sweep.size:
+        return math.nan
+    rows = material.rows
+    return contact_difficulty(rows["first_contact_s"][sweep], float(rows["time_limit_s"][sweep[0]]))
+
+
+def shortest_path_m(material: ReportData, flown: Ints) -> float:
+    """Return the shortest path of the runs of one case [m]: equal for all, nan where none has a result."""
+    lengths_m = material.rows["shortest_path_m"][flown]
+    known_m = lengths_m[np.isfinite(lengths_m)]
+    return float(known_m[0]) if known_m.size else math.nan
+
+
+def _distance(shortest_m: float, plan: EnvironmentMap | None) -> float:
+    return distance_difficulty(shortest_m, plan.cell_m * math.hypot(*plan.occupied.shape)) if plan else math.nan
+
+
+def _map_of_rows(rooms: Sequence[PlanDrawing]) -> dict[int, EnvironmentMap]:
+    return {
+        row: room.plan
+        for room in rooms
+        if room.plan is not None
+        for row in room.rows.tolist()
+    }  # fmt: skip
+
+
+# The ways of an entry, (m, 2) each, world frame [m], by row.
+def _tracks_of(material: ReportData, entry: int | None) -> Mapping[int, Floats]:
+    if material.tracks is None or entry is None:
+        return {}
+    rows = material.rows
+    wanted = {str(rows["trial"][row]): row for row in np.flatnonzero(rows.entry == entry).tolist()}
+    found: dict[int, Floats] = {}
+    for batch in material.tracks.select(["trial", "x_m", "y_m"]).to_batches(max_chunksize=512):
+        for k, trial in enumerate(batch.column(0).to_pylist()):
+            if trial in wanted:
+                xy_m = np.stack([np.asarray(batch.column(i)[k].values, dtype=np.float64) for i in (1, 2)], axis=1)
+                found[wanted[trial]] = xy_m[np.isfinite(xy_m).all(axis=1)]
+    return found
+
+
+def _wind(plan: EnvironmentMap, tracks: Sequence[Floats]) -> float:
+    if plan.wind_toward is None or not tracks:
+        return math.nan
+    cells = np.unique(np.concatenate([_cells_of(plan, track) for track in tracks]), axis=0)
+    return wind_difficulty(plan.wind_toward[cells[:, 0], cells[:, 1]])
+
+
+# Where a robot waits its cell is counted once.
+def _cells_of(plan: EnvironmentMap, track_m: Floats) -> Ints:
+    cells = np.floor((track_m - plan.origin_m) / plan.cell_m).astype(np.int64)
+    return np.clip(cells, 0, np.array(plan.occupied.shape) - 1)
+
+
+def _legibility(plan: EnvironmentMap) -> float:
+    if plan.mean_gas_ppm is None or plan.intermittency is None or plan.wind_toward is None:
+        return math.nan
+    axis = _axis_of(plan)
+    against = -plan.wind_toward[axis[:, 0], axis[:, 1]]
+    # One cell to each side, along the nearest of eight directions; where the wind has none there is no upwind.
+    turn = np.round(np.arctan2(against[:, 1], against[:, 0]) / (0.25 * math.pi)) * (0.25 * math.pi)
+    step = np.where(np.hypot(*against.T)[:, None] > 0, np.round(np.stack([np.cos(turn), np.sin(turn)], axis=1)), 0)
+    before, after = axis + step.astype(np.int64), axis - step.astype(np.int64)
+    seen = _is_air(plan, before) & _is_air(plan, after) & (step != 0).any(axis=1)
+    upwind, downwind = plan.mean_gas_ppm[tuple(before[seen].T)], plan.mean_gas_ppm[tuple(after[seen].T)]
+    gas_free = 1.0 - plan.intermittency[tuple(axis[seen].T)]
+    return plume_legibility((upwind - downwind) / (2.0 * plan.cell_m), gas_free)
+
+
+# The cell with the most gas in each ring around the source, as long as there is some.
+def _axis_of(plan: EnvironmentMap) -> Ints:
+    assert plan.mean_gas_ppm is not None
+    nx, ny = plan.occupied.shape
+    x_m, y_m = (origin + (np.arange(n) + 0.5) * plan.cell_m for origin, n in zip(plan.origin_m, (nx, ny), strict=True))
+    gaps_m = [np.hypot(x_m[:, None] - x, y_m[None, :] - y) for x, y, _ in plan.sources_m]
+    ring = np.floor(np.min(gaps_m, axis=0) / plan.cell_m).astype(np.int64)
+    gas_ppm = np.where(plan.occupied, 0.0, np.nan_to_num(plan.mean_gas_ppm))
+    order = np.lexsort((-gas_ppm.reshape(-1), ring.reshape(-1)))
+    first = order[np.unique(ring.reshape(-1)[order], return_index=True)[1]]
+    axis = np.stack(np.unravel_index(first, (nx, ny)), axis=1)
+    return axis[gas_ppm[tuple(axis.T)] > 0.0]
+
+
+def _is_air(plan: EnvironmentMap, cells: Ints) -> Flags:
+    inside = np.all((cells >= 0) & (cells < np.array(plan.occupied.shape)), axis=1)
+    safe = np.where(inside[:, None], cells, 0)
+    return inside & ~plan.occupied[safe[:, 0], safe[:, 1]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseDifficulty:
+    """Difficulty of a case.
+
+    Attributes:
+        grade: easy, medium or hard: thirds of the suite's cases; empty where nothing distinguishes cases.
+        difficulty: Of the Rasch model [logit], mean 0; higher is harder; the anchors that know the source left out.
+        is_informative: Whether some runs succeeded and some did not.
+        success: Share of all entries' runs, the oracle's left out.
+        oracle_s: Restricted mean time of the oracle [s]; undefined without one.
+        walker: Success of the random walker; undefined without one.
+        contact: Share of runs that met gas.
+        causes: What makes it difficult.
+    """
+
+    case: str
+    family: str
+    grade: str
+    difficulty: Estimate
+    is_informative: bool
+    success: Estimate
+    oracle_s: Estimate
+    walker: Estimate
+    contact: Estimate
+    shortest_m: float
+    causes: DifficultyCauses
+    n: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class FailureGroup:
+    """Runs that ended alike without success.
+
+    Attributes:
+        status: flown, or why there is no result.
+        outcome: Of the referee; empty without a result.
+        rows: Which runs, in the order of the suite.
+        by_entry: How many of each entry, most first.
+    """
+
+    status: str
+    outcome: str
+    rows: Ints
+    by_entry: tuple[tuple[int, int], ...]
+
+
+def grade_cases(material: ReportData, rooms: Sequence[PlanDrawing]) -> tuple[CaseDifficulty, ...]:
+    """Return the difficulty of each case with gas, in the order of the suite."""
+    rows = material.rows
+    oracle, walker = material.index_of_anchor("lower"), material.index_of_anchor("upper")
+    cells = np.unique(rows.cells[~rows.is_control])
+    entries = [i for i in range(len(material.entries)) if i != oracle]
+    if not cells.size or not entries:
+        return ()
+    successes, trials = _counts(material, cells, entries)
+    fit = fit_rasch(successes, trials)
+    # Equal cases differ in the last digits of the fit.
+    rounded = np.round(fit.difficulty, 6)
+    graded = grades(rounded) if np.ptp(rounded) > 0 else [""] * cells.size
+    half = two_sided_z(0.95) * fit.difficulty_error
+    causes = compute_causes(material, rooms, cells)
+    found: list[CaseDifficulty] = []
+    for k, cell in enumerate(cells.tolist()):
+        some = np.flatnonzero((rows.cells == cell) & ~rows.is_control)
+        d, n = float(fit.difficulty[k]), int(trials[k].sum())
+        found.append(
+            CaseDifficulty(
+                case=str(rows["case"][some[0]]), family=str(rows["family"][some[0]]), grade=graded[k],
+                difficulty=Estimate(d, d - half[k], d + half[k], n), is_informative=bool(fit.is_informative[k]),
+                success=wilson(int(successes[k].sum()), n), oracle_s=_time_of(material, some, oracle),
+                walker=_rate_of(material, some, walker), contact=_contact(material, some),
+                shortest_m=shortest_path_m(material, some), causes=causes[k], n=n,
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+def _counts(material: ReportData, cells: Ints, entries: Sequence[int]) -> tuple[Ints, Ints]:
+    rows = material.rows
+    shape = (len(cells), len(entries))
+    successes, trials = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
+    chosen = np.flatnonzero(~rows.is_control & np.isin(rows.entry, entries))
+    column = {entry: k for k, entry in enumerate(entries)}
+    of_entry = np.array([column[i] for i in rows.entry[chosen].tolist()], dtype=np.int64)
+    place = np.searchsorted(cells, rows.cells[chosen]) * len(entries) + of_entry
+    np.add.at(trials.reshape(-1), place, 1)
+    np.add.at(successes.reshape(-1), place, rows["success"][chosen].astype(np.int64))
+    return successes, trials
+
+
+def _time_of(material: ReportData, some: Ints, entry: int | None) -> Estimate:
+    own = some[material.rows.entry[some] == entry] if entry is not None else some[:0]
+    rows = material.rows
+    return restricted_mean(rows.time_s[own], rows["success"][own], rows["time_limit_s"][own]) if own.size else UNDEFINED
+
+
+def _rate_of(material: ReportData, some: Ints, entry: int | None) -> Estimate:
+    own = some[material.rows.entry[some] == entry] if entry is not None else some[:0]
+    return wilson(int(material.rows["success"][own].sum()), own.size)
+
+
+def _contact(material: ReportData, some: Ints) -> Estimate:
+    return wilson(int(np.isfinite(material.rows["first_contact_s"][some]).sum()), some.size)
+
+
+def group_failures(material: ReportData) -> tuple[FailureGroup, ...]:
+    """Return the runs with gas that did not succeed, and all without a result, largest group first."""
+    rows = material.rows
+    failed = np.flatnonzero((~rows["success"] & ~rows.is_control) | (rows["status"] != "flown"))
+    keys = list(zip(rows["status"][failed].tolist(), rows["outcome"][failed].tolist()))
+    groups: list[FailureGroup] = []
+    for (status, outcome), _ in Counter(keys).most_common():
+        some = failed[[key == (status, outcome) for key in keys]]
+        by_entry = tuple(Counter(rows.entry[some].tolist()).most_common())
+        groups.append(FailureGroup(status=status, outcome=outcome, rows=some, by_entry=by_entry))
+    return tuple(groups)
+
 
 SIGNIFICANT = 0.05
 """Corrected p below which one entry is said to beat another."""

@@ -9,11 +9,17 @@ import numpy as np
 
 from gslcosim.base.errors import UsageError
 from gslcosim.bench.report.analysis import Analysis
-from gslcosim.bench.report.curves import CurveWithBand, rows_by_entry
+from gslcosim.bench.report.curves import (
+    CurveWithBand,
+    PlanDrawing,
+    build_plan_drawings,
+    compute_start_success,
+    rows_by_entry,
+)
 from gslcosim.bench.report.page import LineStyle, assign_line_styles
-from gslcosim.bench.report.plan_drawings import PlanDrawing, build_plan_drawings, compute_start_success
 from gslcosim.bench.report.report_data import Ints, ReportData, load_report_data
 from gslcosim.data.figures.plans import success_by_start
+from gslcosim.data.figures.run_figures import distance_bundle
 from gslcosim.data.figures.style import (
     DASHES,
     FAINT,
@@ -27,7 +33,6 @@ from gslcosim.data.figures.style import (
     save,
     styled,
 )
-from gslcosim.data.figures.time_series import distance_bundle
 
 _MOST_DRAWN = 12
 

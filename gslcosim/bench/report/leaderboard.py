@@ -8,9 +8,8 @@ import numpy as np
 from gslcosim.bench.report.report_data import Flags, Floats, Ints, ReportData, TrialRows
 from gslcosim.bench.statistics.aggregates import bootstrap_cells, interquartile_mean, mean, stratified_bootstrap
 from gslcosim.bench.statistics.estimates import UNDEFINED, Estimate
-from gslcosim.bench.statistics.lift import lift
 from gslcosim.bench.statistics.ranking import ranks
-from gslcosim.bench.statistics.rates import wilson
+from gslcosim.bench.statistics.rates import lift, wilson
 from gslcosim.bench.statistics.times import restricted_mean
 
 # With fewer plumes in a room a bootstrap over plumes would find intervals that are too narrow.

@@ -13,13 +13,12 @@ from markupsafe import Markup, escape
 
 from gslcosim.bench.report import number_formats
 from gslcosim.bench.report.analysis import Analysis, ReportView
-from gslcosim.bench.report.curves import RADII_M, CurveWithBand, limit_s
-from gslcosim.bench.report.plan_drawings import QUANTUM_M, PlanDrawing, encode_plan
-from gslcosim.bench.report.provenance import describe_provenance
+from gslcosim.bench.report.curves import QUANTUM_M, RADII_M, CurveWithBand, PlanDrawing, encode_plan, limit_s
 from gslcosim.bench.report.report_data import Floats
+from gslcosim.bench.report.tables import describe_provenance
 from gslcosim.bench.statistics.estimates import Estimate
 from gslcosim.bench.statistics.roc import Roc
-from gslcosim.bench.store.columns import TRIAL_COLUMNS
+from gslcosim.bench.store import TRIAL_COLUMNS
 
 FOLDER = Path(__file__).parent / "page"
 _FEW_ENTRIES, _SHOWN_AT_FIRST = 10, 8

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.yaml_core import CoreLoader
-from gslcosim.bench.store.columns import TRIALS
-from gslcosim.bench.store.folder import ResultsFolder
-from gslcosim.bench.store.verification_marks import VerificationMark, find_mark
+from gslcosim.bench.store import TRIALS, ResultsFolder
+from gslcosim.bench.verification_marks import VerificationMark, find_mark
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]

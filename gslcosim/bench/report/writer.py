@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from gslcosim.base.os_errors import build_machine_error
+from gslcosim.base.errors import build_machine_error
 from gslcosim.bench.report.analysis import analyse
 from gslcosim.bench.report.figures import write_figures
 from gslcosim.bench.report.page import render_page
 from gslcosim.bench.report.report_data import load_report_data
 from gslcosim.bench.report.tables import build_leaderboard_json, write_summary, write_tables
-from gslcosim.bench.store.verification_marks import VerificationMark
+from gslcosim.bench.verification_marks import VerificationMark
 
 PAGE = "report.html"
 

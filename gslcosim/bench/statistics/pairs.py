@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from gslcosim.base.errors import ShapeError
-from gslcosim.bench.statistics.distributions import chi_square_tail, normal_tail
 from gslcosim.bench.statistics.estimates import (
     LEVEL,
     N_DRAWS,
@@ -17,8 +16,10 @@ from gslcosim.bench.statistics.estimates import (
     as_finite_row,
     bootstrap,
     check_same_length,
+    chi_square_tail,
     encode_labels,
     make_generator,
+    normal_tail,
 )
 
 # Up to here all patterns of signs are counted instead of drawn: 2^14 rows.

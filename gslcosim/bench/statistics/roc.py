@@ -6,8 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gslcosim.bench.statistics.distributions import two_sided_z
-from gslcosim.bench.statistics.estimates import LEVEL, UNDEFINED, Estimate, as_finite_row, check_same_length
+from gslcosim.bench.statistics.estimates import (
+    LEVEL,
+    UNDEFINED,
+    Estimate,
+    as_finite_row,
+    check_same_length,
+    two_sided_z,
+)
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.base.errors import ExitCode, UsageError
-from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number, run_action
-from gslcosim.cli.run_paths import RECORDING
+from gslcosim.cli.arguments import RECORDING, Command, parse_positive_number, parse_whole_number, run_action
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
 
 if TYPE_CHECKING:
@@ -170,9 +169,9 @@ def _list(arguments: argparse.Namespace) -> int:
 
 
 def _plan(arguments: argparse.Namespace) -> int:
+    from gslcosim.bench.cases.models import Selection
     from gslcosim.bench.execution.pool import n_cores
-    from gslcosim.bench.execution.selection import Selection
-    from gslcosim.cli.bench_output import format_plan, plan_to_json
+    from gslcosim.cli.run_output import format_plan, plan_to_json
 
     _, plan = _planned(arguments, is_quiet=arguments.json)
     selection = Selection.of(arguments.only, arguments.filter)
@@ -187,16 +186,16 @@ def _plan(arguments: argparse.Namespace) -> int:
 def _run_suite(arguments: argparse.Namespace) -> int:
     from dataclasses import asdict
 
+    from gslcosim.bench.cases.models import Selection
     from gslcosim.bench.execution.runner import SuiteRun
-    from gslcosim.bench.execution.selection import Selection
-    from gslcosim.bench.store.folder import ResultsFolder
-    from gslcosim.cli.bench_output import format_summary, show_run_progress
+    from gslcosim.bench.store import ResultsFolder
+    from gslcosim.cli.run_output import format_suite_summary, show_suite_progress
 
     selection = Selection.of(arguments.only, arguments.filter)
     loaded, plan = _planned(arguments, is_quiet=arguments.json)
     _check_here(arguments, plan)
     folder = ResultsFolder(arguments.results or RESULTS_DIR / loaded.suite.name)
-    with show_run_progress(loaded.suite.name, is_quiet=arguments.json) as report:
+    with show_suite_progress(loaded.suite.name, is_quiet=arguments.json) as report:
         run = SuiteRun(
             plan,
             folder,
@@ -214,7 +213,7 @@ def _run_suite(arguments: argparse.Namespace) -> int:
     if arguments.json:
         write_json({key: str(v) if isinstance(v, Path) else v for key, v in asdict(summary).items()})
     else:
-        write(format_summary(summary, page))
+        write(format_suite_summary(summary, page))
     if summary.is_interrupted:
         return ExitCode.INTERRUPTED
     return ExitCode.AGENT_FAILED if summary.n_without_result else 0
@@ -233,9 +232,13 @@ def _report(arguments: argparse.Namespace) -> int:
 
 def _show(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.execution.pool import LocalPool
-    from gslcosim.bench.execution.sandbox_requirement import check_confinable, check_sandbox
-    from gslcosim.bench.execution.verification import RepeatableResults, record_trial_again
-    from gslcosim.bench.store.folder import ResultsFolder
+    from gslcosim.bench.execution.verification import (
+        RepeatableResults,
+        check_confinable,
+        check_sandbox,
+        record_trial_again,
+    )
+    from gslcosim.bench.store import ResultsFolder
 
     again = RepeatableResults(ResultsFolder(arguments.results))
     trial = again.trial(arguments.trial)
@@ -264,11 +267,10 @@ def _show(arguments: argparse.Namespace) -> int:
 
 
 def _verify(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.execution.sandbox_requirement import check_confinable
-    from gslcosim.bench.execution.verification import RepeatableResults, verify_trials
-    from gslcosim.bench.store.folder import ResultsFolder
-    from gslcosim.bench.store.verification_marks import prepare_marks
-    from gslcosim.cli.bench_output import format_verification, show_count_progress, verification_to_json
+    from gslcosim.bench.execution.verification import RepeatableResults, check_confinable, verify_trials
+    from gslcosim.bench.store import ResultsFolder
+    from gslcosim.bench.verification_marks import prepare_marks
+    from gslcosim.cli.run_output import format_verification, show_count_progress, verification_to_json
 
     again = RepeatableResults(ResultsFolder(arguments.results))
     seed = secrets.randbelow(1 << 31) if arguments.seed is None else arguments.seed
@@ -294,7 +296,7 @@ def _verify(arguments: argparse.Namespace) -> int:
 
 def _rank(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.merge import merge
-    from gslcosim.cli.bench_output import format_ranking
+    from gslcosim.cli.run_output import format_ranking
 
     ranking = merge(arguments.results, arguments.out, demands_sandbox=arguments.sandboxed)
     if arguments.json:
@@ -306,7 +308,7 @@ def _rank(arguments: argparse.Namespace) -> int:
 
 def _planned(arguments: argparse.Namespace, *, is_quiet: bool) -> "tuple[LoadedSuite, Plan]":
     from gslcosim.bench.cases import build_plan, load_suite
-    from gslcosim.cli.bench_output import show_count_progress
+    from gslcosim.cli.run_output import show_count_progress
 
     loaded = load_suite(arguments.suite, seed=arguments.seed)
     with show_count_progress("planning", is_quiet=is_quiet) as report:
@@ -316,7 +318,7 @@ def _planned(arguments: argparse.Namespace, *, is_quiet: bool) -> "tuple[LoadedS
 
 # A cluster's nodes tell for themselves, run by run.
 def _check_here(arguments: argparse.Namespace, plan: "Plan") -> None:
-    from gslcosim.bench.execution.sandbox_requirement import check_sandbox
+    from gslcosim.bench.execution.verification import check_sandbox
 
     if arguments.ray is None:
         check_sandbox(plan)

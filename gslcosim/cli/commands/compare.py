@@ -3,8 +3,7 @@
 import argparse
 
 from gslcosim.base.errors import ExitCode
-from gslcosim.cli.arguments import Command
-from gslcosim.cli.run_paths import DIGEST, add_runs_dir_option, find_in_run
+from gslcosim.cli.arguments import DIGEST, Command, add_runs_dir_option, find_in_run
 from gslcosim.cli.terminal import add_json_option, write, write_json
 
 EXAMPLES = """  gslcosim compare runs/first runs/second
@@ -19,7 +18,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.runtime.replay.comparison import RunComparison
+    from gslcosim.runtime.replay.past_run import RunComparison
 
     files = [find_in_run(run, runs_dir=arguments.runs_dir, file_name=DIGEST) for run in (arguments.a, arguments.b)]
     compared = RunComparison.of(*files)

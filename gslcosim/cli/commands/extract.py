@@ -3,10 +3,9 @@
 import argparse
 from pathlib import Path
 
-from gslcosim.base.os_errors import build_path_error
-from gslcosim.cli.arguments import Command
-from gslcosim.cli.bench_output import show_text_progress
-from gslcosim.cli.run_paths import RECORDING, add_runs_dir_option, find_in_run
+from gslcosim.base.errors import build_path_error
+from gslcosim.cli.arguments import RECORDING, Command, add_runs_dir_option, find_in_run
+from gslcosim.cli.run_output import show_text_progress
 from gslcosim.cli.terminal import add_json_option, write, write_json
 
 EXAMPLES = """  gslcosim extract --to parquet

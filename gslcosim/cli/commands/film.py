@@ -3,11 +3,9 @@
 import argparse
 from pathlib import Path
 
-from gslcosim.base.errors import UsageError
-from gslcosim.base.os_errors import build_path_error
-from gslcosim.cli.arguments import Command
-from gslcosim.cli.bench_output import show_count_progress
-from gslcosim.cli.run_paths import RECORDING, add_runs_dir_option, find_in_run
+from gslcosim.base.errors import UsageError, build_path_error
+from gslcosim.cli.arguments import RECORDING, Command, add_runs_dir_option, find_in_run
+from gslcosim.cli.run_output import show_count_progress
 from gslcosim.cli.terminal import add_json_option, write, write_json
 
 EXAMPLES = """  gslcosim film --out search.mp4
@@ -58,9 +56,7 @@ def _size(text: str) -> tuple[int, int]:
 
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.base.errors import ModelError
-    from gslcosim.data.film.encoder import write_film
-    from gslcosim.data.film.keyframes import FilmSegment
-    from gslcosim.data.film.render import render_frames
+    from gslcosim.data.film import FilmSegment, render_frames, write_film
     from gslcosim.data.run import open_run
 
     names = arguments.runs or [None]

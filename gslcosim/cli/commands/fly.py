@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import UsageError
-from gslcosim.cli.arguments import Command
-from gslcosim.cli.run_paths import add_runs_dir_option
-from gslcosim.cli.scenario_arguments import add_pace_option, add_scenario_arguments, load_checked
+from gslcosim.cli.arguments import Command, add_pace_option, add_runs_dir_option, add_scenario_arguments, load_checked
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
     from gslcosim.runtime.processes.fork_client import ForkServer
     from gslcosim.runtime.status import RunStatus
     from gslcosim.scenario import LoadedScenario
-    from gslcosim.teleop.client import TeleopClient
+    from gslcosim.teleop import TeleopClient
 
 EXAMPLES = """  gslcosim fly tiny_room
   gslcosim fly warehouse_empty --pace 4 --name alice
@@ -62,7 +60,7 @@ class _Progress:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.teleop.terminal import MIN_COLUMNS, MIN_ROWS, check_terminal
+    from gslcosim.teleop import MIN_COLUMNS, MIN_ROWS, check_terminal
 
     check_terminal(MIN_COLUMNS, MIN_ROWS)
     if _NAME.fullmatch(arguments.name) is None:
@@ -81,8 +79,7 @@ def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int
 
     from gslcosim.cli.run_output import format_summary
     from gslcosim.runtime.run import run_scenario
-    from gslcosim.teleop.client import TeleopClient
-    from gslcosim.teleop.terminal import Terminal
+    from gslcosim.teleop import TeleopClient, Terminal
 
     progress = _Progress(agent)
     with Terminal() as keyboard:

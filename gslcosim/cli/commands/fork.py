@@ -9,9 +9,15 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import UsageError
-from gslcosim.cli.arguments import Command
-from gslcosim.cli.run_paths import add_runs_dir_option, find_in_run
-from gslcosim.cli.scenario_arguments import check_drawing, check_methods, check_places, check_stored_gas
+from gslcosim.cli.arguments import (
+    Command,
+    add_runs_dir_option,
+    check_drawing,
+    check_methods,
+    check_places,
+    check_stored_gas,
+    find_in_run,
+)
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:

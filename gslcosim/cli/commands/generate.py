@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.base.errors import ExitCode
-from gslcosim.base.terminal_text import escape_terminal_text
-from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
-from gslcosim.cli.scenario_arguments import check_places
+from gslcosim.base.untrusted_input import escape_terminal_text
+from gslcosim.cli.arguments import Command, check_places, parse_positive_number, parse_whole_number
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
 
 if TYPE_CHECKING:
     from gslcosim.environment.generation import GenerationResult
-    from gslcosim.scenario.recipes import Recipe
+    from gslcosim.scenario.loader import Recipe
 
 EXAMPLES = """  gslcosim generate warehouse_complex
   gslcosim generate my_layout.yaml --out halls --count 20 --jobs 2
@@ -95,9 +94,9 @@ def _numbers(text: str) -> tuple[float, ...]:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.environment.build.random_positions import draw_positions
     from gslcosim.environment.generation import build_jobs, generate_many
-    from gslcosim.scenario.recipes import load_recipe
+    from gslcosim.environment.positions import draw_positions
+    from gslcosim.scenario.loader import load_recipe
 
     recipe = load_recipe(arguments.source, overrides=arguments.set, checks=(check_places,), placer=draw_positions)
     arguments.out = arguments.out or Path("environments") / recipe.name
@@ -125,8 +124,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _study_meshes(recipe: "Recipe", arguments: argparse.Namespace) -> int:
-    from gslcosim.environment.generation.mesh_study import study_meshes
-    from gslcosim.environment.generation.mesh_study_report import build_rows, write_study
+    from gslcosim.environment.generation.mesh_study import build_rows, study_meshes, write_study
 
     with _progress_bar(is_quiet=arguments.json) as report:
         study = study_meshes(recipe, arguments.mesh_study, probes_m=arguments.probe, progress=report)
@@ -141,7 +139,7 @@ def _study_meshes(recipe: "Recipe", arguments: argparse.Namespace) -> int:
 
 
 def _compare_solvers(recipe: "Recipe", arguments: argparse.Namespace) -> int:
-    from gslcosim.environment.generation.solver_comparison import compare_solvers_in, comparison_to_json
+    from gslcosim.environment.generation.mesh_study import compare_solvers_in, comparison_to_json
 
     with _progress_bar(is_quiet=arguments.json) as report:
         compared = compare_solvers_in(recipe, arguments.out, progress=report)

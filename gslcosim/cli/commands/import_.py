@@ -53,7 +53,7 @@ def _seconds(text: str) -> float:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.environment.formats.occupancy_import import NOTICE
+    from gslcosim.environment.formats.environment_folders import NOTICE
     from gslcosim.environment.generation import save_with_scene_and_picture
 
     with warnings.catch_warnings(record=True) as caught:
@@ -70,8 +70,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _imported(arguments: argparse.Namespace) -> "Environment":
-    from gslcosim.environment.formats.gaden import import_gaden
-    from gslcosim.environment.formats.gsl_bench import import_gsl_bench
+    from gslcosim.environment.formats.environment_folders import import_gaden, import_gsl_bench
 
     origin = arguments.origin or _recognised(arguments.source)
     read = import_gsl_bench if origin == "gsl_bench" else import_gaden
@@ -82,8 +81,7 @@ def _imported(arguments: argparse.Namespace) -> "Environment":
 
 
 def _recognised(source: Path) -> str:
-    from gslcosim.environment.formats.gaden import is_gaden
-    from gslcosim.environment.formats.gsl_bench import is_gsl_bench
+    from gslcosim.environment.formats.environment_folders import is_gaden, is_gsl_bench
 
     if is_gsl_bench(source):
         return "gsl_bench"

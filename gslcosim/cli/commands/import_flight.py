@@ -4,8 +4,7 @@ import argparse
 from pathlib import Path
 
 from gslcosim.base.errors import ExitCode, UsageError
-from gslcosim.cli.arguments import Command
-from gslcosim.cli.run_paths import add_runs_dir_option
+from gslcosim.cli.arguments import Command, add_runs_dir_option
 from gslcosim.cli.terminal import add_json_option, write, write_json
 
 EXAMPLES = """  gslcosim import-flight hall.csv --scenario hall.yaml
@@ -34,9 +33,8 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.cli.scenario_arguments import load_checked
-    from gslcosim.data.robot_logs.importer import import_log, log_sensors
-    from gslcosim.data.robot_logs.readers import read_bag_log, read_csv_log
+    from gslcosim.cli.arguments import load_checked
+    from gslcosim.data.robot_logs import import_log, log_sensors, read_bag_log, read_csv_log
 
     log = arguments.log
     if not log.exists():

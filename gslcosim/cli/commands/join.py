@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import ExitCode, UsageError
-from gslcosim.cli.arguments import Command
-from gslcosim.cli.run_paths import add_runs_dir_option
+from gslcosim.cli.arguments import Command, add_runs_dir_option
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
     from gslcosim.bus.interface import Certificate
     from gslcosim.runtime.network import JoinFile
-    from gslcosim.runtime.remote.service_join import JoinResult
+    from gslcosim.runtime.remote_join import JoinResult
 
 EXAMPLES = """  gslcosim join join/services/fields.json
   gslcosim join join/services/fields.json fields sensing --tls-certificate client.pem --tls-key client.key
@@ -62,7 +61,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if joined.join is None or joined.is_for_agent:
         raise UsageError(f"{joined.path}: expected a service's join file, or agent and its program after this agent's.")
 
-    from gslcosim.runtime.remote.service_join import join_as_services
+    from gslcosim.runtime.remote_join import join_as_services
 
     names = arguments.what or [joined.name]
     part = join_as_services(joined.join, names, runs_dir=arguments.runs_dir, say=say, is_trusted=arguments.trusted)
@@ -78,7 +77,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _fly_agent(joined: "JoinFile", words: list[str], arguments: argparse.Namespace, say: Callable[[str], None]) -> int:
-    from gslcosim.runtime.remote.agent_join import build_agent_command, join_as_agent
+    from gslcosim.runtime.remote_join import build_agent_command, join_as_agent
 
     if not joined.is_for_agent:
         raise UsageError(f"{joined.path}: expected the join file of an agent, was that of service {joined.name}.")

@@ -14,7 +14,7 @@ from gslcosim.cli.terminal import add_json_option, table, write, write_json
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-    from gslcosim.scenario.models.one_of import OneOf
+    from gslcosim.scenario.models.base import OneOf
 
 EXAMPLES = """  gslcosim list
   gslcosim list sensors
@@ -87,7 +87,7 @@ def _kinds_of(one_of: "OneOf") -> list[Row]:
 
 
 def _settings(block: type["BaseModel"], kind: str, tag_key: str) -> list[Row]:
-    from gslcosim.scenario.settings import list_settings
+    from gslcosim.scenario.model_schema import list_settings
 
     return [asdict(each) for each in list_settings(block, kind=kind, without=frozenset({tag_key}))]
 

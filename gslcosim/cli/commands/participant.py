@@ -53,7 +53,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _check(arguments: argparse.Namespace) -> int:
     from gslcosim.conformance import ConnectionSpec, SessionLimits
-    from gslcosim.conformance.participants import check_participant
+    from gslcosim.conformance.participant_check import check_participant
 
     if not 0.0 < arguments.timeout < 1e6:
         raise UsageError(f"--timeout: expected a number of seconds above 0, was {arguments.timeout:g}.")

@@ -3,10 +3,8 @@
 import argparse
 from pathlib import Path
 
-from gslcosim.base.errors import MachineError, UsageError
-from gslcosim.base.os_errors import build_machine_error, find_remedy
-from gslcosim.cli.arguments import Command
-from gslcosim.cli.run_paths import MANIFEST, add_runs_dir_option, find_in_run
+from gslcosim.base.errors import MachineError, UsageError, build_machine_error, find_remedy
+from gslcosim.cli.arguments import MANIFEST, Command, add_runs_dir_option, find_in_run
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 EXAMPLES = """  gslcosim plot runs/warehouse_empty-seed7-20250101T120000-a1b2c3
@@ -80,7 +78,7 @@ def _cannot_make(folder: Path, error: OSError) -> MachineError:
 
 
 def _of_results(arguments: argparse.Namespace, folder: Path, options: dict) -> list[Path]:
-    from gslcosim.cli.run_table import is_results_folder
+    from gslcosim.cli.commands.runs import is_results_folder
 
     paths = [Path(run) for run in arguments.runs]
     found = [path for path in paths if is_results_folder(path)]

@@ -2,8 +2,7 @@
 
 import argparse
 
-from gslcosim.cli.arguments import Command
-from gslcosim.cli.run_paths import add_runs_dir_option, find_in_run
+from gslcosim.cli.arguments import Command, add_runs_dir_option, find_in_run
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 EXAMPLES = """  gslcosim replay runs/warehouse_empty-seed7-20250101T120000-abc123

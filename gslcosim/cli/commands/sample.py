@@ -7,10 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gslcosim.base.errors import EnvironmentDataError, UsageError
-from gslcosim.base.os_errors import build_path_error
-from gslcosim.cli.arguments import Command, parse_whole_number
-from gslcosim.cli.run_paths import add_runs_dir_option
+from gslcosim.base.errors import EnvironmentDataError, UsageError, build_path_error
+from gslcosim.cli.arguments import Command, add_runs_dir_option, parse_whole_number
 from gslcosim.cli.terminal import add_json_option, write, write_json
 
 if TYPE_CHECKING:
@@ -20,7 +18,7 @@ if TYPE_CHECKING:
     from gslcosim.environment.model import Environment
     from gslcosim.scenario import Scenario
     from gslcosim_services.fields.gas_field import PointGrid
-    from gslcosim_services.fields.offline.samplers import FieldSampler, Instant, ViewOptions
+    from gslcosim_services.fields.offline import FieldSampler, Instant, ViewOptions
 
 EXAMPLES = """  gslcosim sample environments/001 --frame 400 --points points.csv --out ppm.csv
   gslcosim sample runs/my_run --time 60 --grid 0.25 --out ppm.npz
@@ -68,7 +66,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim_services.fields.offline.samplers import Instant, ViewOptions, build_lattice
+    from gslcosim_services.fields.offline import Instant, ViewOptions, build_lattice
 
     _check_file_name(arguments)
     fields = _fields_of(arguments)
@@ -149,7 +147,7 @@ def _check_inside(points_m: "NDArray[np.float64]", grid: Any) -> None:
 
 def _fields_of(arguments: argparse.Namespace) -> "FieldSampler":
     from gslcosim.environment.store import HEADER_FILE, load_environment
-    from gslcosim_services.fields.offline.samplers import ScenarioFieldSampler, find_stored_field_sampler
+    from gslcosim_services.fields.offline import ScenarioFieldSampler, find_stored_field_sampler
 
     folder = Path(arguments.source)
     if (folder / HEADER_FILE).is_file():
@@ -177,7 +175,7 @@ def _fields_of(arguments: argparse.Namespace) -> "FieldSampler":
 def _named_fields(arguments: argparse.Namespace) -> "FieldSampler":
     from gslcosim.environment.generation import prepare_environment
     from gslcosim.environment.store import load_environment
-    from gslcosim_services.fields.offline.samplers import ScenarioFieldSampler
+    from gslcosim_services.fields.offline import ScenarioFieldSampler
 
     runs_dir: Path = arguments.runs_dir
     runs = sorted(runs_dir.glob(f"{arguments.source}*/scenario.yaml")) if runs_dir.is_dir() else []
@@ -202,7 +200,7 @@ def _is_bundled(name: str) -> bool:
 
 
 def _scenario(source: str) -> "tuple[Scenario, Path]":
-    from gslcosim.environment.build.random_positions import draw_positions
+    from gslcosim.environment.positions import draw_positions
     from gslcosim.scenario import load_scenario
 
     loaded = load_scenario(source, placer=draw_positions)
@@ -211,7 +209,7 @@ def _scenario(source: str) -> "tuple[Scenario, Path]":
 
 def _run_fields(folder: Path, gas: str | None) -> "FieldSampler":
     from gslcosim.runtime.run_dir import RunDir
-    from gslcosim_services.fields.offline.samplers import ScenarioFieldSampler
+    from gslcosim_services.fields.offline import ScenarioFieldSampler
 
     scenario = RunDir(folder).load_scenario()
     return ScenarioFieldSampler(_environment_of_run(folder, scenario), scenario, gas=gas)
@@ -219,7 +217,7 @@ def _run_fields(folder: Path, gas: str | None) -> "FieldSampler":
 
 # The one that the run had; when the cache was cleared since, the same one made again.
 def _environment_of_run(folder: Path, scenario: "Scenario") -> "Environment":
-    from gslcosim.base.untrusted_json import MalformedFileError
+    from gslcosim.base.untrusted_input import MalformedFileError
     from gslcosim.environment.generation import prepare_environment
     from gslcosim.environment.store import load_environment
     from gslcosim.runtime.run_dir import RunDir

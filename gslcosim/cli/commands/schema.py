@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from gslcosim.base.os_errors import build_path_error
+from gslcosim.base.errors import build_path_error
 from gslcosim.cli.arguments import Command
 from gslcosim.cli.terminal import add_json_option, write, write_json
 

@@ -38,20 +38,19 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.cases import build_plan
+    from gslcosim.bench.cases.models import Selection
     from gslcosim.bench.execution.runner import SuiteRun
-    from gslcosim.bench.execution.selection import Selection
-    from gslcosim.bench.store.folder import ResultsFolder
-    from gslcosim.bench.studies.parameter_values import parse_varied
+    from gslcosim.bench.store import ResultsFolder
     from gslcosim.bench.studies.sweep import SweepPlan
-    from gslcosim.bench.studies.target import find_target
-    from gslcosim.cli.bench_output import show_count_progress, show_run_progress
+    from gslcosim.bench.studies.target import find_target, parse_varied
+    from gslcosim.cli.run_output import show_count_progress, show_suite_progress
 
     subject = find_target(arguments.suite, arguments.entry, repetitions=arguments.repetitions, seed=arguments.seed)
     sweeper = SweepPlan(subject, parse_varied(arguments.vary, subject))
     with show_count_progress("planning", is_quiet=arguments.json) as planned:
         plan = build_plan(sweeper.suite(), progress=lambda n: planned(n, 0))
     folder = ResultsFolder(arguments.results or RESULTS_DIR / "_".join([sweeper.name, *sweeper.varied]))
-    with show_run_progress(sweeper.name, is_quiet=arguments.json) as report:
+    with show_suite_progress(sweeper.name, is_quiet=arguments.json) as report:
         summary = SuiteRun(
             plan,
             folder,
@@ -69,8 +68,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _write(sweep: "SweepResult", folder: Path, *, is_json: bool) -> None:
-    from gslcosim.bench.studies.output import sweep_to_csv, sweep_to_json, write_fields, write_text
-    from gslcosim.bench.studies.response_plot import draw_response_svg
+    from gslcosim.bench.studies.output import draw_response_svg, sweep_to_csv, sweep_to_json, write_fields, write_text
 
     fields = sweep_to_json(sweep)
     write_fields(folder / "sweep.json", fields)

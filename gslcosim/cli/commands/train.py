@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from gslcosim.base.errors import ExitCode, UsageError
 from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
-from gslcosim.cli.bench_output import show_count_progress
+from gslcosim.cli.run_output import show_count_progress
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
-    from gslcosim.training.learning.training import TrainingResult
+    from gslcosim.training.training_run import TrainingResult
 
 EXAMPLES = """  gslcosim train open_halls_ctrnn
   gslcosim train open_halls_ctrnn --rounds 20 --out trained/first
@@ -48,10 +48,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.search.learned.policies.policy_agent import POLICY_FILE
-    from gslcosim.training.learning.train_file import load_train_file
-    from gslcosim.training.learning.training import Training
-    from gslcosim.training.learning.validation import build_entry, record_runs
+    from gslcosim.search.learned.policy_agent import POLICY_FILE
+    from gslcosim.training.train_file import load_train_file
+    from gslcosim.training.training_run import Training, build_entry, record_runs
 
     file = load_train_file(arguments.file)
     name = file.spec.name
@@ -119,7 +118,7 @@ class _Watch:
 
 
 def _draw(trained: "TrainingResult") -> None:
-    from gslcosim.training.learning.curves import draw_curves
+    from gslcosim.training.training_run import draw_curves
 
     try:
         draw_curves(trained.curves, trained.folder)

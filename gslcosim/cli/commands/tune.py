@@ -46,8 +46,7 @@ def _run(arguments: argparse.Namespace) -> int:
         write_fields,
         write_text,
     )
-    from gslcosim.bench.studies.parameter_values import card_ranges, parse_ranges
-    from gslcosim.bench.studies.target import find_target
+    from gslcosim.bench.studies.target import card_ranges, find_target, parse_ranges
     from gslcosim.bench.studies.tuning import Tuner, split_budget
 
     subject = find_target(arguments.suite, arguments.entry)

@@ -1,17 +1,17 @@
-"""`gslcosim up`: run a scenario."""
+"""`gslcosim up`, `serve` and `validate`: fly a scenario, keep a warm server for it, or name its problems."""
 
 import argparse
 import contextlib
-from collections.abc import Callable
+import os
+import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gslcosim.base.errors import UsageError
-from gslcosim.cli.arguments import Command
-from gslcosim.cli.live_viewer import add_live_options, open_live_view
-from gslcosim.cli.run_paths import add_runs_dir_option
-from gslcosim.cli.scenario_arguments import add_pace_option, add_scenario_arguments, load_checked
-from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
+from gslcosim.base.errors import ExitCode, UsageError
+from gslcosim.cli.arguments import Command, add_pace_option, add_runs_dir_option, add_scenario_arguments, load_checked
+from gslcosim.cli.commands.view import add_live_options, open_live_view
+from gslcosim.cli.terminal import add_json_option, finish_output, write, write_json, write_note
 
 if TYPE_CHECKING:
     from gslcosim.bus.interface import Certificate
@@ -19,8 +19,52 @@ if TYPE_CHECKING:
     from gslcosim.runtime.processes.fork_client import ForkServer
     from gslcosim.runtime.status import RunStatus
 
+VALIDATE_EXAMPLES = """  gslcosim validate my_scenario.yaml
+  gslcosim validate warehouse_empty --set wind.cell_m=0.1
+  gslcosim validate my_scenario.yaml --resolved > complete.yaml"""
+
+
+def _add_validate_arguments(parser: argparse.ArgumentParser) -> None:
+    add_scenario_arguments(parser)
+    parser.add_argument(
+        "--resolved", action="store_true", help="print the scenario with all defaults and changes filled in"
+    )
+    add_json_option(parser)
+
+
+def _run_validate(arguments: argparse.Namespace) -> int:
+    from gslcosim.scenario import dump_resolved
+    from gslcosim.scenario.problems import InvalidScenarioError
+    from gslcosim.scenario.serialization import plain_values
+
+    try:
+        loaded = load_checked(arguments)
+    except InvalidScenarioError as error:
+        if not arguments.json:
+            raise
+        write_json({"valid": False, "problems": [located.as_fields() for located in error.problems]})
+        return ExitCode.USAGE
+    if arguments.json:
+        write_json({"valid": True, "problems": [], "scenario": plain_values(loaded.scenario)})
+    elif arguments.resolved:
+        write(dump_resolved(loaded.scenario).rstrip("\n"))
+    else:
+        agents = ", ".join(agent.name for agent in loaded.scenario.agents)
+        write(f"{arguments.scenario}: valid. Scenario {loaded.name}, seed {loaded.scenario.seed}, agents: {agents}.")
+    return 0
+
+
+VALIDATE = Command(
+    name="validate",
+    summary="check a scenario and tell all its problems at once",
+    examples=VALIDATE_EXAMPLES,
+    add_arguments=_add_validate_arguments,
+    run=_run_validate,
+)
+
+
 Report = Callable[["RunStatus"], None]
-EXAMPLES = """  gslcosim up warehouse_empty
+UP_EXAMPLES = """  gslcosim up warehouse_empty
   gslcosim up my_scenario.yaml --seed 8 --set agents[0].vehicle.hold_s=1
   gslcosim up warehouse_empty --processes grouped
   gslcosim up warehouse_empty --live
@@ -29,7 +73,7 @@ EXAMPLES = """  gslcosim up warehouse_empty
   gslcosim up warehouse_empty --in-process --json | jq .real_time_factor"""
 
 
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
+def _add_up_arguments(parser: argparse.ArgumentParser) -> None:
     add_scenario_arguments(parser)
     parser.add_argument(
         "--processes",
@@ -110,7 +154,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_json_option(parser)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def _run_up(arguments: argparse.Namespace) -> int:
     if arguments.warm:
         from gslcosim.runtime.processes.daemon_client import run_on_daemon
 
@@ -207,10 +251,61 @@ def _certificate(arguments: argparse.Namespace) -> "Certificate | None":
     )
 
 
-COMMAND = Command(
+UP = Command(
     name="up",
     summary="fly a scenario: start world, fields, sensing, referee, recorder and the agents, and tell how it went",
-    examples=EXAMPLES,
-    add_arguments=_add_arguments,
-    run=_run,
+    examples=UP_EXAMPLES,
+    add_arguments=_add_up_arguments,
+    run=_run_up,
+)
+
+
+SERVE_EXAMPLES = """  gslcosim serve                   in one shell, until Ctrl-C
+  gslcosim up warehouse_empty --warm   in others, as often as wanted"""
+
+
+def _add_serve_arguments(parser: argparse.ArgumentParser) -> None:
+    # Titles of forks are written over the command line that the server was started with.
+    parser.add_argument("--room-for-titles", default="", help=argparse.SUPPRESS)
+
+
+def _run_serve(arguments: argparse.Namespace) -> int:
+    if sys.platform != "linux":
+        raise UsageError("serve: expected Linux, where processes fork safely. Fly without --warm.")
+    if not arguments.room_for_titles:
+        _begin_anew()
+
+    from gslcosim.runtime.processes.daemon import serve_daemon
+
+    serve_daemon(_fly_warm, announce=_announce_server)
+    return 0
+
+
+# With one thread, also in libraries that read how many when they are loaded.
+def _begin_anew() -> None:
+    from gslcosim.base.processes import build_python_command
+    from gslcosim.runtime.processes.fork_client import SINGLE_THREAD_VARIABLES, TITLE_PADDING
+
+    command = build_python_command("-m", "gslcosim", "serve", "--room-for-titles", TITLE_PADDING)
+    finish_output()
+    os.execve(command[0], command, {**os.environ, **SINGLE_THREAD_VARIABLES})
+
+
+def _announce_server(socket: Path) -> None:
+    write(f"Flights begin from here with: gslcosim up SCENARIO --warm   (socket {socket}; Ctrl-C ends it)")
+    finish_output()
+
+
+def _fly_warm(words: Sequence[str], fork_server: "ForkServer") -> int:
+    from gslcosim.cli.main import run_command
+
+    return run_command(words, lambda arguments: run_scenario(arguments, fork_server))
+
+
+SERVE = Command(
+    name="serve",
+    summary="keep a warm server for gslcosim up --warm, which has imported and warmed up what runs share",
+    examples=SERVE_EXAMPLES,
+    add_arguments=_add_serve_arguments,
+    run=_run_serve,
 )

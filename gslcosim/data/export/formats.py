@@ -5,10 +5,9 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from gslcosim.base.errors import UsageError
-from gslcosim.data.export.ros_bags import write_mcap, write_rosbag2
-from gslcosim.data.export.ros_topics import iterate_messages
+from gslcosim.data.export.ros_topics import iterate_messages, write_mcap, write_rosbag2
 from gslcosim.data.export.ros_types import ros_types
-from gslcosim.data.export.table_files import write_tables
+from gslcosim.data.export.tables import write_tables
 from gslcosim.data.run import RunData
 
 ExtractFormat = Literal["parquet", "csv", "mcap", "rosbag2"]

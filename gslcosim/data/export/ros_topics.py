@@ -1,25 +1,26 @@
-"""ROS 2 topics of a run: poses, instruments, the map, markers, gas and wind, as messages by time."""
+"""ROS 2 topics of a run as messages by time, and bag files of them: one MCAP, or a folder of rosbag2."""
 
 import heapq
 import io
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from PIL import Image
 
+from gslcosim.base.errors import UsageError
 from gslcosim.base.frames import quaternion_from_rotation, rotation_from_rpy, world_from_body_rotation
 from gslcosim.data.export import ros_types
-from gslcosim.data.export.ros_types import ANEMOMETER, GAS_SENSOR, MAP_FRAME, RosTypes, Vector
-from gslcosim.data.export.stream_tables import safe_name
+from gslcosim.data.export.ros_types import ANEMOMETER, GAS_SENSOR, MAP_FRAME, REMEDY, RosTypes, Vector
+from gslcosim.data.export.tables import safe_name
 from gslcosim.data.run import RunData
 from gslcosim.data.streams import RecordedPictures, RecordedSeries, RecordedShapes, RecordedTrack
 from gslcosim.environment.model import Cell
-from gslcosim.scenario.models.onboard_sensors import LidarSensorSpec
-from gslcosim.scenario.models.sensor_base import ReachingSensorSpec, SensorSpec, TurnedSensorSpec
+from gslcosim.scenario.models.sensors import LidarSensorSpec, ReachingSensorSpec, SensorSpec, TurnedSensorSpec
 
 Stamped = tuple[int, str, Any]
 # Where local coordinates are on the earth: the corner (0, 0, 0) of the world is at latitude 0 and longitude 0.
@@ -546,3 +547,72 @@ def _marker(
         mesh_file=types.make("visualization_msgs/msg/MeshFile", filename="", data=nothing),
         mesh_use_embedded_materials=False,
     )
+
+
+# Rosbag2's own number for what bags of Humble and later look like.
+_BAG_VERSION = 9
+_TELL_EVERY = 2000
+Progress = Callable[[int], None]
+
+
+def write_mcap(messages: Iterable[TimedMessage], path: Path, types: RosTypes, progress: Progress) -> None:
+    """Write messages into one MCAP file with the profile `ros2`, which Foxglove and `ros2 bag` read.
+
+    Args:
+        messages: By time.
+        path: The file.
+        types: Of the messages.
+        progress: Receives how many have been written, now and then.
+
+    Raises:
+        UsageError: the extra `ros` is not installed.
+        OSError: the machine refuses.
+    """
+    try:
+        from mcap.writer import Writer
+    except ImportError as error:
+        raise UsageError(f"mcap: expected the package, found none. Install it with: {REMEDY}") from error
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2", library="gslcosim")
+        schemas: dict[str, int] = {}
+        channels: dict[str, int] = {}
+        for i, each in enumerate(messages):
+            kind = each.message.__msgtype__
+            if kind not in schemas:
+                text = types.definition(kind).encode()
+                schemas[kind] = writer.register_schema(name=kind, encoding="ros2msg", data=text)
+            if each.topic not in channels:
+                channels[each.topic] = writer.register_channel(
+                    topic=each.topic, message_encoding="cdr", schema_id=schemas[kind]
+                )
+            data = types.to_cdr(each.message)
+            writer.add_message(channels[each.topic], each.time_ns, data, publish_time=each.time_ns, sequence=i)
+            if i % _TELL_EVERY == 0:
+                progress(i)
+        writer.finish()
+
+
+def write_rosbag2(messages: Iterable[TimedMessage], folder: Path, types: RosTypes, progress: Progress) -> None:
+    """Write messages into a folder of rosbag2, with SQLite and `metadata.yaml`, which `ros2 bag play` reads.
+
+    Args:
+        messages: By time.
+        folder: The bag; it must not exist.
+        types: Of the messages.
+        progress: Receives how many have been written, now and then.
+
+    Raises:
+        OSError: the machine refuses.
+    """
+    from rosbags.rosbag2 import Writer
+
+    with Writer(folder, version=_BAG_VERSION) as bag:
+        connections = {}
+        for i, each in enumerate(messages):
+            if each.topic not in connections:
+                kind = each.message.__msgtype__
+                connections[each.topic] = bag.add_connection(each.topic, kind, typestore=types.store)
+            bag.write(connections[each.topic], each.time_ns, types.to_cdr(each.message))
+            if i % _TELL_EVERY == 0:
+                progress(i)

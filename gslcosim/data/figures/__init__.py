@@ -4,11 +4,30 @@
 are the same for the same data. Needs the extra `plot`.
 """
 
-from gslcosim.data.figures.plans import gas_on_plan, ground_track, plan, success_by_start, swarm_tracks, tracks_of_runs
-from gslcosim.data.figures.run_figures import draw_run, draw_runs, write_figures_of_several, write_run_figures
-from gslcosim.data.figures.sections import belief, gas_section, track_3d, wind_section
+from gslcosim.data.figures.plans import (
+    belief,
+    gas_on_plan,
+    gas_section,
+    ground_track,
+    plan,
+    success_by_start,
+    swarm_tracks,
+    track_3d,
+    tracks_of_runs,
+    wind_section,
+)
+from gslcosim.data.figures.run_figures import (
+    belief_quality,
+    distance,
+    distance_bundle,
+    draw_run,
+    draw_runs,
+    sensor_response,
+    true_gas,
+    write_figures_of_several,
+    write_run_figures,
+)
 from gslcosim.data.figures.style import new_figure, read_svg_points, save, styled
-from gslcosim.data.figures.time_series import belief_quality, distance, distance_bundle, sensor_response, true_gas
 
 __all__ = [
     "belief", "belief_quality", "distance", "distance_bundle", "draw_run", "draw_runs", "gas_on_plan", "gas_section",

@@ -1,17 +1,20 @@
-"""Figures seen from above: plan, gas, tracks, waypoints and events."""
+"""Figures in space: plans from above, sections through wind and gas, tracks, and beliefs."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.data.figures.style import (
+    BELIEF_MAP,
     BELOW,
+    FAINT,
     INK,
     OKABE_ITO,
     SOLID,
     SOURCE,
+    SPEED_MAP,
     gas_map,
     get_line_style,
     part_of_matplotlib,
@@ -246,3 +249,193 @@ def _rgba(cells: NDArray[np.bool_], color: str) -> NDArray[np.float64]:
     rgba = np.zeros((*cells.T.shape, 4))
     rgba[cells.T] = colors.to_rgba(color)
     return rgba
+
+
+_ARROWS_PER_SIDE = 18
+_DECADES = 3
+
+
+def wind_section(axes: Any, run: RunData, *, normal: Literal["y", "z"] = "z", time_s: float = 0.0) -> Any:
+    """Draw speed and direction of the wind in a plane through the first source.
+
+    Args:
+        axes: Where to draw.
+        run: The run.
+        normal: `z`: the layer at search height; `y`: the vertical plane along x.
+        time_s: When [s].
+
+    Returns:
+        What a colour bar of the speed [m/s] is made of.
+    """
+    grid, wind_m_s = run.environment.grid, run.wind_m_s(time_s)
+    axis = {"y": 1, "z": 2}[normal]
+    at_m = run.scenario.slice_height_m if normal == "z" else run.scenario.gas.sources[0].position_m[1]
+    i = _index(run, axis, at_m)
+    plane = np.take(wind_m_s, i, axis=axis).astype(np.float64)
+    solid = np.take(run.environment.occupancy, i, axis=axis) == Cell.SOLID
+    across = 1 if normal == "z" else 2
+    speed = np.ma.array(np.linalg.norm(plane, axis=-1), mask=solid)
+    extent = (grid.origin_m[0], grid.max_m[0], grid.origin_m[across], grid.max_m[across])
+    top = float(np.percentile(np.linalg.norm(wind_m_s, axis=-1), 99.5))
+    image = axes.imshow(speed.T, origin="lower", extent=extent, cmap=SPEED_MAP, vmin=0, vmax=2.2 * max(top, 1e-9),
+                        interpolation="none", zorder=0)  # fmt: skip
+    _solid_cells(axes, solid, extent)
+    step = max(1, max(plane.shape[:2]) // _ARROWS_PER_SIDE)
+    u, v = plane[step // 2 :: step, step // 2 :: step, 0], plane[step // 2 :: step, step // 2 :: step, across]
+    is_air = ~solid[step // 2 :: step, step // 2 :: step]
+    x, y = (grid.axis_centres_m(k)[step // 2 :: step] for k in (0, across))
+    xx, yy = np.meshgrid(x, y, indexing="ij")
+    # Jets at inlets are few, and would make all other arrows dots.
+    usual = max(float(np.percentile(np.hypot(u, v)[is_air], 80)) if is_air.any() else 0.0, 1e-9)
+    shorten = np.minimum(1.0, 1.5 * usual / np.maximum(np.hypot(u, v), 1e-12))
+    axes.quiver(xx[is_air], yy[is_air], (u * shorten)[is_air], (v * shorten)[is_air], color=OKABE_ITO[0], pivot="mid",
+                angles="xy", scale_units="xy", scale=usual / (0.9 * step * grid.cell_m), width=0.0045, zorder=2,
+                gid="wind")  # fmt: skip
+    x_m, y_m, z_m = run.scenario.gas.sources[0].position_m
+    axes.plot([x_m], [y_m if normal == "z" else z_m], ls="", marker="*", ms=8, color=SOURCE, mec="white", mew=0.5,
+              zorder=3, label="source")  # fmt: skip
+    axes.set(xlabel="x [m]", ylabel="y [m]" if normal == "z" else "z [m]", xlim=extent[:2], ylim=extent[2:])
+    axes.set_aspect("equal")
+    axes.set_title(f"{'z' if normal == 'z' else 'y'} = {at_m:g} m, {time_s:g} s", loc="left")
+    return image
+
+
+def gas_section(axes: Any, run: RunData, *, time_s: float | None = None) -> Any:
+    """Draw the gas in the vertical plane along x through the first source, from the recorded filaments.
+
+    A filament of standard deviation sigma is a Gaussian puff whose mixing ratio at the centre is ppm0 (sigma0/sigma)^3
+    (Farrell et al. 2002), as in `gslcosim_services.fields`; what lies behind walls is drawn as if they were not there.
+
+    Args:
+        axes: Where to draw.
+        run: A run whose gas is of filaments.
+        time_s: When [s]; by default the last snapshot.
+
+    Returns:
+        What a colour bar [ppm] is made of; None where there are no filaments.
+    """
+    filaments = run.filaments
+    if not len(filaments.tick):
+        return None
+    end_s = float(filaments.time_s[-1])
+    k = max(int(np.searchsorted(filaments.time_s, (end_s if time_s is None else time_s) + 1e-9, side="right")) - 1, 0)
+    source, grid = run.scenario.gas.sources[0], run.environment.grid
+    y_m = source.position_m[1]
+    x, z = grid.axis_centres_m(0), grid.axis_centres_m(2)
+    ppm = _puffs_ppm(*filaments.snapshot(k), source.ppm, source.sigma_m, x, z, y_m)
+    solid = np.take(run.environment.occupancy, _index(run, 1, y_m), axis=1) == Cell.SOLID
+    extent = (grid.origin_m[0], grid.max_m[0], grid.origin_m[2], grid.max_m[2])
+    colors = part_of_matplotlib("colors")
+    image = axes.imshow(
+        np.ma.masked_less(ppm, source.ppm / 10**_DECADES).T, origin="lower", extent=extent, cmap=gas_map(),
+        norm=colors.LogNorm(source.ppm / 10**_DECADES, source.ppm), interpolation="none", zorder=0,
+    )  # fmt: skip
+    _solid_cells(axes, solid, extent)
+    axes.plot([source.position_m[0]], [source.position_m[2]], ls="", marker="*", ms=8, color=SOURCE, mec="white",
+              mew=0.5, zorder=3, label="source")  # fmt: skip
+    axes.set(xlabel="x [m]", ylabel="z [m]", xlim=extent[:2], ylim=extent[2:])
+    axes.set_aspect("equal")
+    axes.set_title(f"y = {y_m:g} m, {filaments.time_s[k]:g} s", loc="left")
+    return image
+
+
+def track_3d(axes: Any, run: RunData) -> None:
+    """Draw the tracks in space, with their shadows on the floor; `axes` are of `projection="3d"`."""
+    grid = run.environment.grid
+    for i, agent in enumerate(run.agents):
+        x, y, z = run.tracks[agent].position_world_m.T
+        label = "track" if len(run.agents) == 1 else safe_text(agent)
+        axes.plot(
+            x,
+            y,
+            np.full_like(z, grid.origin_m[2]),
+            color=FAINT,
+            lw=0.6,
+            label="shadow on the floor" if i == 0 else "_",
+        )
+        axes.plot(x, y, z, **get_line_style(i), label=label, gid=f"track_3d/{agent}")
+        axes.plot(x[:1], y[:1], z[:1], ls="", marker="s", ms=4, color="white", mec=INK, mew=0.7,
+                  label="start" if i == 0 else "_")  # fmt: skip
+    for i, source in enumerate(run.scenario.gas.sources):
+        x_m, y_m, z_m = source.position_m
+        axes.plot([x_m], [y_m], [z_m], ls="", marker="*", ms=8, color=SOURCE, mec="white", mew=0.5,
+                  label="source" if i == 0 else "_")  # fmt: skip
+        axes.plot([x_m, x_m], [y_m, y_m], [grid.origin_m[2], z_m], color=SOURCE, lw=0.5)
+    _boxes(axes, run)
+    axes.set(
+        xlim=(grid.origin_m[0], grid.max_m[0]), ylim=(grid.origin_m[1], grid.max_m[1]),
+        zlim=(grid.origin_m[2], grid.max_m[2]), xlabel="x [m]", ylabel="y [m]", zlabel="z [m]",
+    )  # fmt: skip
+    axes.locator_params(nbins=4)
+    axes.set_box_aspect(np.subtract(grid.max_m, grid.origin_m), zoom=0.82)
+
+
+def belief(axes: Any, run: RunData, agent: str, i: int, *, most: float | None = None) -> Any:
+    """Draw an agent's i-th belief over the plan, and where the agent was.
+
+    Args:
+        axes: Where to draw.
+        run: The run.
+        agent: Whose belief.
+        i: Which of its beliefs.
+        most: The probability of a cell that is darkest; by default the belief's greatest. Colours go with the square
+            root, as in the recording.
+
+    Returns:
+        What a colour bar of the probability is made of.
+    """
+    beliefs = run.beliefs[agent]
+    one, p = beliefs.belief[i], beliefs.in_plane(i)
+    (x0, y0, _), d, (nx, ny) = one.origin_m, one.cell_m, p.shape
+    norm = part_of_matplotlib("colors").PowerNorm(0.5, vmin=0, vmax=most or p.max())
+    image = axes.imshow(p.T, origin="lower", extent=(x0, x0 + nx * d, y0, y0 + ny * d), cmap=BELIEF_MAP, norm=norm,
+                        interpolation="none", zorder=0.5)  # fmt: skip
+    plan(axes, run)
+    track = run.tracks[agent]
+    passed = track.tick <= beliefs.tick[i]
+    x, y, _ = track.position_world_m[passed].T
+    axes.plot(x, y, color=OKABE_ITO[1], lw=0.9, zorder=4, gid=f"belief_track/{agent}/{i}", label="track so far")
+    axes.plot(x[-1:], y[-1:], ls="", marker="o", ms=3.5, color=OKABE_ITO[1], mec=INK, mew=0.6, zorder=5)
+    for source in run.scenario.gas.sources:
+        axes.plot(*source.position_m[:2], ls="", marker="*", ms=7, color=SOURCE, mec="white", mew=0.5, zorder=6)
+    axes.set_title(f"{beliefs.time_s[i]:.0f} s", loc="left")
+    return image
+
+
+def _index(run: RunData, axis: int, at_m: float) -> int:
+    grid = run.environment.grid
+    return min(max(int((at_m - grid.origin_m[axis]) / grid.cell_m), 0), grid.shape[axis] - 1)
+
+
+def _puffs_ppm(
+    centres_m: NDArray[np.float64], sigmas_m: NDArray[np.float64], ppm0: float, sigma0_m: float,
+    x_m: NDArray[np.float64], z_m: NDArray[np.float64], y_m: float,
+) -> NDArray[np.float64]:  # fmt: skip
+    ppm = np.zeros((len(x_m), len(z_m)))
+    for (x, y, z), sigma in zip(centres_m, sigmas_m, strict=True):
+        if abs(y - y_m) > 4 * sigma:
+            continue
+        i0, i1 = np.searchsorted(x_m, (x - 4 * sigma, x + 4 * sigma))
+        k0, k1 = np.searchsorted(z_m, (z - 4 * sigma, z + 4 * sigma))
+        squared = (x_m[i0:i1, None] - x) ** 2 + (y_m - y) ** 2 + (z_m[None, k0:k1] - z) ** 2
+        ppm[i0:i1, k0:k1] += ppm0 * (sigma0_m / sigma) ** 3 * np.exp(-squared / (2 * sigma**2))
+    return ppm
+
+
+def _solid_cells(axes: Any, solid: NDArray[np.bool_], extent: tuple[float, float, float, float]) -> None:
+    if solid.any():
+        colors = part_of_matplotlib("colors")
+        axes.imshow(np.ma.masked_equal(solid.T, 0), origin="lower", extent=extent, interpolation="none", zorder=1,
+                    cmap=colors.ListedColormap([SOLID]))  # fmt: skip
+
+
+# As outlines: solid boxes would hide what is behind them.
+def _boxes(axes: Any, run: RunData) -> None:
+    for box in run.environment.boxes:
+        if box.kind != "obstacle":
+            continue
+        (x0, y0, z0), (x1, y1, z1) = box.min_m, box.max_m
+        for z in (z0, z1):
+            axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], [z] * 5, color=SOLID, lw=0.4, alpha=0.45)
+        for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1)):
+            axes.plot([x, x], [y, y], [z0, z1], color=SOLID, lw=0.4, alpha=0.45)

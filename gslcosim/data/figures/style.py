@@ -12,9 +12,8 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.base.errors import UsageError
+from gslcosim.base.errors import UsageError, build_machine_error, find_remedy
 from gslcosim.base.files import replace_file
-from gslcosim.base.os_errors import build_machine_error, find_remedy
 
 _SVG = "{http://www.w3.org/2000/svg}"
 _LIMITS = re.compile(r"limits (\S+) (\S+) (\S+) (\S+)")

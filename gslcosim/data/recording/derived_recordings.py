@@ -20,15 +20,14 @@ from gslcosim.data.recording.reader import read_chunks
 from gslcosim.environment.model import Environment
 from gslcosim.scenario import Scenario
 from gslcosim_services.recorder import colors, entities
-from gslcosim_services.recorder.blueprint import default_blueprint
+from gslcosim_services.recorder.blueprint import default_blueprint, legend_text, title
 from gslcosim_services.recorder.colors import GasScale
 from gslcosim_services.recorder.entities import build_entities, list_gas_names
 from gslcosim_services.recorder.recording_file import TICK_TIMELINE, TIME_TIMELINE, RecordingFile
 from gslcosim_services.recorder.rows.agents import AgentRows
-from gslcosim_services.recorder.rows.wind import WindLayer
+from gslcosim_services.recorder.rows.events import WindLayer
 from gslcosim_services.recorder.run_recording import FIRST_GAS
 from gslcosim_services.recorder.scene import draw_map, draw_room, draw_sources
-from gslcosim_services.recorder.summary import legend_text, title
 
 
 def record_from_tick(

@@ -17,8 +17,7 @@ from gslcosim.base.errors import RecordingError
 from gslcosim_services.recorder import colors
 from gslcosim_services.recorder.colors import GasScale
 from gslcosim_services.recorder.recording_file import APPLICATION_ID, TICK_TIMELINE
-from gslcosim_services.recorder.repair import has_footer
-from gslcosim_services.recorder.rerun_cli import rerun_path
+from gslcosim_services.recorder.rerun_cli import has_footer, rerun_path
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Literal
 
-from gslcosim.base.command_lines import build_parent_death_prefix
 from gslcosim.base.errors import RecordingError
-from gslcosim.base.scratch import ScratchFolder
+from gslcosim.base.files import ScratchFolder
+from gslcosim.base.processes import build_parent_death_prefix
 from gslcosim_services.recorder.rerun_cli import rerun_environment, rerun_path, rerun_program
 
 # Drawing without a graphics card took 6 s on two busy cores; a minute of simulated time more adds little.

@@ -2,23 +2,132 @@
 
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
+from pyevtk.hl import imageToVTK
+from pyevtk.vtk import VtkGroup
 
 from gslcosim.base.errors import EnvironmentDataError
-from gslcosim.environment.formats.gaden_grid import OCCUPANCY_FILE, format_occupancy, format_rows
-from gslcosim.environment.formats.gsl_bench import GRID_SUFFIX, HEAD_SUFFIX, OCCUPANCY_DIR, WIND_DIR
-from gslcosim.environment.formats.mjcf import build_mjcf
-from gslcosim.environment.formats.stl import build_stl
-from gslcosim.environment.formats.vtk import write_vtk
-from gslcosim.environment.formats.wind_arrays import BINARY_MARK, cells_in_order
-from gslcosim.environment.model import Cell, Environment
+from gslcosim.environment.formats.data_files import (
+    BINARY_MARK,
+    OCCUPANCY_FILE,
+    cells_in_order,
+    format_occupancy,
+    format_rows,
+)
+from gslcosim.environment.formats.environment_folders import GRID_SUFFIX, HEAD_SUFFIX, OCCUPANCY_DIR, WIND_DIR
+from gslcosim.environment.model import Box, Cell, Environment
 from gslcosim.environment.store import SCENE_FILE
+
+
+def build_mjcf(environment: Environment) -> str:
+    """Return the MJCF of a room: one box geom or light of the same name for each of its boxes and lights."""
+    root = ElementTree.Element("mujoco", model=environment.name)
+    world = ElementTree.SubElement(root, "worldbody")
+    for light in environment.lights:
+        ElementTree.SubElement(world, "light", {"name": light.name, "pos": _text(light.position_m), "dir": "0 0 -1"})
+    for box in environment.boxes:
+        ElementTree.SubElement(world, "geom", _geom_of(box))
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _geom_of(box: Box) -> dict[str, str]:
+    corners = list(zip(box.min_m, box.max_m, strict=True))
+    return {
+        "name": box.name,
+        "type": "box",
+        "pos": _text((low + high) / 2 for low, high in corners),
+        "size": _text((high - low) / 2 for low, high in corners),
+        "rgba": _text(box.rgba),
+    }
+
+
+def _text(numbers: Iterable[float]) -> str:
+    return " ".join(f"{number:.9g}" for number in numbers)
+
+
+# Corners 0 to 7 are x, y, z low or high, in binary; triangles turn left seen from outside.
+_BOX_FACES = np.array(
+    [
+        face
+        for a, b, c, d in ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+        for face in ((a, b, c), (a, c, d))
+    ]
+)
+
+
+def build_stl(environment: Environment) -> bytes:
+    """Return an environment as STL text in metres, z upwards: one solid with its name for each element.
+
+    Elements are the boxes, the walls that close the room included; where there are meshes, they stand for the
+    obstacles, and the boxes made from them are left out. Openings are closed.
+    """
+    return b"".join(_solid(name, corners_m) for name, corners_m in _elements(environment))
+
+
+def _elements(environment: Environment) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    for box in environment.boxes:
+        if not environment.meshes or box.kind != "obstacle":
+            yield box.name, _corners_of(box)[_BOX_FACES]
+    for mesh in environment.meshes:
+        yield mesh.name, mesh.vertices_m.astype(np.float64)[mesh.faces]
+
+
+def _corners_of(box: Box) -> NDArray[np.float64]:
+    ends = np.array((box.min_m, box.max_m))
+    return np.array([(ends[i, 0], ends[j, 1], ends[k, 2]) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+
+
+def _solid(name: str, corners_m: NDArray[np.float64]) -> bytes:
+    normals = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals /= np.where(lengths > 0, lengths, 1.0)
+    values = np.concatenate((normals, corners_m.reshape(-1, 9)), axis=1)
+    facet = "facet normal %.6g %.6g %.6g\nouter loop\n" + 3 * "vertex %.9g %.9g %.9g\n" + "endloop\nendfacet\n"
+    label = " ".join(name.split())
+    return (
+        f"solid {label}\n" + "".join(facet % tuple(row) for row in values.tolist()) + f"endsolid {label}\n"
+    ).encode()
+
+
+def write_vtk(environment: Environment, folder: Path, name: str) -> tuple[Path, ...]:
+    """Write `<name>_i.vti` for each frame of wind, and `<name>.pvd`, which has them in time.
+
+    Each file holds, for every cell: `wind` [m/s], `speed` [m/s], and `occupancy` as in `Cell`.
+
+    Args:
+        environment: What to write.
+        folder: Where; it is there.
+        name: What the files' names begin with.
+
+    Returns:
+        The files, the series last.
+    """
+    series = VtkGroup(str(folder / name))
+    files: list[Path] = []
+    for i, velocity_m_s in enumerate(environment.wind.velocity_m_s):
+        files.append(Path(_write_frame(environment, velocity_m_s, folder / f"{name}_{i}")))
+        series.addFile(filepath=str(files[-1]), sim_time=i * environment.wind.period_s)
+    series.save()
+    return (*files, folder / f"{name}.pvd")
+
+
+def _write_frame(environment: Environment, velocity_m_s: NDArray[np.float32], path: Path) -> str:
+    cell_data = {
+        "wind": tuple(np.ascontiguousarray(velocity_m_s[..., axis]) for axis in range(3)),
+        "speed": np.linalg.norm(velocity_m_s, axis=-1),
+        "occupancy": np.ascontiguousarray(environment.occupancy),
+    }
+    grid = environment.grid
+    return imageToVTK(str(path), origin=grid.origin_m, spacing=(grid.cell_m,) * 3, cellData=cell_data)
+
 
 Format = Literal["gaden", "gsl_bench", "vtk", "stl", "openfoam_points", "mjcf"]
 GadenWind = Literal["components", "components_text", "points", "iterations"]

@@ -4,8 +4,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gslcosim.environment.generation.batch import GenerationJob, GenerationResult, build_jobs, generate_many
-    from gslcosim.environment.generation.builder import generate_environment, save_with_scene_and_picture
+    from gslcosim.environment.generation.builder import (
+        GenerationJob,
+        GenerationResult,
+        build_jobs,
+        generate_environment,
+        generate_many,
+        save_with_scene_and_picture,
+    )
     from gslcosim.environment.generation.cache import find_environment, prepare_environment
     from gslcosim.environment.generation.wind import Progress
 
@@ -22,13 +28,13 @@ __all__ = [
 ]
 
 _HOMES = {
-    "GenerationJob": "batch",
-    "GenerationResult": "batch",
+    "GenerationJob": "builder",
+    "GenerationResult": "builder",
     "Progress": "wind",
-    "build_jobs": "batch",
+    "build_jobs": "builder",
     "find_environment": "cache",
     "generate_environment": "builder",
-    "generate_many": "batch",
+    "generate_many": "builder",
     "prepare_environment": "cache",
     "save_with_scene_and_picture": "builder",
 }

@@ -1,21 +1,130 @@
-"""Cache of environments: made from a scenario once, and found again by what they were made from."""
+"""Cache of environments: made from a scenario once, and found again by a hash of all that they are made from."""
 
+import hashlib
+import json
 import logging
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from dataclasses import replace
+from importlib import import_module
+from importlib.metadata import packages_distributions, version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from gslcosim.base.code_identity import hash_code, list_package_files
 from gslcosim.base.disk_cache import keep_within_limit, mark_used
-from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.base.errors import EnvironmentDataError, build_machine_error
 from gslcosim.base.kernel_cache import get_cache_root
-from gslcosim.base.os_errors import build_machine_error
-from gslcosim.environment.generation.recipe_hash import recipe_hash
-from gslcosim.environment.model import Environment
-from gslcosim.environment.store import load_environment
-from gslcosim.scenario.models.scenario import Scenario
+from gslcosim.environment.model import Environment, EnvironmentVariant
+from gslcosim.environment.store import FORMAT, load_environment
+from gslcosim.environment.variants import find_variants, scenario_in_variant
+from gslcosim.scenario.models.scenario import EnvironmentSpec, Scenario, SolverSpec
+from gslcosim.scenario.models.wind import SOLVING, WindSpec
 
 if TYPE_CHECKING:
     from gslcosim.environment.generation.wind import Progress
+
+# What a wind that is not solved does not depend on.
+_OF_SOLVING = {key for key, solvers in WindSpec.belongs.items() if set(solvers) <= set(SOLVING)}
+_BLOCK = 1 << 20
+
+
+def recipe_hash(environment: EnvironmentSpec, wind: SolverSpec, *, scenario_dir: Path | None = None) -> str:
+    """Return 32 hexadecimal digits of all that decides what a generated environment will hold.
+
+    That is layout, wind, the code that makes rooms and solves the wind, the packages that compile it, and the content
+    of all files that are read.
+
+    Args:
+        environment: What the scenario says of its environment; any but a `path`.
+        wind: And of its wind.
+        scenario_dir: What relative paths are relative to.
+    """
+    digest = hashlib.blake2b(json.dumps(recipe(environment, wind), sort_keys=True).encode(), digest_size=16)
+    digest.update(hash_code(sources(environment, wind)).encode())
+    if not isinstance(wind, WindSpec):
+        digest.update(_package_hash(type(wind)).encode())
+    for path in _files_read(environment, wind, scenario_dir):
+        digest.update(path.name.encode())
+        _update_with(digest, path)
+    return digest.hexdigest()
+
+
+def recipe(environment: EnvironmentSpec, wind: SolverSpec) -> dict[str, Any]:
+    """Return what an environment is made from as plain values."""
+    is_own = isinstance(wind, WindSpec)
+    wind_values = wind.model_dump(mode="json", exclude=_OF_SOLVING if is_own and not wind.solves else None)
+    if wind.solver == "auto" and environment.folder_key is None:
+        wind_values["solver"] = "built_in"
+    packages = {name: version(name) for name in ("numpy", "numba")} if wind.solves or not is_own else {}
+    made_from = environment.model_dump(mode="json", exclude_none=True, exclude={"doors"})
+    # One that is open is not there.
+    doors = [door.model_dump(mode="json", exclude={"is_open"}) for door in environment.doors if not door.is_open]
+    made_from |= {"doors": doors} if doors else {}
+    return {"format": FORMAT, **made_from, "wind": wind_values, "packages": packages}
+
+
+def sources(environment: EnvironmentSpec, wind: SolverSpec) -> list[Path]:
+    """Return the code that decides what an environment holds: when it changes, environments are made again."""
+    parts = ["gslcosim/environment/*", "gslcosim/environment/layouts"]
+    if environment.geometry is not None:
+        parts.append("gslcosim/environment/geometry")
+    if environment.folder_key is not None or wind.file is not None:
+        parts.append("gslcosim/environment/formats")
+    if not isinstance(wind, WindSpec):
+        parts += ["gslcosim/flow", "gslcosim/environment/generation/wind.py"]  # a package may build on them
+    elif wind.solves:
+        parts += ["gslcosim/flow"] if wind.solver == "openfoam" else ["gslcosim/flow/*"]
+    return list_package_files(*parts)
+
+
+# All code of the package, since nobody knows what of it the wind depends on, and its version for what is compiled.
+def _package_hash(block: type[SolverSpec]) -> str:
+    name = block.__module__.partition(".")[0]
+    digest = hashlib.blake2b(digest_size=16)
+    for distribution in sorted(packages_distributions().get(name, ())):
+        digest.update(f"{distribution} {version(distribution)}\n".encode())
+    module = import_module(name)
+    folders = [Path(folder) for folder in getattr(module, "__path__", ())]
+    paths = [path for folder in folders for path in sorted(folder.rglob("*.py"))]
+    if not folders and module.__file__ is not None:
+        paths = [Path(module.__file__)]
+    for path in paths:
+        digest.update(path.name.encode())
+        _update_with(digest, path)
+    return digest.hexdigest()
+
+
+def _files_read(environment: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path | None) -> Iterator[Path]:
+    if environment.folder_key is not None:
+        from gslcosim.environment.geometry_source import find_folder
+
+        yield from _files_in(find_folder(environment, scenario_dir))
+    for file in environment.geometry.files if environment.geometry is not None else ():
+        yield (scenario_dir or Path()) / Path(file).expanduser()
+    if wind.file is not None:
+        from gslcosim.environment.geometry_source import wind_file
+
+        yield from _files_in(wind_file(wind, scenario_dir))
+
+
+# Gas frames do not decide the wind, and are by far the most of an imported folder.
+def _files_in(place: Path) -> Iterator[Path]:
+    if place.is_file():
+        yield place
+        return
+    for path in sorted(place.rglob("*")):
+        if path.is_file() and not path.name.startswith("iteration_"):
+            yield path
+
+
+def _update_with(digest: Any, path: Path) -> None:
+    with path.open("rb") as file:
+        while block := file.read(_BLOCK):
+            digest.update(block)
+
 
 _log = logging.getLogger(__name__)
 
@@ -48,7 +157,7 @@ def prepare_environment(
     """
     spec, wind = scenario.environment, scenario.wind
     if spec.path is not None:
-        from gslcosim.environment.build.geometry_source import find_folder
+        from gslcosim.environment.geometry_source import find_folder
 
         return _checked_folder(find_folder(spec, scenario_dir))
     folder = _folder_in_cache(scenario, scenario_dir, cache_dir)
@@ -107,3 +216,48 @@ def _is_usable(folder: Path) -> bool:
         _log.warning("An environment in the cache is damaged and is made anew: %s", error)
         return False
     return True
+
+
+def prepare_variants(
+    scenario: Scenario, *, scenario_dir: Path | None = None, progress: "Progress | None" = None
+) -> dict[EnvironmentVariant, Path]:
+    """Return the environment of each situation that events may bring, but the first one; made where needed.
+
+    Args:
+        scenario: Its `events`, `environment` and `wind`.
+        scenario_dir: What relative paths are relative to; the working directory if absent.
+        progress: Receives what is being done; only when there is work.
+
+    Raises:
+        GslCosimError: one cannot be made; see `prepare_environment`.
+    """
+    folders: dict[EnvironmentVariant, Path] = {}
+    for variant in find_variants(scenario)[1:]:
+        changed = scenario_in_variant(scenario, variant)
+        folders[variant] = prepare_environment(changed, scenario_dir=scenario_dir, progress=progress).resolve()
+    return folders
+
+
+def with_variants(environment: Environment, folders: Mapping[EnvironmentVariant, Path]) -> Environment:
+    """Return an environment that knows what events make of it.
+
+    Args:
+        environment: The room at the start.
+        folders: Environments by situation.
+
+    Raises:
+        EnvironmentDataError: one is of another room.
+    """
+    rooms: dict[EnvironmentVariant, Environment] = {}
+    for variant, folder in folders.items():
+        room = load_environment(folder)
+        has_moved_door = room.boxes != environment.boxes
+        if room.grid != environment.grid or not (
+            has_moved_door or np.array_equal(room.occupancy, environment.occupancy)
+        ):
+            raise EnvironmentDataError(
+                f"events: expected a room on the grid of {environment.name}, {environment.grid}, was another, "
+                f"{room.grid}. Remove the folder so that it is made anew.\nFolder: {folder}"
+            )
+        rooms[variant] = room
+    return replace(environment, later_rooms=rooms) if rooms else environment

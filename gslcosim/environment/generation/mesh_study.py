@@ -1,9 +1,12 @@
-"""Mesh study: an environment solved on several meshes, and how winds converge."""
+"""Mesh study: an environment solved on several meshes, and by OpenFOAM too, with a report."""
 
+import csv
+import json
 import math
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,17 +14,20 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.quantities import Vec3
-from gslcosim.environment.build.position_checks import find_point_problems
-from gslcosim.environment.errors import raise_if_any
-from gslcosim.environment.generation.wind import Progress, no_progress, solve_wind_of_scenario
-from gslcosim.environment.geometry_model import with_wind
-from gslcosim.environment.grid import point_text
-from gslcosim.environment.layouts.builder import build_layout
-from gslcosim.environment.model import Cell, Environment
-from gslcosim.environment.wind_kernels import trilinear_wind_at_points
-from gslcosim.scenario.models.layouts import Layout
+from gslcosim.environment.generation.builder import save_with_scene_and_picture
+from gslcosim.environment.generation.cache import recipe as plain_recipe
+from gslcosim.environment.generation.wind import Progress, build_patches, no_progress, solve_wind_of_scenario
+from gslcosim.environment.geometry_source import build_geometry
+from gslcosim.environment.grid_kernels import trilinear_wind_at_points
+from gslcosim.environment.layouts.layouts import build_layout
+from gslcosim.environment.model import Cell, Environment, WindFrames, point_text, raise_if_any, with_wind
+from gslcosim.environment.positions import find_point_problems
+from gslcosim.flow.comparison import SolverComparison, compare_solvers
+from gslcosim.flow.report import matplotlib_figure_type
+from gslcosim.scenario.loader import Recipe
+from gslcosim.scenario.models.geometry import Layout
 from gslcosim.scenario.models.scenario import EnvironmentSpec
-from gslcosim.scenario.recipes import Recipe
+from gslcosim.scenario.models.wind import WindSpec
 
 # A safety factor of three or more meshes, Roache 1994.
 SAFETY = 1.25
@@ -238,3 +244,127 @@ def _default_probes(layout: Layout, recipe: Recipe, cells_m: Sequence[float]) ->
                 probes.append((x_m, y_m, z_m))
                 break
     return tuple(probes)
+
+
+STUDY_JSON_FILE, STUDY_CSV_FILE, STUDY_PLOT_FILE = "mesh_study.json", "mesh_study.csv", "mesh_study.png"
+
+
+def build_rows(study: MeshStudy) -> list[list[str]]:
+    """Return the rows of a table, the headings first: a row for each mesh, then those of the convergence."""
+    names = [point_text(probe_m) for probe_m in study.probes_m]
+    head = ["cell [m]", "wanted", "air cells", "seconds", *(f"{name} [m/s]" for name in names), "mean [m/s]"]
+    rows = [
+        [
+            f"{run.cell_m:.4g}",
+            f"{run.wanted_cell_m:g}",
+            str(run.n_air_cells),
+            f"{run.duration_s:.1f}",
+            *(f"{speed_m_s:.4f}" for speed_m_s in (*run.probe_speeds_m_s, run.mean_speed_m_s)),
+        ]
+        for run in study.runs
+    ]
+    columns = (*study.probe_convergence, study.mean_convergence)
+    return [
+        head,
+        *rows,
+        ["observed order", "", "", "", *(_order_text(each) for each in columns)],
+        ["without cells", "", "", "", *(_text(each.extrapolated, "{:.4f}") for each in columns)],
+        ["finest within", "", "", "", *(_text(each.uncertainty_frac, "{:.1%}") for each in columns)],
+    ]
+
+
+def write_study(study: MeshStudy, folder: Path) -> list[Path]:
+    """Write a study into a folder, which is made, and return the files written."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / STUDY_JSON_FILE).write_text(json.dumps(study.as_fields(), indent=2), encoding="utf-8")
+    with (folder / STUDY_CSV_FILE).open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerows(build_rows(study))
+    written = [folder / STUDY_JSON_FILE, folder / STUDY_CSV_FILE]
+    return [*written, folder / STUDY_PLOT_FILE] if _plot(study, folder / STUDY_PLOT_FILE) else written
+
+
+def _order_text(convergence: Convergence) -> str:
+    if convergence.order is None:
+        return "none"
+    return f"{convergence.order:.2f}" + (" (oscillating)" if convergence.kind == "oscillating" else "")
+
+
+def _text(value: float | None, form: str) -> str:
+    return "-" if value is None else form.format(value)
+
+
+def _plot(study: MeshStudy, path: Path) -> bool:
+    figure_type = matplotlib_figure_type()
+    if figure_type is None:
+        return False
+    figure = figure_type(figsize=(8, 5), layout="constrained")
+    axes = figure.subplots()
+    cells_m = [run.cell_m for run in study.runs]
+    speeds = np.array([[*run.probe_speeds_m_s, run.mean_speed_m_s] for run in study.runs])
+    names = [*(point_text(probe_m) for probe_m in study.probes_m), "mean of the air"]
+    convergence = (*study.probe_convergence, study.mean_convergence)
+    for name, series, found in zip(names, speeds.T, convergence, strict=True):
+        (line,) = axes.plot(cells_m, series, "o-", label=name)
+        if found.extrapolated is not None:
+            axes.plot([0.0], [found.extrapolated], "x", color=line.get_color())
+    axes.set(xlabel="cell [m]", ylabel="speed [m/s]", xlim=(-0.01, None), ylim=(0.0, None))
+    axes.set_title("Winds on several meshes; crosses: extrapolated to no cells")
+    axes.legend(loc="best")
+    figure.savefig(path, dpi=120)
+    return True
+
+
+COMPARISON_FILE = "solver_comparison.json"
+# Compared where the scenario has no end of its own: what GSL-Bench takes for its wind.
+DEFAULT_END_S = 5.0
+
+
+def compare_solvers_in(recipe: Recipe, folder: Path, *, progress: Progress | None = None) -> SolverComparison:
+    """Solve a room's wind by both solvers and save both environments, and the figures, to a folder.
+
+    The folder then holds `built_in` and `openfoam`, environments with pictures from above, and
+    `solver_comparison.json`.
+
+    Args:
+        recipe: The room and its wind; without an end of its own the fields after 5 s are compared.
+        folder: Where.
+        progress: Receives what is being done and how much of it is over, from 0 to 1.
+
+    Raises:
+        UsageError: the wind changes in time.
+        ScenarioError: the room is impossible.
+        FlowError: there is no OpenFOAM, or one of both failed.
+    """
+    wind, progress = recipe.wind, progress or no_progress
+    if not isinstance(wind, WindSpec):
+        raise UsageError(f"--compare-solvers: expected one of gslcosim's own solvers, was {wind.solver}.")
+    if wind.save_every_s is not None:
+        raise UsageError("--compare-solvers: expected one wind to compare, was wind.save_every_s. Leave it out.")
+    room = build_geometry(recipe.environment, wind, scenario_dir=recipe.directory)
+    compared = compare_solvers(
+        room.occupancy != Cell.SOLID,
+        room.grid.cell_m,
+        build_patches(room, wind),
+        end_time_s=wind.end_time_s or DEFAULT_END_S,
+        average_from_s=wind.average_from_s,
+        turbulence=wind.turbulence,
+        progress=lambda done: progress("Solving the wind twice", done),
+    )
+    for solver, velocity_m_s in (("built_in", compared.built_in_m_s), ("openfoam", compared.openfoam_m_s)):
+        made_from = plain_recipe(recipe.environment, wind.model_copy(update={"solver": solver}))
+        environment = with_wind(room, WindFrames(velocity_m_s=velocity_m_s[np.newaxis]))
+        save_with_scene_and_picture(
+            environment, folder / solver, made_from=made_from, notices=room.notices, sources_m=recipe.sources_m
+        )
+    (folder / COMPARISON_FILE).write_text(json.dumps(comparison_to_json(compared), indent=2), encoding="utf-8")
+    return compared
+
+
+def comparison_to_json(compared: SolverComparison) -> dict[str, Any]:
+    """Return the figures of a comparison as plain values."""
+    return {
+        "built_in_wall_s": compared.built_in_wall_s,
+        "openfoam_wall_s": compared.openfoam_wall_s,
+        "openfoam_ranks": compared.n_ranks,
+        "agreement": asdict(compared.agreement),
+    }

@@ -14,11 +14,9 @@ from numpy.typing import NDArray
 from gslcosim import flow
 from gslcosim.base.errors import EnvironmentDataError, FlowError, ScenarioError
 from gslcosim.base.quantities import Vec3
-from gslcosim.environment.build.geometry_source import load_imported_environment, wind_file
 from gslcosim.environment.formats.wind_files import NoWindWarning, load_wind
-from gslcosim.environment.geometry_model import EnvironmentGeometry
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Cell, Opening, WindFrames
+from gslcosim.environment.geometry_source import load_imported_environment, wind_file
+from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid, Opening, WindFrames
 from gslcosim.flow.openfoam import solve_wind_openfoam
 from gslcosim.scenario.models.scenario import EnvironmentSpec
 from gslcosim.scenario.models.wind import InletScheduleSpec, SolverSpec, WindSpec

@@ -1,16 +1,40 @@
-"""Layouts: from a scenario's few numbers to named boxes, furniture, inlet and outlet."""
+"""Layouts: from a scenario's few numbers to named boxes, furniture, inlet and outlet, and to an environment."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Literal
 
 from gslcosim.base.quantities import Vec3
-from gslcosim.environment.errors import raise_if_any
-from gslcosim.environment.grid import Grid, point_text
-from gslcosim.environment.layouts.buildings import build_cluttered_rooms, build_home, build_office, l_shape_from_m
-from gslcosim.environment.layouts.outdoors import build_plant, build_wind_tunnel, log_profile, whole_face
-from gslcosim.environment.layouts.warehouses import build_items, build_racks
-from gslcosim.environment.model import Box, Light, Opening
+from gslcosim.environment.grid_kernels import build_occupancy, find_occupancy_problems
+from gslcosim.environment.layouts.families import (
+    build_cluttered_rooms,
+    build_home,
+    build_items,
+    build_office,
+    build_plant,
+    build_racks,
+    build_wind_tunnel,
+    l_shape_from_m,
+    log_profile,
+    whole_face,
+)
+from gslcosim.environment.model import (
+    LAYOUT_PATH,
+    MAX_CELLS,
+    OBSTACLE_RGBA,
+    WALL_NAMES,
+    Box,
+    EnvironmentGeometry,
+    GeometryPlan,
+    Grid,
+    Light,
+    Opening,
+    closing_boxes,
+    freeze_array,
+    point_text,
+    raise_if_any,
+)
 from gslcosim.environment.openings import (
     are_overlapping,
     default_inlet,
@@ -21,8 +45,7 @@ from gslcosim.environment.openings import (
     find_opening_problems,
     snap_to_cells,
 )
-from gslcosim.environment.plan import LAYOUT_PATH, MAX_CELLS, OBSTACLE_RGBA, WALL_NAMES, GeometryPlan, closing_boxes
-from gslcosim.scenario.models.layouts import (
+from gslcosim.scenario.models.geometry import (
     BoxSpec,
     ClutteredRoomsSpec,
     ComplexWarehouseSpec,
@@ -345,3 +368,59 @@ def _obstacle(spec: BoxSpec) -> Box:
 def _rounded_up(value: float) -> float:
     scale = 10.0 ** (math.floor(math.log10(value)) - 1)
     return math.ceil(value / scale) * scale
+
+
+# A room is asked for several times on the way to a flight, and by many cases of a family.
+_MOST_KEPT = 128
+
+
+def build_layout(layout: Layout, wind: SolverSpec) -> EnvironmentGeometry:
+    """Generate a room from its layout, without solving its wind.
+
+    Args:
+        layout: What the scenario says of the room.
+        wind: Gives the cell of the grid and the velocity at the inlet.
+
+    Raises:
+        ScenarioError: the layout is impossible; the text lists all reasons.
+    """
+    problems, room = _made(_Recipe.of(layout, wind))
+    raise_if_any(list(problems))
+    assert room is not None, "a room without problems is made"
+    return room
+
+
+def find_room_problems(layout: Layout, wind: SolverSpec) -> list[Problem]:
+    """Return all that makes a room impossible, with the places in the scenario; empty when it can be built."""
+    return list(_made(_Recipe.of(layout, wind))[0])
+
+
+@dataclass(frozen=True)
+class _Recipe:
+    text: str
+    layout: Layout = field(compare=False)
+    wind: SolverSpec = field(compare=False)
+
+    @classmethod
+    def of(cls, layout: Layout, wind: SolverSpec) -> "_Recipe":
+        return cls(f"{layout.model_dump_json()}\n{wind.model_dump_json()}", layout, wind)
+
+
+@lru_cache(_MOST_KEPT)
+def _made(recipe: _Recipe) -> tuple[tuple[Problem, ...], EnvironmentGeometry | None]:
+    layout, wind = recipe.layout, recipe.wind
+    if problems := find_layout_problems(layout, wind):
+        return tuple(problems), None
+    plan = plan_layout(layout, wind)
+    if problems := find_occupancy_problems(plan):
+        return tuple(problems), None
+    room = EnvironmentGeometry(
+        name=plan.name,
+        grid=plan.grid,
+        occupancy=freeze_array(build_occupancy(plan)),
+        boxes=plan.boxes,
+        openings=plan.openings,
+        notices=plan.notices,
+        lights=plan.lights,
+    )
+    return (), room

@@ -15,10 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.quantities import Vec3
-from gslcosim.environment.geometry_model import EnvironmentGeometry
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Box, Cell, Environment
-from gslcosim.environment.ray_kernels import is_line_of_sight_free
+from gslcosim.environment.grid_kernels import is_line_of_sight_free
+from gslcosim.environment.model import Box, Cell, Environment, EnvironmentGeometry, Grid
 
 # Lengths of steps in whole numbers, so that equal paths are equal to the bit: 2^32 to the edge of a cell.
 _ONE = 1 << 32

@@ -19,10 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.quantities import Vec3
-from gslcosim.environment.geometry_model import EnvironmentGeometry
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Cell, Environment
-from gslcosim.environment.ray_kernels import is_line_of_sight_free
+from gslcosim.environment.grid_kernels import is_line_of_sight_free
+from gslcosim.environment.model import Cell, Environment, EnvironmentGeometry, Grid
 
 
 @numba.njit(cache=True, nogil=True, inline="always")

@@ -6,8 +6,14 @@ from gslcosim.bus.interface import Bus
 from gslcosim.bus.zenoh_bus import ZenohBus
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Command, Ending, Observation
-from gslcosim.runtime.agents.session import AgentSession
-from gslcosim.runtime.agents.transport import AgentEvent, CommandReceived, CommandRefused, EventSink, ObservationOrHead
+from gslcosim.runtime.agents.session import (
+    AgentEvent,
+    AgentSession,
+    CommandReceived,
+    CommandRefused,
+    EventSink,
+    ObservationOrHead,
+)
 from gslcosim.runtime.agents.validator import MAX_COMMAND_BYTES, get_agent_participant
 from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.distributed.host import PROGRESS_PERIOD_TICKS

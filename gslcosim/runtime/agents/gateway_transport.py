@@ -4,12 +4,12 @@ import threading
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gslcosim.agent_kit.connection import AGENT_VARIABLE
+from gslcosim.agent_kit.agent import AGENT_VARIABLE
 from gslcosim.contract.messages import Briefing, Ending
 from gslcosim.gateway.connections import EventKind, Listener, PipeStream, Stream, ThreadedConnection
 from gslcosim.gateway.frame_codec import read_agent_name
 from gslcosim.runtime.agents.loader import build_start_command
-from gslcosim.runtime.agents.transport import (
+from gslcosim.runtime.agents.session import (
     AgentJoined,
     AgentLost,
     CommandReceived,

@@ -13,9 +13,9 @@ import sys
 from collections.abc import Callable, Generator
 from pathlib import Path
 
-from gslcosim.base.command_lines import build_parent_death_prefix, build_python_command
 from gslcosim.base.errors import GslCosimError
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE, PACKAGE_DIR
+from gslcosim.base.processes import build_parent_death_prefix, build_python_command
 from gslcosim.methods.card import find_card_beside
 from gslcosim.runtime.processes.sandbox.selection import choose_sandbox
 from gslcosim.scenario import Scenario
@@ -112,7 +112,7 @@ def run_agent_for_warmup(name: str) -> None:
     load_python_agent(program)
     if "numba" not in sys.modules:
         return
-    from gslcosim.base.scratch import ScratchFolder
+    from gslcosim.base.files import ScratchFolder
     from gslcosim.environment.generation import prepare_environment
     from gslcosim.environment.store import load_environment
     from gslcosim.runtime.in_process import run_in_process

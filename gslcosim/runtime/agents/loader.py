@@ -7,8 +7,8 @@ from collections.abc import Container, Sequence
 from pathlib import Path
 
 from gslcosim.agent_kit import Agent
-from gslcosim.base.command_lines import build_python_command
 from gslcosim.base.errors import UsageError
+from gslcosim.base.processes import build_python_command
 from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 

@@ -10,8 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any
 
 import gslcosim
-from gslcosim.base.errors import RunTimeoutError
-from gslcosim.base.os_errors import format_fault
+from gslcosim.base.errors import RunTimeoutError, format_fault
 from gslcosim.bus.interface import Bus
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Message, Verdict

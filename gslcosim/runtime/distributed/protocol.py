@@ -11,7 +11,7 @@ from typing_extensions import TypedDict
 from gslcosim.base.errors import ContractError
 from gslcosim.contract import keys
 from gslcosim.contract.schema import get_contract_hash
-from gslcosim.runtime.agents.transport import AgentEvent
+from gslcosim.runtime.agents.session import AgentEvent
 from gslcosim.runtime.stepper import SentMessage
 
 START_KEY = "ctl/start"

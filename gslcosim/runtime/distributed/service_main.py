@@ -9,8 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gslcosim.base.errors import ExitCode, UsageError
-from gslcosim.base.os_errors import format_fault
+from gslcosim.base.errors import ExitCode, UsageError, format_fault
 from gslcosim.bus.interface import JoinData
 from gslcosim.contract.participant import Core, Episode
 from gslcosim.runtime.dataflow import Dataflow

@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import takewhile
 
 from gslcosim.base.errors import ExitCode
-from gslcosim.base.interruption import Interruption
+from gslcosim.base.processes import Interruption
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.bus.interface import Bus
 from gslcosim.bus.zenoh_bus import ZenohBus
@@ -16,8 +16,7 @@ from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Verdict
 from gslcosim.runtime.agents.bus_transport import AgentHost, BusTransport, replay_observations
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents, describe_absence
-from gslcosim.runtime.agents.session import AgentSession, build_agent_statuses, build_session
-from gslcosim.runtime.agents.transport import AgentJoined, AgentLost
+from gslcosim.runtime.agents.session import AgentJoined, AgentLost, AgentSession, build_agent_statuses, build_session
 from gslcosim.runtime.agents.validator import get_agent_participant
 from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.distributed.outcome_collection import collect_outcome

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.base.errors import ContractError, SimulationFault
+from gslcosim.base.files import ScratchFolder
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
-from gslcosim.base.scratch import ScratchFolder
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Bounds, Ending, Message

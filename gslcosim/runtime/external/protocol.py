@@ -23,8 +23,7 @@ from gslcosim.gateway.frame_codec import MAX_FRAME_BYTES
 from gslcosim.runtime.dataflow import ONCE, find_port_problems, find_undelayed_cycle
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.participants import ParticipantProgramSpec
-from gslcosim.scenario.problems import Problem
-from gslcosim.scenario.suggestions import did_you_mean
+from gslcosim.scenario.problems import Problem, did_you_mean
 
 # Names of processes and of who is at fault in a run, beside those of services.
 _RESERVED_NAMES = ("supervisor", "runtime", "fork_server")

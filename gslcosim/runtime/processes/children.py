@@ -15,10 +15,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol, Self, cast
 
-from gslcosim.base.command_lines import build_parent_death_prefix, describe_exit
-from gslcosim.base.errors import RunFolderError, UsageError
+from gslcosim.base.errors import RESOURCE_ERRNOS, RunFolderError, UsageError, build_machine_error, format_machine_error
 from gslcosim.base.files import open_for_writing, write_all
-from gslcosim.base.os_errors import RESOURCE_ERRNOS, build_machine_error, format_machine_error
+from gslcosim.base.processes import build_parent_death_prefix, describe_exit
 from gslcosim.bus.interface import INHERITED_FILES, JOIN_VARIABLE, JoinData
 from gslcosim.runtime.processes.sandbox.launcher_client import (
     Confinement,

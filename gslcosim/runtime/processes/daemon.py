@@ -24,8 +24,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from gslcosim.base.errors import ExitCode, UsageError
-from gslcosim.base.os_errors import build_machine_error
+from gslcosim.base.errors import ExitCode, UsageError, build_machine_error
 from gslcosim.base.sockets import check_peer, read_peer_pid, short_socket_address
 from gslcosim.runtime.processes.current_process import get_user_id, keep_memory_private, set_process_title
 from gslcosim.runtime.processes.daemon_client import (
@@ -51,9 +50,9 @@ _BACKLOG = 64
 _SUPERVISOR_MODULES = (
     "gslcosim.runtime.run",
     "gslcosim.runtime.distributed.process_launch",
-    "gslcosim.environment.build.position_checks",
+    "gslcosim.environment.positions",
     "gslcosim.environment.generation.cache",
-    "gslcosim_services.sensing.method_checks",
+    "gslcosim_services.sensing.briefing",
     "rich.live",
 )
 _WARMUP_SCENARIO = "warehouse_empty"

@@ -16,9 +16,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NoReturn, Self
 
-from gslcosim.base.command_lines import build_parent_death_prefix, build_python_command, describe_exit
 from gslcosim.base.errors import SimulationFault
-from gslcosim.base.scratch import build_temporary_directory_error
+from gslcosim.base.files import build_temporary_directory_error
+from gslcosim.base.processes import build_parent_death_prefix, build_python_command, describe_exit
 from gslcosim.runtime.processes.current_process import set_process_title
 
 if TYPE_CHECKING:

@@ -20,9 +20,8 @@ from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from gslcosim.base.errors import ExitCode
+from gslcosim.base.errors import ExitCode, format_machine_error
 from gslcosim.base.files import append_bytes, open_for_writing
-from gslcosim.base.os_errors import format_machine_error
 from gslcosim.bus.interface import JoinData
 from gslcosim.runtime.processes.current_process import keep_memory_private, set_process_title
 
@@ -222,7 +221,7 @@ def import_shared_modules() -> None:
             for module in kind.preloads:
                 importlib.import_module(module)
     # The first kernel that a process calls loads numba's compiler, a fifth of a second: once here, not in each fork.
-    importlib.import_module("gslcosim.environment.ray_kernels").to_next_border(0.5, 0, 1.0)
+    importlib.import_module("gslcosim.environment.grid_kernels").to_next_border(0.5, 0, 1.0)
     # Each service states it; it is made from the descriptions of all messages.
     importlib.import_module("gslcosim.contract.schema").get_contract_hash()
 

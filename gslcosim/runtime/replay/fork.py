@@ -23,8 +23,7 @@ from gslcosim.scenario.loader import Check, resolve_values
 from gslcosim.scenario.models.scenario import Processes
 from gslcosim.scenario.overrides import apply_overrides
 from gslcosim.scenario.problems import InvalidScenarioError
-from gslcosim.scenario.serialization import plain_values
-from gslcosim.scenario.yaml_tree import read_yaml
+from gslcosim.scenario.serialization import plain_values, read_yaml
 
 
 @dataclass(frozen=True, kw_only=True)

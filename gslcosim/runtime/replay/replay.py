@@ -9,18 +9,18 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from gslcosim.base.errors import ExitCode, GslCosimError, UsageError
-from gslcosim.base.interruption import Interruption
+from gslcosim.base.processes import Interruption
 from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Briefing, Command, Ending
-from gslcosim.runtime.agents.session import build_session
-from gslcosim.runtime.agents.transport import (
+from gslcosim.runtime.agents.session import (
     AgentEvent,
     AgentLost,
     CommandReceived,
     CommandRefused,
     EventSink,
     ObservationOrHead,
+    build_session,
 )
 from gslcosim.runtime.agents.validator import RecordedCommands
 from gslcosim.runtime.digest import Divergence, find_first_divergence

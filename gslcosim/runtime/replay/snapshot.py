@@ -18,9 +18,8 @@ import msgpack  # pyright: ignore[reportMissingTypeStubs]
 
 import gslcosim
 from gslcosim.base.code_identity import COMPUTING_PACKAGES, hash_code, list_package_files
-from gslcosim.base.errors import RunFolderError, SnapshotError
+from gslcosim.base.errors import RunFolderError, SnapshotError, build_machine_error
 from gslcosim.base.files import append_bytes, replace_file
-from gslcosim.base.os_errors import build_machine_error
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import Core, SupportsSnapshots

@@ -1,10 +1,25 @@
-"""Base of all parts of a scenario: frozen, kinds of numbers and names, and rules between fields."""
+"""Base of all parts of a scenario: frozen, kinds of numbers and names, and blocks that are one of several kinds."""
 
-from typing import Annotated
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar, Self, cast
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
-from pydantic_core import PydanticCustomError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    StringConstraints,
+    ValidationError,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    model_validator,
+)
+from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
+from gslcosim.base.plugins import EntryPoints, PluginError
 from gslcosim.base.quantities import Vec3
 
 RULE = "scenario_rule"
@@ -39,3 +54,173 @@ class Spec(BaseModel):
 def format_point(numbers: Vec3) -> str:
     """Return three numbers as a scenario file has them."""
     return f"[{', '.join(f'{number:g}' for number in numbers)}]"
+
+
+# Told apart by identity: annotations are hashed.
+@dataclass(frozen=True, eq=False)
+class OneOf:
+    """Says of an annotation that its block is one of several kinds, distinguished by the key `tag_key`.
+
+    It stands in `Annotated[Base, OneOf(...)]`. A block is validated as its kind; the places of problems have the kind
+    between the block and its key, as those of pydantic's own tagged unions have.
+
+    Attributes:
+        tag_key: The key that names the kind, for example `model`.
+        base: What all blocks derive from; a package's narrows `tag_key` to its name as default.
+        own: The block of each kind that gslcosim has; several kinds may have the same.
+        offers: The kinds of other packages, where they may bring some; gslcosim's cannot be replaced.
+        default: The kind of a block that does not say it; absent: it has to.
+        part: The attribute of the offered object that is the block, beside its `name`; absent: the object is the
+            block itself.
+        unknown: What is expected in place of an unknown kind; absent: the kinds that there are.
+        form: A kind for values of `tag_key` that are blocks, and how they are written: `("file", "{file: PATH}")`.
+        descriptions: What each of gslcosim's kinds is, where several have the same block.
+    """
+
+    tag_key: str
+    base: type[Spec]
+    own: Mapping[str, type[Spec]]
+    offers: EntryPoints | None
+    default: str | None = None
+    part: str | None = None
+    unknown: str | None = None
+    form: tuple[str, str] | None = None
+    descriptions: Mapping[str, str] = field(default_factory=dict[str, str])
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all kinds, those of other packages last."""
+        written = [self.form[1] if self.form and name == self.form[0] else name for name in self.own]
+        offered = self.offers.names() if self.offers else ()
+        return (*written, *(name for name in offered if name not in self.own))
+
+    def block_of(self, kind: object) -> type[Spec] | None:
+        """Return the block of a kind, or nothing where there is no such kind.
+
+        Raises:
+            PluginError: a package offers the kind, and it cannot be used.
+        """
+        if not isinstance(kind, str):
+            return None
+        if kind in self.own:
+            return self.own[kind]
+        if self.offers is None or kind not in self.offers.names():
+            return None
+        what = f"a class for {kind!r} that derives from {self.base.__name__}"
+        if self.part is not None:
+            what = f"an object for {kind!r} whose {self.part} derive from {self.base.__name__}"
+        return self.offers.loaded(kind, lambda offered: self._block_in(offered, kind), what)
+
+    def _block_in(self, offered: object, kind: str) -> type[Spec] | None:
+        block = getattr(offered, self.part, None) if self.part is not None else offered
+        if not (isinstance(block, type) and issubclass(block, self.base)):
+            return None
+        if self.part is not None:
+            return block if getattr(offered, "name", None) == kind else None
+        return block if block.model_fields[self.tag_key].default == kind else None
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Return pydantic's schema of the annotation; pydantic calls it."""
+        return core_schema.with_info_wrap_validator_function(self._validated, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Return the JSON schema of any of gslcosim's kinds; pydantic calls it."""
+        blocks = list(dict.fromkeys(self.own.values()))
+        if not blocks:
+            return handler(schema)
+        return {"anyOf": [handler(block.__pydantic_core_schema__) for block in blocks]}
+
+    def _validated(self, value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
+        if not isinstance(value, dict):
+            return handler(value)
+        values = cast("dict[str, Any]", value)
+        kind = values.get(self.tag_key, self.default)
+        if kind is None and self.tag_key not in values:
+            raise _refused([InitErrorDetails(type="missing", loc=(self.tag_key,), input=values)])
+        if self.form is not None and isinstance(kind, dict):
+            kind = self.form[0]
+        try:
+            block = self.block_of(kind)
+        except PluginError as error:
+            rule = broken_rule_error(key=self.tag_key, expected=error.expected, found=error.found, remedy=error.remedy)
+            raise _refused([InitErrorDetails(type=rule, loc=(), input=values)]) from error
+        if block is None:
+            raise _refused([self._unknown_kind(kind, values)])
+        try:
+            # Strict as scenario files are; JSON, because strict models take its lists as tuples.
+            if info.mode == "json":
+                return block.model_validate_json(json.dumps(values), strict=True)
+            return block.model_validate(values)
+        except ValidationError as error:
+            raise _refused([_inside(str(kind), details) for details in error.errors(include_url=False)]) from error
+
+    def _unknown_kind(self, kind: object, values: dict[str, Any]) -> InitErrorDetails:
+        if self.unknown is not None and isinstance(kind, str):
+            names = ", ".join(self.names()) or "there is none"
+            rule = broken_rule_error(
+                key=self.tag_key,
+                expected=f"{self.unknown} ({names})",
+                found=f"'{kind}'",
+                remedy="Install the package, or correct the name.",
+            )
+            return InitErrorDetails(type=rule, loc=(), input=values)
+        context = {"discriminator": self.tag_key, "tag": str(kind), "expected_tags": ", ".join(self.names())}
+        return InitErrorDetails(type="union_tag_invalid", loc=(), input=values, ctx=context)
+
+
+def _inside(kind: str, details: Any) -> InitErrorDetails:
+    text = details["msg"].replace("{", "(").replace("}", ")")
+    return InitErrorDetails(
+        type=PydanticCustomError(details["type"], text, details.get("ctx")),
+        loc=(kind, *details["loc"]),
+        input=details["input"],
+    )
+
+
+def _refused(details: list[InitErrorDetails]) -> ValidationError:
+    return ValidationError.from_exception_data("block", details)
+
+
+class KindedSpec(Spec):
+    """A block of which some keys belong to some of its kinds only: with others they are errors, and are not dumped.
+
+    `tag_key` is the key that names the kind. `belongs` says which kinds a key belongs to, for those that do not belong
+    to all; a key inside a block of the block is written `plume.meander_s`.
+    """
+
+    tag_key: ClassVar[str] = "kind"
+    belongs: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+
+    @property
+    def kind_name(self) -> str:
+        """The name of the block's kind."""
+        return str(getattr(self, self.tag_key))
+
+    def useless_keys(self) -> dict[str, str]:
+        """Return the keys that mean nothing in this block, each with where it belongs: `model: farrell`."""
+        return {
+            key: f"{self.tag_key}: {', '.join(kinds)}"
+            for key, kinds in self.belongs.items()
+            if self.kind_name not in kinds
+        }
+
+    @model_validator(mode="after")
+    def _check_useless(self) -> Self:
+        for key, home in self.useless_keys().items():
+            if _is_given(self, key):
+                name = key.rpartition(".")[2]
+                raise broken_rule_error(
+                    key=key,
+                    expected=f"no {name} with {self.tag_key}: {self.kind_name}",
+                    found="one",
+                    remedy=f"{name} belongs to {home}.",
+                )
+        return self
+
+
+# `null` is what an absent key means.
+def _is_given(block: BaseModel, key: str) -> bool:
+    first, _, rest = key.partition(".")
+    inner = getattr(block, first)
+    if first not in block.model_fields_set or inner is None:
+        return False
+    return _is_given(inner, rest) if rest else True

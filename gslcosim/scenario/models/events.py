@@ -5,8 +5,16 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import Field, SerializeAsAny, model_validator
 
 from gslcosim.base.quantities import Vec3
-from gslcosim.scenario.models.base import Fraction, Name, NonNegative, Positive, Spec, broken_rule_error, format_point
-from gslcosim.scenario.models.one_of import OneOf
+from gslcosim.scenario.models.base import (
+    Fraction,
+    Name,
+    NonNegative,
+    OneOf,
+    Positive,
+    Spec,
+    broken_rule_error,
+    format_point,
+)
 
 
 class TriggerSpec(Spec):

@@ -1,12 +1,328 @@
-"""Geometry of one's own: files, their placement, and where the air passes."""
+"""Geometry of an environment: layouts that can be generated, and files of one's own.
 
-from typing import Annotated, Literal, Self
+Layouts: kinds of environments that can be generated, and the settings of each.
 
-from pydantic import Field, model_validator
+They hold what Tables 9.1 and 9.2 of the GSL-Bench thesis have for warehouses, and the like for other rooms: `kind` is
+env_type, `size_m` env_size, `inlet_size_m` and `outlet_size_m` inlet_size and outlet_size, `filled_least_frac`
+emptyfullrackdiv, `walls` white_walls. inlet_vel, the cell of Table 9.3 and the times of Table 9.5 are in the
+scenario's `wind`, the source of Table 9.6 in its `gas`; env_amount is `gslcosim generate --count`.
+"""
+
+from typing import Annotated, Any, Literal, Self, cast
+
+from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic_core import PydanticCustomError
 
 from gslcosim.base.quantities import Vec3
-from gslcosim.scenario.models.base import Name, Positive, Spec, broken_rule_error
-from gslcosim.scenario.models.extents import check_box, check_box_or_rectangle, check_velocity_of
+from gslcosim.scenario.models.base import (
+    Count,
+    Fraction,
+    Name,
+    NonNegative,
+    Positive,
+    RoomEdge,
+    Spec,
+    broken_rule_error,
+    format_point,
+)
+
+
+def check_box(min_m: Vec3, max_m: Vec3) -> None:
+    """Raise what a validator raises where two points are not the lower and upper corner of a box [m]."""
+    if min(_sides_m(min_m, max_m)) <= 0:
+        raise _wrong_corners(
+            max_m,
+            f"each number greater than that of min_m, {format_point(min_m)}",
+            "min_m and max_m are opposite corners.",
+        )
+
+
+def check_box_or_rectangle(min_m: Vec3, max_m: Vec3) -> None:
+    """As `check_box`; the box may be flat along one axis."""
+    sides_m = _sides_m(min_m, max_m)
+    if min(sides_m) < 0 or sides_m.count(0) > 1:
+        raise _wrong_corners(
+            max_m,
+            f"two numbers greater than those of min_m, {format_point(min_m)}, and none smaller",
+            "min_m and max_m are opposite corners of a box or rectangle.",
+        )
+
+
+def check_rectangle(min_m: Vec3, max_m: Vec3) -> None:
+    """As `check_box`; the box has to be flat along exactly one axis."""
+    sides_m = _sides_m(min_m, max_m)
+    if min(sides_m) != 0 or sides_m.count(0) != 1:
+        raise _wrong_corners(
+            max_m,
+            f"one number equal to that of min_m, {format_point(min_m)}, and two greater",
+            "An opening is a rectangle on one side of the room.",
+        )
+
+
+def check_velocity_of(kind: str, velocity_m_s: Vec3 | None) -> None:
+    """Raise what a validator raises where an opening that is no inlet has a velocity."""
+    if velocity_m_s is not None and kind != "inlet":
+        raise broken_rule_error(
+            key="velocity_m_s",
+            expected=f"no velocity for an {'open side' if kind == 'open' else kind}",
+            found=format_point(velocity_m_s),
+            remedy="Only an inlet has one; the air finds its way through the others.",
+        )
+
+
+def _wrong_corners(max_m: Vec3, expected: str, remedy: str) -> PydanticCustomError:
+    return broken_rule_error(key="max_m", expected=expected, found=format_point(max_m), remedy=remedy)
+
+
+def _sides_m(min_m: Vec3, max_m: Vec3) -> list[float]:
+    return [high - low for low, high in zip(min_m, max_m, strict=True)]
+
+
+DEFAULT_KIND = "warehouse_empty"
+
+
+class BoxSpec(Spec):
+    """A solid box in the room, corners in the world frame [m]."""
+
+    name: Name = Field(description="what the box is called")
+    min_m: Vec3 = Field(description="its lower corner")
+    max_m: Vec3 = Field(description="its upper corner")
+
+    @model_validator(mode="after")
+    def _check_corners(self) -> Self:
+        check_box(self.min_m, self.max_m)
+        return self
+
+
+class DoorSpec(BoxSpec):
+    """A box that events take away and put back: closed it is solid, open it is not there."""
+
+    is_open: bool = Field(default=False, description="whether it is open at the start")
+
+
+class OpeningSpec(Spec):
+    """An inlet or outlet: a rectangle on the room's boundary, given as a flat box [m]."""
+
+    min_m: Vec3 = Field(description="its lower corner")
+    max_m: Vec3 = Field(description="its upper corner, at the same place along one axis")
+
+    @model_validator(mode="after")
+    def _check_corners(self) -> Self:
+        check_rectangle(self.min_m, self.max_m)
+        return self
+
+
+class FurtherOpeningSpec(OpeningSpec):
+    """An opening beside the layout's own inlet and outlet.
+
+    An inlet's wind is `velocity_m_s`, by default that of the scenario's wind; one that leaves the room is a fan that
+    draws air out. `open` is a side where the outdoors go on.
+    """
+
+    name: Name = Field(description="what the opening is called")
+    kind: Literal["inlet", "outlet", "open"] = Field(
+        description="whether air comes in, goes out, or the outdoors go on"
+    )
+    velocity_m_s: Vec3 | None = Field(
+        default=None, description="wind of an inlet (absent: that of the scenario's wind)"
+    )
+
+    @model_validator(mode="after")
+    def _check_velocity(self) -> Self:
+        check_velocity_of(self.kind, self.velocity_m_s)
+        return self
+
+
+class RoomSpec(Spec):
+    """Base of all layouts. Sizes [m]; `seed` decides all that is drawn at random.
+
+    `inlet` and `outlet` are rectangles anywhere on the boundary; without them the openings are where the layout has
+    them, in warehouses and houses `inlet_size_m` and `outlet_size_m` (along y, and high) in the near and far corner.
+    `openings` are further ones. `obstacles` are added to what the layout furnishes. `lights` is how many lamps hang
+    along x and y below the ceiling, by default one for about every 6 m.
+    """
+
+    kind: str = Field(description="which layout it is")
+    size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = Field(description="inner size along x, y and z")
+    seed: Annotated[int, Field(ge=0)] = Field(default=1, description="decides all that is drawn at random in the room")
+    wall_m: Positive = Field(default=0.2, description="thickness of the outer walls")
+    inlet: OpeningSpec | None = Field(default=None, description="the inlet (absent: where the layout has it)")
+    outlet: OpeningSpec | None = Field(default=None, description="the outlet (absent: where the layout has it)")
+    obstacles: tuple[BoxSpec, ...] = Field(default=(), description="boxes beside what the layout furnishes")
+    inlet_size_m: tuple[Positive, Positive] | None = Field(
+        default=None, description="width and height of the layout's own inlet"
+    )
+    outlet_size_m: tuple[Positive, Positive] | None = Field(
+        default=None, description="width and height of the layout's own outlet"
+    )
+    walls: Literal["white", "white_yellow"] = Field(default="white", description="colours of the walls")
+    openings: tuple[FurtherOpeningSpec, ...] = Field(default=(), description="openings beside inlet and outlet")
+    lights: tuple[Count, Count] | None = Field(
+        default=None, description="lamps along x and y (absent: one for about every 6 m)"
+    )
+
+    @model_validator(mode="after")
+    def _check_openings(self) -> Self:
+        for key in ("inlet", "outlet"):
+            if getattr(self, key) is not None and getattr(self, f"{key}_size_m") is not None:
+                raise broken_rule_error(
+                    key=f"{key}_size_m",
+                    expected=f"no size beside {key}, which has its own",
+                    found="both",
+                    remedy=f"Leave out {key}_size_m, or {key} to have it in its usual place.",
+                )
+        return self
+
+
+class LayoutSpec(RoomSpec):
+    """An empty warehouse, as in environments 1 and 2 of GSL-Bench."""
+
+    kind: Literal["warehouse_empty"] = DEFAULT_KIND  # pyright: ignore[reportIncompatibleVariableOverride]
+    size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (15.0, 15.0, 8.0)
+
+
+class RacksSpec(RoomSpec):
+    """Racks in rows along y; `rack_size_m` is across, along, and high.
+
+    `filled_least_frac` of the racks are filled at least, with one of seven loads; the others are filled or empty by
+    lot. `rack_aisle_m` is the least width between rows; `end_aisle_m` between the ends of rows and the wall, by
+    default the wider opening and 2 m. Racks stand on each other as high as the room allows.
+    """
+
+    size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (15.0, 15.0, 8.0)
+    filled_least_frac: Fraction = Field(default=0.2, description="share of the racks that are filled at least")
+    rack_size_m: tuple[Positive, Positive, Positive] = Field(
+        default=(1.0, 4.0, 3.0), description="size of a rack across, along and high"
+    )
+    rack_aisle_m: Positive = Field(default=3.0, description="least width between rows")
+    end_aisle_m: Positive | None = Field(
+        default=None, description="width between the ends of rows and the wall (absent: the wider opening and 2 m)"
+    )
+
+
+class SimpleWarehouseSpec(RacksSpec):
+    """A warehouse with rows of racks, as in environments 3 and 4 of GSL-Bench."""
+
+    kind: Literal["warehouse_simple"] = "warehouse_simple"  # pyright: ignore
+
+
+class ComplexWarehouseSpec(RacksSpec):
+    """A warehouse whose inner rows are turned, with items in its end aisles, as in environments 5 and 6 of GSL-Bench.
+
+    `side_aisle_m` is the least width between the turned rows' ends and the rows at the walls. Forklifts, piles of goods
+    and pallets stand turned by any angle; those for which there is no place are left out.
+    """
+
+    kind: Literal["warehouse_complex"] = "warehouse_complex"  # pyright: ignore
+    side_aisle_m: Positive = Field(
+        default=1.6, description="least width between the turned rows' ends and the rows at the walls"
+    )
+    n_forklifts: Count = Field(default=1, description="forklifts, where there is place")
+    n_piles: Count = Field(default=5, description="piles of goods, where there is place")
+    n_pallets: Count = Field(default=3, description="pallets, where there is place")
+
+
+class OfficeSpec(RoomSpec):
+    """Rooms on both sides of a corridor along x, with doors and desks.
+
+    `rooms_per_side` rooms lie on each side; `outline: l_shape` takes away the rooms of the upper right.
+    """
+
+    kind: Literal["office"] = "office"  # pyright: ignore
+    size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (16.0, 12.0, 3.0)
+    rooms_per_side: Annotated[int, Field(ge=1, le=20)] = Field(
+        default=4, description="rooms on each side of the corridor"
+    )
+    corridor_m: Positive = Field(default=2.0, description="width of the corridor")
+    door_m: tuple[Positive, Positive] = Field(default=(1.0, 2.0), description="width and height of doors")
+    partition_m: Positive = Field(default=0.2, description="thickness of inner walls")
+    outline: Literal["rectangle", "l_shape"] = Field(
+        default="rectangle", description="l_shape takes away the rooms of the upper right"
+    )
+    has_furniture: bool = Field(default=True, description="whether there are desks")
+
+
+class HomeSpec(RoomSpec):
+    """A flat: a box divided into `n_rooms` rooms that are at least `least_room_m` wide, with doors and furniture.
+
+    Where there is no place for another room there are fewer.
+    """
+
+    kind: Literal["home"] = "home"  # pyright: ignore
+    size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (10.0, 8.0, 2.6)
+    n_rooms: Annotated[int, Field(ge=1, le=30)] = Field(
+        default=5, description="rooms, fewer where there is no place for another"
+    )
+    least_room_m: Positive = Field(default=2.4, description="least width of a room")
+    door_m: tuple[Positive, Positive] = Field(default=(1.0, 2.0), description="width and height of doors")
+    partition_m: Positive = Field(default=0.2, description="thickness of inner walls")
+    has_furniture: bool = Field(default=True, description="whether there is furniture")
+
+
+class ClutteredRoomsSpec(RoomSpec):
+    """Random walls with passages, in the manner of the first AutoGDM, and clutter.
+
+    The box is divided into `n_rooms` along x and y; passages as high as the room join all rooms, and
+    `extra_passage_frac` of the other walls have one too. `n_clutter` boxes stand about.
+    """
+
+    kind: Literal["cluttered_rooms"] = "cluttered_rooms"  # pyright: ignore
+    size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (10.0, 10.0, 3.0)
+    n_rooms: tuple[Annotated[int, Field(ge=1, le=20)], Annotated[int, Field(ge=1, le=20)]] = Field(
+        default=(3, 3), description="rooms along x and y"
+    )
+    passage_m: Positive = Field(default=1.4, description="width of passages")
+    partition_m: Positive = Field(default=0.2, description="thickness of inner walls")
+    extra_passage_frac: Fraction = Field(default=0.3, description="share of the other walls that have a passage too")
+    n_clutter: Count = Field(default=6, description="boxes that stand about")
+
+
+class PlantSpec(RoomSpec):
+    """Tanks and buildings outdoors; the wind comes in through x = 0 and goes out through the other sides and the top.
+
+    The inlet's wind grows with the logarithm of the height over `roughness_m` and is `wind.inlet_velocity_m_s` at
+    `reference_height_m`.
+    """
+
+    kind: Literal["plant"] = "plant"  # pyright: ignore
+    size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (24.0, 18.0, 8.0)
+    n_tanks: Count = Field(default=4, description="tanks")
+    n_buildings: Count = Field(default=2, description="buildings")
+    roughness_m: Positive = Field(default=0.03, description="roughness length of the ground")
+    reference_height_m: Positive = Field(
+        default=10.0, description="height at which the wind is `wind.inlet_velocity_m_s`"
+    )
+
+
+class WindTunnelSpec(RoomSpec):
+    """A channel open at both ends, with `n_blocks` blocks in a row across its floor's middle line."""
+
+    kind: Literal["wind_tunnel"] = "wind_tunnel"  # pyright: ignore
+    size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (8.0, 2.0, 2.0)
+    n_blocks: Count = Field(default=0, description="blocks in a row across the middle line")
+    block_m: Positive = Field(default=0.4, description="edge of a block")
+    gap_m: NonNegative = Field(default=1.2, description="gap between blocks")
+
+
+def _kind_of(value: Any) -> str | None:
+    if isinstance(value, RoomSpec):
+        return value.kind
+    kind = cast("dict[str, Any]", value).get("kind", DEFAULT_KIND) if isinstance(value, dict) else None
+    return kind if isinstance(kind, str) else None
+
+
+# Chosen by `kind`; a layout that does not say it is an empty warehouse.
+Layout = Annotated[
+    Annotated[LayoutSpec, Tag("warehouse_empty")]
+    | Annotated[SimpleWarehouseSpec, Tag("warehouse_simple")]
+    | Annotated[ComplexWarehouseSpec, Tag("warehouse_complex")]
+    | Annotated[OfficeSpec, Tag("office")]
+    | Annotated[HomeSpec, Tag("home")]
+    | Annotated[ClutteredRoomsSpec, Tag("cluttered_rooms")]
+    | Annotated[PlantSpec, Tag("plant")]
+    | Annotated[WindTunnelSpec, Tag("wind_tunnel")],
+    Discriminator(_kind_of),
+]
 
 
 class ExtentSpec(Spec):

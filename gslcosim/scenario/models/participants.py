@@ -1,14 +1,65 @@
-"""Participants of one's own that take part in a run as programs, in any language."""
+"""Participants of one's own, services of other packages, and the sandbox of an agent's processes."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import AfterValidator, Field, SerializeAsAny, StringConstraints, model_validator
 
+from gslcosim.base.plugins import EntryPoints
 from gslcosim.contract.environment_messages import WIND
 from gslcosim.contract.messages import ParameterValue
 from gslcosim.contract.participant_messages import VENTILATION, build_own_port
-from gslcosim.scenario.models.base import Name, Positive, Spec, broken_rule_error
-from gslcosim.scenario.models.sandbox import AgentLimitsSpec, EnvironmentVariables, SandboxChoice
+from gslcosim.scenario.models.base import Name, OneOf, Positive, Spec, broken_rule_error
+
+# What a run gives its processes there.
+_OUR_PREFIX = "GSLCOSIM_"
+
+
+def _without_ours(variables: "dict[str, str | None]") -> "dict[str, str | None]":
+    if ours := next((name for name in variables if name.startswith(_OUR_PREFIX)), None):
+        raise broken_rule_error(
+            key=ours,
+            expected="variables of the agent's own",
+            found=f"one that begins with {_OUR_PREFIX}",
+            remedy="gslcosim sets those itself. Leave it out.",
+        )
+    return variables
+
+
+EnvironmentVariables = Annotated[
+    dict[
+        Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,127}$")],
+        Annotated[str, Field(max_length=32_768, pattern=r"^[^\x00]*$")] | None,
+    ],
+    Field(max_length=100),
+    AfterValidator(_without_ours),
+]
+
+SandboxChoice = Literal["auto", "required", "bubblewrap", "landlock", "none"]
+
+
+class AgentLimitsSpec(Spec):
+    """The bounds of what an agent's processes use together; to reach one is the agent's failure.
+
+    `cpu_s` is processor time [s], `memory_mb` is memory held [MB], `n_processes` is how many run at once. `n_files` is
+    how many files each process has open at once: it gets an error where it opens more. Absent: no bound.
+    """
+
+    cpu_s: Positive | None = Field(default=None, description="processor time")
+    memory_mb: Annotated[float, Field(ge=8)] | None = Field(
+        default=None, description="memory held, in MB; what processes share counts for each"
+    )
+    n_files: Annotated[int, Field(ge=16, le=1_000_000)] | None = Field(
+        default=None, description="files that each process has open at once"
+    )
+    n_processes: Annotated[int, Field(ge=1, le=100_000)] | None = Field(
+        default=None, description="processes that run at once"
+    )
+
+    @property
+    def are_given(self) -> bool:
+        """True if there is any bound."""
+        return any(value is not None for value in (self.cpu_s, self.memory_mb, self.n_files, self.n_processes))
+
 
 # A service that is silent for 30 s is taken for one that hangs; the program's own limit says more.
 MAX_ANSWER_S = 25.0
@@ -103,3 +154,35 @@ class ParticipantProgramSpec(Spec):
                     remedy="Leave one.",
                 )
         return self
+
+
+# Third parties add theirs under this name; each entry point is a class that derives from `ServiceSpec`.
+SERVICE_ENTRY_POINTS = "gslcosim.services"
+
+
+class ServiceSpec(Spec):
+    """A service of another package: `name` is that of the participant, the entry point and the process.
+
+    The package derives from this class, narrows `name`, adds its settings, and registers how its core is built with
+    `gslcosim.runtime.services.get_block_service`.
+
+    `drives_wind` says that it writes `truth/wind`, which scales the wind of the room. Numbers and truth values of the
+    messages on `recorded_ports` are recorded as curves; each port is one that it writes every tick.
+    """
+
+    drives_wind: ClassVar[bool] = False
+    recorded_ports: ClassVar[tuple[str, ...]] = ()
+
+    name: Name = Field(description="which service it is")
+
+
+Service = Annotated[
+    SerializeAsAny[ServiceSpec],
+    OneOf(
+        tag_key="name",
+        base=ServiceSpec,
+        own={},
+        offers=EntryPoints(group=SERVICE_ENTRY_POINTS, what="service"),
+        unknown="the name of a service that an installed package offers",
+    ),
+]

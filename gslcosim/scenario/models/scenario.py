@@ -1,35 +1,41 @@
-"""Frozen models of a scenario file: every field with unit, default and range."""
+"""Frozen models of a scenario file: every field with unit, default and range; and which events are due."""
 
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
 from gslcosim.base.errors import VehicleError
 from gslcosim.base.quantities import Vec3
+from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
 from gslcosim.contract.messages import ParameterValue
+from gslcosim.contract.participant import Inbox, Read
 from gslcosim.scenario.models.base import Name, NonNegative, Positive, broken_rule_error
 from gslcosim.scenario.models.base import Spec as Spec
-from gslcosim.scenario.models.events import Event
+from gslcosim.scenario.models.events import Event, EventSpec
 from gslcosim.scenario.models.gas import Gas
 from gslcosim.scenario.models.gas import GasSpec as GasSpec
 from gslcosim.scenario.models.gas import SourceSpec as SourceSpec
+from gslcosim.scenario.models.geometry import BoxSpec as BoxSpec
+from gslcosim.scenario.models.geometry import DoorSpec
 from gslcosim.scenario.models.geometry import GeometrySpec as GeometrySpec
-from gslcosim.scenario.models.layouts import BoxSpec as BoxSpec
-from gslcosim.scenario.models.layouts import DoorSpec
-from gslcosim.scenario.models.layouts import Layout as Layout
-from gslcosim.scenario.models.layouts import LayoutSpec as LayoutSpec
-from gslcosim.scenario.models.layouts import OpeningSpec as OpeningSpec
-from gslcosim.scenario.models.onboard_sensors import CameraSensorSpec
-from gslcosim.scenario.models.participants import ParticipantProgramSpec
-from gslcosim.scenario.models.sandbox import AgentLimitsSpec, EnvironmentVariables, SandboxChoice
-from gslcosim.scenario.models.sensors import Sensor
+from gslcosim.scenario.models.geometry import Layout as Layout
+from gslcosim.scenario.models.geometry import LayoutSpec as LayoutSpec
+from gslcosim.scenario.models.geometry import OpeningSpec as OpeningSpec
+from gslcosim.scenario.models.participants import (
+    AgentLimitsSpec,
+    EnvironmentVariables,
+    ParticipantProgramSpec,
+    SandboxChoice,
+    Service,
+)
+from gslcosim.scenario.models.sensors import CameraSensorSpec, Sensor
 from gslcosim.scenario.models.sensors import SensorSpec as SensorSpec
-from gslcosim.scenario.models.services import Service
 from gslcosim.scenario.models.success import SourceSuccess, Success
 from gslcosim.scenario.models.wind import SolverSpec as SolverSpec
 from gslcosim.scenario.models.wind import Wind
 from gslcosim.scenario.models.wind import WindSpec as WindSpec
-from gslcosim.scenario.suggestions import did_you_mean
+from gslcosim.scenario.problems import did_you_mean
 from gslcosim.vehicles import Vehicle, get_vehicle, is_vehicle, list_vehicle_names
 
 SCHEMA = "gslcosim/scenario/1"
@@ -566,3 +572,22 @@ class Scenario(Spec):
         """Height of the recorded slice [m]: the agents' search height, or the first source's where they differ."""
         heights_m = {agent.vehicle.search_height_m for agent in self.agents}
         return heights_m.pop() if len(heights_m) == 1 else self.gas.sources[0].position_m[2]
+
+
+def list_event_reads(scenario: Scenario, *kinds: type[EventSpec]) -> tuple[Read, ...]:
+    """Return what a participant has to read that obeys some kinds of events: nothing where the scenario has none."""
+    has_any = any(isinstance(event, kinds) for event in scenario.events)
+    return (Read(port=EVENTS, delay_ticks=1),) if has_any else ()
+
+
+def find_due_events(scenario: Scenario, inbox: Inbox) -> Iterator[tuple[int, EventSpec]]:
+    """Yield the events that take effect in a tick, with their places in the list, in the scenario's order.
+
+    Args:
+        scenario: Its `events`.
+        inbox: That of the tick, of a participant with `list_event_reads`.
+    """
+    note = inbox.get(EVENTS)
+    if isinstance(note, EventsBeginning):
+        for i in note.beginning:
+            yield i, scenario.events[i]

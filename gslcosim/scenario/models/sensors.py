@@ -1,54 +1,357 @@
-"""Sensor models by name, and the block of settings of each."""
+"""Sensors by the names of their models, and the settings of each; every field with unit, default and range."""
 
+import math
 from functools import cache
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import SerializeAsAny, TypeAdapter
+from pydantic import Field, SerializeAsAny, TypeAdapter, model_validator
 
 from gslcosim.base.plugins import EntryPoints, PluginError
-from gslcosim.scenario.models import gas_sensors as gas
-from gslcosim.scenario.models import onboard_sensors
-from gslcosim.scenario.models.base import Spec
-from gslcosim.scenario.models.one_of import OneOf
-from gslcosim.scenario.models.sensor_base import OnBoardSensorSpec
-from gslcosim.scenario.models.sensor_base import SensorSpec as SensorSpec
+from gslcosim.base.quantities import Vec3
+from gslcosim.scenario.models.base import Name, NonNegative, OneOf, Positive, Spec, broken_rule_error, format_point
+
+
+class SensorSpec(Spec):
+    """Base of all sensors; the block of a model adds what only this model has.
+
+    `has_estimates` says that a second reading tells the mixing ratio that the first one suggests, under the sensor's
+    name with `_ppm` behind.
+    """
+
+    has_estimates: ClassVar[bool] = False
+
+    model: str = Field(description="which sensor it is")
+    name: Name = Field(description="what its readings are called")
+    mount_m: Vec3 = Field(default=(0.0, 0.0, 0.0), description="its place in the body frame")
+    period_s: Positive | None = Field(default=None, description="time between readings (absent: every tick)")
+    delay_s: NonNegative = Field(default=0.0, description="age of what a reading shows")
+    warm_up_s: NonNegative = Field(default=0.0, description="time from the start until it measures")
+
+
+class NoisySensorSpec(SensorSpec):
+    """A sensor whose values have white noise, in the unit of its readings."""
+
+    noise_std: NonNegative = Field(
+        default=0.0, description="standard deviation of the white noise, in the unit of its readings"
+    )
+
+
+class MeasuringSensorSpec(NoisySensorSpec):
+    """A sensor with the usual errors of an instrument, in the unit of its readings."""
+
+    bias: float = Field(default=0.0, description="is added to each value, in the unit of its readings")
+    drift_per_s: float = Field(default=0.0, description="is added to the bias each second, in the unit of its readings")
+    max_value: Positive | None = Field(
+        default=None, description="size of a value at which it saturates, in the unit of its readings (absent: none)"
+    )
+
+
+class OnBoardSensorSpec(SensorSpec):
+    """A sensor of the vehicle itself or of what is around it: it looks at bodies and the scene, not at gas and wind."""
+
+
+class TurnedSensorSpec(SensorSpec):
+    """A sensor that looks around: its axes can be turned against the body's."""
+
+    mount_rpy_rad: Vec3 = Field(
+        default=(0.0, 0.0, 0.0), description="roll, then pitch, then yaw of its axes about the body's fixed axes"
+    )
+
+
+class ReachingSensorSpec(SensorSpec):
+    """A sensor that sees as far as some range."""
+
+    max_range_m: Positive = Field(default=30.0, description="how far it sees")
+
+
+class BeamSensorSpec(ReachingSensorSpec):
+    """A sensor that looks along one beam."""
+
+    beam_body: Vec3 = Field(default=(1.0, 0.0, 0.0), description="direction of the beam in the body frame")
+
+    @model_validator(mode="after")
+    def _check_beam(self) -> Self:
+        if not any(self.beam_body):
+            raise broken_rule_error(
+                key="beam_body",
+                expected="a direction that is not zero",
+                found=format_point(self.beam_body),
+                remedy="For example [1, 0, 0], ahead.",
+            )
+        return self
+
+
+class RaySensorSpec(NoisySensorSpec, TurnedSensorSpec, ReachingSensorSpec, OnBoardSensorSpec):
+    """A range finder or lidar: it measures how far it is to what is around, along rays."""
+
+
+class MoxSensorSpec(MeasuringSensorSpec):
+    """A metal-oxide sensor; its figures are those of its model."""
+
+    has_estimates: ClassVar[bool] = True
+
+
+class PidSensorSpec(MeasuringSensorSpec):
+    """A photo-ionisation detector."""
+
+
+class ThresholdSensorSpec(MeasuringSensorSpec):
+    """A sensor that compares the mixing ratio with a threshold: `threshold` and `binary`."""
+
+    threshold_ppm: NonNegative = Field(default=0.1, description="mixing ratio above which there is gas")
+
+
+class HitCounterSpec(MeasuringSensorSpec):
+    """A counter of hits of gas."""
+
+    hits_per_s_per_ppm: Positive = Field(default=1.0, description="mean number of hits per second and ppm")
+
+
+class AveragingSensorSpec(MeasuringSensorSpec):
+    """A sensor that shows a mean over time."""
+
+    averaging_s: Positive = Field(default=1.0, description="time over which it takes the mean")
+
+
+class SecondOrderSensorSpec(MeasuringSensorSpec):
+    """A slow sensor: two lags in series, one pair of time constants up and one down."""
+
+    response_s: tuple[Positive, Positive] = Field(default=(1.0, 2.0), description="two time constants for more gas")
+    recovery_s: tuple[Positive, Positive] = Field(default=(2.0, 10.0), description="two time constants for less gas")
+
+
+class TdlasSensorSpec(MeasuringSensorSpec, BeamSensorSpec):
+    """An open-path laser along a beam."""
+
+
+class Anemometer3dSpec(MeasuringSensorSpec):
+    """An anemometer of three axes."""
+
+    speed_noise_std_m_s: NonNegative = Field(default=0.01, description="noise of the speed, or of each component")
+
+
+class AnemometerSpec(Anemometer3dSpec):
+    """An anemometer of two axes, which tells speed and direction."""
+
+    direction_noise_std_rad: NonNegative = Field(default=0.1, description="noise of the direction")
+
+
+Pixels = Annotated[int, Field(ge=8, le=2048)]
+Rays = Annotated[int, Field(ge=1, le=4096)]
+
+
+class ImuSpec(Spec):
+    """Errors of an IMU; those of the sensors of Pegasus (Jacinto et al. 2024), which are of the ADIS16448's kind.
+
+    Noise densities [rad/s/sqrt(Hz), m/s^2/sqrt(Hz)], random walks of the biases [rad/s^2/sqrt(Hz), m/s^3/sqrt(Hz)],
+    after whose correlation times [s] they are forgotten, and the spread of the biases at the start. `rate_hz` is how
+    many samples there are a second (absent: one for each physics step).
+    """
+
+    rate_hz: Positive | None = Field(default=None, description="samples per second (absent: one for each physics step)")
+    gyro_noise_density: NonNegative = Field(
+        default=3.3937e-4, description="noise density of the angular velocity [rad/s/sqrt(Hz)]"
+    )
+    gyro_random_walk: NonNegative = Field(default=3.8785e-5, description="random walk of its bias [rad/s^2/sqrt(Hz)]")
+    gyro_correlation_s: Positive = Field(default=1000.0, description="time after which that bias is forgotten")
+    gyro_start_bias_rad_s: NonNegative = Field(default=0.0087, description="spread of that bias at the start")
+    accelerometer_noise_density: NonNegative = Field(
+        default=0.004, description="noise density of the specific force [m/s^2/sqrt(Hz)]"
+    )
+    accelerometer_random_walk: NonNegative = Field(
+        default=0.006, description="random walk of its bias [m/s^3/sqrt(Hz)]"
+    )
+    accelerometer_correlation_s: Positive = Field(default=300.0, description="time after which that bias is forgotten")
+    accelerometer_start_bias_m_s2: NonNegative = Field(default=0.196, description="spread of that bias at the start")
+    max_rate_rad_s: Positive = Field(default=34.9, description="limit of the angular velocity")
+    max_acceleration_m_s2: Positive = Field(default=156.9, description="limit of the specific force")
+
+
+class GpsSpec(Spec):
+    """Errors of a GPS receiver: a wandering offset and white noise on each position and velocity, horizontal, vertical.
+
+    Random walk of the offset [m/sqrt(s)], forgotten after `correlation_s`; white noise [m, m/s] of each fix.
+    """
+
+    random_walk_xy: NonNegative = Field(default=0.008, description="random walk of the horizontal offset [m/sqrt(s)]")
+    random_walk_z: NonNegative = Field(default=0.016, description="random walk of the vertical offset [m/sqrt(s)]")
+    correlation_s: Positive = Field(default=60.0, description="time after which the offset is forgotten")
+    position_noise_xy_m: NonNegative = Field(default=2e-4, description="white noise of the horizontal position")
+    position_noise_z_m: NonNegative = Field(default=4e-4, description="white noise of the height")
+    velocity_noise_xy_m_s: NonNegative = Field(default=0.0126, description="white noise of the horizontal velocity")
+    velocity_noise_z_m_s: NonNegative = Field(default=0.0253, description="white noise of the vertical velocity")
+
+
+class BarometerSpec(Spec):
+    """Noise [Pa] and drift [Pa/s] of a barometer, and the pressure and temperature where the world's z is 0."""
+
+    noise_std_pa: NonNegative = Field(default=1.0, description="noise of the pressure")
+    drift_pa_s: float = Field(default=0.0, description="drift of the pressure")
+    ground_pressure_pa: Positive = Field(default=101325.0, description="pressure at z = 0")
+    ground_temperature_k: Positive = Field(default=288.15, description="temperature at z = 0")
+
+
+class MagnetometerSpec(Spec):
+    """Field [uT] in the world's axes (east, north, up) and errors of a magnetometer.
+
+    Noise density [uT/sqrt(Hz)], random walk of the bias [uT/s/sqrt(Hz)], forgotten after `correlation_s`.
+    """
+
+    field_world_ut: Vec3 = Field(default=(0.7, 19.3, -45.5), description="the earth's field: east, north, up [uT]")
+    noise_density: NonNegative = Field(default=0.04, description="noise density [uT/sqrt(Hz)]")
+    random_walk: NonNegative = Field(default=6.4e-4, description="random walk of the bias [uT/s/sqrt(Hz)]")
+    correlation_s: Positive = Field(default=600.0, description="time after which the bias is forgotten")
+
+
+class PoseSpec(Spec):
+    """White noise of a localization system: position [m], attitude [rad] about each body axis, velocity [m/s]."""
+
+    position_noise_m: NonNegative = Field(default=0.01, description="white noise of the position")
+    attitude_noise_rad: NonNegative = Field(
+        default=0.01, description="white noise of the attitude about each body axis"
+    )
+    velocity_noise_m_s: NonNegative = Field(default=0.02, description="white noise of the velocity")
+
+
+class AzimuthsSpec(Spec):
+    """Rays of a lidar of one level: azimuths evenly over `azimuth_span_rad`.
+
+    The span is centred on the sensor's x axis; a full turn begins at its back.
+    """
+
+    n_azimuths: Rays = Field(default=360, description="number of rays in a level")
+    azimuth_span_rad: Annotated[float, Field(gt=0, le=2 * math.pi)] = Field(
+        default=2 * math.pi, description="angle that they span"
+    )
+
+
+class ElevationsSpec(AzimuthsSpec):
+    """Rays of a lidar of several levels: elevations evenly over `elevation_span_rad`, which is centred too."""
+
+    n_elevations: Annotated[int, Field(ge=1, le=256)] = Field(default=16, description="number of levels")
+    elevation_span_rad: Annotated[float, Field(gt=0, le=math.pi)] = Field(
+        default=math.pi / 6, description="angle that the levels span"
+    )
+
+
+class PictureSpec(Spec):
+    """Picture of a camera: its size [pixels] and vertical field of view [rad]; depths are PNG of 16-bit millimetres."""
+
+    width_px: Pixels = Field(default=64, description="width of the picture")
+    height_px: Pixels = Field(default=64, description="height of the picture")
+    vertical_fov_rad: Annotated[float, Field(gt=0, lt=3.0)] = Field(default=1.2, description="vertical field of view")
+
+
+class ColourPictureSpec(PictureSpec):
+    """Picture in colours, and how it travels."""
+
+    encoding: Literal["png", "jpeg"] = Field(default="png", description="how colours travel")
+
+
+class ImuSensorSpec(OnBoardSensorSpec):
+    """An inertial measurement unit."""
+
+    imu: ImuSpec = Field(default=ImuSpec(), description="its errors")
+
+
+class GpsSensorSpec(OnBoardSensorSpec):
+    """A GPS receiver."""
+
+    gps: GpsSpec = Field(default=GpsSpec(), description="its errors")
+
+
+class BarometerSensorSpec(MeasuringSensorSpec, OnBoardSensorSpec):
+    """A barometer."""
+
+    barometer: BarometerSpec = Field(default=BarometerSpec(), description="its errors")
+
+
+class MagnetometerSensorSpec(MeasuringSensorSpec, OnBoardSensorSpec):
+    """A magnetometer."""
+
+    magnetometer: MagnetometerSpec = Field(default=MagnetometerSpec(), description="the field and its errors")
+
+
+class PoseSensorSpec(OnBoardSensorSpec):
+    """A localization system; the pose that an agent gets is then this one."""
+
+    pose: PoseSpec = Field(default=PoseSpec(), description="its errors")
+
+
+class RangeFinderSpec(MeasuringSensorSpec, RaySensorSpec, BeamSensorSpec):
+    """A range finder of one beam."""
+
+
+class FourRangeFindersSpec(MeasuringSensorSpec, RaySensorSpec):
+    """Range finders to the front, left, back and right."""
+
+
+class LidarSensorSpec(RaySensorSpec):
+    """A lidar of one level."""
+
+    lidar: AzimuthsSpec = Field(default=AzimuthsSpec(), description="its rays")
+
+
+class Lidar3dSensorSpec(LidarSensorSpec):
+    """A lidar of several levels."""
+
+    lidar: ElevationsSpec = ElevationsSpec()  # pyright: ignore[reportIncompatibleVariableOverride]
+
+
+class BumpSensorSpec(OnBoardSensorSpec):
+    """A bumper."""
+
+
+class CameraSensorSpec(TurnedSensorSpec, OnBoardSensorSpec):
+    """A camera of any kind."""
+
+    camera: PictureSpec = Field(default=PictureSpec(), description="its picture")
+
+
+class ColourCameraSpec(CameraSensorSpec):
+    """A camera of colours."""
+
+    camera: ColourPictureSpec = ColourPictureSpec()  # pyright: ignore[reportIncompatibleVariableOverride]
+
+
+class DepthCameraSpec(CameraSensorSpec, ReachingSensorSpec):
+    """A camera of depths."""
+
 
 # The block of settings of each model; what the models do is in gslcosim_services.sensing.
 SENSOR_BLOCKS: dict[str, type[SensorSpec]] = {
-    "tgs2600": gas.MoxSensorSpec,
-    "tgs2602": gas.MoxSensorSpec,
-    "tgs2610": gas.MoxSensorSpec,
-    "tgs2611": gas.MoxSensorSpec,
-    "tgs2612": gas.MoxSensorSpec,
-    "tgs2620": gas.MoxSensorSpec,
-    "pid": gas.PidSensorSpec,
-    "threshold": gas.ThresholdSensorSpec,
-    "binary": gas.ThresholdSensorSpec,
-    "hit_counter": gas.HitCounterSpec,
-    "averaging": gas.AveragingSensorSpec,
-    "second_order": gas.SecondOrderSensorSpec,
-    "tdlas": gas.TdlasSensorSpec,
-    "anemometer": gas.AnemometerSpec,
-    "anemometer_3d": gas.Anemometer3dSpec,
-    "imu": onboard_sensors.ImuSensorSpec,
-    "gps": onboard_sensors.GpsSensorSpec,
-    "barometer": onboard_sensors.BarometerSensorSpec,
-    "magnetometer": onboard_sensors.MagnetometerSensorSpec,
-    "pose": onboard_sensors.PoseSensorSpec,
-    "range_finder": onboard_sensors.RangeFinderSpec,
-    "four_range_finders": onboard_sensors.FourRangeFindersSpec,
-    "lidar_2d": onboard_sensors.LidarSensorSpec,
-    "lidar_3d": onboard_sensors.Lidar3dSensorSpec,
-    "bump": onboard_sensors.BumpSensorSpec,
-    "camera": onboard_sensors.ColourCameraSpec,
-    "depth_camera": onboard_sensors.DepthCameraSpec,
+    "tgs2600": MoxSensorSpec,
+    "tgs2602": MoxSensorSpec,
+    "tgs2610": MoxSensorSpec,
+    "tgs2611": MoxSensorSpec,
+    "tgs2612": MoxSensorSpec,
+    "tgs2620": MoxSensorSpec,
+    "pid": PidSensorSpec,
+    "threshold": ThresholdSensorSpec,
+    "binary": ThresholdSensorSpec,
+    "hit_counter": HitCounterSpec,
+    "averaging": AveragingSensorSpec,
+    "second_order": SecondOrderSensorSpec,
+    "tdlas": TdlasSensorSpec,
+    "anemometer": AnemometerSpec,
+    "anemometer_3d": Anemometer3dSpec,
+    "imu": ImuSensorSpec,
+    "gps": GpsSensorSpec,
+    "barometer": BarometerSensorSpec,
+    "magnetometer": MagnetometerSensorSpec,
+    "pose": PoseSensorSpec,
+    "range_finder": RangeFinderSpec,
+    "four_range_finders": FourRangeFindersSpec,
+    "lidar_2d": LidarSensorSpec,
+    "lidar_3d": Lidar3dSensorSpec,
+    "bump": BumpSensorSpec,
+    "camera": ColourCameraSpec,
+    "depth_camera": DepthCameraSpec,
 }
 SENSORS = tuple(SENSOR_BLOCKS)
 ON_BOARD_SENSORS = tuple(name for name, block in SENSOR_BLOCKS.items() if issubclass(block, OnBoardSensorSpec))
 # Cameras, which a core of their own renders.
-CAMERA_SENSORS = tuple(
-    name for name, block in SENSOR_BLOCKS.items() if issubclass(block, onboard_sensors.CameraSensorSpec)
-)
+CAMERA_SENSORS = tuple(name for name, block in SENSOR_BLOCKS.items() if issubclass(block, CameraSensorSpec))
 # Third parties add theirs under this name; each entry point is a `gslcosim_services.sensing.models.SensorKind`.
 SENSOR_ENTRY_POINTS = "gslcosim.sensors"
 
@@ -66,7 +369,7 @@ def sensor_names() -> tuple[str, ...]:
 @cache
 def mox_sensor_names() -> tuple[str, ...]:
     """Return the names of all MOX sensors: gslcosim's and those of installed packages that can be imported."""
-    return tuple(name for name in sensor_names() if issubclass(_block_of(name), gas.MoxSensorSpec))
+    return tuple(name for name in sensor_names() if issubclass(_block_of(name), MoxSensorSpec))
 
 
 def _block_of(model: str) -> type[Spec]:

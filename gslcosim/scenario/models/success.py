@@ -9,8 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field, SerializeAsAny
 
 from gslcosim.base.plugins import EntryPoints
-from gslcosim.scenario.models.base import Positive, Spec
-from gslcosim.scenario.models.one_of import OneOf
+from gslcosim.scenario.models.base import OneOf, Positive, Spec
 
 # Third parties add theirs under this name; each entry point is a class that derives from `SuccessSpec`.
 SUCCESS_ENTRY_POINTS = "gslcosim.success"

@@ -12,8 +12,7 @@ from pydantic import Field, SerializeAsAny, model_validator
 
 from gslcosim.base.plugins import EntryPoints
 from gslcosim.base.quantities import Vec3
-from gslcosim.scenario.models.base import NonNegative, Positive, Spec, broken_rule_error
-from gslcosim.scenario.models.one_of import KindedSpec, OneOf
+from gslcosim.scenario.models.base import KindedSpec, NonNegative, OneOf, Positive, Spec, broken_rule_error
 
 # Third parties add theirs under this name; each entry point is a class that derives from `SolverSpec`.
 WIND_ENTRY_POINTS = "gslcosim.wind_solvers"

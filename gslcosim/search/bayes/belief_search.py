@@ -8,17 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Briefing, Command, Observation
-from gslcosim.search.beliefs import BeliefPublisher, distances_m
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import BeliefPublisher, CellGrid, distances_m
 from gslcosim.search.motion.commands import declaration
 from gslcosim.search.motion.declaration import DeclarationGuard, Estimate, by_variance
 from gslcosim.search.motion.grid_paths import Free, shortest_path
-from gslcosim.search.motion.leg_planner import step_towards_m
+from gslcosim.search.motion.legs import StuckDetector, step_towards_m
 from gslcosim.search.motion.map_navigation import MapNavigator
-from gslcosim.search.motion.stuck_detector import StuckDetector
 from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.cast_and_surge import surge_end_m
-from gslcosim.search.senses.gas_evidence import Finding, GasEvidence
+from gslcosim.search.senses.hit_detection import Finding, GasEvidence
 from gslcosim.search.senses.instruments import Nose, find_noses, find_vane
 from gslcosim.search.senses.stop_and_measure import MeasuredWind, TrustedWind
 from gslcosim.search.senses.wind_field import WindField, WindRecord

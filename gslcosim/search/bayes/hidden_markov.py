@@ -10,7 +10,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid
 
 N_MOVES = 9
 STAY = 4

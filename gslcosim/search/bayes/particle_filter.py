@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Bounds
-from gslcosim.search.beliefs import normalised, normalised_from_log
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid, normalised, normalised_from_log
 
 # Beyond this exponent, 2e-9, a puff changes no weight that matters.
 FARTHEST_EXPONENT = 20.0

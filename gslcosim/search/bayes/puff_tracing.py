@@ -11,8 +11,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.search.beliefs import distances_m, normalised_from_log
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid, distances_m, normalised_from_log
 from gslcosim.search.senses.wind_field import WindField, WindRecord
 
 # Beyond this many standard deviations a share is below 1e-15: such cells are left out.

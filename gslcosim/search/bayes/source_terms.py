@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.search.bayes.particle_filter import systematic_indices
-from gslcosim.search.beliefs import normalised, normalised_from_log
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid, normalised, normalised_from_log
 
 # Columns of a set of source terms.
 X, Y, Z, RATE, SPEED, DIRECTION, DIFFUSIVITY, LIFETIME = range(8)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gslcosim.contract.messages import Belief, Briefing, Command, Observation
 from gslcosim.search import beliefs
 from gslcosim.search.bayes.encounter_model import EncounterModel, PlumeAssumption, likelihoods, nominal_dispersal
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid
 from gslcosim.search.information.objectives import (
     Candidates,
     MoveTree,
@@ -27,7 +27,7 @@ from gslcosim.search.information.objectives import (
 from gslcosim.search.motion import commands
 from gslcosim.search.motion.declaration import DeclarationGuard, Estimate, by_entropy, by_mass
 from gslcosim.search.motion.legs import LegSpace, build_obstacles, to_millimetre
-from gslcosim.search.senses.gas_evidence import Finding, GasEvidence
+from gslcosim.search.senses.hit_detection import Finding, GasEvidence
 from gslcosim.search.senses.instruments import find_noses, find_vane
 from gslcosim.search.senses.wind_field import WindRecord
 

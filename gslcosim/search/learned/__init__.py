@@ -1,1 +1,1 @@
-"""Shared parts of learned methods: observations as vectors, actions as commands."""
+"""Learned methods: observations as vectors, actions as commands, and policies in numpy alone."""

@@ -12,8 +12,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.search.beliefs import normalised_from_log
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid, normalised_from_log
 from gslcosim.search.motion.grid_paths import STEP_UNITS, UNITS_PER_CELL, Free, nearest_free, path_tree
 
 # A way of more than three steps to a cell of the window leads around something.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Command, Observation
 from gslcosim.search import beliefs
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid
 from gslcosim.search.motion.commands import declaration
 from gslcosim.search.senses.hit_detection import GasLevel
 from gslcosim.search.senses.instruments import Nose

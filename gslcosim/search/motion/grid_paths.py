@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.messages import KnownMap
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid
 
 # Steps along one, two and three axes in whole numbers, so that equal paths are equal: 408 to the edge of a cell.
 # 577/408 is the root of 2 to 2e-6, 707/408 that of 3 to 5e-4.

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import Briefing, Command, Observation
 from gslcosim.search.motion.commands import declaration
-from gslcosim.search.motion.coverage_grid import CoverageGrid
+from gslcosim.search.motion.coverage import CoverageGrid
 from gslcosim.search.motion.declaration import DeclarationGuard, Estimate, ReactiveRule
-from gslcosim.search.motion.leg_planner import LegPlanner
-from gslcosim.search.motion.stuck_detector import StuckDetector
+from gslcosim.search.motion.legs import LegPlanner, StuckDetector
 from gslcosim.search.random_stream import RandomStream
-from gslcosim.search.senses.plume_contact import Contact, PlumeContactDetector
+from gslcosim.search.senses.stop_and_measure import Contact, PlumeContactDetector
 
 
 class LossPoints:

@@ -5,13 +5,7 @@ from dataclasses import dataclass
 
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import Briefing, Observation, SensorDescription
-from gslcosim.methods.instrument_kinds import (
-    CAMERA_QUANTITY,
-    ESTIMATE_QUANTITY,
-    GAS_QUANTITIES,
-    RANGE_QUANTITY,
-    WIND_QUANTITY,
-)
+from gslcosim.methods.card import CAMERA_QUANTITY, ESTIMATE_QUANTITY, GAS_QUANTITIES, RANGE_QUANTITY, WIND_QUANTITY
 
 # The ending of the name under which the estimate of a MOX sensor comes.
 ESTIMATE_ENDING = "_ppm"

@@ -11,8 +11,7 @@ from PIL import Image
 
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import CameraImage
-from gslcosim.search.beliefs import normalised
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid, normalised
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]

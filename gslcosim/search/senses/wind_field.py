@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Observation
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid
 from gslcosim.search.senses.instruments import Vane
 
 Array = NDArray[np.float64]

@@ -12,8 +12,7 @@ from gslcosim.agent_kit import Agent
 from gslcosim.contract.messages import Briefing, Command, Observation, RadioMessage
 from gslcosim.search.motion.commands import declaration
 from gslcosim.search.motion.declaration import DeclarationGuard, SwarmRule
-from gslcosim.search.motion.leg_planner import LegPlanner
-from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.motion.legs import LegPlanner, LegSpace
 from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.senses.instruments import Nose, find_noses, find_vanes
 from gslcosim.search.senses.stop_and_measure import Measurement, StopAndMeasure
@@ -26,7 +25,7 @@ from gslcosim.search.swarms.particle_swarm import (
     repelled_velocity,
     rotate,
 )
-from gslcosim.search.swarms.radio_reports import Report, ReportedBest, Team
+from gslcosim.search.swarms.rounds import Report, ReportedBest, Team
 from gslcosim.search.swarms.sniffy_bug import searching_waypoint
 
 Vector = NDArray[np.float64]

@@ -1,12 +1,13 @@
-"""Autopilot of a point robot: obeys velocities and holds as the world's autopilot does.
+# pyright: basic, reportCallIssue=false
+# ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
+"""Autopilot of a point robot: obeys velocities and holds as the world's autopilot does, with a force that lags.
 
-Paths are planned by the kernels of `gslcosim_services.world.paths`; what is here is the order in which things happen.
+Paths are planned by the kernels of `gslcosim_services.world`; what is here is the order in which things happen.
 """
 
-# ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
-# pyright: basic, reportCallIssue=false
-
 import math
+
+import numpy as np
 
 from gslcosim.training.batch.batch_records import (
     CRUISE,
@@ -21,22 +22,77 @@ from gslcosim.training.batch.free_space import (
     SAME_S,
     array_at,
     copy_inplace,
+    is_hit,
     is_place_refused,
     motion_inplace,
     must_brake,
     norm3,
     plan_to_velocity_inplace,
     seconds_of,
+    wind_at_inplace,
 )
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
-from gslcosim_services.world.paths.trajectory import (
+from gslcosim_services.world.multirotor_control import drag_force
+from gslcosim_services.world.simulation_loop import path_force_inplace
+from gslcosim_services.world.trajectory import (
     allowed_lateral_deviation_m,
     max_lateral_deviation_m,
     plan_quickest_inplace,
 )
-from gslcosim_services.world.physics.vehicle_records import STATE
+from gslcosim_services.world.vehicle_records import STATE
 
-# See `gslcosim_services.world.guidance.path_follower` and `guidance.autopilot`.
+
+@reference_free_njit()
+def fly_lagged_tick(search, path, vehicle, case, room, work, tick, time_s):
+    """Fly a rotorcraft for a tick as a point mass that is upright.
+
+    df/dt = j_ref + (f_wanted - f)/tau,  dv/dt = f - g + D(wind - v)/m
+    [m/s^3] = [m/s^2]/[s],  [m/s^2] = [N]/[kg]
+
+    f_wanted is what the vehicle's own control wants with its limits, and tau how long its attitude takes to give it,
+    sideways, and its rotors, upwards. The wind is that at the tick's beginning. It stops where it hits something.
+
+    Args:
+        search: Record of `SEARCH`; place, velocity and force are advanced.
+        path: Record of `records.STATE`; integral and heading are advanced.
+        vehicle: Record of `records.CONSTANTS`.
+        case: Record of `CASE`.
+        room: Record of `ROOM`.
+        work: Record of `WORK`.
+        tick: The tick that is advanced to.
+        time_s: Time since the sources opened at the tick's beginning [s].
+
+    Source:
+        Our choice: the control of `world.physics`, whose attitude loop is much faster than its position loop.
+    Deviation:
+        Attitude and single rotors are left out; drag is that of an upright vehicle in hover; steps are those of point
+        robots.
+    Held by:
+        tests/integration/training/test_batch_of_rotorcraft.py
+    """
+    p, v, f = search.position_m, search.velocity_m_s, search.force_m_s2
+    dt_s = case.tick_s / case.n_substeps
+    wind = array_at(work.wind_m_s, (work.n_places, 3), np.float64)[0]
+    wind_at_inplace(wind, room, time_s, p[0], p[1], p[2])
+    for i_substep in range(case.n_substeps):
+        if is_hit(room, case.radius_m, case.half_height_m, p):
+            search.is_touching = search.is_bumped = 1
+            v[0] = v[1] = v[2] = 0.0
+            return
+        t_s = (tick - 1 - path.start_tick) * case.tick_s + i_substep * dt_s
+        f_x, f_y, f_z, j_x, j_y, j_z = path_force_inplace(vehicle, path, p, v, t_s, dt_s)
+        f[0] += j_x * dt_s + case.tilt_share * (f_x - f[0])
+        f[1] += j_y * dt_s + case.tilt_share * (f_y - f[1])
+        f[2] += j_z * dt_s + case.lift_share * (f_z - f[2])
+        d_x, d_y, d_z = drag_force(vehicle, case.rotor_speeds_rad_s, wind[0] - v[0], wind[1] - v[1], wind[2] - v[2])
+        v[0] += dt_s * (f[0] + d_x / vehicle.mass_kg)
+        v[1] += dt_s * (f[1] + d_y / vehicle.mass_kg)
+        v[2] += dt_s * (f[2] - vehicle.gravity_m_s2 + d_z / vehicle.mass_kg)
+        for axis in range(3):
+            p[axis] += dt_s * v[axis]
+
+
+# See `gslcosim_services.world.path_follower` and `guidance.autopilot`.
 _ARRIVED_WITHIN_M = 0.15
 _ARRIVED_BELOW_M_S = 0.2
 _GIVE_UP_AFTER_S = 10.0

@@ -21,22 +21,25 @@ from gslcosim.scenario.loader import LoadedScenario
 from gslcosim.scenario.models.gas import MeanderingPlumeGasSpec
 from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.models.success import AllSourcesSuccess, SourceSuccess
-from gslcosim.search.learned.actions import MARGIN_M
-from gslcosim.search.learned.observations import ObservationVector
+from gslcosim.search.learned.encoding import MARGIN_M, ObservationVector
 from gslcosim.training.batch import batch_records
 from gslcosim.training.batch.batch_records import Cases
-from gslcosim.training.batch.environments import BatchRooms
-from gslcosim.training.batch.gas import BatchGas, is_gas_supported, list_wander_streams
-from gslcosim.training.batch.instruments import ELSE, BatchInstruments
-from gslcosim.training.learning_task import get_environment_key
+from gslcosim.training.batch.case_records import (
+    ELSE,
+    BatchGas,
+    BatchInstruments,
+    BatchRooms,
+    is_gas_supported,
+    list_wander_streams,
+)
+from gslcosim.training.stepped_run import get_environment_key
 from gslcosim.vehicles import Vehicle, get_vehicle
 from gslcosim_services.fields.gas_setup import list_gas_names
 from gslcosim_services.sensing.briefing import build_briefing
+from gslcosim_services.world import vehicle_records
 from gslcosim_services.world.core import POINT_ROBOT_STEP_MS, WorldCore, physics_step_ms
-from gslcosim_services.world.guidance.capabilities import derive_capabilities
-from gslcosim_services.world.physics import vehicle_records
-from gslcosim_services.world.physics.simulation_loop import ContactScene
-from gslcosim_services.world.physics.vehicle_records import hover_rotor_speed_rad_s
+from gslcosim_services.world.simulation_loop import ContactScene
+from gslcosim_services.world.vehicle_records import derive_capabilities, hover_rotor_speed_rad_s
 
 # How vehicles fly: point robots alone, to the bit of a single flight; or rotorcraft too, as point masses.
 EXACT, FIRST_ORDER = "exact", "first_order"

@@ -13,15 +13,10 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
-from gslcosim.environment.wind_kernels import trilinear_wind
+from gslcosim.environment.grid_kernels import trilinear_wind
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
-from gslcosim_services.world.paths.trajectory import (
-    DURATION_GROWTH,
-    MIN_DURATION_S,
-    plan_quickest_inplace,
-    polynomial_at,
-)
-from gslcosim_services.world.physics.vehicle_records import STATE
+from gslcosim_services.world.trajectory import DURATION_GROWTH, MIN_DURATION_S, plan_quickest_inplace, polynomial_at
+from gslcosim_services.world.vehicle_records import STATE
 
 _SPLIT = 134217729.0  # 2^27 + 1
 
@@ -146,7 +141,7 @@ def exact_sum(values, n, parts):
 
 
 _SOLID = 1
-# What a vehicle may stray from its reference while it brakes; see `gslcosim_services.world.paths.flight_space`.
+# What a vehicle may stray from its reference while it brakes; see `gslcosim_services.world.flight_space`.
 _CLEARANCE_M = 0.1
 # What rounding may move a place by.
 _ROUNDING_M = 1e-6
@@ -383,7 +378,7 @@ def wind_at_inplace(wind_m_s, room, time_s, x_m, y_m, z_m):
     wind_m_s[0], wind_m_s[1], wind_m_s[2] = trilinear_wind(wind, origin_m, room.cell_m, x_m, y_m, z_m)
 
 
-# See `gslcosim_services.world.paths.trajectory`.
+# See `gslcosim_services.world.trajectory`.
 SAME_S = 1e-9
 _NS_PER_S = 1_000_000_000
 _TO_VELOCITY = True

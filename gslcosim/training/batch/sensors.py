@@ -34,7 +34,7 @@ from gslcosim.training.batch.pcg64 import next_normal_inplace, next_poisson_inpl
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
 from gslcosim_services.sensing.ray_kernels import distance_among_boxes
 
-# See `gslcosim_services.sensing.models.mox` and `gslcosim.search.learned.observations`.
+# See `gslcosim_services.sensing.models.mox` and `gslcosim.search.learned.encoding`.
 _LEAST_RATIO = 0.01
 _SPEED_M_S = 2.0
 _FLOOR_PPM = 0.1
@@ -242,7 +242,7 @@ def _disturb_inplace(instrument, gauge, tick, tick_s, raw):
 
 @reference_free_njit()
 def amount(ppm):
-    """Return a mixing ratio as a number between -1 and 1; see `gslcosim.search.learned.observations.amount`."""
+    """Return a mixing ratio as a number between -1 and 1; see `gslcosim.search.learned.encoding.amount`."""
     return math.copysign(math.log1p(abs(ppm) / _FLOOR_PPM) / _AMOUNT_SCALE, ppm)
 
 
@@ -263,7 +263,7 @@ def _show(numbers, i, value):
 
 @reference_free_njit()
 def write_reading_inplace(numbers, instrument, gauge):
-    """Write the numbers of a reading into an observation; see `gslcosim.search.learned.observations`.
+    """Write the numbers of a reading into an observation; see `gslcosim.search.learned.encoding`.
 
     Args:
         numbers: (n,) float32, written where the instrument's stand.

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
-from gslcosim.search.learned.policies.gru import GruPolicy
-from gslcosim.search.learned.policies.policy import ActionSettings
-from gslcosim.training.trainers.curriculum import Curriculum
+from gslcosim.search.learned.policy import ActionSettings
+from gslcosim.search.learned.recurrent_networks import GruPolicy
+from gslcosim.training.trainers.trainer import Curriculum
 
 Arrays = dict[str, Any]
 _ONE_THREAD = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"

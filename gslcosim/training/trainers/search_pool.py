@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
 from gslcosim.scenario.loader import LoadedScenario
-from gslcosim.search.learned.policies.policy import ActionSettings
+from gslcosim.search.learned.policy import ActionSettings
 from gslcosim.training.batch import BatchSearchEnv
-from gslcosim.training.trainers.curriculum import Curriculum, Weights
+from gslcosim.training.trainers.trainer import Curriculum, Weights
 
 
 class SearchPool:

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.rng import stream
-from gslcosim.search.learned.policies.policy import ActionSettings
-from gslcosim.search.learned.policies.value_table import (
+from gslcosim.search.learned.policy import ActionSettings
+from gslcosim.search.learned.value_table import (
     ChangeFeature,
     LevelFeature,
     SinceFeature,
@@ -18,9 +18,8 @@ from gslcosim.search.learned.policies.value_table import (
     WindPositionFeature,
     nth_best_choices,
 )
-from gslcosim.training.trainers.curriculum import Weights
 from gslcosim.training.trainers.search_pool import SearchPool
-from gslcosim.training.trainers.trainer import TableSettings, check_state
+from gslcosim.training.trainers.trainer import TableSettings, Weights, check_state
 
 
 class TabularQ:

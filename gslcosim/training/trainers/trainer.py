@@ -1,13 +1,16 @@
-"""Interface of trainers: rounds that can stop between two of them, a policy at any time, and their settings."""
+"""Interface of trainers, costs of policies in a batch, and a curriculum of cases."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Protocol
 
+import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
 from gslcosim.base.errors import UsageError
 from gslcosim.scenario.models.base import NonNegative, Positive, Spec
+from gslcosim.search.learned.policy import Policy
 
 
 class Trainer(Protocol):
@@ -118,3 +121,122 @@ class MethodSettings(Spec):
     population: Annotated[int, Field(ge=4, le=10_000)] = 8
     cases_per_round: _Count = 8
     spread: Positive = 0.25
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchOutcomes:
+    """Outcomes of searches: success, time [s] and last distance to the source [m] of each."""
+
+    success: NDArray[np.bool_]
+    time_s: NDArray[np.float64]
+    distance_m: NDArray[np.float64]
+    n_steps: int
+
+    def costs(self, time_limits_s: NDArray[np.float64], diagonals_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what each search cost, between 0 and 2; see `compute_costs`."""
+        return compute_costs(self.success, self.time_s / time_limits_s, self.distance_m / diagonals_m)
+
+
+def compute_costs(
+    success: NDArray[np.bool_], shares_of_time: NDArray[np.float64], shares_of_room: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return what searches cost, between 0 and 2.
+
+    cost = t / limit upon success, else 1 + distance / diagonal, so that who fails nearer fails less.
+
+    Args:
+        success: Of each search, (n,).
+        shares_of_time: Times over time limits, (n,).
+        shares_of_room: Last distances to the source over diagonals of rooms, (n,).
+    """
+    return np.where(success, shares_of_time, 1.0 + np.minimum(shares_of_room, 1.0))
+
+
+def run_searches(
+    envs: Any, policies: Sequence[Policy], cases: NDArray[np.int64], seeds: NDArray[np.int64], places: NDArray[np.int64]
+) -> SearchOutcomes:
+    """Fly every policy in every case, each once, and return how the searches ended, policy by policy.
+
+    Args:
+        envs: A `BatchSearchEnv` with a search for each policy and case.
+        policies: All with the same observations.
+        cases: Which cases, (k,).
+        seeds: Of gas and noise, (k,): the same for all policies.
+        places: Where the policies' observations stand in those of `envs`.
+    """
+    n_policies, k = len(policies), len(cases)
+    n = n_policies * k
+    chosen = {"cases": np.tile(cases, n_policies), "seeds": np.tile(seeds, n_policies)}
+    observed, infos = envs.reset(seed=0, options=chosen)
+    parts = [slice(i * k, (i + 1) * k) for i in range(n_policies)]
+    memories = [policy.memory(k) for policy in policies]
+    is_over, success = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+    time_s, distance_m = np.zeros(n), np.array(infos["distance_to_source_m"], np.float64)
+    n_steps = 0
+    while not is_over.all():
+        seen, actions = np.ascontiguousarray(observed[:, places]), []
+        for i, policy in enumerate(policies):
+            chosen_now, memories[i] = policy.act(seen[parts[i]], memories[i])
+            actions.append(chosen_now)
+        n_steps += int((~is_over).sum())
+        observed, _, terminated, truncated, infos = envs.step(np.concatenate(actions))
+        ends = (np.asarray(terminated) | np.asarray(truncated)) & ~is_over
+        if ends.any():
+            success[ends] = np.asarray(infos["success"])[ends]
+            time_s[ends] = np.asarray(infos["time_s"])[ends]
+            distance_m[ends] = np.asarray(infos["distance_to_source_m"])[ends]
+            is_over |= ends
+    return SearchOutcomes(success=success, time_s=time_s, distance_m=distance_m, n_steps=n_steps)
+
+
+# From mean costs of cases, NaN where not flown, to how often each comes; see `Family.weights`.
+Weights = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+# Of a case's mean cost: the newest search counts a half.
+_NEWEST = 0.5
+_NEEDED = ("case", "success", "time_s", "distance_to_source_m")
+
+
+class Curriculum:
+    """Mean costs of cases, of which the newest search counts a half; NaN where a case has not been flown.
+
+    Args:
+        weights: From mean costs to how often each case comes.
+        time_limits_s: Of the cases, (n_cases,) [s].
+        diagonals_m: Of the cases' rooms, (n_cases,) [m].
+    """
+
+    def __init__(
+        self, weights: Weights, *, time_limits_s: NDArray[np.float64], diagonals_m: NDArray[np.float64]
+    ) -> None:
+        self._weights, self._limits_s, self._diagonals_m = weights, time_limits_s, diagonals_m
+        self.costs = np.full(len(time_limits_s), np.nan)
+
+    @property
+    def shares(self) -> NDArray[np.float64]:
+        """Probabilities with which the cases come, (n_cases,)."""
+        return self._weights(self.costs)
+
+    def count(self, infos: Mapping[str, Any], ends: NDArray[np.bool_]) -> None:
+        """Remember the searches that have ended, in their order.
+
+        Args:
+            infos: What a batch returns of a step, or its `final_info` where searches begin again at once.
+            ends: Which searches have ended.
+
+        Raises:
+            UsageError: the environment does not say which case a search flew, or how it went.
+        """
+        ended = infos.get("final_info", infos)
+        if missing := [name for name in _NEEDED if name not in ended]:
+            raise UsageError(
+                f"doping: expected environments that tell {', '.join(_NEEDED)} of searches that end, was without "
+                f"{', '.join(missing)}. Take a BatchSearchEnv, or train without doping."
+            )
+        cases, success, time_s, distance_m = (np.asarray(ended[name])[ends] for name in _NEEDED)
+        cases = cases.astype(np.int64)
+        costs = compute_costs(
+            success.astype(bool), time_s / self._limits_s[cases], distance_m / self._diagonals_m[cases]
+        )
+        for case, cost in zip(cases.tolist(), costs.tolist(), strict=True):
+            before = self.costs[case]
+            self.costs[case] = cost if np.isnan(before) else (1 - _NEWEST) * before + _NEWEST * cost

@@ -1,14 +1,37 @@
-"""Counter-based random numbers, normal and uniform: any draw can be computed alone, in any order, by any thread."""
-
-# ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 # pyright: basic
+# ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
+"""Counter-based random numbers, normal and uniform, for batches of filaments: any draw can be computed alone."""
 
 import math
 
 import numba
 import numpy as np
 
-from gslcosim_services.fields.filament.batch_layout import Y, Z
+# Each part of a step is a short loop over a batch, so that vector instructions do it for several filaments at once.
+# A compiler uses them only where it knows that what is written is not what is read next. That is why the numbers of
+# a batch stand in few flat arrays at constant distances: those of the x axis side by side, those of y a BATCH further
+# and those of z another: x of filament p at p, y at Y + p, z at Z + p.
+# A batch's numbers stay in the first cache.
+BATCH = 128
+Y = BATCH
+Z = 2 * BATCH
+
+# Rows of the float64 working memory, by their first place; those of three axes take three rows.
+POSITION = 0  # where a filament is, in cells from the corner of the grid
+NORMAL = 3 * BATCH  # standard normal numbers
+MOVED = 6 * BATCH  # where a filament is after the step, world frame [m]
+SIGMA = 9 * BATCH  # size after the step [m]
+DT = 10 * BATCH  # how long a filament moves [s]
+ETA = 11 * BATCH  # standard deviation of its random displacement per axis [m]
+RISE = 12 * BATCH  # upward velocity relative to the air [m/s]
+REACH = 13 * BATCH  # how far it may move along each axis without a look at walls [m]
+FATE = 14 * BATCH  # one of the fates below
+N_WORK = 15 * BATCH
+
+FREE = 0.0
+BOUNDED = 1.0
+LEFT = 2.0
+
 
 N_LAYERS = 256
 TAIL_START = 3.6541528853610088

@@ -14,7 +14,7 @@ from gslcosim.base.quantities import GRAVITY_M_S2
 from gslcosim.contract.messages import BodyPoses
 from gslcosim.scenario import Scenario
 from gslcosim.vehicles import Vehicle
-from gslcosim_services.fields.filament.wall_collision import trace_displacement
+from gslcosim_services.fields.filament.filament_step import trace_displacement
 
 # Constants of the merged jet, in motor distances.
 DECAY = 10.11

@@ -12,15 +12,14 @@ from numpy.typing import NDArray
 
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Cell, Environment
+from gslcosim.environment.model import Cell, Environment, Grid
 from gslcosim.scenario.models.gas import FarrellGasSpec
-from gslcosim_services.fields.concentration.filament_field import FilamentField
-from gslcosim_services.fields.concentration.mixing_ratio import Walls
 from gslcosim_services.fields.filament.downwash import Jets
 from gslcosim_services.fields.filament.plume import FilamentPlume, Filaments
+from gslcosim_services.fields.filament_field import FilamentField
 from gslcosim_services.fields.gas_field import GasField, Visibility
 from gslcosim_services.fields.gas_setup import GasSetup, build_gas_field_from_block, wind_at_first_source_m_s
+from gslcosim_services.fields.mixing_ratio import Walls
 from gslcosim_services.fields.models.filament_gas import build_gas_model
 
 

@@ -7,11 +7,16 @@ from gslcosim.environment.model import AT_START, Environment
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import SourceEventSpec
 from gslcosim.scenario.models.gas import FilamentGasSpec, FilamentsSpec, SourceSpec
-from gslcosim_services.fields.concentration.filament_field import FilamentField, FilamentSource
-from gslcosim_services.fields.concentration.mixing_ratio import CUTOFF_SIGMA, Walls
-from gslcosim_services.fields.concentration.prefetched_plume import PrefetchedPlume
-from gslcosim_services.fields.filament.buoyancy import NEUTRAL, Buoyancy, gaden_3_buoyancy, terminal_velocity_buoyancy
-from gslcosim_services.fields.filament.plume import FilamentPlume, GasSource, WindAt, filament_amount_mol
+from gslcosim_services.fields.filament.plume import (
+    NEUTRAL,
+    Buoyancy,
+    FilamentPlume,
+    GasSource,
+    WindAt,
+    filament_amount_mol,
+    gaden_3_buoyancy,
+    terminal_velocity_buoyancy,
+)
 from gslcosim_services.fields.filament.release import (
     ConstantRelease,
     IntermittentRelease,
@@ -21,6 +26,7 @@ from gslcosim_services.fields.filament.release import (
     SourceShape,
     VariableRelease,
 )
+from gslcosim_services.fields.filament_field import FilamentField, FilamentSource, PrefetchedPlume
 from gslcosim_services.fields.gas_field import GasField, Visibility
 from gslcosim_services.fields.gas_setup import (
     GasSetup,
@@ -30,7 +36,8 @@ from gslcosim_services.fields.gas_setup import (
     list_gas_names,
 )
 from gslcosim_services.fields.gases import air_density_mol_m3, find_gas
-from gslcosim_services.fields.stored.tape import MAX_SOURCES, CachedPlume
+from gslcosim_services.fields.mixing_ratio import CUTOFF_SIGMA, Walls
+from gslcosim_services.fields.tape import MAX_SOURCES, CachedPlume
 
 # GADEN 3 multiplies its noise by ten times the step: at its usual 0.1 s the configured value remains.
 GADEN_3_NOISE_PER_S = 10.0

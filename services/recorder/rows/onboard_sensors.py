@@ -15,9 +15,14 @@ from gslcosim.base.frames import quaternion_from_rotation, world_from_body_rotat
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.ticks import exact_ticks_from_seconds
 from gslcosim.contract.messages import BodyState, CameraImage, Quaternion, Reading
-from gslcosim.scenario.models.gas_sensors import TdlasSensorSpec
-from gslcosim.scenario.models.onboard_sensors import CameraSensorSpec, DepthCameraSpec, LidarSensorSpec
-from gslcosim.scenario.models.sensor_base import RaySensorSpec, SensorSpec
+from gslcosim.scenario.models.sensors import (
+    CameraSensorSpec,
+    DepthCameraSpec,
+    LidarSensorSpec,
+    RaySensorSpec,
+    SensorSpec,
+    TdlasSensorSpec,
+)
 from gslcosim_services.recorder.colors import Rgb
 from gslcosim_services.recorder.recording_file import RecordingFile
 from gslcosim_services.sensing.models.range_finders import ray_directions_body

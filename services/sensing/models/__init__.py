@@ -7,15 +7,11 @@ from pathlib import Path
 from gslcosim.base.errors import ScenarioError
 from gslcosim.scenario.models.sensors import SENSOR_OFFERS
 from gslcosim_services.sensing.models.anemometer import ANEMOMETER, ANEMOMETER_3D
-from gslcosim_services.sensing.models.base import SensorKind, SensorModel
-from gslcosim_services.sensing.models.bumper import BUMPER
-from gslcosim_services.sensing.models.camera import CAMERA_KINDS
+from gslcosim_services.sensing.models.base import SensorKind, SensorModel, build_sensor
 from gslcosim_services.sensing.models.gas_sensors import PPM_KINDS, TDLAS
-from gslcosim_services.sensing.models.imu import IMU
-from gslcosim_services.sensing.models.measurement_errors import build_sensor
 from gslcosim_services.sensing.models.mox import MOX_PARAMETERS, build_mox_kind
-from gslcosim_services.sensing.models.navigation import BAROMETER, GPS, MAGNETOMETER, POSE
-from gslcosim_services.sensing.models.range_finders import RANGE_KINDS
+from gslcosim_services.sensing.models.navigation import BAROMETER, GPS, IMU, MAGNETOMETER, POSE
+from gslcosim_services.sensing.models.range_finders import BUMPER, CAMERA_KINDS, RANGE_KINDS
 
 _MOX_KINDS = tuple(build_mox_kind(parameters) for parameters in MOX_PARAMETERS.values())
 

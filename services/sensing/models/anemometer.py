@@ -6,8 +6,7 @@ import numpy as np
 
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import MountSample, Reading
-from gslcosim.scenario.models.gas_sensors import Anemometer3dSpec, AnemometerSpec
-from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, Anemometer3dSpec, AnemometerSpec
 from gslcosim_services.sensing.models.base import SensorKind, new_reading
 
 QUANTITY = "apparent_wind"

@@ -1,7 +1,8 @@
-"""Interface of sensor models: the sample or the surroundings in, a reading out; and a model's row in the table."""
+"""Interface of sensor models, and measurement errors of real instruments."""
 
 import math
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
@@ -9,12 +10,14 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.errors import GslCosimError, ScenarioError
 from gslcosim.base.frames import world_from_body_rotation
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.ticks import NS_PER_S, exact_ticks_from_seconds
 from gslcosim.contract.messages import BodyState, CameraImage, Reading
 from gslcosim.contract.record import build_unchecked_constructor
-from gslcosim.scenario.models.gas_sources import GasDefinition
-from gslcosim.scenario.models.sensor_base import MeasuringSensorSpec, OnBoardSensorSpec, SensorSpec
+from gslcosim.scenario.models.gas import GasDefinition
+from gslcosim.scenario.models.sensors import MeasuringSensorSpec, NoisySensorSpec, OnBoardSensorSpec, SensorSpec
 from gslcosim_services.sensing.ray_scene import RayScene
 
 
@@ -104,3 +107,157 @@ class Surroundings:
             return x_m, y_m, z_m
         dx_m, dy_m, dz_m = (self.world_from_body @ np.array(mount_body_m)).tolist()
         return x_m + dx_m, y_m + dy_m, z_m + dz_m
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Errors:
+    """The usual errors of an instrument, in the unit of its readings; those that a sensor does not have are off."""
+
+    noise_std: float = 0.0
+    bias: float = 0.0
+    drift_per_s: float = 0.0
+    max_value: float | None = None
+
+
+def _read_errors(kind: SensorKind, spec: SensorSpec) -> _Errors:
+    noise_std = spec.noise_std if isinstance(spec, NoisySensorSpec) and not kind.has_own_noise else 0.0
+    if not isinstance(spec, MeasuringSensorSpec):
+        return _Errors(noise_std=noise_std)
+    return _Errors(noise_std=noise_std, bias=spec.bias, drift_per_s=spec.drift_per_s, max_value=spec.max_value)
+
+
+class ImperfectSensor:
+    """A model behind a delay, with errors on its values, read at its own rate.
+
+    In this order: the model sees the sample of `delay_s` ago (the first one until then); each value v becomes
+    v + bias + drift_per_s t + N(0, noise_std), t the time since the start; values are kept within +- `max_value`, and
+    `is_saturated` says so, and never fall below the kind's `least_value`; between readings, `period_s` apart, the last
+    one is repeated. Until `warm_up_s` after the start a reading `is_warming_up`: its values are those of the first one.
+    Units are the reading's.
+
+    State: samples within the delay, the last reading, the number of the tick. Draws one number for each value at each
+    reading, from the sensor's own stream, after the model's own draws; none where `noise_std` is 0 or is the model's.
+    Values past the kind's first `n_with_errors`, such as a direction behind a speed, stay as the model has them.
+    Held by: tests/unit/services/sensing/test_measurement_errors.py
+    """
+
+    def __init__(
+        self, model: SensorModel, kind: SensorKind, spec: SensorSpec, tick_ns: int, rng: np.random.Generator
+    ) -> None:
+        self._model = model
+        self._kind = kind
+        self._spec = spec
+        self._tick_s = tick_ns / NS_PER_S
+        self._errors = _read_errors(kind, spec)
+        self._rng = rng
+        self._period_ticks = _delay_ticks(spec.period_s, tick_ns, f"sensor {spec.name}: period_s") or 1
+        delay_ticks = _delay_ticks(spec.delay_s or None, tick_ns, f"sensor {spec.name}: delay_s")
+        self._seen: deque[tuple[Any, Vec3]] = deque(maxlen=delay_ticks + 1)
+        self._warm_up_ticks = _delay_ticks(spec.warm_up_s or None, tick_ns, f"sensor {spec.name}: warm_up_s")
+        self._tick = -1
+        self._last: Reading | None = None
+        self._cold: Reading | None = None
+
+    def read(self, sample: Any, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return the reading that holds at the end of the tick; see `SensorModel.read`."""
+        self._tick += 1
+        self._seen.append((sample, mount_velocity_world_m_s))
+        reading = self._model.read(*self._seen[0])
+        if self._last is None or self._tick % self._period_ticks == 0:
+            self._last = self._with_errors(reading)
+        if self._tick >= self._warm_up_ticks:
+            return self._last
+        self._cold = self._cold or self._last.model_copy(update={"is_warming_up": True})
+        return self._cold
+
+    def _with_errors(self, reading: Reading) -> Reading:
+        n, limit = self._kind.n_with_errors, self._errors.max_value
+        values = [self._disturbed(value) for value in reading.values[:n]]
+        is_over = limit is not None and max(map(abs, values)) >= limit
+        if limit is not None:
+            values = [min(max(value, -limit), limit) for value in values]
+        values = [max(value, self._kind.least_value) for value in values]
+        return reading.model_copy(
+            update={
+                "values": (*values, *reading.values[len(values) :]),
+                "is_saturated": reading.is_saturated or is_over,
+            }
+        )
+
+    def _disturbed(self, value: float) -> float:
+        errors = self._errors
+        offset = errors.bias + errors.drift_per_s * self._tick * self._tick_s
+        if errors.noise_std == 0.0:
+            return value + offset
+        return value + offset + errors.noise_std * float(self._rng.standard_normal())
+
+
+def build_sensor(kind: SensorKind, spec: SensorSpec, tick_ns: int, rng: np.random.Generator) -> SensorModel:
+    """Return a new instrument as its scenario describes it.
+
+    Raises:
+        ScenarioError: its rate or delay is not a whole number of ticks.
+    """
+    model = kind.build(spec, tick_ns / NS_PER_S, rng)
+    is_timed = spec.delay_s or spec.warm_up_s or spec.period_s is not None
+    if not is_timed and _read_errors(kind, spec) == _Errors():
+        return model
+    return ImperfectSensor(model, kind, spec, tick_ns, rng)
+
+
+def _delay_ticks(duration_s: float | None, tick_ns: int, name: str) -> int:
+    if duration_s is None:
+        return 0
+    try:
+        return exact_ticks_from_seconds(duration_s, tick_ns, name=name)
+    except GslCosimError as error:
+        raise ScenarioError(str(error)) from error
+
+
+class GaussMarkovBias:
+    """A first-order Gauss-Markov process in three axes, exact for any length of the step.
+
+    db = -b/T dt + q dW;   over dt: b <- e^(-dt/T) b + N(0, q^2 T/2 (1 - e^(-2 dt/T)))
+    [x] = [x s^(-1/2)] [s^(1/2)]
+
+    b starts at 0; the bias is b and a constant of N(0, start_std), which stays. Draws x, y, z at the start and in each
+    step.
+
+    Source:
+        RotorS and PX4's Gazebo plug-ins for the IMU, which Pegasus follows.
+    Held by:
+        tests/unit/services/sensing/test_navigation_sensors.py
+    """
+
+    def __init__(
+        self,
+        walk: Sequence[float],
+        correlation_s: float,
+        dt_s: float,
+        rng: np.random.Generator,
+        *,
+        start_std: float = 0.0,
+    ) -> None:
+        self._keeps = decay_factor(dt_s, correlation_s)
+        self._kick = [increment_std(dt_s, q, correlation_s) for q in walk]
+        self._rng = rng
+        self._constant: list[float] = (start_std * rng.standard_normal(3)).tolist()
+        self._wandering = [0.0, 0.0, 0.0]
+
+    # In plain numbers: for three of them numpy takes longer.
+    def step(self) -> list[float]:
+        """Advance by one step and return the bias, x, y, z."""
+        draws = self._rng.standard_normal(3).tolist()
+        kept, steps = self._keeps, zip(self._wandering, self._kick, draws, strict=True)
+        self._wandering = [kept * b + kick * draw for b, kick, draw in steps]
+        return [constant + b for constant, b in zip(self._constant, self._wandering, strict=True)]
+
+
+def decay_factor(dt_s: float, correlation_s: float) -> float:
+    """Return the fraction of a Gauss-Markov bias that is left after some time: e^(-dt/T)."""
+    return math.exp(-dt_s / correlation_s)
+
+
+def increment_std(dt_s: float, walk: float, correlation_s: float) -> float:
+    """Return the standard deviation added to a Gauss-Markov bias in a time: q sqrt(T/2 (1 - e^(-2 dt/T)))."""
+    return walk * math.sqrt(-correlation_s / 2 * math.expm1(-2 * dt_s / correlation_s))

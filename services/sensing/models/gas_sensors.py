@@ -10,7 +10,9 @@ import numpy as np
 
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import MountSample, Reading
-from gslcosim.scenario.models.gas_sensors import (
+from gslcosim.scenario.models.gas import GasDefinition
+from gslcosim.scenario.models.sensors import (
+    SENSOR_BLOCKS,
     AveragingSensorSpec,
     HitCounterSpec,
     PidSensorSpec,
@@ -18,8 +20,6 @@ from gslcosim.scenario.models.gas_sensors import (
     TdlasSensorSpec,
     ThresholdSensorSpec,
 )
-from gslcosim.scenario.models.gas_sources import GasDefinition
-from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
 from gslcosim_services.sensing.models.base import SensorKind, SensorModel, new_reading
 
 # Correction factors at 11.7 eV; what is not in the table is not ionised.
@@ -286,7 +286,7 @@ class TdlasSensor:
     Left out:
         The wall's reflectivity and the fall of the signal with distance.
     Held by:
-        tests/unit/services/sensing/test_tdlas.py, tests/unit/services/fields/concentration/test_sample_points.py
+        tests/unit/services/sensing/test_tdlas.py, tests/unit/services/fields/test_sample_points.py
     """
 
     def __init__(self, spec: TdlasSensorSpec) -> None:

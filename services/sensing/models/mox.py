@@ -7,7 +7,7 @@ import numpy as np
 
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import GasAmount, MountSample, Reading
-from gslcosim.scenario.models.gas_sources import GasDefinition
+from gslcosim.scenario.models.gas import GasDefinition
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SensorSpec
 from gslcosim_services.sensing.models.base import Estimator, SensorKind, estimate_name, new_reading
 

@@ -1,24 +1,104 @@
-"""Range finders and lidars: distances along rays."""
+"""Sensors of the surroundings: range finders, lidars, bumpers and cameras."""
 
 import math
+from collections import deque
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.errors import ModelError
 from gslcosim.base.frames import rotation_from_rpy
 from gslcosim.base.quantities import Vec3
-from gslcosim.contract.messages import Reading
+from gslcosim.contract.messages import CameraImage, Reading
 from gslcosim.contract.record import NumericArray
-from gslcosim.scenario.models.onboard_sensors import (
+from gslcosim.scenario.models.sensors import (
+    SENSOR_BLOCKS,
     AzimuthsSpec,
+    BumpSensorSpec,
+    CameraSensorSpec,
     ElevationsSpec,
     FourRangeFindersSpec,
     LidarSensorSpec,
     RangeFinderSpec,
+    RaySensorSpec,
 )
-from gslcosim.scenario.models.sensor_base import RaySensorSpec
-from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
 from gslcosim_services.sensing.models.base import SensorKind, Surroundings
+
+
+class Bumper:
+    """values = (1 or 0,): whether anything touched the vehicle in the last `period_s`; without a period, in the tick.
+
+    What wheels roll on does not count; what a vehicle in the air stands on before its take-off does. State: the
+    contacts of each tick within the period. Draws nothing. Held by: tests/unit/services/sensing/test_bumper.py
+    """
+
+    def __init__(self, spec: BumpSensorSpec, tick_s: float, rng: np.random.Generator) -> None:
+        del rng
+        self._sensor = spec.name
+        self._touched: deque[bool] = deque(maxlen=max(1, round((spec.period_s or tick_s) / tick_s)))
+
+    def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return 1 after a contact, else 0; see `SensorModel.read`."""
+        del mount_velocity_world_m_s
+        self._touched.append(bool(sample.body.contacts))
+        return Reading(sensor=self._sensor, quantity="contact", unit="1", values=(float(any(self._touched)),))
+
+
+BUMPER = SensorKind(
+    name="bump",
+    settings=SENSOR_BLOCKS["bump"],
+    quantity="contact",
+    unit="1",
+    description="Bumper: values = (1 or 0,), whether something touched the vehicle since the last reading.",
+    build=Bumper,
+    n_with_errors=0,
+)
+
+
+class Camera:
+    """Shows the last picture that was taken: `image`, no values; the cameras' own core renders it.
+
+    State: the last picture. Draws nothing: pictures have no noise but that of their encoding.
+
+    Held by:
+        tests/unit/services/cameras/test_core.py
+    """
+
+    def __init__(self, spec: CameraSensorSpec, tick_s: float, rng: np.random.Generator) -> None:
+        del tick_s, rng
+        self._spec = spec
+        self._image: CameraImage | None = None
+
+    def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return the last picture; see `SensorModel.read`."""
+        del mount_velocity_world_m_s
+        self._image = sample.images.get(self._spec.name, self._image)
+        if self._image is None:
+            raise ModelError(f"sensing: expected a picture of {sample.body.agent}.{self._spec.name}, was none.")
+        kind = CAMERAS_BY_NAME[self._spec.model]
+        return Reading(sensor=self._spec.name, quantity=kind.quantity, unit=kind.unit, values=(), image=self._image)
+
+
+def _build_camera_kind(name: str, quantity: str, unit: str, description: str) -> SensorKind:
+    return SensorKind(
+        name=name,
+        settings=SENSOR_BLOCKS[name],
+        quantity=quantity,
+        unit=unit,
+        description=description,
+        build=Camera,
+        n_with_errors=0,
+    )
+
+
+CAMERA_KINDS = (
+    _build_camera_kind("camera", "picture", "1", "Colour camera: no values; image = PNG or JPEG with its calibration."),
+    _build_camera_kind(
+        "depth_camera", "depth", "mm", "Depth camera: no values; image = PNG of 16-bit depths, 0 out of range."
+    ),
+)
+CAMERAS_BY_NAME = {kind.name: kind for kind in CAMERA_KINDS}
+
 
 # Front, left, back, right.
 FOUR_BEAMS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
@@ -114,7 +194,7 @@ def _build(spec: RaySensorSpec, tick_s: float, rng: np.random.Generator) -> Rang
     return RangeSensor(spec, rng)
 
 
-def _kind(name: str, description: str) -> SensorKind:
+def _build_range_kind(name: str, description: str) -> SensorKind:
     return SensorKind(
         name=name,
         settings=SENSOR_BLOCKS[name],
@@ -128,8 +208,10 @@ def _kind(name: str, description: str) -> SensorKind:
 
 
 RANGE_KINDS = (
-    _kind("range_finder", "Range finder: values = (range_m,) along `beam_body`."),
-    _kind("four_range_finders", "Four range finders: values = (front, left, back, right) in m."),
-    _kind("lidar_2d", "Lidar of one level: values = (least range,); array = ranges in m, (1, azimuths)."),
-    _kind("lidar_3d", "Lidar of several levels: values = (least range,); array = ranges in m, (elevations, azimuths)."),
+    _build_range_kind("range_finder", "Range finder: values = (range_m,) along `beam_body`."),
+    _build_range_kind("four_range_finders", "Four range finders: values = (front, left, back, right) in m."),
+    _build_range_kind("lidar_2d", "Lidar of one level: values = (least range,); array = ranges in m, (1, azimuths)."),
+    _build_range_kind(
+        "lidar_3d", "Lidar of several levels: values = (least range,); array = ranges in m, (elevations, azimuths)."
+    ),
 )

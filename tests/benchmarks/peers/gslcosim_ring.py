@@ -17,13 +17,13 @@ from pathlib import Path
 
 from ring import NAMES, SHAPES, Participant, Place, places, ticks_per_s
 
-from gslcosim.base.command_lines import describe_exit
+from gslcosim.base.processes import describe_exit
 from gslcosim.bus.interface import Bus, JoinData
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec, Read, Write
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.distributed import protocol
-from gslcosim.runtime.distributed.router import RunRouter
+from gslcosim.runtime.distributed.process_launch import RunRouter
 from gslcosim.runtime.distributed.service_main import host_cores
 from gslcosim.runtime.distributed.watchdog import Watchdog
 from gslcosim.runtime.network import JOIN_TIMEOUT_S, Network

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gslcosim.runtime.services import default_services, get_block_service
-from gslcosim.scenario.models.services import ServiceSpec
+from gslcosim.scenario.models.participants import ServiceSpec
 
 
 class SensingBlock(ServiceSpec):

@@ -25,7 +25,7 @@ from gslcosim.contract.schema import get_contract_hash
 from gslcosim.runtime.services import ServiceKind, get_block_service, list_service_names
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.services import ServiceSpec
+from gslcosim.scenario.models.participants import ServiceSpec
 
 STEP_M = 0.1
 N_TICKS = 60

@@ -10,12 +10,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.user_state import user_state_folder
+from gslcosim.base.files import user_state_folder
 from gslcosim.bench import run
-from gslcosim.bench.execution import sandbox_requirement
+from gslcosim.bench.execution import verification
 from gslcosim.bench.merge import merge
-from gslcosim.bench.store.folder import ResultsFolder
-from gslcosim.bench.store.verification_marks import find_mark, results_hash
+from gslcosim.bench.store import ResultsFolder
+from gslcosim.bench.verification_marks import find_mark, results_hash
 from gslcosim.cli.main import main
 from gslcosim.runtime.processes.sandbox.selection import find_strongest_sandbox
 from gslcosim.scenario import load_scenario
@@ -151,7 +151,7 @@ def test_who_trusts_them_runs_them_as_they_are(here):
 
 def test_without_a_sandbox_nothing_is_started(here, monkeypatch, capsys):
     folder, outside = here
-    monkeypatch.setattr(sandbox_requirement, "find_strongest_sandbox", lambda: "none")
+    monkeypatch.setattr(verification, "find_strongest_sandbox", lambda: "none")
     assert verify(folder) == 2
     assert "expected a machine that has a sandbox for the programs of these results" in capsys.readouterr().err
     assert main(["bench", "show", str(folder), "--trial", "", "--no-view"]) == 2
@@ -166,7 +166,7 @@ def test_a_python_agent_that_does_nothing_as_a_program_is_refused(here):
     start = f"agents[0].start={json.dumps({'python': str(program)})}"
     scenario = load_scenario("tiny_room", overrides=[start]).scenario
     with pytest.raises(UsageError, match=r"expected a Python agent that is also a program, .*: run\(MyAgent\)"):
-        sandbox_requirement.check_confinable([SimpleNamespace(entry="e", directory=folder, resolved=scenario)], folder)
+        verification.check_confinable([SimpleNamespace(entry="e", directory=folder, resolved=scenario)], folder)
     assert reached(outside) == set()
 
 

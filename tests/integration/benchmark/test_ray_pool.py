@@ -56,8 +56,8 @@ from pathlib import Path
 from gslcosim.bench.execution.pool import LocalPool
 from gslcosim.bench.execution.ray_pool import RayPool
 from gslcosim.bench.execution.runner import SuiteRun
-from gslcosim.bench.execution.selection import Selection
-from gslcosim.bench.store.folder import ResultsFolder
+from gslcosim.bench.cases.models import Selection
+from gslcosim.bench.store import ResultsFolder
 from gslcosim.bench.cases import load_suite, build_plan
 
 def start():

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 from deadlines import EVENT_S, PROCESS_S
 
-from gslcosim.bench.store.verification_marks import find_mark
+from gslcosim.bench.verification_marks import find_mark
 
 HOSTILE = Path(__file__).parent / "hostile"
 HOSTILE_SUITE = """
@@ -176,7 +176,7 @@ def test_an_agent_that_hangs_ends_in_a_row_that_says_so(tmp_path: Path) -> None:
 
 @pytest.mark.end_to_end
 def test_a_second_run_in_the_folder_is_refused(smoke: Path, tmp_path: Path) -> None:
-    from gslcosim.bench.store.folder import ResultsFolder
+    from gslcosim.bench.store import ResultsFolder
 
     with ResultsFolder(tmp_path / "results" / "smoke").locked():
         ended = bench("run", "smoke", cwd=tmp_path)

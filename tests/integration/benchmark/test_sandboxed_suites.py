@@ -12,9 +12,9 @@ import pytest
 from gslcosim.base.errors import UsageError
 from gslcosim.bench import run
 from gslcosim.bench.cases import build_plan, load_suite
-from gslcosim.bench.execution import sandbox_requirement
+from gslcosim.bench.execution import verification
 from gslcosim.bench.merge import merge
-from gslcosim.bench.store.columns import is_machine_dependent
+from gslcosim.bench.store import is_machine_dependent
 from gslcosim.cli.main import main
 from gslcosim.runtime.processes.sandbox.selection import find_strongest_sandbox
 
@@ -144,7 +144,7 @@ def test_a_machine_without_a_sandbox_is_reported_before_anything_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     _, required = suites(tmp_path)
-    monkeypatch.setattr(sandbox_requirement, "find_strongest_sandbox", lambda: "none")
+    monkeypatch.setattr(verification, "find_strongest_sandbox", lambda: "none")
     with pytest.raises(UsageError, match="sandbox: expected a machine that has a sandbox for agents"):
         run(required, tmp_path / "results", jobs=1)
     assert not (tmp_path / "results").exists()

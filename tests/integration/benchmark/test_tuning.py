@@ -12,9 +12,8 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from gslcosim.bench.store.folder import ResultsFolder
-from gslcosim.bench.studies.parameter_values import parse_ranges
-from gslcosim.bench.studies.target import find_target
+from gslcosim.bench.store import ResultsFolder
+from gslcosim.bench.studies.target import find_target, parse_ranges
 from gslcosim.bench.studies.tuning import Tuner, TuningProgress, split_budget
 from gslcosim.cli.arguments import build_parser, parse
 from gslcosim.cli.main import COMMANDS, main

@@ -5,11 +5,10 @@ import pytest
 from gymnasium.vector import AutoresetMode, VectorEnv
 
 from gslcosim.base.errors import UsageError
-from gslcosim.search.learned.observations import ObservationVector
+from gslcosim.search.learned.encoding import ObservationVector
 from gslcosim.training.batch import BatchSearchEnv
-from gslcosim.training.learning_task import LearningTask
 from gslcosim.training.search_env import SearchEnv
-from gslcosim.training.stepped_run import SteppedRun
+from gslcosim.training.stepped_run import LearningTask, SteppedRun
 
 # The first one may have to compile the kernels, on a busy machine.
 

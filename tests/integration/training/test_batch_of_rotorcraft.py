@@ -5,8 +5,8 @@ import pytest
 
 from gslcosim.base.errors import UsageError
 from gslcosim.training.batch import BatchSearchEnv
-from gslcosim.training.learning_task import LearningTask
 from gslcosim.training.search_env import SearchEnv
+from gslcosim.training.stepped_run import LearningTask
 
 PLUME = "gas.model=gaussian_plume"
 HALL = (

@@ -14,7 +14,7 @@ import hashlib
 import numpy as np
 from gslcosim.training.batch import BatchSearchEnv
 from gslcosim.training.batch.reference_free_kernels import COUNTS_REFERENCES
-from gslcosim.training.learning_task import LearningTask
+from gslcosim.training.stepped_run import LearningTask
 
 print(COUNTS_REFERENCES)
 HALL = (

@@ -13,7 +13,7 @@ import gslcosim.training
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.cli.main import main
 from gslcosim.contract import codec
-from gslcosim.training.registration import SEARCH
+from gslcosim.training import SEARCH
 from gslcosim.training.search_env import SearchEnv
 
 # Sends what a list of commands holds, by the tick of the observation.

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from gslcosim.cli.main import main
-from gslcosim.training.families import load_family
-from gslcosim.training.learning.train_file import load_train_file
+from gslcosim.training.family import load_family
+from gslcosim.training.train_file import load_train_file
 
 PAGE = Path(__file__).parents[3] / "docs" / "train.md"
 PROGRAMS = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)

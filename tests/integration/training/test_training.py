@@ -10,13 +10,11 @@ import pytest
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.cli.main import main
 from gslcosim.environment.generation import prepare_environment
-from gslcosim.search.learned.parameter_files import PARAMETERS_FILE, load_parameters
-from gslcosim.search.learned.policies.policy_agent import POLICY_FILE
-from gslcosim.search.learned.policies.policy_files import load_policy
-from gslcosim.training.families import bundled_families
-from gslcosim.training.learning.checkpoints import CHECKPOINT
-from gslcosim.training.learning.train_file import bundled_train_files, load_train_file
-from gslcosim.training.learning.training import Training
+from gslcosim.search.learned.policy_agent import POLICY_FILE
+from gslcosim.search.learned.policy_files import PARAMETERS_FILE, load_parameters, load_policy
+from gslcosim.training.family import bundled_families
+from gslcosim.training.train_file import bundled_train_files, load_train_file
+from gslcosim.training.training_run import CHECKPOINT, Training
 
 TINY = "open_halls_tiny"
 

@@ -6,7 +6,7 @@ import msgpack
 import pytest
 
 from gslcosim.agent_kit import Agent, Command
-from gslcosim.agent_kit.connection import answer_frames
+from gslcosim.agent_kit.agent import answer_frames
 from gslcosim.conformance.scripted_world import ScriptedWorld, build_briefing
 from gslcosim.contract import codec
 

@@ -13,7 +13,7 @@ from briefings import briefing, observation
 from gslcosim.contract.messages import Bounds
 from gslcosim.runtime.agents.loader import load_python_agent
 from gslcosim.search.beliefs import entropy_bits
-from gslcosim.search.information.offset_grid import OffsetGrid, PlumeTable, offsets_m
+from gslcosim.search.information.pomdp import OffsetGrid, PlumeTable, offsets_m
 from gslcosim.search.motion.legs import LegSpace
 
 ADAPTERS = Path(__file__).parents[3] / "docs" / "examples" / "adapters"

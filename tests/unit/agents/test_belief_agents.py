@@ -11,7 +11,7 @@ from briefings import briefing, observation, open_map
 from deadlines import PROCESS_S
 from ribbon_world import Ribbon, fly
 
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid
 from gslcosim_agents.hidden_markov.agent import HiddenMarkov
 from gslcosim_agents.particle_filter.agent import ParticleFilter
 from gslcosim_agents.source_map.agent import SourceMapAgent

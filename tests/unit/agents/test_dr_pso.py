@@ -4,7 +4,7 @@ import pytest
 from briefings import briefing, observation
 from toy_swarm import ToySwarm, hill
 
-from gslcosim.search.swarms.radio_reports import parse
+from gslcosim.search.swarms.rounds import parse
 from gslcosim_agents.dr_pso.agent import DrPso
 from gslcosim_agents.s_pso.agent import SPso
 

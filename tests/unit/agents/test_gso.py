@@ -5,7 +5,7 @@ import pytest
 from briefings import briefing, observation
 from toy_swarm import ToySwarm, hill
 
-from gslcosim.search.swarms.radio_reports import parse
+from gslcosim.search.swarms.rounds import parse
 from gslcosim_agents.gso.agent import Gso
 
 MEMBERS = ("first", "searcher", "third")

@@ -5,7 +5,7 @@ import pytest
 from briefings import briefing, observation
 from toy_swarm import ToySwarm
 
-from gslcosim.search.swarms.radio_reports import parse
+from gslcosim.search.swarms.rounds import parse
 from gslcosim_agents.modified_gso.agent import ModifiedGso
 
 MEMBERS = ("first", "searcher", "third")

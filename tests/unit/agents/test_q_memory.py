@@ -97,7 +97,7 @@ def test_it_comes_up_a_ribbon_of_gas(nose, plume):
 
 def test_the_trainers_recoveries_are_those_of_the_agent():
     """What was learned with a recovery is flown with the same one: circling and cast-surge, move by move."""
-    from gslcosim.search.reactive.recovery import CastSurge, Circling
+    from gslcosim.search.reactive.temporal_memory import CastSurge, Circling
 
     folder = Path(__file__).parents[3] / "docs" / "studies"
     spec = importlib.util.spec_from_file_location("q_memory_kernels", folder / "q_memory_kernels.py")

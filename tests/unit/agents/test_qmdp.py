@@ -5,7 +5,7 @@ import pytest
 from briefings import briefing, observation, open_map
 
 from gslcosim.base.errors import MethodError
-from gslcosim.search.information.offset_grid import MOVES, offsets_m
+from gslcosim.search.information.pomdp import MOVES, offsets_m
 from gslcosim_agents.qmdp.agent import TABLE, Qmdp
 from gslcosim_agents.qmdp.agent import PlumeTable as Table
 

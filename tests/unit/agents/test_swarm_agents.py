@@ -7,7 +7,7 @@ import pytest
 from briefings import briefing, observation
 
 from gslcosim.base.errors import MethodError
-from gslcosim.search.swarms.radio_reports import Report, Team, encode, parse
+from gslcosim.search.swarms.rounds import Report, Team, encode, parse
 from gslcosim_agents.c_pso.agent import CPso
 from gslcosim_agents.dr_pso.agent import DrPso
 from gslcosim_agents.gso.agent import Gso

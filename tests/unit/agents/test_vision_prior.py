@@ -9,7 +9,7 @@ from briefings import briefing, observation
 from PIL import Image
 
 from gslcosim.contract.messages import CameraImage, Reading
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid
 from gslcosim_agents.vision_prior.agent import VisionPrior
 
 SENSORS = (("pid", "nose"), ("anemometer", "vane"), ("camera", "eye"))

@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 
 from gslcosim.base.errors import MachineError
-from gslcosim.base.scratch import ScratchFolder
+from gslcosim.base.files import ScratchFolder
 
 OWNING = """
 import sys
 import tempfile
 from pathlib import Path
-from gslcosim.base.scratch import ScratchFolder
+from gslcosim.base.files import ScratchFolder
 scratch = ScratchFolder("bench", parent=Path(sys.argv[1]))
 (scratch.path / "content").write_text("something")
 print(scratch.path, flush=True)

@@ -15,9 +15,9 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="peers are looke
 
 CALL = """
 import os, socket, sys, threading, time
-from gslcosim.runtime.processes.sandbox import landlock, seccomp
+from gslcosim.runtime.processes.sandbox import confinement
 def confine():
-    seccomp.filter_calls(allows_unix=True, allows_tcp=False)
+    confinement.filter_calls(allows_unix=True, allows_tcp=False)
 def call():
     caller = socket.socket(socket.AF_UNIX)
     caller.connect(sys.argv[1])
@@ -25,7 +25,7 @@ def call():
 """
 FILTERED = "confine()\ncaller = call()\ncaller.recv(1)"
 PLAIN = "caller = call()\ncaller.recv(1)"
-WITHOUT_NEW_PRIVILEGES = "landlock.give_up_new_privileges()\ncaller = call()\ncaller.recv(1)"
+WITHOUT_NEW_PRIVILEGES = "confinement.give_up_new_privileges()\ncaller = call()\ncaller.recv(1)"
 # The one who calls is gone, another has its connection.
 BY_A_CHILD_THAT_ENDS = """
 confine()
@@ -65,9 +65,9 @@ caller.recv(1)
 SERVER = """
 import sys, socket
 from gslcosim.base.errors import UsageError
-from gslcosim.runtime.processes.sandbox import seccomp
+from gslcosim.runtime.processes.sandbox import confinement
 from gslcosim.base.sockets import check_peer
-seccomp.filter_calls(allows_unix=True, allows_tcp=False)
+confinement.filter_calls(allows_unix=True, allows_tcp=False)
 listener = socket.socket(socket.AF_UNIX)
 listener.bind(sys.argv[1])
 listener.listen()

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gslcosim.base.terminal_text import escape_json_text, escape_terminal_text
+from gslcosim.base.untrusted_input import escape_json_text, escape_terminal_text
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gslcosim.base.untrusted_json import (
+from gslcosim.base.untrusted_input import (
     MAX_LEVELS,
     JsonObject,
     MalformedFileError,

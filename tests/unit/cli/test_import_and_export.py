@@ -10,9 +10,9 @@ import yaml
 
 from gslcosim.cli.commands import export
 from gslcosim.cli.main import main
+from gslcosim.environment.formats.data_files import format_occupancy
 from gslcosim.environment.formats.export import FORMATS, GADEN_WINDS
-from gslcosim.environment.formats.gaden_grid import format_occupancy
-from gslcosim.environment.grid import Grid
+from gslcosim.environment.model import Grid
 from gslcosim.environment.store import PICTURE_FILE, SCENE_FILE, load_environment
 
 REFERENCE_DIR = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[4] / "shared" / "reference"))

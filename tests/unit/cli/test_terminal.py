@@ -17,14 +17,13 @@ import pytest
 from rich.console import Console
 
 import gslcosim
-from gslcosim.cli.bench_output import show_count_progress
 from gslcosim.cli.commands import generate
 from gslcosim.cli.main import main
-from gslcosim.cli.run_output import LiveLine, format_agents_table, format_summary
+from gslcosim.cli.run_output import LiveLine, format_agents_table, format_summary, show_count_progress
 from gslcosim.cli.terminal import draw_status_line, table, write, write_json, write_note, write_screen
 from gslcosim.data.recording import viewer
 from gslcosim.runtime.status import RunResult, RunStatus, get_status_folder
-from gslcosim.teleop.terminal import Terminal
+from gslcosim.teleop import Terminal
 
 PACKAGE = Path(gslcosim.__file__).parent
 TITLE = "\x1b]0;owned\x07"
@@ -36,7 +35,7 @@ WRITERS = {
     "__main__.py",  # that a signal has ended it
     "cli/terminal.py",
     "cli/rendering_probe.py",  # JSON for the process that has started it
-    "teleop/terminal.py",  # escapes each line itself
+    "teleop.py",  # escapes each line itself
     "contract/publish/messages_page.py",
     "scenario/keys_page.py",
     "methods/search_page.py",

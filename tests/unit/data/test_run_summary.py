@@ -5,8 +5,7 @@ import json
 import pytest
 
 from gslcosim.base.errors import UsageError
-from gslcosim.data.row_filters import Condition, sorted_rows
-from gslcosim.data.run_summary import find_methods, is_run_folder, read_run_summary
+from gslcosim.data.run_summary import Condition, find_methods, is_run_folder, read_run_summary, sorted_rows
 
 SCENARIO = """schema: gslcosim/scenario/1
 name: tiny_room

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import EnvironmentDataError, ScenarioError
-from gslcosim.environment.geometry_model import with_wind
-from gslcosim.environment.layouts.builder import build_layout, find_room_problems
-from gslcosim.environment.model import WindFrames
+from gslcosim.environment.layouts.layouts import build_layout, find_room_problems
+from gslcosim.environment.model import WindFrames, with_wind
 from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, WindSpec
 
 WIND = WindSpec(cell_m=0.5)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gslcosim.environment.grid import Grid, point_text
+from gslcosim.environment.model import Grid, point_text
 
 GRID = Grid(origin_m=(-1.0, 2.0, 0.5), cell_m=0.25, shape=(7, 5, 3))
 

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from gslcosim.environment.boxes import voxelize
-from gslcosim.environment.flood_fill import reachable_cells
-from gslcosim.environment.grid import Grid
+from gslcosim.environment.grid_kernels import build_occupancy, find_occupancy_problems, reachable_cells
 from gslcosim.environment.layouts.layouts import plan_layout
-from gslcosim.environment.model import Box, Cell
-from gslcosim.environment.occupancy import build_occupancy, find_occupancy_problems
+from gslcosim.environment.model import Box, Cell, Grid
+from gslcosim.environment.openings import voxelize
 from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, WindSpec
 
 GRID = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.5, shape=(8, 6, 4))

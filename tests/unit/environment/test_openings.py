@@ -2,8 +2,7 @@
 
 import pytest
 
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Opening
+from gslcosim.environment.model import Grid, Opening
 from gslcosim.environment.openings import FACES, are_overlapping, border_m, cells_at, find_face, snap_range
 
 GRID = Grid(origin_m=(-1.0, 2.0, 0.5), cell_m=0.25, shape=(8, 6, 4))

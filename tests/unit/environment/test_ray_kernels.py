@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gslcosim.environment.ray_kernels import is_line_of_sight_free
+from gslcosim.environment.grid_kernels import is_line_of_sight_free
 
 SHAPE = (11, 7, 5)
 CELL_M = 0.3

@@ -9,9 +9,8 @@ import pytest
 import yaml
 
 from gslcosim.base.errors import EnvironmentDataError
-from gslcosim.environment.geometry_model import with_wind
-from gslcosim.environment.layouts.builder import build_layout
-from gslcosim.environment.model import WindFrames
+from gslcosim.environment.layouts.layouts import build_layout
+from gslcosim.environment.model import WindFrames, with_wind
 from gslcosim.environment.store import FORMAT, load_environment, save_environment
 from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, WindSpec
 

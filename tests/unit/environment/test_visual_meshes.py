@@ -8,10 +8,9 @@ import pytest
 import trimesh
 
 from gslcosim.base.errors import EnvironmentDataError
-from gslcosim.environment.formats.stl import build_stl
-from gslcosim.environment.geometry_model import with_wind
-from gslcosim.environment.layouts.builder import build_layout
-from gslcosim.environment.model import VisualMesh, WindFrames
+from gslcosim.environment.formats.export import build_stl
+from gslcosim.environment.layouts.layouts import build_layout
+from gslcosim.environment.model import VisualMesh, WindFrames, with_wind
 from gslcosim.environment.store import encode_glb, load_environment, load_visual_meshes, save_environment
 from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, WindSpec
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.wind_kernels import trilinear_wind, trilinear_wind_at_points
+from gslcosim.environment.grid_kernels import trilinear_wind, trilinear_wind_at_points
+from gslcosim.environment.model import Grid
 
 GRID = Grid(origin_m=(-1.0, 2.0, 0.5), cell_m=0.25, shape=(9, 6, 4))
 SLOPES = np.array([[0.5, -1.0, 2.0], [0.25, 3.0, -0.5], [-2.0, 1.0, 0.75]])

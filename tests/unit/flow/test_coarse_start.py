@@ -3,17 +3,11 @@
 import numpy as np
 import pytest
 
-from gslcosim.flow import Inlet, Open, Outlet, Schedule, SlipWall, coarse_start, solve_wind_report
-from gslcosim.flow.boundaries.domain import build_domain
-from gslcosim.flow.coarse_start import (
-    SolverNumerics,
-    coarsen_domain,
-    develop_on_coarse_cells,
-    spread_velocity,
-    transfer_state,
-)
+from gslcosim.flow import Inlet, Open, Outlet, Schedule, SlipWall, solve, solve_wind_report
 from gslcosim.flow.convergence import settling_window_s
+from gslcosim.flow.domain import build_domain
 from gslcosim.flow.pressure import HIGH, LOW
+from gslcosim.flow.solve import SolverNumerics, coarsen_domain, develop_on_coarse_cells, spread_velocity, transfer_state
 from gslcosim.flow.solver import FlowSolver, mass_balance
 from gslcosim.flow.turbulence import make_model
 
@@ -139,8 +133,8 @@ def test_a_solver_goes_on_from_there_with_its_pressure_and_turbulence(developing
 @pytest.fixture
 def for_all_rooms(monkeypatch):
     """Rooms of a few cells begin on larger ones too, however long they have."""
-    monkeypatch.setattr(coarse_start, "LEAST_CELLS", 0)
-    monkeypatch.setattr(coarse_start, "N_WINDOWS_FROM_STILL", np.inf)
+    monkeypatch.setattr(solve, "LEAST_CELLS", 0)
+    monkeypatch.setattr(solve, "N_WINDOWS_FROM_STILL", np.inf)
 
 
 def test_a_wind_until_it_settles_begins_where_the_coarse_one_has_come_to(for_all_rooms):
@@ -179,7 +173,7 @@ def test_with_an_end_or_frames_the_air_is_still_at_first(options, request):
 
 
 def test_only_where_the_time_holds_no_start_and_two_windows_is_there_another(monkeypatch):
-    monkeypatch.setattr(coarse_start, "LEAST_CELLS", 0)
+    monkeypatch.setattr(solve, "LEAST_CELLS", 0)
     domain = build_domain(AIR, CELL_M, [INLET, OUTLET])
     numerics, window_s = SolverNumerics(turbulence="k_epsilon", nu_m2_s=1.5e-5, courant=0.9), settling_window_s(domain)
     assert develop_on_coarse_cells(domain, numerics, max_time_s=3.1 * window_s) is None
@@ -189,7 +183,7 @@ def test_only_where_the_time_holds_no_start_and_two_windows_is_there_another(mon
 def test_small_rooms_inlets_that_change_and_flows_that_diverge_have_no_coarse_start(monkeypatch):
     numerics = SolverNumerics(turbulence="k_epsilon", nu_m2_s=1.5e-5, courant=0.9)
     assert develop_on_coarse_cells(build_domain(AIR, CELL_M, [INLET, OUTLET]), numerics, max_time_s=2.0) is None
-    monkeypatch.setattr(coarse_start, "LEAST_CELLS", 0)
+    monkeypatch.setattr(solve, "LEAST_CELLS", 0)
     gusts = Schedule(times_s=(0, 1), values=(0, 1))
     gusty = Inlet(min_m=INLET.min_m, max_m=INLET.max_m, velocity_m_s=(1, 0, 0), factor=gusts)
     assert develop_on_coarse_cells(build_domain(AIR, CELL_M, [gusty, OUTLET]), numerics, max_time_s=2.0) is None

@@ -14,8 +14,8 @@ from gslcosim.flow import (
     solve_wind,
     solve_wind_report,
 )
-from gslcosim.flow.boundaries.domain import build_domain
 from gslcosim.flow.convergence import settling_window_s
+from gslcosim.flow.domain import build_domain
 
 CELL_M = 0.25
 SHAPE = (14, 10, 7)  # 3.5 x 2.5 x 1.75 m

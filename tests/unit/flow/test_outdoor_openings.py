@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gslcosim.flow import Inlet, MovingWall, Open, Outlet, SlipWall, solve_wind_report
-from gslcosim.flow.boundaries.domain import build_domain
+from gslcosim.flow.domain import build_domain
 from gslcosim.flow.solver import FlowSolver
 from gslcosim.flow.turbulence import Laminar
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gslcosim.flow import Inlet, Outlet
-from gslcosim.flow.boundaries.domain import build_domain
+from gslcosim.flow.domain import build_domain
 from gslcosim.flow.pressure import HIGH, LOW, PressureSolver, negative_divergence, padded, scalar_product
 
 INNER = (slice(LOW, -HIGH),) * 3

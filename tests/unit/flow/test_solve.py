@@ -5,7 +5,7 @@ import pytest
 
 from gslcosim.base.errors import FlowError
 from gslcosim.flow import Inlet, Outlet, solve_wind, solve_wind_report
-from gslcosim.flow.boundaries.domain import build_domain
+from gslcosim.flow.domain import build_domain
 from gslcosim.flow.solver import FlowSolver
 from gslcosim.flow.turbulence import Laminar
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from gslcosim.flow import Inlet, Outlet, turbulence
-from gslcosim.flow.boundaries import wall_friction
-from gslcosim.flow.boundaries.domain import build_domain
+from gslcosim.flow.domain import build_domain
 from gslcosim.flow.pressure import HIGH, LOW, padded
 from gslcosim.flow.solver import FlowSolver
 from gslcosim.flow.turbulence import KEpsilon, make_model
@@ -93,21 +92,21 @@ def test_unforced_turbulence_decays_by_the_power_law():
 def test_wall_friction_in_equilibrium_is_that_of_the_log_law():
     """In a layer with k = u*^2 / C_mu^(1/2) and U = u* / kappa ln(E y+) the stress is u*^2."""
     star = 0.05
-    k = np.full(1, star**2 / wall_friction.C_MU**0.5, np.float32)
+    k = np.full(1, star**2 / turbulence.C_MU**0.5, np.float32)
     friction = np.zeros(1)
-    wall_friction.log_law_friction(np.zeros(1, np.int64), k, NU_M2_S, CELL_M, friction)
+    turbulence.log_law_friction(np.zeros(1, np.int64), k, NU_M2_S, CELL_M, friction)
     y_plus = star * CELL_M / 2 / NU_M2_S
-    speed = star / wall_friction.VON_KARMAN * np.log(wall_friction.WALL_ROUGHNESS_E * y_plus)
+    speed = star / turbulence.VON_KARMAN * np.log(turbulence.WALL_ROUGHNESS_E * y_plus)
     assert friction[0] * speed == pytest.approx(star**2, rel=1e-5)
 
 
 def test_wall_functions_meet_the_laminar_layer_at_its_edge():
-    star = wall_friction.LAMINAR_SUBLAYER * NU_M2_S / (CELL_M / 2)
+    star = turbulence.LAMINAR_SUBLAYER * NU_M2_S / (CELL_M / 2)
     frictions = []
     for factor in (0.999, 1.001):
-        k = np.full(1, (factor * star) ** 2 / wall_friction.C_MU**0.5, np.float32)
+        k = np.full(1, (factor * star) ** 2 / turbulence.C_MU**0.5, np.float32)
         friction = np.zeros(1)
-        wall_friction.log_law_friction(np.zeros(1, np.int64), k, NU_M2_S, CELL_M, friction)
+        turbulence.log_law_friction(np.zeros(1, np.int64), k, NU_M2_S, CELL_M, friction)
         frictions.append(friction[0])
     assert frictions[0] == pytest.approx(NU_M2_S / (CELL_M / 2))
     assert frictions[1] == pytest.approx(frictions[0], rel=5e-3)
@@ -116,11 +115,11 @@ def test_wall_functions_meet_the_laminar_layer_at_its_edge():
 def test_wall_friction_of_the_power_law_is_close_to_the_log_law():
     star = 0.05
     y_plus = star * CELL_M / 2 / NU_M2_S
-    speed = star / wall_friction.VON_KARMAN * np.log(wall_friction.WALL_ROUGHNESS_E * y_plus)
+    speed = star / turbulence.VON_KARMAN * np.log(turbulence.WALL_ROUGHNESS_E * y_plus)
     faces = np.full(64, speed, np.float32)
     still = np.zeros(64, np.float32)
     friction = np.zeros(1)
-    wall_friction.power_law_friction(
+    turbulence.power_law_friction(
         np.full(1, 10), np.zeros((1, 3), np.float32), faces, still, still, 16, 4, NU_M2_S, CELL_M, friction
     )
     assert friction[0] * speed == pytest.approx(star**2, rel=0.1)

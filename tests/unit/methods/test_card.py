@@ -2,8 +2,7 @@ import pytest
 import yaml
 
 from gslcosim.base.errors import MethodError
-from gslcosim.methods.card import find_card_beside, load_card
-from gslcosim.methods.needs import find_unmet_needs
+from gslcosim.methods.card import find_card_beside, find_unmet_needs, load_card
 from gslcosim.scenario.bundled import bundled_agents
 from gslcosim_services.sensing.models import sensor_kind
 

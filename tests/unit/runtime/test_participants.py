@@ -17,7 +17,7 @@ from gslcosim.runtime.services import (
     list_service_names,
 )
 from gslcosim.scenario import load_scenario
-from gslcosim.scenario.models.services import ServiceSpec
+from gslcosim.scenario.models.participants import ServiceSpec
 
 ROOT = Path(__file__).parents[3]
 NAMES = [kind.name for kind in default_services()]

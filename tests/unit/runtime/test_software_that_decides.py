@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gslcosim.base.code_identity import COMPUTING_PACKAGES
 from gslcosim.cli.doctor_checks import COMPILED_MODULES
-from gslcosim.runtime.remote.run_server import SoftwareVersions
+from gslcosim.runtime.remote_server import SoftwareVersions
 from gslcosim.runtime.replay.snapshot import CodeIdentity
 from gslcosim.runtime.run_dir import MANIFEST_PACKAGES
 

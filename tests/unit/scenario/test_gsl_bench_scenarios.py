@@ -2,8 +2,8 @@
 
 import pytest
 
-from gslcosim.environment.build.position_checks import find_position_problems
 from gslcosim.environment.layouts.layouts import plan_layout
+from gslcosim.environment.positions import find_position_problems
 from gslcosim.scenario import load_scenario
 
 KINDS = {1: "empty", 2: "empty", 3: "simple", 4: "simple", 5: "complex", 6: "complex"}

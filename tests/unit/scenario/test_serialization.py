@@ -5,7 +5,7 @@ import yaml
 
 from gslcosim.scenario import Scenario, dump_resolved, load_scenario
 from gslcosim.scenario.bundled import bundled_scenarios
-from gslcosim.scenario.yaml_tree import read_yaml
+from gslcosim.scenario.serialization import read_yaml
 
 
 @pytest.mark.parametrize("name", sorted(bundled_scenarios()))

@@ -2,10 +2,10 @@
 
 import pytest
 
+from gslcosim.scenario.model_schema import SettingRow, list_settings
 from gslcosim.scenario.models.gas import GAS_MODELS
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS
 from gslcosim.scenario.models.wind import WIND_SOLVERS
-from gslcosim.scenario.settings import SettingRow, list_settings
 
 BLOCKS = {**SENSOR_BLOCKS, **GAS_MODELS, **WIND_SOLVERS}
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gslcosim.scenario.suggestions import did_you_mean, nearest, nearest_key
+from gslcosim.scenario.problems import did_you_mean, nearest, nearest_key
 
 KEYS = ["model", "start_m", "search_height_m", "hold_s", "max_speed_m_s"]
 

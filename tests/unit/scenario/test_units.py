@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from gslcosim.scenario.units import number_in_unit_of, read_quantity, unit_name, unit_suffix
+from gslcosim.scenario.problems import number_in_unit_of, read_quantity, unit_name, unit_suffix
 
 
 @pytest.mark.parametrize(

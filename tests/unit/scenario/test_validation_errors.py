@@ -3,11 +3,10 @@
 import pytest
 
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.model_schema import list_keys
+from gslcosim.scenario.model_schema import format_value, list_keys
 from gslcosim.scenario.models.gas import GASES
 from gslcosim.scenario.models.scenario import VehicleSpec
 from gslcosim.scenario.models.sensors import SENSORS
-from gslcosim.scenario.validation_errors import format_value
 from gslcosim.vehicles import list_vehicle_names
 
 VEHICLE_KEYS = ", ".join(list_keys(VehicleSpec))

@@ -6,8 +6,8 @@ import yaml
 from gslcosim.base import yaml_core
 from gslcosim.base.errors import ScenarioError
 from gslcosim.base.yaml_core import CoreLoader
-from gslcosim.scenario import yaml_tree
-from gslcosim.scenario.yaml_tree import read_yaml
+from gslcosim.scenario import serialization
+from gslcosim.scenario.serialization import read_yaml
 
 
 def places(text):
@@ -96,7 +96,7 @@ def test_the_first_of_two_equal_keys_counts():
 
 
 def test_a_short_file_cannot_unfold_to_billions_of_values(monkeypatch):
-    monkeypatch.setattr(yaml_tree, "MAX_VALUES", 1000)
+    monkeypatch.setattr(serialization, "MAX_VALUES", 1000)
     bomb = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n"
     bomb += "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]\n" for i in range(1, 10))
     (problem,) = read_yaml(bomb, source="f.yaml").problems

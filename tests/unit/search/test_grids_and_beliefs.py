@@ -7,6 +7,7 @@ from gslcosim.contract.messages import Bounds, KnownMap, Observation
 from gslcosim.contract.record import NumericArray
 from gslcosim.search.beliefs import (
     BeliefPublisher,
+    CellGrid,
     belief_message,
     best_ball,
     entropy_bits,
@@ -18,7 +19,6 @@ from gslcosim.search.beliefs import (
     normalised_from_log,
     variance_m2,
 )
-from gslcosim.search.grids import CellGrid
 
 GRID = CellGrid((1.0, 2.0), 0.5, (6, 4))
 BOX = CellGrid((0.0, 0.0, 0.0), 1.0, (3, 4, 5))

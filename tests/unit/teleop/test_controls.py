@@ -3,7 +3,7 @@
 import pytest
 from observations import briefing, observation
 
-from gslcosim.teleop.controls import KeyControls
+from gslcosim.teleop import KeyControls
 
 
 def controls(*, at=(3.0, 2.0, 1.0), **fields):

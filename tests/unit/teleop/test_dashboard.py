@@ -6,8 +6,7 @@ import pytest
 from observations import briefing, observation, reading
 
 from gslcosim.contract.messages import RadioReception
-from gslcosim.teleop.controls import KeyControls
-from gslcosim.teleop.terminal import BAR_WIDTH, Dashboard
+from gslcosim.teleop import BAR_WIDTH, Dashboard, KeyControls
 
 
 def shown(*observations, columns=100, rows=40, **fields):

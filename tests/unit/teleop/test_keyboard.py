@@ -2,7 +2,7 @@
 
 import pytest
 
-from gslcosim.teleop.terminal import parse_keys
+from gslcosim.teleop import parse_keys
 
 
 @pytest.mark.parametrize(

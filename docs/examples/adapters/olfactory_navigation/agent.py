@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.beliefs import BeliefPublisher, normalised
-from gslcosim.search.grids import CellGrid
-from gslcosim.search.information.offset_grid import OffsetGrid, PlumeTable, RunningWind, offsets_m
+from gslcosim.search.beliefs import BeliefPublisher, CellGrid, normalised
+from gslcosim.search.information.pomdp import OffsetGrid, PlumeTable, RunningWind, offsets_m
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.commands import declaration, waypoint
 from gslcosim.search.motion.declaration import DeclarationGuard, by_mass

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE
-from gslcosim.runtime.processes.sandbox.pipes import PIPES_AT
+from gslcosim.runtime.processes.sandbox.confinement import PIPES_AT
 from gslcosim.runtime.processes.sandbox.policy import SYSTEM_FOLDERS, SandboxPolicy
 
 PROBE_TIMEOUT_S = 5.0

@@ -16,8 +16,8 @@ import sys
 import time
 from typing import Any
 
-from gslcosim.runtime.processes.sandbox import capabilities, landlock, seccomp
-from gslcosim.runtime.processes.sandbox.pipes import PIPES_AT
+from gslcosim.runtime.processes.sandbox import confinement
+from gslcosim.runtime.processes.sandbox.confinement import PIPES_AT
 
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 POLL_PERIOD_S = 0.05
@@ -67,14 +67,14 @@ def _exec_command(plan: dict[str, Any]) -> None:
             nothing = os.open(os.devnull, os.O_RDWR)
             os.dup2(nothing, 0)
             os.dup2(nothing, 1)
-        if (confined := plan["landlock"]) is not None:
+        if (confined := plan["confinement"]) is not None:
             if confined["is_about_files"]:
                 confined["reads"].append(f"/proc/{os.getpid()}")
-            landlock.confine(**confined)
+            confinement.confine(**confined)
             if confined["is_about_files"]:
-                capabilities.give_up_capabilities()
-        if (calls := plan["seccomp"]) is not None:
-            seccomp.filter_calls(**calls)
+                confinement.give_up_capabilities()
+        if (calls := plan["confinement"]) is not None:
+            confinement.filter_calls(**calls)
         os.execvp(plan["command"][0], plan["command"])
     except OSError as error:
         _report_failure(plan, could_not_start=str(error))

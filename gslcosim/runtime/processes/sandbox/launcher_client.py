@@ -10,13 +10,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from gslcosim.base.files import build_temporary_directory_error
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE, UNCHECKED_VARIABLE
-from gslcosim.base.scratch import build_temporary_directory_error
-from gslcosim.runtime.processes.sandbox import seccomp
+from gslcosim.runtime.processes.sandbox import confinement
 from gslcosim.runtime.processes.sandbox.bubblewrap import build_bubblewrap_command, build_bubblewrap_variables
-from gslcosim.runtime.processes.sandbox.pipes import PIPES_AT
+from gslcosim.runtime.processes.sandbox.confinement import PIPES_AT
 from gslcosim.runtime.processes.sandbox.policy import SandboxPolicy, split_readable_paths
-from gslcosim.scenario.models.sandbox import AgentLimitsSpec
+from gslcosim.scenario.models.participants import AgentLimitsSpec
 
 if sys.platform != "win32":
     import fcntl
@@ -148,9 +148,9 @@ def _open_memory_file(data: bytes) -> int:
 
 # The filter that bubblewrap puts on before the program starts, where there is one for this machine.
 def _write_call_filter(cell: SandboxPolicy) -> list[int]:
-    if not seccomp.is_possible():
+    if not confinement.can_filter():
         return []
-    code = seccomp.build_program(
+    code = confinement.build_filter_program(
         os.uname().machine, allows_unix=True, allows_tcp=True, is_beside_namespaces=True,
         has_own_network=cell.tcp_port is None,
     )  # fmt: skip

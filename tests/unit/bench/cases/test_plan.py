@@ -7,7 +7,7 @@ import pytest
 
 from gslcosim.base.errors import ScenarioError
 from gslcosim.bench.cases import Plan, build_plan, load_suite
-from gslcosim.bench.cases.trials import commitment, derive_seed
+from gslcosim.bench.cases.models import commitment, derive_seed
 
 HEAD = "schema: gslcosim/suite/1\nname: mine\nanchors: []\n"
 ONE_ENTRY = "entries: [{name: beetle, start: {python: dung_beetle}}]\n"
@@ -172,7 +172,7 @@ def test_two_entries_with_programs_in_one_folder_are_two(tmp_path: Path) -> None
 
 def test_an_interpreter_by_its_path_is_not_the_program(tmp_path: Path) -> None:
     from gslcosim.bench.cases.agent_setup import files_in_command
-    from gslcosim.bench.cases.hashes import list_entry_files
+    from gslcosim.bench.cases.suite_files import list_entry_files
 
     (tmp_path / "agent.py").write_text("")
     shell = str(Path("/bin/sh").resolve())

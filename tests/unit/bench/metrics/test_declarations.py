@@ -1,7 +1,7 @@
 import pytest
 
 from gslcosim.base.errors import ShapeError
-from gslcosim.bench.metrics.declarations import classify_declaration, score_declarations
+from gslcosim.bench.metrics.path_metrics import classify_declaration, score_declarations
 
 SOURCE = (3.0, 4.0, 2.0)
 

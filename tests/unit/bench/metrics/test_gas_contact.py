@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import ShapeError
-from gslcosim.bench.metrics.gas_contact import find_encounters, first_contact_s, tracking_ratio
+from gslcosim.bench.metrics.gas import find_encounters, first_contact_s, tracking_ratio
 
 T_S = np.arange(8.0)
 GAS_PPM = np.array([0.0, 0.3, 0.5, 0.4, 0.0, 0.1, 0.9, 0.0])

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import linprog
 
 from gslcosim.base.errors import ShapeError
-from gslcosim.bench.metrics.gas_maps import (
+from gslcosim.bench.metrics.gas import (
     MAX_CELLS,
     _sum_blocks,
     earth_movers_distance_m,

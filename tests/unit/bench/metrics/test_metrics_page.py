@@ -11,8 +11,8 @@ import pytest
 
 from gslcosim.bench import metrics
 from gslcosim.bench.metrics.beliefs import BeliefFigures
-from gslcosim.bench.metrics.declarations import DeclarationFigures
-from gslcosim.bench.store.columns import TRACK_COLUMNS, TRIAL_COLUMNS
+from gslcosim.bench.metrics.path_metrics import DeclarationFigures
+from gslcosim.bench.store import TRACK_COLUMNS, TRIAL_COLUMNS
 
 PAGE = (Path(__file__).parents[4] / "docs" / "benchmark" / "metrics.md").read_text()
 MODULES = [name for _, name, _ in pkgutil.iter_modules(metrics.__path__) if name != "series"]

@@ -20,8 +20,8 @@ from gslcosim.bench.metrics.path_metrics import (
     tracking_phase,
     travel_overhead,
 )
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.layouts.builder import build_layout
+from gslcosim.environment.layouts.layouts import build_layout
+from gslcosim.environment.model import Grid
 from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, WindSpec
 from gslcosim_services.referee import metrics
 

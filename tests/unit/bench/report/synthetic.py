@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from gslcosim.bench.store.columns import TRACKS, TRIALS
+from gslcosim.bench.store import TRACKS, TRIALS
 
 LIMIT_S = 300.0
 WITHIN_M = 1.0

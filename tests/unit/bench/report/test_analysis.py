@@ -6,7 +6,7 @@ import pytest
 import synthetic
 
 from gslcosim.bench.report.analysis import analyse
-from gslcosim.bench.report.plan_drawings import QUANTUM_M, select_tracks
+from gslcosim.bench.report.curves import QUANTUM_M, select_tracks
 from gslcosim.bench.report.report_data import load_report_data
 
 GOOD = synthetic.Method(name="good", success=0.8, mean_s=60.0, luck=0.1, declares=1.0, has_belief=True)

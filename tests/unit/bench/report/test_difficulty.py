@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import synthetic
 
-from gslcosim.bench.report.difficulty import compute_causes
-from gslcosim.bench.report.plan_drawings import build_plan_drawings
+from gslcosim.bench.report.analysis import compute_causes
+from gslcosim.bench.report.curves import build_plan_drawings
 from gslcosim.bench.report.report_data import load_report_data
 
 WALK = synthetic.Method(name="persistent_walk", success=0.25, mean_s=150.0)

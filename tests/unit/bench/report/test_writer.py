@@ -15,8 +15,8 @@ from page_content import Page, data_of
 from gslcosim.base.errors import UsageError
 from gslcosim.bench.report.writer import write_report
 from gslcosim.bench.statistics.rates import wilson
-from gslcosim.bench.store.columns import TRIALS
-from gslcosim.bench.store.verification_marks import VerificationMark, results_hash, save_mark
+from gslcosim.bench.store import TRIALS
+from gslcosim.bench.verification_marks import VerificationMark, results_hash, save_mark
 
 SMALL = synthetic.Plan(
     n_scenarios=1, n_families=1, starts_m=synthetic.STARTS_M[:2], repetitions=2, controls_frac=0.5, n_points=8

@@ -3,7 +3,7 @@ import math
 import pytest
 from scipy import special, stats
 
-from gslcosim.bench.statistics import distributions as ours
+from gslcosim.bench.statistics import estimates as ours
 
 
 @pytest.mark.parametrize("a", [0.5, 1.0, 3.0, 90.0, 2000.0])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import ShapeError
-from gslcosim.bench.statistics.lift import difference_of_rates, lift, paired_difference_of_rates
+from gslcosim.bench.statistics.rates import difference_of_rates, lift, paired_difference_of_rates
 
 
 def pairs_of(both, only_a, only_b, none):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import ShapeError
-from gslcosim.bench.statistics.profiles import performance_profile, runtime_distribution
 from gslcosim.bench.statistics.rates import wilson
+from gslcosim.bench.statistics.times import performance_profile, runtime_distribution
 
 
 def test_profile_of_a_hand_computed_example():

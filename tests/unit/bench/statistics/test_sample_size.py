@@ -3,7 +3,7 @@ import pytest
 from scipy import stats
 
 from gslcosim.base.errors import UsageError
-from gslcosim.bench.statistics.sample_size import n_for_power, n_pairs_for_power
+from gslcosim.bench.statistics.rates import n_for_power, n_pairs_for_power
 
 
 @pytest.mark.parametrize(("p1", "p2", "n"), [(0.15, 0.21, 640), (0.5, 0.6, 390), (0.15, 0.3, 120), (0.2, 0.4, 81)])

@@ -12,12 +12,10 @@ import pytest
 from scipy import stats
 
 from gslcosim.bench.statistics.aggregates import bootstrap_cells, interquartile_mean, stratified_bootstrap
-from gslcosim.bench.statistics.lift import lift
 from gslcosim.bench.statistics.pairs import holm, mcnemar, paired_difference, sign_flips, wilcoxon_signed_rank
 from gslcosim.bench.statistics.ranking import pairs_matrix, ranks
-from gslcosim.bench.statistics.rates import clopper_pearson, wilson
+from gslcosim.bench.statistics.rates import clopper_pearson, lift, n_for_power, n_pairs_for_power, wilson
 from gslcosim.bench.statistics.roc import roc
-from gslcosim.bench.statistics.sample_size import n_for_power, n_pairs_for_power
 from gslcosim.bench.statistics.times import (
     cumulative_success,
     expected_running_time,

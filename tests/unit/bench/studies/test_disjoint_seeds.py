@@ -5,17 +5,17 @@ import itertools
 import pytest
 
 from gslcosim.bench.cases import Suite, build_plan, load_suite
+from gslcosim.bench.cases.models import derive_seed
 from gslcosim.bench.cases.suite_files import write_suite
-from gslcosim.bench.cases.trials import derive_seed
-from gslcosim.bench.studies import disjoint_seeds
-from gslcosim.bench.studies.disjoint_seeds import (
+from gslcosim.bench.studies import target
+from gslcosim.bench.studies.target import (
     build_setting_suite,
     build_settings,
     collect_seeds,
     collect_test_seeds,
+    find_target,
     with_disjoint_seeds,
 )
-from gslcosim.bench.studies.target import find_target
 
 
 def names_of(entry, **varied):
@@ -89,7 +89,7 @@ def test_seeds_apart_are_drawn_again_while_one_is_taken(monkeypatch):
     second = with_disjoint_seeds(subject, "training", 5, repetitions=4, taken=taken)
     assert second.suite.seed == derive_seed(subject.loaded.suite.seed, "training", 5, 1)
     assert collect_seeds(second).isdisjoint(taken)
-    assert disjoint_seeds.with_disjoint_seeds(subject, "training", 5, repetitions=4, taken=taken) == second
+    assert target.with_disjoint_seeds(subject, "training", 5, repetitions=4, taken=taken) == second
 
 
 @pytest.mark.parametrize("number", [0, 7])
@@ -130,7 +130,7 @@ def test_some_cases_of_a_suite_are_the_same_runs_as_in_all_of_it(tmp_path):
     loaded = load_suite(tmp_path / "suite.yaml")
     every = build_plan(loaded)
     chosen = [case.name for case in every.cases][1:7:2]
-    some = disjoint_seeds.restrict_cases(loaded, chosen)
+    some = target.restrict_cases(loaded, chosen)
     plan = build_plan(some)
 
     def facts(trials):
@@ -140,4 +140,4 @@ def test_some_cases_of_a_suite_are_the_same_runs_as_in_all_of_it(tmp_path):
     assert {t.scenario for t in plan.trials} == {"tiny_room", "windy"}
     write_suite(some, tmp_path / "written")
     assert facts(build_plan(load_suite(tmp_path / "written")).trials) == facts(plan.trials)
-    assert disjoint_seeds.restrict_cases(loaded, {case.name for case in every.cases}) is loaded
+    assert target.restrict_cases(loaded, {case.name for case in every.cases}) is loaded

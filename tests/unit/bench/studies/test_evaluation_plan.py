@@ -5,11 +5,8 @@ import dataclasses
 import pytest
 
 from gslcosim.bench.cases import build_plan, load_suite
-from gslcosim.bench.studies.disjoint_seeds import Setting, collect_test_seeds
-from gslcosim.bench.studies.evaluation_plan import ReusablePool, build_evaluation_plan
-from gslcosim.bench.studies.parameter_values import parse_ranges
-from gslcosim.bench.studies.target import find_target
-from gslcosim.bench.studies.tuning import Tuner, split_budget
+from gslcosim.bench.studies.target import Setting, collect_test_seeds, find_target, parse_ranges
+from gslcosim.bench.studies.tuning import ReusablePool, Tuner, build_evaluation_plan, split_budget
 
 DEFAULT = Setting(name="default", parameters={})
 

@@ -5,8 +5,8 @@ import builtins
 import pytest
 
 from gslcosim.base.errors import UsageError
-from gslcosim.bench.studies.optuna_search import STUDY, OptunaSearch
-from gslcosim.bench.studies.parameter_values import ParameterRange
+from gslcosim.bench.studies.target import ParameterRange
+from gslcosim.bench.studies.tuning import STUDY_NAME, OptunaSearch
 from gslcosim.cli.main import main
 
 RANGES = (
@@ -68,7 +68,7 @@ def test_the_study_is_one_that_optuna_reads(tmp_path):
 
     asked = searched(tmp_path / "a.log", seed=3, batches=[4, 4])
     backend = optuna.storages.journal.JournalFileBackend(str(tmp_path / "a.log"))
-    study = optuna.load_study(study_name=STUDY, storage=optuna.storages.JournalStorage(backend))
+    study = optuna.load_study(study_name=STUDY_NAME, storage=optuna.storages.JournalStorage(backend))
     assert len(study.trials) == len(asked) + 1
     assert study.best_value == max([*map(score, asked), score({"x": 1.0, "n": 4})])
 

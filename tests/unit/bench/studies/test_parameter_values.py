@@ -3,8 +3,7 @@
 import pytest
 
 from gslcosim.base.errors import UsageError
-from gslcosim.bench.studies.parameter_values import ParameterRange, card_ranges, parse_ranges, parse_varied
-from gslcosim.bench.studies.target import find_target
+from gslcosim.bench.studies.target import ParameterRange, card_ranges, find_target, parse_ranges, parse_varied
 
 
 @pytest.fixture(scope="module")

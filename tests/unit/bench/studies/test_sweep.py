@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from gslcosim.base.errors import UsageError
-from gslcosim.bench.studies.output import sweep_to_csv, sweep_to_json, to_inline_yaml
-from gslcosim.bench.studies.response_plot import draw_response_svg
+from gslcosim.bench.studies.output import draw_response_svg, sweep_to_csv, sweep_to_json, to_inline_yaml
 from gslcosim.bench.studies.sweep import SweepPlan
 from gslcosim.bench.studies.target import find_target
 from gslcosim.cli.study_output import format_sweep

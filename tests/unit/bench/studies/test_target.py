@@ -4,8 +4,7 @@ import pytest
 
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.bench.cases import build_plan
-from gslcosim.bench.studies.disjoint_seeds import Setting, build_setting_suite
-from gslcosim.bench.studies.target import find_target, is_scenario
+from gslcosim.bench.studies.target import Setting, build_setting_suite, find_target, is_scenario
 
 INNER = """
 schema: gslcosim/suite/1

@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from gslcosim.cli import scenario_arguments
+from gslcosim.cli import arguments
 from gslcosim.cli.main import main
 from gslcosim.scenario import Scenario, load_scenario
 
@@ -106,8 +106,8 @@ def test_cameras_where_nothing_draws_are_problems_of_the_scenario(capsys, monkey
 
 
 def test_a_driver_that_crashes_is_reported(monkeypatch):
-    monkeypatch.setattr(scenario_arguments.sys, "executable", "false")
-    assert scenario_arguments.rendering_unavailable_reason() == "The driver crashed; `gslcosim doctor` tells more."
+    monkeypatch.setattr(arguments.sys, "executable", "false")
+    assert arguments.rendering_unavailable_reason() == "The driver crashed; `gslcosim doctor` tells more."
 
 
 @pytest.mark.parametrize("command", ["validate", "up"])

@@ -10,15 +10,12 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.environment.formats.environment_folders import import_gaden, import_gsl_bench, load_gsl_bench_geometry
 from gslcosim.environment.formats.export import GADEN_WINDS, export_environment
-from gslcosim.environment.formats.gaden import import_gaden
-from gslcosim.environment.formats.gsl_bench import import_gsl_bench, load_gsl_bench_geometry
 from gslcosim.environment.formats.wind_files import load_wind
-from gslcosim.environment.geometry_model import with_wind
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.layouts.builder import build_layout
-from gslcosim.environment.model import Cell, WindFrames
-from gslcosim.scenario.models.layouts import SimpleWarehouseSpec
+from gslcosim.environment.layouts.layouts import build_layout
+from gslcosim.environment.model import Cell, Grid, WindFrames, with_wind
+from gslcosim.scenario.models.geometry import SimpleWarehouseSpec
 from gslcosim.scenario.models.scenario import WindSpec
 
 REFERENCE_DIR = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[5] / "shared" / "reference"))

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import EnvironmentDataError
-from gslcosim.environment.boxes import voxelize
-from gslcosim.environment.formats.gaden import import_gaden, is_gaden, load_gaden_geometry
-from gslcosim.environment.formats.gaden_grid import format_occupancy
+from gslcosim.environment.formats.data_files import format_occupancy
+from gslcosim.environment.formats.environment_folders import import_gaden, is_gaden, load_gaden_geometry
 from gslcosim.environment.formats.wind_files import NoWindWarning
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Cell
+from gslcosim.environment.model import Cell, Grid
+from gslcosim.environment.openings import voxelize
 
 GRID = Grid(origin_m=(0.0, -1.0, 0.5), cell_m=0.5, shape=(4, 3, 2))
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import EnvironmentDataError
-from gslcosim.environment.boxes import voxelize
-from gslcosim.environment.formats.gsl_bench import import_gsl_bench, load_gsl_bench_geometry
+from gslcosim.environment.formats.environment_folders import import_gsl_bench, load_gsl_bench_geometry
 from gslcosim.environment.formats.wind_files import NoWindWarning
 from gslcosim.environment.model import Cell
+from gslcosim.environment.openings import voxelize
 from gslcosim.environment.store import load_environment, save_environment
 
 REFERENCE_DIR = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[5] / "shared" / "reference"))

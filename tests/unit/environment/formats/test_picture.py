@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from gslcosim.environment.formats import picture
-from gslcosim.environment.formats.mjcf import build_mjcf
+from gslcosim.environment.formats.export import build_mjcf
 from gslcosim.environment.formats.picture import top_view_png
 
 CRATE = ("crate", (1.0, 1.0, 0.0), (5.0, 3.0, 2.0))

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import EnvironmentDataError
-from gslcosim.environment.formats.gaden_grid import format_rows
-from gslcosim.environment.formats.wind_arrays import read_array_frame
+from gslcosim.environment.formats.data_files import format_rows, read_array_frame
 from gslcosim.environment.formats.wind_files import NoWindWarning, WindGapsWarning, load_wind
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Cell
+from gslcosim.environment.model import Cell, Grid
 
 GRID = Grid(origin_m=(0.0, -1.0, 0.5), cell_m=0.5, shape=(2, 3, 4))
 FOAM_HEAD = (

@@ -12,7 +12,7 @@ from deadlines import PROCESS_S
 import gslcosim
 from gslcosim.base.errors import EnvironmentDataError, ScenarioError
 from gslcosim.environment.generation import prepare_environment
-from gslcosim.environment.generation.recipe_hash import recipe_hash, sources
+from gslcosim.environment.generation.cache import recipe_hash, sources
 from gslcosim.environment.model import Cell
 from gslcosim.environment.store import load_environment
 from gslcosim.scenario.models.scenario import EnvironmentSpec, LayoutSpec, Scenario, WindSpec

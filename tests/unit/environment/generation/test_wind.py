@@ -9,15 +9,14 @@ import pytest
 
 from gslcosim import flow
 from gslcosim.base.errors import EnvironmentDataError
-from gslcosim.environment.build.geometry_source import build_geometry
 from gslcosim.environment.formats.export import export_environment
 from gslcosim.environment.generation import generate_environment
 from gslcosim.environment.generation.wind import build_patches, no_progress, solve_wind_of_scenario
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.layouts.builder import build_layout
-from gslcosim.environment.model import Cell
+from gslcosim.environment.geometry_source import build_geometry
+from gslcosim.environment.layouts.layouts import build_layout
+from gslcosim.environment.model import Cell, Grid
 from gslcosim.environment.store import load_environment
-from gslcosim.scenario.models.layouts import LayoutSpec
+from gslcosim.scenario.models.geometry import LayoutSpec
 from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
 
 ROOM = EnvironmentSpec(layout=LayoutSpec(size_m=(3.0, 2.0, 2.0)))

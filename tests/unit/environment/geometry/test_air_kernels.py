@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from gslcosim.environment.geometry.air_kernels import assign_touched_cells, flood_untouched
-from gslcosim.environment.geometry.triangle_kernels import BORDER, CROSSED, TOUCHED
+from gslcosim.environment.geometry.cell_kernels import BORDER, CROSSED, TOUCHED, assign_touched_cells, flood_untouched
 
 SHAPE = (7, 5, 4)
 

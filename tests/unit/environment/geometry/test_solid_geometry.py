@@ -7,15 +7,12 @@ import pytest
 import trimesh
 
 from gslcosim.base.errors import EnvironmentDataError, ScenarioError
-from gslcosim.environment.boxes import voxelize
-from gslcosim.environment.formats.mjcf import build_mjcf
-from gslcosim.environment.formats.stl import build_stl
+from gslcosim.environment.formats.export import build_mjcf, build_stl
 from gslcosim.environment.geometry.solid_geometry import geometry_from_files
-from gslcosim.environment.geometry_model import with_wind
-from gslcosim.environment.layouts.builder import build_layout
-from gslcosim.environment.model import Cell, WindFrames
-from gslcosim.scenario.models.geometry import GeometrySpec
-from gslcosim.scenario.models.layouts import ComplexWarehouseSpec, OfficeSpec, SimpleWarehouseSpec
+from gslcosim.environment.layouts.layouts import build_layout
+from gslcosim.environment.model import Cell, WindFrames, with_wind
+from gslcosim.environment.openings import voxelize
+from gslcosim.scenario.models.geometry import ComplexWarehouseSpec, GeometrySpec, OfficeSpec, SimpleWarehouseSpec
 from gslcosim.scenario.models.scenario import WindSpec
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import trimesh
 
+from gslcosim.environment.geometry.cell_kernels import join_inplace
 from gslcosim.environment.geometry.mesh_formats import Part
 from gslcosim.environment.geometry.surfaces import build_surfaces
-from gslcosim.environment.geometry.triangle_kernels import join_inplace
 
 NO_OPENINGS = np.empty((0, 3, 3))
 

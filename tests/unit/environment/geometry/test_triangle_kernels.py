@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gslcosim.environment.geometry.triangle_kernels import (
+from gslcosim.environment.geometry.cell_kernels import (
     BORDER,
     TOUCHED,
     find_crossings,

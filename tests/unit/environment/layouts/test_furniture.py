@@ -3,10 +3,10 @@
 import pytest
 from pydantic import TypeAdapter
 
+from gslcosim.environment.grid_kernels import find_occupancy_problems
 from gslcosim.environment.layouts.layouts import build_furniture, find_layout_problems, opening_specs, plan_layout
-from gslcosim.environment.occupancy import find_occupancy_problems
 from gslcosim.scenario.model_schema import find_schema_node, list_kinds
-from gslcosim.scenario.models.layouts import HomeSpec, Layout, OfficeSpec, OpeningSpec, WindTunnelSpec
+from gslcosim.scenario.models.geometry import HomeSpec, Layout, OfficeSpec, OpeningSpec, WindTunnelSpec
 from gslcosim.scenario.models.scenario import BoxSpec, WindSpec
 
 KINDS = list_kinds(find_schema_node(("environment", "layout")).annotation)
@@ -66,8 +66,8 @@ def test_every_room_of_a_flat_can_be_reached(seed):
     """No air is walled in: sealed air would become solid, and more than the walls would be."""
     layout = HomeSpec(seed=seed, n_rooms=6, has_furniture=False)
     wind = WindSpec(cell_m=0.2)
-    from gslcosim.environment.boxes import voxelize
-    from gslcosim.environment.occupancy import build_occupancy
+    from gslcosim.environment.grid_kernels import build_occupancy
+    from gslcosim.environment.openings import voxelize
 
     plan = plan_layout(layout, wind)
     assert int((build_occupancy(plan) == 1).sum()) == int(voxelize(plan.boxes, plan.grid).sum())

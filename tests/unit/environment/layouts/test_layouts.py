@@ -4,7 +4,7 @@ import pytest
 
 from gslcosim.base.errors import ScenarioError
 from gslcosim.environment.layouts.layouts import find_layout_problems, plan_layout
-from gslcosim.environment.plan import WALL_NAMES
+from gslcosim.environment.model import WALL_NAMES
 from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, OpeningSpec, WindSpec
 
 BUILT_IN, UNIFORM = WindSpec(), WindSpec(solver="uniform")

@@ -6,7 +6,7 @@ from itertools import pairwise
 import pytest
 
 from gslcosim.environment.layouts.layouts import plan_layout
-from gslcosim.scenario.models.layouts import PlantSpec
+from gslcosim.scenario.models.geometry import PlantSpec
 from gslcosim.scenario.models.scenario import WindSpec
 
 PLANT = PlantSpec(size_m=(12.0, 8.0, 12.0), n_tanks=0, n_buildings=0)

@@ -5,10 +5,10 @@ from itertools import combinations
 
 import pytest
 
+from gslcosim.environment.layouts.families import LOADS, N_TYPES, build_items, build_racks, rack_areas, rack_types
 from gslcosim.environment.layouts.layouts import opening_specs
 from gslcosim.environment.layouts.pieces import bounding_area
-from gslcosim.environment.layouts.warehouses import LOADS, N_TYPES, build_items, build_racks, rack_areas, rack_types
-from gslcosim.scenario.models.layouts import ComplexWarehouseSpec, SimpleWarehouseSpec
+from gslcosim.scenario.models.geometry import ComplexWarehouseSpec, SimpleWarehouseSpec
 
 
 def areas_of(layout):

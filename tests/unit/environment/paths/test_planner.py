@@ -8,7 +8,7 @@ import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from gslcosim.environment.grid import Grid
+from gslcosim.environment.model import Grid
 from gslcosim.environment.paths.planner import FreeSpace, free_space, is_curve_free, label_parts, lattice_path
 
 STEPS = [step for step in itertools.product((-1, 0, 1), repeat=3) if any(step)]

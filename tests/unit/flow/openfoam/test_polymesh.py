@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gslcosim.flow import Inlet, MovingWall, Outlet, SlipWall
-from gslcosim.flow.boundaries.domain import build_domain
-from gslcosim.flow.openfoam.polymesh import WALLS, build_polymesh
+from gslcosim.flow.domain import build_domain
+from gslcosim.flow.openfoam.case import WALLS, build_polymesh
 
 CELL_M = 0.5
 SHAPE = (6, 5, 4)  # three different side lengths

@@ -1,7 +1,7 @@
 """Commands from the bus wait in bounded memory, however many come and however large they are."""
 
 from gslcosim.runtime.agents.bus_transport import MAX_QUEUED_BYTES, BusTransport
-from gslcosim.runtime.agents.transport import CommandReceived, CommandRefused
+from gslcosim.runtime.agents.session import CommandReceived, CommandRefused
 from gslcosim.runtime.agents.validator import MAX_COMMAND_BYTES
 
 

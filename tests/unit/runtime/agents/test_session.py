@@ -6,10 +6,16 @@ from gslcosim.agent_kit import Agent
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command, Observation
 from gslcosim.runtime.agents import session as session_module
-from gslcosim.runtime.agents.session import REPEAT_QUESTION_AFTER_S, AgentSession
-from gslcosim.runtime.agents.transport import AgentJoined, AgentLost, CommandReceived, ObjectTransport
+from gslcosim.runtime.agents.session import (
+    REPEAT_QUESTION_AFTER_S,
+    AgentJoined,
+    AgentLost,
+    AgentSession,
+    CommandReceived,
+    ObjectTransport,
+)
 from gslcosim.runtime.agents.validator import CommandValidator
-from gslcosim.runtime.machine_notes import MachineLog, read_machine_notes
+from gslcosim.runtime.run_dir import MachineLog, read_machine_notes
 
 
 class Line:

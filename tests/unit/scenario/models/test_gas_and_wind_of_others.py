@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from gslcosim.base.errors import ScenarioError
-from gslcosim.environment.generation.recipe_hash import recipe_hash
+from gslcosim.environment.generation.cache import recipe_hash
 from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.models.gas import GasSpec
 from gslcosim.scenario.models.scenario import EnvironmentSpec, LayoutSpec

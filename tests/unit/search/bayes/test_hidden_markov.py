@@ -20,8 +20,7 @@ from gslcosim.search.bayes.hidden_markov import (
     place_along_m,
 )
 from gslcosim.search.bayes.puff_tracing import PuffModel, partial_sums_m, trace_puffs
-from gslcosim.search.beliefs import normalised
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid, normalised
 
 TINY = CellGrid((0.0, 0.0), 1.0, (3, 2))
 WALL = np.array([[False, False], [True, False], [False, False]])

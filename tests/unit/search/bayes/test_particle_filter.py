@@ -15,8 +15,7 @@ from gslcosim.search.bayes.particle_filter import (
     wind_spread_m_sqrt_s,
 )
 from gslcosim.search.bayes.puff_tracing import partial_sums_m
-from gslcosim.search.beliefs import normalised
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid, normalised
 
 BOUNDS = Bounds(min_m=(0.0, 0.0, 0.0), max_m=(6.0, 4.0, 3.0))
 WIND = np.tile([[0.4, 0.1]], (10, 1))

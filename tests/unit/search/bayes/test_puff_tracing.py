@@ -15,8 +15,7 @@ from gslcosim.search.bayes.puff_tracing import (
     trace_puffs,
     update,
 )
-from gslcosim.search.beliefs import normalised, variance_m2
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid, normalised, variance_m2
 from gslcosim.search.senses.instruments import Vane
 from gslcosim.search.senses.wind_field import WindField, WindRecord
 

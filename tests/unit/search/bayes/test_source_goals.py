@@ -13,8 +13,7 @@ from gslcosim.search.bayes.belief_search import (
     expected_information_bits,
     mass_around,
 )
-from gslcosim.search.beliefs import normalised
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid, normalised
 from gslcosim.search.motion.map_navigation import MapNavigator
 from gslcosim.search.random_stream import RandomStream
 

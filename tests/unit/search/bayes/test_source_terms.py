@@ -25,7 +25,7 @@ from gslcosim.search.bayes.source_terms import (
     mean_amount,
     sampled_reading,
 )
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid
 
 # x, y, z, rate, speed, direction (to the north-east), diffusivity, lifetime.
 TERM_SET = np.array([3.0, 2.0, 1.5, 5.0, 0.8, math.pi / 4, 0.5, 20.0])

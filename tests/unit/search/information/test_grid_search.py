@@ -9,8 +9,7 @@ from briefings import PLUME, briefing, observation, open_map
 
 from gslcosim.scenario.models.success import DeclarationSuccess
 from gslcosim.search.bayes.encounter_model import likelihoods_into
-from gslcosim.search.beliefs import best_ball, entropy_bits, mass_within
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid, best_ball, entropy_bits, mass_within
 from gslcosim.search.information import objectives as information_kernels
 from gslcosim.search.information.grid_search import (
     GridSearch,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gslcosim.search.bayes.encounter_model import EncounterModel, likelihoods
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid
 from gslcosim.search.information.objectives import (
     Candidates,
     MoveTree,

@@ -5,16 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.search.information.offset_grid import (
+from gslcosim.search.information.pomdp import (
     MOVES,
     OffsetGrid,
     PlumeTable,
+    Pomdp,
     RunningWind,
     headings_rad,
     offsets_m,
-    update_belief,
+    solve_by_value_iteration,
+    update_offset_belief,
 )
-from gslcosim.search.information.pomdp import Pomdp, solve_by_value_iteration
 
 GRID = OffsetGrid(first_m=(-2.0, -3.0), cell_m=1.0, shape=(6, 7))
 NORTH_RAD = math.pi / 2
@@ -88,8 +89,8 @@ def test_gas_draws_the_belief_upwind_of_the_vehicle_and_its_absence_away():
     sources_m = np.array([[x, 0.0] for x in range(-5, 6)], float)
     even = np.full(11, 1 / 11)
     here = offsets_m(sources_m, (0.0, 0.0), 0.0)
-    with_gas = update_belief(even, table().likelihood(1, here))
-    without = update_belief(even, table().likelihood(0, here))
+    with_gas = update_offset_belief(even, table().likelihood(1, here))
+    without = update_offset_belief(even, table().likelihood(0, here))
     upwind = sources_m[:, 0] <= -1
     assert with_gas[upwind].sum() > 0.9
     assert without[upwind].sum() < 0.3
@@ -98,8 +99,8 @@ def test_gas_draws_the_belief_upwind_of_the_vehicle_and_its_absence_away():
 
 def test_a_power_below_one_takes_an_observation_for_less_and_an_impossible_one_for_nothing():
     belief = np.array([0.5, 0.5])
-    assert update_belief(belief, np.array([0.9, 0.1]), 0.5) == pytest.approx([0.75, 0.25])
-    assert update_belief(belief, np.zeros(2)) == pytest.approx(belief)
+    assert update_offset_belief(belief, np.array([0.9, 0.1]), 0.5) == pytest.approx([0.75, 0.25])
+    assert update_offset_belief(belief, np.zeros(2)) == pytest.approx(belief)
 
 
 def test_a_certain_source_is_flown_to_by_the_values_of_the_search_problem():

@@ -5,7 +5,7 @@ from briefings import briefing, observation
 
 from gslcosim.base.errors import UsageError
 from gslcosim.contract.messages import Command
-from gslcosim.search.learned.actions import ACTIONS, MARGIN_M, N_HEADINGS, action_kind
+from gslcosim.search.learned.encoding import ACTIONS, MARGIN_M, N_HEADINGS, action_kind
 
 
 def command(kind, action, *, at_m=(7.0, 5.0, 1.0), **settings):

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gslcosim.contract.messages import Reading, SensorDescription
 from gslcosim.contract.record import NumericArray
-from gslcosim.search.learned.observations import N_SECTORS, ObservationVector, amount, closeness
+from gslcosim.search.learned.encoding import N_SECTORS, ObservationVector, amount, closeness
 from gslcosim_services.sensing.models import sensor_kind, sensor_names
 
 

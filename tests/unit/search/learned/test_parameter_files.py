@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from gslcosim.base.errors import MethodError
-from gslcosim.search.learned.parameter_files import (
+from gslcosim.search.learned.policy_files import (
     PARAMETERS_FILE,
     load_parameters,
     save_parameters,

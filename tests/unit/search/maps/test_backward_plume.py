@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.search.maps.backward_plume import BackwardPlume, PlumeModel
+from gslcosim.search.maps.pmfs import BackwardPlume, PlumeModel
 
 CELL_M = 0.25
 

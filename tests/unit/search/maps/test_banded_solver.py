@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gslcosim.search.maps.banded_solver import (
+from gslcosim.search.maps.wind_map import (
     add_rows_inplace,
     factorise_cholesky_inplace,
     factorise_lu_inplace,

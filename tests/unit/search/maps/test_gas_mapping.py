@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from gslcosim.contract.messages import Observation, Reading
-from gslcosim.search.maps.gas_mapping import ReadingCollector, choose_next_cell
-from gslcosim.search.maps.kernel_dm import GasMaps
+from gslcosim.search.maps.kernel_dm import GasMaps, ReadingCollector, choose_next_cell
 from gslcosim.search.senses.instruments import Nose, Vane
 
 NOSE = Nose(name="nose", unit="ppm", mount_body_m=(0.0, 0.0, 0.0))

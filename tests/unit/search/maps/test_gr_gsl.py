@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid
 from gslcosim.search.maps.gr_gsl import GrGsl, GrGslSettings, information_gain_nats
 
 EAST, NORTH, WEST = 0.0, 0.5 * math.pi, math.pi

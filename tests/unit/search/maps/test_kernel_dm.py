@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid
 from gslcosim.search.maps.kernel_dm import GasMaps, KernelMap, KernelWidths
 
 PLANE = CellGrid((1.0, -2.0), 0.25, (16, 12))

@@ -3,10 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.search.beliefs import mass_within
-from gslcosim.search.grids import CellGrid
-from gslcosim.search.maps.backward_plume import PlumeModel
-from gslcosim.search.maps.pmfs import Pmfs, PmfsSettings, add_log_score_inplace, disagreement
+from gslcosim.search.beliefs import CellGrid, mass_within
+from gslcosim.search.maps.pmfs import PlumeModel, Pmfs, PmfsSettings, add_log_score_inplace, disagreement
 from gslcosim.search.random_stream import RandomStream
 
 CALM = (0.0, 0.0)

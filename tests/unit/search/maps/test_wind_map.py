@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid
 from gslcosim.search.maps.wind_map import WindMap, WindWeights
 
 READINGS = {(1, 2): (0.4, 0.1), (6, 3): (-0.2, 0.3), (4, 7): (0.0, -0.5)}

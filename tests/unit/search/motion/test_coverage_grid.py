@@ -3,7 +3,7 @@ import math
 
 import pytest
 
-from gslcosim.search.motion.coverage_grid import CoverageGrid
+from gslcosim.search.motion.coverage import CoverageGrid
 from gslcosim.search.motion.legs import LegSpace
 
 ROOM = LegSpace(min_m=(0.5, 0.5, 0.5), max_m=(9.5, 6.5, 3.5))

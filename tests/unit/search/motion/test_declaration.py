@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from briefings import observation
 
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid
 from gslcosim.search.motion import declaration
 from gslcosim.search.motion.declaration import (
     DeclarationGuard,

@@ -7,7 +7,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from gslcosim.contract.messages import KnownMap
 from gslcosim.contract.record import NumericArray
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid
 from gslcosim.search.motion.grid_paths import (
     find_free_cells,
     inflate_obstacles,

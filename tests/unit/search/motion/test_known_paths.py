@@ -4,8 +4,8 @@ from briefings import briefing, open_map
 
 from gslcosim.contract.messages import KnownMap
 from gslcosim.contract.record import NumericArray
-from gslcosim.search.motion.known_paths import KnownPaths
 from gslcosim.search.motion.legs import build_obstacles
+from gslcosim.search.motion.map_navigation import KnownPaths
 
 START_M, GOAL_M = (3.0, 2.0, 2.0), (12.0, 2.0, 1.0)
 WALL = (7.0, 0.0, 7.5, 6.0)

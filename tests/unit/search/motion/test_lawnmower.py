@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from gslcosim.contract.messages import Bounds
-from gslcosim.search.motion.lawnmower import lawnmower_path_m
+from gslcosim.search.motion.coverage import lawnmower_path_m
 from gslcosim.search.motion.legs import LegSpace
 
 

@@ -3,8 +3,7 @@ import math
 import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim.search.motion.leg_planner import LegPlanner, cut_end_m, step_towards_m
-from gslcosim.search.motion.legs import LegSpace
+from gslcosim.search.motion.legs import LegPlanner, LegSpace, cut_end_m, step_towards_m
 from gslcosim.search.random_stream import RandomStream
 
 ROOM = LegSpace(min_m=(1.0, 1.0, 1.0), max_m=(14.0, 9.0, 7.0))

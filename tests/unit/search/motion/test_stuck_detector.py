@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from gslcosim.search.motion.stuck_detector import StuckDetector
+from gslcosim.search.motion.legs import StuckDetector
 
 
 def circle(radius_m, n=20):

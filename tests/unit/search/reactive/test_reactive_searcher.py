@@ -3,7 +3,7 @@ from briefings import briefing, observation
 
 from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
-from gslcosim.search.senses.plume_contact import Contact
+from gslcosim.search.senses.stop_and_measure import Contact
 
 SETTINGS = {
     "margin_m": 1.0, "hold_s": None, "explore_hold_s": 0.0, "explore_step_m": 1.8, "threshold_ppm": 0.1,

@@ -3,7 +3,7 @@ import itertools
 import pytest
 
 from gslcosim.search.random_stream import RandomStream
-from gslcosim.search.reactive.recovery import (
+from gslcosim.search.reactive.temporal_memory import (
     DOWNWIND,
     LEFT,
     RIGHT,

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from gslcosim.search.reactive.sidestep import Sidestep
+from gslcosim.search.reactive.silkmoth import Sidestep
 
 
 def test_it_turns_until_the_way_is_free_and_keeps_the_turn():

@@ -3,7 +3,7 @@ import math
 import pytest
 from briefings import briefing, observation
 
-from gslcosim.search.reactive.two_noses import TwoNoses, bearing_rad, turn_rad
+from gslcosim.search.reactive.taxis import TwoNoses, bearing_rad, turn_rad
 
 LEFT, RIGHT = ("pid", "port", (0.0, 0.075, 0.0)), ("pid", "starboard", (0.0, -0.075, 0.0))
 ANGLES = {"straight_rad": math.radians(5), "half_rad": math.radians(45)}

@@ -5,7 +5,7 @@ import math
 import pytest
 from briefings import observation
 
-from gslcosim.search.senses.gas_evidence import GasEvidence
+from gslcosim.search.senses.hit_detection import GasEvidence
 from gslcosim.search.senses.instruments import Nose
 
 PID = Nose(name="nose", unit="ppm", mount_body_m=(0.0, 0.0, 0.0))

@@ -3,7 +3,7 @@ import math
 import pytest
 from briefings import briefing, observation
 
-from gslcosim.search.senses.plume_contact import Contact, PlumeContactDetector
+from gslcosim.search.senses.stop_and_measure import Contact, PlumeContactDetector
 
 EAST_RAD = 0.0
 

@@ -1,6 +1,6 @@
 import pytest
 
-from gslcosim.search.senses.proximity import BestProximity, local_maxima, proximity_index
+from gslcosim.search.senses.stop_and_measure import BestProximity, local_maxima, proximity_index
 
 
 def test_peaks_are_above_what_is_before_and_not_below_what_is_after():

@@ -9,7 +9,7 @@ from PIL import Image
 
 from gslcosim.base.frames import quaternion_from_rotation, rotation_from_rpy
 from gslcosim.contract.messages import CameraImage
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid
 from gslcosim.search.senses.vision import (
     SeenObject,
     SeenObjects,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from briefings import observation
 
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid
 from gslcosim.search.senses.instruments import Vane
 from gslcosim.search.senses.wind_field import WindField, WindRecord
 

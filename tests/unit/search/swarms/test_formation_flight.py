@@ -6,9 +6,8 @@ import pytest
 from gslcosim.agent_kit import Briefing, Observation, RadioReception, Reading
 from gslcosim.contract.messages import Bounds, ChannelDescription, SensorDescription
 from gslcosim.search.motion.declaration import Estimate
-from gslcosim.search.swarms.formation_flight import FormationFlight
-from gslcosim.search.swarms.formations import formation
-from gslcosim.search.swarms.radio_reports import Report, ReportedBest, encode
+from gslcosim.search.swarms.formations import FormationFlight, formation
+from gslcosim.search.swarms.rounds import Report, ReportedBest, encode
 
 NAMES = ("ada", "bob", "cyd")
 SETTINGS = {

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.search.grids import CellGrid
-from gslcosim.search.swarms.langevin import (
+from gslcosim.search.beliefs import CellGrid
+from gslcosim.search.swarms.shared_belief import (
     LEAST_P,
     belief_potential,
     langevin_step_m,

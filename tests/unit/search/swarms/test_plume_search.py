@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gslcosim.search.motion.legs import LegSpace
-from gslcosim.search.swarms.plume_search import (
+from gslcosim.search.swarms.formations import (
     PlumeMemory,
     find_lane_point,
     find_next_lane_point,

@@ -4,7 +4,7 @@ import pytest
 
 from gslcosim.agent_kit import Briefing, Observation, RadioReception
 from gslcosim.contract.messages import Bounds, ChannelDescription
-from gslcosim.search.swarms.radio_reports import Report, ReportedBest, Team, encode, parse
+from gslcosim.search.swarms.rounds import Report, ReportedBest, Team, encode, parse
 
 FULL = Report(
     time_s=41.5,

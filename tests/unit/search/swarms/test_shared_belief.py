@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from gslcosim.search.bayes.encounter_model import PlumeAssumption
-from gslcosim.search.grids import CellGrid
+from gslcosim.search.beliefs import CellGrid
 from gslcosim.search.information.objectives import infotaxis_cost, predict_stops
 from gslcosim.search.swarms.shared_belief import SharedBelief, SharedFinding, assigned_costs
 

@@ -18,7 +18,7 @@ from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.senses.instruments import Nose
 from gslcosim.search.senses.stop_and_measure import Measurement
 from gslcosim.search.swarms.particle_swarm import SwarmWeights
-from gslcosim.search.swarms.radio_reports import parse
+from gslcosim.search.swarms.rounds import parse
 from gslcosim.search.swarms.swarm_robot import Explorer, GasScale, Particle
 
 SETTINGS = SimpleNamespace(

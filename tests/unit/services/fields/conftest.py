@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Environment, WindFrames
+from gslcosim.environment.model import Environment, Grid, WindFrames
 from gslcosim_services.fields.filament.plume import FilamentPlume, GasSource, filament_amount_mol
 from gslcosim_services.fields.filament.release import ConstantRelease
 

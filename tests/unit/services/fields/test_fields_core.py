@@ -7,11 +7,11 @@ from gslcosim.base.errors import GslCosimError, ModelError, ScenarioError
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import BodyPoses, BodyState
 from gslcosim.contract.participant import Episode
-from gslcosim.environment.wind_kernels import trilinear_wind
+from gslcosim.environment.grid_kernels import trilinear_wind
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.serialization import plain_values
-from gslcosim_services.fields.concentration.mixing_ratio import Walls, mixing_ratio_ppm_at
 from gslcosim_services.fields.core import SLICE_CUTOFF_SIGMA, FieldsCore, slice_height_m
+from gslcosim_services.fields.mixing_ratio import Walls, mixing_ratio_ppm_at
 
 YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from gslcosim.scenario.models.gas_sources import ReleaseSpec, ShapeSpec
+from gslcosim.scenario.models.gas import ReleaseSpec, ShapeSpec
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.serialization import plain_values
 from gslcosim_services.fields.models.filament_gas import build_gas_model

@@ -8,8 +8,8 @@ from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
 from gslcosim.contract.messages import BodyPoses, BodyState
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.model import Cell
-from gslcosim_services.fields.concentration.sample_points import Beams
 from gslcosim_services.fields.core import FieldsCore
+from gslcosim_services.fields.sample_points import Beams
 
 OPENS, CLOSES = "{what: door_opens, at_s: 10, door: gate}", "{what: door_closes, at_s: 20, door: gate}"
 # Beside the door, which takes x from 3 to 3.25 m, and much mixing so that gas comes to it.

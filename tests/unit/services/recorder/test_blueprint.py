@@ -6,7 +6,7 @@ from recording_content import column
 from scripted_flight import NOSE_AND_VANE, ON_BOARD, scenario
 
 from gslcosim_services.recorder.blueprint import default_blueprint
-from gslcosim_services.recorder.repair import is_complete
+from gslcosim_services.recorder.rerun_cli import is_complete
 
 ALWAYS = ["Distance [m]", "Control error [m]", "Decision time [ms]"]
 BUMPER = ({"model": "bump", "name": "bumper"},)

@@ -5,7 +5,7 @@ from rerun.chunk import RrdReader
 from scripted_flight import ScriptedFlight
 
 from gslcosim.contract.participant import Episode
-from gslcosim.runtime.machine_notes import NAME, MachineLog, MachineNotes, read_machine_notes
+from gslcosim.runtime.run_dir import NAME, MachineLog, MachineNotes, read_machine_notes
 from gslcosim_services.recorder.core import RecorderCore
 
 

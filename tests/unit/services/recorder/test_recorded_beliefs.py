@@ -7,7 +7,7 @@ from scripted_flight import WAYPOINT_EVERY_TICKS, belief_of, scenario
 
 from gslcosim_services.recorder.blueprint import default_blueprint
 from gslcosim_services.recorder.colors import belief_colors
-from gslcosim_services.recorder.repair import is_complete
+from gslcosim_services.recorder.rerun_cli import is_complete
 from gslcosim_services.recorder.rows.agents import sum_over_height
 
 N_TICKS = 2 * WAYPOINT_EVERY_TICKS + 5

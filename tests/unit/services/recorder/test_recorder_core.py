@@ -15,10 +15,9 @@ from gslcosim.contract.messages import RadioMessage, RadioTraffic, RadioTransmis
 from gslcosim.contract.participant import Episode
 from gslcosim_services.recorder import run_recording
 from gslcosim_services.recorder.core import FLUSH_TICKS, RecorderCore
-from gslcosim_services.recorder.repair import is_complete
-from gslcosim_services.recorder.rerun_cli import run_rerun
+from gslcosim_services.recorder.rerun_cli import is_complete, run_rerun
+from gslcosim_services.recorder.rows.agents import NUMBERS_COMPONENT, decode_numbers
 from gslcosim_services.recorder.rows.columns import MAX_FILAMENTS, TRACK_STRIP_TICKS
-from gslcosim_services.recorder.rows.hidden_columns import NUMBERS_COMPONENT, decode_numbers
 
 EVERY_TICK = (
     "/vehicles/agent_0",

@@ -9,7 +9,7 @@ from gslcosim.base.errors import RecordingWriteError
 from gslcosim.contract.participant import Episode
 from gslcosim_services.recorder.core import RecorderCore
 from gslcosim_services.recorder.recording_file import PipedFile
-from gslcosim_services.recorder.repair import is_complete
+from gslcosim_services.recorder.rerun_cli import is_complete
 
 pytestmark = pytest.mark.skipif(not PipedFile.is_possible(), reason="there are no pipes with names")
 

@@ -12,12 +12,12 @@ from scripted_flight import scenario
 from gslcosim.contract.messages import ConcentrationSlice, FilamentCloud
 from gslcosim.contract.record import NumericArray
 from gslcosim.environment.model import VisualMesh
-from gslcosim_services.recorder import camera_pose
+from gslcosim_services.recorder import blueprint
+from gslcosim_services.recorder.blueprint import summary_text, title
 from gslcosim_services.recorder.colors import MAP_FLOOR, GasScale, gas_colors, slice_colors
 from gslcosim_services.recorder.rows.columns import BIRTH_OPACITY, FilamentRows, SliceRows
-from gslcosim_services.recorder.rows.wind import ARROWS_PER_SIDE, MAX_LENGTH_SPACINGS, WindLayer
+from gslcosim_services.recorder.rows.events import ARROWS_PER_SIDE, MAX_LENGTH_SPACINGS, WindLayer
 from gslcosim_services.recorder.scene import slice_height_m
-from gslcosim_services.recorder.summary import summary_text, title
 
 
 class Listener:
@@ -134,15 +134,15 @@ def test_arrows_are_in_proportion_up_to_a_limit_and_still_air_has_none(make_room
 def test_the_eye_sees_every_corner_of_the_room_and_fills_its_view(make_room):
     """The camera's equations, independent of how its place was found: all corners inside, at least two at the rim."""
     room = make_room()
-    eye_m, target_m = (np.array(point) for point in camera_pose.fit_room_camera(room))
+    eye_m, target_m = (np.array(point) for point in blueprint.fit_room_camera(room))
     forward = (target_m - eye_m) / np.linalg.norm(target_m - eye_m)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     up = np.cross(right, forward)
     corners_m = np.array(list(itertools.product(*zip(room.grid.origin_m, room.grid.max_m, strict=True)))) - eye_m
-    half = math.tan(camera_pose.FIELD_OF_VIEW_RAD / 2)
+    half = math.tan(blueprint.FIELD_OF_VIEW_RAD / 2)
     height = corners_m @ up / (corners_m @ forward) / half
-    width = corners_m @ right / (corners_m @ forward) / half / camera_pose.ROOM_VIEW_ASPECT
+    width = corners_m @ right / (corners_m @ forward) / half / blueprint.ROOM_VIEW_ASPECT
     assert max(np.abs(height).max(), np.abs(width).max()) <= 1.0
     filled = max(np.ptp(height), np.ptp(width))
     assert filled > 1.9
@@ -151,7 +151,7 @@ def test_the_eye_sees_every_corner_of_the_room_and_fills_its_view(make_room):
 def test_the_eye_sees_walls_around_the_grid_too(make_room):
     room = make_room()
     wall = VisualMesh.of("wall", [[-3, 0, 0], [-3, 10, 0], [-3, 10, 6]], [[0, 1, 2]], (1.0, 1.0, 1.0, 1.0))
-    near, far = (camera_pose.fit_room_camera(item)[0] for item in (room, dataclasses.replace(room, meshes=(wall,))))
+    near, far = (blueprint.fit_room_camera(item)[0] for item in (room, dataclasses.replace(room, meshes=(wall,))))
     assert np.linalg.norm(far) > np.linalg.norm(near)
 
 

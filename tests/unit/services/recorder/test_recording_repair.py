@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gslcosim.base.errors import RecordingError
-from gslcosim_services.recorder.repair import is_complete, repair_recording
+from gslcosim_services.recorder.rerun_cli import is_complete, repair_recording
 
 KILLED = """
 import sys

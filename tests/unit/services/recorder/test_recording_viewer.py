@@ -10,8 +10,8 @@ import psutil
 import pytest
 from deadlines import EVENT_S
 
-from gslcosim.base.command_lines import build_parent_death_prefix
 from gslcosim.base.errors import RecordingError
+from gslcosim.base.processes import build_parent_death_prefix
 from gslcosim.data.recording import viewer
 from gslcosim.data.recording.viewer import open_viewer, screenshot
 

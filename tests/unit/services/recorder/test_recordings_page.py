@@ -8,7 +8,7 @@ from scripted_flight import NOSE_AND_VANE, ON_BOARD, ScriptedFlight
 from gslcosim.contract import keys
 from gslcosim.contract.messages import RadioMessage, RadioTraffic, RadioTransmission
 from gslcosim.contract.participant import Episode
-from gslcosim.runtime.machine_notes import MachineLog
+from gslcosim.runtime.run_dir import MachineLog
 from gslcosim_services.recorder.core import RecorderCore
 
 PAGE = Path(__file__).parents[4] / "docs" / "recordings.md"

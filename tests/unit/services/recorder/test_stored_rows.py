@@ -12,7 +12,7 @@ from gslcosim.data import streams
 from gslcosim.data.recording.reader import RecordingReader, SliceDecoder
 from gslcosim_services.recorder.colors import GasScale, slice_colors
 from gslcosim_services.recorder.entities import build_entities
-from gslcosim_services.recorder.repair import repair_recording
+from gslcosim_services.recorder.rerun_cli import repair_recording
 
 
 def read(record, **arguments):

@@ -23,8 +23,7 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.contract.participant import Episode
 from gslcosim.contract.record import NumericArray
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Box, Environment, WindFrames
+from gslcosim.environment.model import Box, Environment, Grid, WindFrames
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.serialization import plain_values
 from gslcosim_services.referee.core import RefereeCore

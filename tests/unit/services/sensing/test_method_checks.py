@@ -1,6 +1,6 @@
 import pytest
 
-from gslcosim.cli.scenario_arguments import check_methods
+from gslcosim.cli.arguments import check_methods
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.problems import InvalidScenarioError
 

@@ -10,7 +10,7 @@ from gslcosim.base.frames import world_from_body_rotation
 from gslcosim.base.rng import stream
 from gslcosim.scenario.models.sensors import make_sensor_spec
 from gslcosim_services.sensing import SENSOR_MODELS
-from gslcosim_services.sensing.models.measurement_errors import GaussMarkovBias
+from gslcosim_services.sensing.models.base import GaussMarkovBias
 
 STILL = (0.0, 0.0, 0.0)
 YAW_90 = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))

@@ -4,9 +4,9 @@ import pytest
 from gslcosim.contract.messages import Command
 from gslcosim.contract.participant import Episode
 from gslcosim.vehicles import get_vehicle
+from gslcosim_services.world import vehicle_records
 from gslcosim_services.world.core import WorldCore
-from gslcosim_services.world.physics import vehicle_records
-from gslcosim_services.world.physics.scene import build_scene
+from gslcosim_services.world.scene import build_scene
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from gslcosim.contract.messages import AGENT_KINDS, Command
 from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.vehicles import list_vehicle_names
 from gslcosim_services.world.core import WorldCore
-from gslcosim_services.world.guidance.path_follower import OVERTURNED_NOTICE
+from gslcosim_services.world.path_follower import OVERTURNED_NOTICE
 
 MODELS = list_vehicle_names()
 RACK = ("rack", (6.0, 4.0, 0.0), (7.0, 6.0, 6.0))

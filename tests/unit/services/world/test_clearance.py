@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gslcosim.contract.messages import DriveSetpoint
-from gslcosim_services.world.paths.flight_space import FlightSpace, clear_height_m, is_descent_clear
+from gslcosim_services.world.flight_space import FlightSpace, clear_height_m, is_descent_clear
 
 WALL = ("wall", (7.0, 0.0, 0.0), (7.5, 10.0, 3.5))
 LAND, TAKE_OFF = {"kind": "land"}, {"kind": "take_off"}

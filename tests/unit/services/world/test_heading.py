@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim_services.world.physics import vehicle_records
-from gslcosim_services.world.physics.multirotor_control import advance_heading_inplace, wrap_angle
+from gslcosim_services.world import vehicle_records
+from gslcosim_services.world.multirotor_control import advance_heading_inplace, wrap_angle
 
 WAYPOINT = {"kind": "waypoint", "position_world_m": (3.0, 7.0, 2.0)}
 

@@ -9,7 +9,7 @@ from gslcosim.base.errors import ScenarioError
 from gslcosim.scenario.models.scenario import VehicleSpec
 from gslcosim.vehicles import get_vehicle
 from gslcosim_services.world.core import WorldCore
-from gslcosim_services.world.guidance.path_follower import OVERTURNED_NOTICE
+from gslcosim_services.world.path_follower import OVERTURNED_NOTICE
 
 ROVER_HEIGHT_M = get_vehicle("rover").body.half_height_m
 

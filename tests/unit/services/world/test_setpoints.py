@@ -8,8 +8,8 @@ from pydantic import ValidationError
 
 from gslcosim.base.frames import world_from_body_rotation
 from gslcosim.contract.messages import AttitudeSetpoint, Command, RateSetpoint
-from gslcosim_services.world.physics import vehicle_records
-from gslcosim_services.world.physics.multirotor_control import (
+from gslcosim_services.world import vehicle_records
+from gslcosim_services.world.multirotor_control import (
     align_heading_reference_inplace,
     attitude_from_angles,
     rate_torque,

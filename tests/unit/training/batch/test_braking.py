@@ -7,8 +7,8 @@ import pytest
 
 from gslcosim.training.batch import batch_records
 from gslcosim.training.batch.free_space import is_edge_ahead, is_open_ahead, longest_stop_s
-from gslcosim_services.fields.concentration.mixing_ratio import build_solid_sums
-from gslcosim_services.world.paths.trajectory import plan_quickest_inplace
+from gslcosim_services.fields.mixing_ratio import build_solid_sums
+from gslcosim_services.world.trajectory import plan_quickest_inplace
 
 RADIUS_M = 0.15
 LIMITS = {"max_speed_m_s": 1.2, "max_acceleration_m_s2": 2.0}

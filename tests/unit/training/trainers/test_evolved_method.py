@@ -6,8 +6,8 @@ import pytest
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.methods.card import find_card_beside
 from gslcosim.scenario.bundled import bundled_agents
-from gslcosim.training.families import load_family
-from gslcosim.training.trainers.evolved_method import EvolvedMethod, compute_cost
+from gslcosim.training.family import load_family
+from gslcosim.training.trainers.evolution import EvolvedMethod, compute_cost
 from gslcosim.training.trainers.trainer import MethodSettings
 
 SWARM = {"method": "s_pso", "robots": 3, "ranges": {"inertia": (0.0, 1.0), "leg_m": (0.3, 4.0)}}

@@ -7,7 +7,7 @@ import pytest
 from toy_hall import NAMES, ToyHall
 
 from gslcosim.base.errors import UsageError
-from gslcosim.search.learned.policies.policy import ActionSettings
+from gslcosim.search.learned.policy import ActionSettings
 from gslcosim.training.trainers.recurrent_ppo import PpoSettings, RecurrentPpo, advantages, forward, load_jax
 
 pytestmark = pytest.mark.extras

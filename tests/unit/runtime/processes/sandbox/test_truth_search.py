@@ -5,8 +5,8 @@ import os
 
 import pytest
 
-from gslcosim.runtime.processes.sandbox import truth_search
-from gslcosim.runtime.processes.sandbox.truth_search import TooMuchToSearchError, find_exposed_truth, is_truth_folder
+from gslcosim.runtime.processes.sandbox import selection
+from gslcosim.runtime.processes.sandbox.selection import TooMuchToSearchError, find_exposed_truth, is_truth_folder
 
 RUN = ("scenario.yaml", "manifest.json", "inputs.log", "logs/agent_x.log")
 RESULTS = ("suite.yaml", "manifest.json", "trials.parquet", "tables/all.csv", "agents/mine/mine.py")
@@ -136,7 +136,7 @@ def test_a_folder_with_too_much_is_refused_and_not_searched_in_part(tmp_path, mo
         (tmp_path / f"{i}.txt").write_text("something of ten")
     assert find_exposed_truth([tmp_path]) == []
     for name, value in bound.items():
-        monkeypatch.setattr(truth_search, name, value)
+        monkeypatch.setattr(selection, name, value)
     with pytest.raises(TooMuchToSearchError, match=str(tmp_path)):
         find_exposed_truth([tmp_path])
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from gslcosim.environment.wind_kernels import trilinear_wind_at_points
-from gslcosim_services.fields.filament.batch_layout import BATCH
+from gslcosim.environment.grid_kernels import trilinear_wind_at_points
+from gslcosim_services.fields.filament.counter_rng import BATCH
 from gslcosim_services.fields.filament.filament_step import (
     positions_in_cells,
     wind_at_filaments,

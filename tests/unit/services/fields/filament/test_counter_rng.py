@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim_services.fields.filament.batch_layout import BATCH
 from gslcosim_services.fields.filament.counter_rng import (
+    BATCH,
     TAIL_START,
     derive_step_key,
     draw_filament_normals,

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim_services.fields.filament.batch_layout import (
+from gslcosim_services.fields.filament.counter_rng import (
     BATCH,
     BOUNDED,
     DT,

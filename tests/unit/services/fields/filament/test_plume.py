@@ -5,8 +5,7 @@ import pytest
 
 from gslcosim.base.errors import ModelError, ScenarioError
 from gslcosim.environment.model import Cell
-from gslcosim_services.fields.filament.buoyancy import Buoyancy
-from gslcosim_services.fields.filament.plume import FIRST_CAPACITY, filament_amount_mol, find_open_cells
+from gslcosim_services.fields.filament.plume import FIRST_CAPACITY, Buoyancy, filament_amount_mol, find_open_cells
 from gslcosim_services.fields.filament.release import ScheduledRelease, SourceShape
 
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from gslcosim.environment.grid import Grid
-from gslcosim.environment.model import Cell
+from gslcosim.environment.model import Cell, Grid
 from gslcosim_services.fields.models.farrell import (
     FarrellWind,
     Gusts,

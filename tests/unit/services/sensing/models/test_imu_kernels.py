@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gslcosim.base.rng import stream
+from gslcosim_services.sensing.models.base import GaussMarkovBias, decay_factor, increment_std
 from gslcosim_services.sensing.models.imu_kernels import advance_bias_inplace, sample_imu
-from gslcosim_services.sensing.models.measurement_errors import GaussMarkovBias, decay_factor, increment_std
 
 LIMIT = np.array([2.5, 2.5, 2.5, 2.0, 2.0, 2.0])
 NOISE = np.array([0.2, 0.2, 0.2, 0.1, 0.1, 0.1])

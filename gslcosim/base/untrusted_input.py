@@ -1,0 +1,232 @@
+"""Reader for JSON that others have written, bounded in size and depth, and escaping of foreign text for terminals.
+
+Reader for JSON files and rows that others have written or changed: bounded in size and depth, checked for types.
+
+Whatever such a file holds, its reader gets values of the types it asked for, or one error that names the file, the
+place in it and what was expected there. Types are those of `typing`: a `TypedDict` for an object, whose further keys
+are passed over, `list[float]`, `str | None`.
+"""
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+from gslcosim.base.errors import UsageError, describe_os_error
+from gslcosim.base.files import open_regular_file, read_regular_file
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
+    from pydantic_core import ErrorDetails
+
+T = TypeVar("T")
+JsonObject = dict[str, Any]
+"""The type of an object of which no more is asked."""
+
+MAX_LEVELS = 64
+"""Depth to which lists and objects may be nested; ours are six deep."""
+
+MAX_BYTES = 64_000_000
+"""Size of a file, or of a line of one, where its reader names no other limit."""
+
+FROM_A_COPY = "Take the file from a copy."
+_MAX_SHOWN, _MAX_REPORTED = 60, 20
+_STRING = re.compile(rb'"(?:[^"\\]|\\.)*"?', re.DOTALL)
+_BRACKET = re.compile(rb"[\[\]{}]")
+# More digits than 64 bits have: no number of ours, and Python takes its time to read thousands of them.
+_LONG_NUMBER = re.compile(rb"(?<![\d.eE+-])-?\d{21,}(?![\d.eE])")
+_REPORTED_PLACE = re.compile(r"^(?P<what>.*?)(?: - at `(?:key in )?\$(?P<place>.*)`)?$", re.DOTALL)
+_KINDS = {
+    "str": "a text", "int": "a whole number", "float": "a number", "bool": "true or false", "object": "a block",
+    "array": "a list", "null": "nothing",
+}  # fmt: skip
+
+
+class MalformedFileError(UsageError):
+    """A file that others have written is not what it should be; the user brings it back, or leaves it out."""
+
+
+def read_json(path: Path, kind: type[T], *, remedy: str = FROM_A_COPY, max_bytes: int = MAX_BYTES) -> T:
+    """Return the content of a JSON file.
+
+    Args:
+        path: The file.
+        kind: Its type.
+        remedy: What helps where it is something else.
+        max_bytes: How large it may be.
+
+    Raises:
+        MalformedFileError: it cannot be read, or is something else.
+    """
+    place = f"{path.parent.name}/{path.name}"
+    try:
+        data = read_regular_file(path, max_bytes=max_bytes)
+        return parse_json(data, kind, place=place)
+    except OSError as error:
+        raise _unreadable(path, error, remedy) from error
+    except MalformedFileError as error:
+        raise MalformedFileError(f"{error} {remedy}\nFile: {path}") from error
+
+
+def read_json_lines(path: Path, kind: type[T], *, remedy: str = FROM_A_COPY, max_bytes: int = MAX_BYTES) -> Iterator[T]:
+    """Yield the lines of a file, each of which is JSON; what follows the last line feed is none.
+
+    Args:
+        path: The file.
+        kind: The type of each line.
+        remedy: What helps where a line is something else.
+        max_bytes: How large a line may be.
+
+    Raises:
+        MalformedFileError: the file cannot be read, or a line is something else.
+    """
+    place = f"{path.parent.name}/{path.name}"
+    try:
+        with open_regular_file(path) as file:
+            for number, line in enumerate(iter(lambda: file.readline(max_bytes + 1), b""), 1):
+                if len(line) > max_bytes:
+                    raise MalformedFileError(f"{place}:{number}: expected at most {max_bytes} bytes, was more.")
+                if line.endswith(b"\n"):
+                    yield parse_json(line, kind, place=f"{place}:{number}")
+    except OSError as error:
+        raise _unreadable(path, error, remedy) from error
+    except MalformedFileError as error:
+        raise MalformedFileError(f"{error} {remedy}\nFile: {path}") from error
+
+
+def parse_json(data: bytes | str, kind: type[T], *, place: str) -> T:
+    """Return the value of a JSON text.
+
+    Args:
+        data: The text; bytes are UTF-8.
+        kind: Its type.
+        place: Where it comes from, for errors.
+
+    Raises:
+        MalformedFileError: it is no JSON, too deep, or something else.
+    """
+    raw = data if isinstance(data, bytes) else data.encode(errors="surrogatepass")
+    _check_levels(raw, place)
+    try:
+        value = json.loads(data.decode("utf-8-sig") if isinstance(data, bytes) else data)
+    except UnicodeDecodeError as error:
+        raise MalformedFileError(f"{place}: expected UTF-8 text, was something else.") from error
+    except json.JSONDecodeError as error:
+        raise MalformedFileError(
+            f"{place}: expected JSON, was text that cannot be read (line {error.lineno}, column {error.colno}: "
+            f"{error.msg[:1].lower()}{error.msg[1:]})."
+        ) from error
+    return validate_value(value, kind, place=place)
+
+
+def validate_value(value: object, kind: type[T], *, place: str) -> T:
+    """Return plain values that JSON can carry as they are, where they are of a type.
+
+    Args:
+        value: Dicts, lists and scalars.
+        kind: The type.
+        place: Where they come from, for errors.
+
+    Raises:
+        MalformedFileError: they are something else.
+    """
+    # Commands that list runs do without it, and begin sooner.
+    if kind == JsonObject:
+        if isinstance(value, dict):
+            return cast("T", value)
+        raise MalformedFileError(f"{place}: expected a block, was {_kind_of(value)}.")
+    import msgspec
+
+    try:
+        msgspec.convert(value, kind)
+    except (msgspec.ValidationError, OverflowError) as error:
+        raise MalformedFileError(_describe_problem(str(error), place)) from error
+    return cast("T", value)
+
+
+def describe_validation_errors(error: "ValidationError") -> list[str]:
+    """Return the problems that pydantic has found, a line each: `boxes[0].rgba: expected a valid list, was 'x'`."""
+    return [_described(each) for each in error.errors(include_url=False, include_context=False)[:_MAX_REPORTED]]
+
+
+def _described(problem: "ErrorDetails") -> str:
+    place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in problem["loc"]).removeprefix(".")
+    if problem["type"] == "missing":
+        return f"{place}: expected a value, was missing"
+    wanted = problem["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+    found = repr(problem["input"])
+    return f"{place}: expected {wanted}, was {found if len(found) <= _MAX_SHOWN else f'{found[:_MAX_SHOWN]}...'}"
+
+
+def _unreadable(path: Path, error: OSError, remedy: str) -> MalformedFileError:
+    if isinstance(error, FileNotFoundError):
+        return MalformedFileError(f"{path.parent.name}: expected a folder with {path.name}, found none.\nFile: {path}")
+    place = f"{path.parent.name}/{path.name}"
+    return MalformedFileError(
+        f"{place}: expected a file that can be read, was {describe_os_error(error)}. {remedy}\nFile: {path}"
+    )
+
+
+# Before anything is built: neither Python's reader nor what writes the values again has to go that deep.
+def _check_levels(raw: bytes, place: str) -> None:
+    n_levels = 0
+    plain = _STRING.sub(b"", raw)
+    for bracket in _BRACKET.findall(plain):
+        n_levels += 1 if bracket in b"[{" else -1
+        if n_levels > MAX_LEVELS:
+            raise MalformedFileError(f"{place}: expected lists and blocks at most {MAX_LEVELS} deep, was a deeper one.")
+    if _LONG_NUMBER.search(plain):
+        raise MalformedFileError(f"{place}: expected numbers of at most 20 digits, was a longer one.")
+
+
+# "Expected `str`, got `int` - at `$.agents[0].name`" as place, expected and found.
+def _describe_problem(text: str, place: str) -> str:
+    match = cast("re.Match[str]", _REPORTED_PLACE.match(text))
+    inner = (match["place"] or "").removeprefix(".")
+    where = f"{place}: {inner}" if inner else place
+    what = re.sub(r"`([^`]*)`", _shown_kind, match["what"])
+    if missing := re.match(r"Object missing required field (.*)", what):
+        return f"{where}: expected the key {missing[1]}, was missing."
+    expected, got, found = what.removeprefix("Expected ").partition(", got ")
+    return f"{where}: expected {expected}, was {found if got else 'another one'}."
+
+
+def _shown_kind(found: re.Match[str]) -> str:
+    return " or ".join(_KINDS.get(kind, kind) for kind in found[1].split(" | "))
+
+
+def _kind_of(value: object) -> str:
+    kinds = ((bool, "bool"), (str, "str"), (int, "int"), (float, "float"), (dict, "object"), (list, "array"))
+    return _KINDS[next((name for kind, name in kinds if isinstance(value, kind)), "null")]
+
+
+# Control characters (C0 without tab and line feed, delete, C1), what reorders or breaks lines, and lone surrogates,
+# which are bytes of file names that are no UTF-8 and which no stream takes.
+_UNSAFE = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ufff9-\ufffb\ud800-\udfff]"
+)
+_LINE_BREAK = re.compile("[\n\t]")
+
+
+def escape_terminal_text(text: str, *, is_one_line: bool = False) -> str:
+    r"""Return text with each character that a terminal would obey in place of showing it as `\x1b` or `\u202e`.
+
+    Args:
+        text: Any text.
+        is_one_line: Whether line feeds and tabs are escaped too, as for a cell of a table.
+    """
+    escaped = _UNSAFE.sub(_escape_character, text.replace("\r\n", "\n"))
+    return _LINE_BREAK.sub(_escape_character, escaped) if is_one_line else escaped
+
+
+def escape_json_text(text: str) -> str:
+    r"""Return JSON with the same characters as JSON's own escapes (`\u001b`): it stays the same content."""
+    return _UNSAFE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def _escape_character(found: re.Match[str]) -> str:
+    code = ord(found[0])
+    if found[0] in "\n\t":
+        return "\\n" if found[0] == "\n" else "\\t"
+    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"

@@ -1,1 +1,0 @@
-"""Storage of trial rows: appended as they come, read back whole, written as tables."""

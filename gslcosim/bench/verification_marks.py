@@ -1,0 +1,126 @@
+"""Marks of verified results: kept in this user's state, by a hash of the folder's contents, never in the folder."""
+
+import hashlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from gslcosim.base.errors import build_machine_error, find_remedy
+from gslcosim.base.files import replace_file, user_state_folder
+
+_FOLDER = "verified"
+_PIECE_BYTES = 1 << 20
+# Reports are made from the rest, recordings are looked at and not believed, Python writes its own.
+_MADE_FROM_THE_REST = {"recordings", "tables", "figures", "report.html", "leaderboard.json", "summary.md", ".lock"}
+_OF_PYTHON = "__pycache__"
+_MOST_BYTES = 1 << 20
+
+Number = Annotated[int, Field(ge=0)]
+
+
+class VerificationMark(BaseModel):
+    """Result of running a sample of a folder's trials again.
+
+    `same` of `sample` trials came out the same. `n_missing` trials of the suite have no row. `entries` says of each
+    entry of merged results whether it was verified in the folder that it comes from.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    sample: Number = 0
+    same: Number = 0
+    at: str = ""
+    n_missing: Number = 0
+    entries: dict[str, bool] = {}
+
+
+def results_hash(folder: Path) -> str:
+    """Return the hash of all that a results folder says, and of the programs in it; reports and recordings aside."""
+    digest = hashlib.blake2b(digest_size=24)
+    for path in _files(folder):
+        name = os.fsencode(path.relative_to(folder))
+        digest.update(len(name).to_bytes(8, "big") + name)
+        if path.is_symlink():
+            target = os.fsencode(path.readlink())
+            digest.update(b"L" + len(target).to_bytes(8, "big") + target)
+            continue
+        digest.update(b"F" + path.stat().st_size.to_bytes(8, "big"))
+        with path.open("rb") as file:
+            while piece := file.read(_PIECE_BYTES):
+                digest.update(piece)
+    return digest.hexdigest()
+
+
+def prepare_marks() -> None:
+    """Make the folder of the marks.
+
+    Raises:
+        MachineError: it cannot be made or written.
+    """
+    folder = user_state_folder() / _FOLDER
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise PermissionError(13, os.strerror(13))
+    except OSError as error:
+        raise build_machine_error(
+            error, "folder of this user's state", "a folder that can be written", path=folder,
+            remedy=f"{find_remedy(error)} GSLCOSIM_STATE chooses another.",
+        ) from error  # fmt: skip
+
+
+def save_mark(contents: str, mark: VerificationMark) -> None:
+    """Keep what came of a verification.
+
+    Args:
+        contents: The `results_hash` of the folder.
+        mark: What came of it.
+
+    Raises:
+        MachineError: it cannot be written.
+    """
+    path = _path(contents)
+    try:
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        replace_file(path.parent, path.name, (mark.model_dump_json() + "\n").encode())
+    except OSError as error:
+        raise build_machine_error(error, "mark of verified results", "a file that can be written", path=path) from error
+
+
+def find_mark(folder: Path) -> VerificationMark | None:
+    """Return what this user has found out of results with the contents of a folder; None where nothing."""
+    path = _path(results_hash(folder))
+    try:
+        if path.stat().st_size > _MOST_BYTES:
+            return None
+        return VerificationMark.model_validate_json(path.read_bytes())
+    except (OSError, ValidationError):
+        return None
+
+
+def _path(contents: str) -> Path:
+    return user_state_folder() / _FOLDER / f"{contents}.json"
+
+
+# What is no regular file has no contents, and is not opened.
+def _files(folder: Path) -> Iterator[Path]:
+    for path in sorted(_below(folder, is_top=True)):
+        if path.is_symlink() or path.is_file():
+            yield path
+
+
+def _below(folder: Path, *, is_top: bool) -> Iterator[Path]:
+    for path in folder.iterdir():
+        if path.name == _OF_PYTHON or (is_top and (path.name in _MADE_FROM_THE_REST or _is_put_aside(path))):
+            continue
+        if path.is_dir() and not path.is_symlink():
+            yield from _below(path, is_top=False)
+        else:
+            yield path
+
+
+def _is_put_aside(path: Path) -> bool:
+    return path.name.startswith("earlier-") and path.is_dir()

@@ -1,1 +1,0 @@
-"""Logs of real robots as runs, scored by our referee and recorded with our views."""

@@ -1,0 +1,303 @@
+# pyright: basic
+
+"""Occupancy of cells, and kernels on a grid: flood fill, rays from border to border, wind at a point."""
+
+import math
+from collections.abc import Sequence
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.environment.model import LAYOUT_PATH, Cell, GeometryPlan, Grid, Opening, point_text
+from gslcosim.environment.openings import cells_at, voxelize
+from gslcosim.scenario.problems import Problem
+
+SOLID = 1
+
+
+@numba.njit(cache=True, nogil=True)
+def to_next_border(start, i, direction):
+    """Return the way along a ray to the border of the cell ahead, and that between two borders; infinity across it.
+
+    Args:
+        start: Coordinate of the ray's start along one axis [cells].
+        i: Index of the cell that it lies in.
+        direction: Component of the ray's direction along that axis.
+
+    Returns:
+        Both ways in lengths of the direction [cells].
+
+    Held by:
+        tests/unit/services/fields/test_sample_points.py, tests/unit/services/sensing/test_ray_kernels.py
+        (walks that use it)
+    """
+    if direction > 0.0:
+        return (i + 1.0 - start) / direction, 1.0 / direction
+    if direction < 0.0:
+        return (i - start) / direction, -1.0 / direction
+    return np.inf, np.inf
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _first_crossing(start, i, step, direction):
+    # Line parameter (0 at the start, 1 at the end) at the first cell border, and how much lies between two borders.
+    if step == 0:
+        return np.inf, np.inf
+    border = i + 1.0 if step > 0 else float(i)
+    per_cell = 1.0 / direction
+    return (border - start) * per_cell, abs(per_cell)
+
+
+@numba.njit(cache=True, nogil=True)
+def is_line_of_sight_free(occupancy, origin_m, cell_m, ax, ay, az, bx, by, bz):
+    """Return whether no solid cell lies on the straight line between two points.
+
+    Every cell that the line passes through is visited once, in order, by stepping to the nearest of the next
+    three cell borders. Cells hold their lower faces (as in `Grid.cell_of`).
+
+    The cells that hold the two end points count too: from inside a solid cell nothing is seen.
+    Outside the grid nothing blocks. A line that hits an edge of the grid's lattice exactly touches one of the
+    cells beside the edge, so no line slips between two solid cells that share only an edge; whether it counts as
+    touching a single cell there is left open. The answer is the same, to the bit, when the two points are swapped.
+
+    Args:
+        occupancy: (nx, ny, nz) uint8 of `gslcosim.environment.model.Cell`; only SOLID (1) blocks; index order ij.
+        origin_m: (3,) or tuple, corner of cell (0, 0, 0), world frame [m].
+        cell_m: Edge of the cubic cells [m].
+        ax: First point, world frame [m], finite.
+        ay: First point, world frame [m].
+        az: First point, world frame [m].
+        bx: Second point, world frame [m], finite.
+        by: Second point, world frame [m].
+        bz: Second point, world frame [m].
+
+    Returns:
+        True when nothing blocks.
+
+    Source:
+        Amanatides and Woo 1987, A fast voxel traversal algorithm for ray tracing, Eurographics, section 2.
+    Deviation:
+        The number of steps is counted beforehand from the two end cells, so rounding cannot miss the last cell.
+    Held by:
+        tests/unit/environment/test_ray_kernels.py (against brute force in a box with three side lengths)
+    """
+    if ax > bx or (ax == bx and (ay > by or (ay == by and az > bz))):
+        ax, ay, az, bx, by, bz = bx, by, bz, ax, ay, az
+    nx, ny, nz = occupancy.shape
+    sx = (ax - origin_m[0]) / cell_m
+    sy = (ay - origin_m[1]) / cell_m
+    sz = (az - origin_m[2]) / cell_m
+    ex = (bx - origin_m[0]) / cell_m
+    ey = (by - origin_m[1]) / cell_m
+    ez = (bz - origin_m[2]) / cell_m
+    i, j, k = math.floor(sx), math.floor(sy), math.floor(sz)
+    i_end, j_end, k_end = math.floor(ex), math.floor(ey), math.floor(ez)
+    # Both ends inside: all cells between are inside too, because the grid is convex.
+    is_inside = 0 <= i < nx and 0 <= j < ny and 0 <= k < nz and 0 <= i_end < nx and 0 <= j_end < ny and 0 <= k_end < nz
+    step_x = 1 if i_end > i else (-1 if i_end < i else 0)
+    step_y = 1 if j_end > j else (-1 if j_end < j else 0)
+    step_z = 1 if k_end > k else (-1 if k_end < k else 0)
+    next_x, gap_x = _first_crossing(sx, i, step_x, ex - sx)
+    next_y, gap_y = _first_crossing(sy, j, step_y, ey - sy)
+    next_z, gap_z = _first_crossing(sz, k, step_z, ez - sz)
+    n_steps = abs(i_end - i) + abs(j_end - j) + abs(k_end - k)
+    for _ in range(n_steps + 1):
+        if (is_inside or (0 <= i < nx and 0 <= j < ny and 0 <= k < nz)) and occupancy[i, j, k] == SOLID:
+            return False
+        if next_x <= next_y and next_x <= next_z:
+            i += step_x
+            next_x = next_x + gap_x if i != i_end else np.inf
+        elif next_y <= next_z:
+            j += step_y
+            next_y = next_y + gap_y if j != j_end else np.inf
+        else:
+            k += step_z
+            next_z = next_z + gap_z if k != k_end else np.inf
+    return True
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _bracket(coordinate_m, origin_m, cell_m, n):
+    # Index of the lower cell centre and the weight of the upper one, clamped so that outside is as at the border.
+    s = (coordinate_m - origin_m) / cell_m - 0.5
+    if s <= 0.0:
+        return 0, 0.0
+    if s >= n - 1:
+        return max(n - 2, 0), 1.0 if n > 1 else 0.0
+    i = int(s)
+    return i, s - i
+
+
+@numba.njit(cache=True, nogil=True)
+def trilinear_wind(velocity_m_s, origin_m, cell_m, x_m, y_m, z_m):
+    """Interpolate the wind at one point from the eight cell centres around it.
+
+    Outside the outermost centres the border value holds (no extrapolation).
+
+    Args:
+        velocity_m_s: (nx, ny, nz, 3) wind at cell centres, world frame [m/s], float32; index order ij.
+        origin_m: (3,) or tuple, corner of cell (0, 0, 0), world frame [m].
+        cell_m: Edge of the cubic cells [m].
+        x_m: Point, world frame [m].
+        y_m: Point, world frame [m].
+        z_m: Point, world frame [m].
+
+    Returns:
+        (u, v, w) wind, world frame [m/s], float64.
+
+    Held by:
+        tests/unit/environment/test_wind_kernels.py (exact for linear fields, box of three side lengths)
+    """
+    nx, ny, nz, _ = velocity_m_s.shape
+    i, a = _bracket(x_m, origin_m[0], cell_m, nx)
+    j, b = _bracket(y_m, origin_m[1], cell_m, ny)
+    k, c = _bracket(z_m, origin_m[2], cell_m, nz)
+    i1 = min(i + 1, nx - 1)
+    j1 = min(j + 1, ny - 1)
+    k1 = min(k + 1, nz - 1)
+    w000 = (1.0 - a) * (1.0 - b) * (1.0 - c)
+    w100 = a * (1.0 - b) * (1.0 - c)
+    w010 = (1.0 - a) * b * (1.0 - c)
+    w110 = a * b * (1.0 - c)
+    w001 = (1.0 - a) * (1.0 - b) * c
+    w101 = a * (1.0 - b) * c
+    w011 = (1.0 - a) * b * c
+    w111 = a * b * c
+    f = velocity_m_s
+    u = (
+        w000 * f[i, j, k, 0] + w100 * f[i1, j, k, 0] + w010 * f[i, j1, k, 0] + w110 * f[i1, j1, k, 0]
+        + w001 * f[i, j, k1, 0] + w101 * f[i1, j, k1, 0] + w011 * f[i, j1, k1, 0] + w111 * f[i1, j1, k1, 0]
+    )  # fmt: skip
+    v = (
+        w000 * f[i, j, k, 1] + w100 * f[i1, j, k, 1] + w010 * f[i, j1, k, 1] + w110 * f[i1, j1, k, 1]
+        + w001 * f[i, j, k1, 1] + w101 * f[i1, j, k1, 1] + w011 * f[i, j1, k1, 1] + w111 * f[i1, j1, k1, 1]
+    )  # fmt: skip
+    w = (
+        w000 * f[i, j, k, 2] + w100 * f[i1, j, k, 2] + w010 * f[i, j1, k, 2] + w110 * f[i1, j1, k, 2]
+        + w001 * f[i, j, k1, 2] + w101 * f[i1, j, k1, 2] + w011 * f[i, j1, k1, 2] + w111 * f[i1, j1, k1, 2]
+    )  # fmt: skip
+    return u, v, w
+
+
+@numba.njit(cache=True, nogil=True)
+def trilinear_wind_at_points(velocity_m_s, origin_m, cell_m, points_world_m):
+    """Interpolate the wind at many points; see `trilinear_wind`.
+
+    Args:
+        velocity_m_s: (nx, ny, nz, 3) wind at cell centres, world frame [m/s].
+        origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
+        cell_m: Edge of the cubic cells [m].
+        points_world_m: (n, 3) points, world frame, xyz [m].
+
+    Returns:
+        (n, 3) wind, world frame [m/s], float64.
+    """
+    wind = np.empty((points_world_m.shape[0], 3))
+    for p in range(points_world_m.shape[0]):
+        u, v, w = trilinear_wind(
+            velocity_m_s, origin_m, cell_m, points_world_m[p, 0], points_world_m[p, 1], points_world_m[p, 2]
+        )
+        wind[p, 0] = u
+        wind[p, 1] = v
+        wind[p, 2] = w
+    return wind
+
+
+@numba.njit(cache=True, nogil=True)
+def reachable_cells(is_open, seed_cells):
+    """Return the open cells that are connected to seed cells through faces.
+
+    Args:
+        is_open: (nx, ny, nz) bool, cells that can be entered; index order ij.
+        seed_cells: (n, 3) int64 cell indices inside the grid; seeds that are not open are passed over.
+
+    Returns:
+        (nx, ny, nz) bool, True where a seed's air reaches.
+
+    Held by:
+        tests/unit/environment/test_occupancy.py
+    """
+    nx, ny, nz = is_open.shape
+    is_reached = np.zeros((nx, ny, nz), dtype=np.bool_)
+    stack = np.empty((is_open.size, 3), dtype=np.int32)
+    n_waiting = 0
+    for s in range(seed_cells.shape[0]):
+        i, j, k = seed_cells[s, 0], seed_cells[s, 1], seed_cells[s, 2]
+        if is_open[i, j, k] and not is_reached[i, j, k]:
+            is_reached[i, j, k] = True
+            stack[n_waiting, 0], stack[n_waiting, 1], stack[n_waiting, 2] = i, j, k
+            n_waiting += 1
+    while n_waiting > 0:
+        n_waiting -= 1
+        i, j, k = stack[n_waiting, 0], stack[n_waiting, 1], stack[n_waiting, 2]
+        for side in range(6):
+            a = i + (1 if side == 0 else (-1 if side == 1 else 0))
+            b = j + (1 if side == 2 else (-1 if side == 3 else 0))
+            c = k + (1 if side == 4 else (-1 if side == 5 else 0))
+            if a < 0 or b < 0 or c < 0 or a >= nx or b >= ny or c >= nz:
+                continue
+            if is_open[a, b, c] and not is_reached[a, b, c]:
+                is_reached[a, b, c] = True
+                stack[n_waiting, 0], stack[n_waiting, 1], stack[n_waiting, 2] = a, b, c
+                n_waiting += 1
+    return is_reached
+
+
+def build_occupancy(plan: GeometryPlan) -> NDArray[np.uint8]:
+    """Return the (nx, ny, nz) cells of a planned room: its boxes, sealed pockets filled, outlets marked.
+
+    Air is what is connected, through faces of cells, with an opening. The rest can neither be flown to nor be blown
+    through, so it becomes solid.
+    """
+    is_solid = voxelize(plan.boxes, plan.grid)
+    is_air = find_reachable_cells(~is_solid, plan.openings, plan.grid)
+    occupancy = np.where(is_air, np.uint8(Cell.FREE), np.uint8(Cell.SOLID))
+    for opening in plan.openings:
+        if opening.kind != "inlet":
+            layer = occupancy[cells_at(opening, plan.grid)]
+            layer[layer == Cell.FREE] = Cell.OUTLET
+    return occupancy
+
+
+def find_reachable_cells(is_open: NDArray[np.bool_], openings: Sequence[Opening], grid: Grid) -> NDArray[np.bool_]:
+    """Return the open cells that are connected with an open cell at one of the openings."""
+    is_seed = np.zeros(grid.shape, dtype=np.bool_)
+    for opening in openings:
+        is_seed[cells_at(opening, grid)] = True
+    return reachable_cells(is_open, np.argwhere(is_seed & is_open))
+
+
+def find_occupancy_problems(plan: GeometryPlan) -> list[Problem]:
+    """Return what keeps the air from coming in, passing and going out; empty when it can."""
+    is_open = ~voxelize(plan.boxes, plan.grid)
+    problems = [
+        Problem(
+            path=_path_to_blame(plan),
+            expected=f"air at the {opening.name}, {point_text(opening.min_m)} to {point_text(opening.max_m)} m",
+            found="obstacles in front of all of it",
+            remedy=f"Move the obstacles or the {opening.name}.",
+        )
+        for opening in plan.openings
+        if not is_open[cells_at(opening, plan.grid)].any()
+    ]
+    if problems:
+        return problems
+    inlets = [opening for opening in plan.openings if opening.kind == "inlet"]
+    outlets = [opening for opening in plan.openings if opening.kind != "inlet"]
+    is_reached = find_reachable_cells(is_open, inlets, plan.grid)
+    if inlets and any(not is_reached[cells_at(outlet, plan.grid)].any() for outlet in outlets):
+        problems.append(
+            Problem(
+                path=_path_to_blame(plan),
+                expected="a way for the air from the inlet to the outlet, at least one cell wide",
+                found=f"obstacles that divide the room; the inlet's part has {int(is_reached.sum())} of "
+                f"{int(is_open.sum())} free cells",
+                remedy="Leave a gap between the obstacles.",
+            )
+        )
+    return problems
+
+
+def _path_to_blame(plan: GeometryPlan) -> str:
+    return f"{LAYOUT_PATH}.obstacles" if any(box.kind == "obstacle" for box in plan.boxes) else LAYOUT_PATH

@@ -1,0 +1,359 @@
+"""Variants of an environment during a run: doors that open and close, and winds that events bring."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.base.errors import ModelError
+from gslcosim.base.ticks import ticks_from_seconds
+from gslcosim.contract.environment_messages import WIND, WindShare
+from gslcosim.contract.participant import Inbox
+from gslcosim.contract.record import Message
+from gslcosim.environment.model import (
+    OWN_WIND,
+    Box,
+    Cell,
+    Closed,
+    Environment,
+    EnvironmentGeometry,
+    EnvironmentVariant,
+    point_text,
+)
+from gslcosim.environment.openings import cells_at, voxelize
+from gslcosim.scenario.models.events import DoorClosesSpec, DoorOpensSpec, EventSpec, WindChangesSpec
+from gslcosim.scenario.models.geometry import DoorSpec
+from gslcosim.scenario.models.scenario import Scenario, find_due_events
+from gslcosim.scenario.problems import Problem
+
+DOOR_RGBA = (0.55, 0.36, 0.20, 1.0)
+
+
+def door_box(door: DoorSpec) -> Box:
+    """Return the box of a closed door."""
+    return Box(name=door.name, kind="obstacle", min_m=door.min_m, max_m=door.max_m, rgba=DOOR_RGBA)
+
+
+DOORS_PATH = "environment.doors"
+
+
+def add_closed_doors(room: EnvironmentGeometry, doors: Sequence[DoorSpec]) -> EnvironmentGeometry:
+    """Return a room in which the doors that are not open stand.
+
+    Air that a closed door cuts off from all openings stays air: the door may open again.
+
+    Args:
+        room: The room with all its doors open.
+        doors: Its doors.
+    """
+    boxes = tuple(door_box(door) for door in doors if not door.is_open)
+    if not boxes:
+        return room
+    occupancy = np.where(voxelize(boxes, room.grid), np.uint8(Cell.SOLID), room.occupancy)
+    return replace(room, occupancy=occupancy, boxes=(*room.boxes, *boxes))
+
+
+def fill_still_air(room: EnvironmentGeometry) -> EnvironmentGeometry:
+    """Return a room for wind: what no opening reaches is solid, as the air stands still there.
+
+    Solvers find no pressure in a part of the room that neither takes air in nor lets it out.
+    """
+    if not room.openings:
+        return room
+    from gslcosim.environment.grid_kernels import find_reachable_cells  # compiles, and most rooms have no doors
+
+    is_reached = find_reachable_cells(room.occupancy != Cell.SOLID, room.openings, room.grid)
+    return replace(room, occupancy=np.where(is_reached, room.occupancy, np.uint8(Cell.SOLID)))
+
+
+def find_door_boxes(environment: Environment) -> tuple[Box, ...]:
+    """Return the boxes that are there in some situations of a run and not in others, in the order of their names."""
+    rooms = (environment, *environment.later_rooms.values())
+    boxes = {box.name: box for room in rooms for box in room.boxes}
+    always = set(boxes).intersection(*({box.name for box in room.boxes} for room in rooms))
+    return tuple(boxes[name] for name in sorted(set(boxes) - always))
+
+
+def find_door_problems(room: EnvironmentGeometry, doors: Sequence[DoorSpec]) -> list[Problem]:
+    """Return what is wrong with doors in a room; empty when all can be opened and closed.
+
+    Args:
+        room: The room with all its doors open.
+        doors: Its doors.
+    """
+    problems: list[Problem] = []
+    names = {box.name for box in room.boxes}
+    for i, door in enumerate(doors):
+        if door.name in names:
+            problems.append(
+                Problem(
+                    path=f"{DOORS_PATH}[{i}].name",
+                    expected="a name that no other door or box of the room has",
+                    found=f"'{door.name}'",
+                    remedy=f"For example {door.name}_{i + 1}.",
+                )
+            )
+        names.add(door.name)
+        if problem := _problem_of_place(room, door, f"{DOORS_PATH}[{i}]"):
+            problems.append(problem)
+    return problems
+
+
+def find_cut_off_openings(room: EnvironmentGeometry, path: str) -> list[Problem]:
+    """Return a problem for each opening of a room that its closed doors cut off from the inlets.
+
+    Args:
+        room: The room with the doors as they are.
+        path: What of the scenario is to blame.
+    """
+    is_air = room.occupancy != Cell.SOLID
+    inlets = [opening for opening in room.openings if opening.kind == "inlet"]
+    from gslcosim.environment.grid_kernels import find_reachable_cells  # compiles, and most rooms have no doors
+
+    is_reached = find_reachable_cells(is_air, inlets, room.grid)
+    return [
+        Problem(
+            path=path,
+            expected=f"a way for the air from the inlet to the {opening.name}, whichever doors are closed",
+            found=f"none with {', '.join(_closed_in(room))} closed",
+            remedy="Move the door, or add openings to environment.layout.",
+        )
+        for opening in room.openings
+        if inlets and not is_reached[cells_at(opening, room.grid)].any()
+    ]
+
+
+def _closed_in(room: EnvironmentGeometry) -> list[str]:
+    return [box.name for box in room.boxes if box.rgba == DOOR_RGBA]
+
+
+def _problem_of_place(room: EnvironmentGeometry, door: DoorSpec, path: str) -> Problem | None:
+    low_m, high_m = room.grid.origin_m, room.grid.max_m
+    corners = f"{point_text(door.min_m)} to {point_text(door.max_m)} m"
+    if any(
+        a < low - 1e-9 or b > high + 1e-9 for a, b, low, high in zip(door.min_m, door.max_m, low_m, high_m, strict=True)
+    ):
+        return Problem(
+            path=path,
+            expected=f"a door inside the room, which reaches from {point_text(low_m)} to {point_text(high_m)} m",
+            found=corners,
+            remedy="Move it, or cut it to the room.",
+        )
+    is_door = voxelize([door_box(door)], room.grid)
+    if (room.occupancy[is_door] == Cell.SOLID).all():
+        return Problem(
+            path=path,
+            expected="a door that closes a gap: at least one cell of air in it",
+            found=f"{corners}, which is solid without it",
+            remedy="Leave a gap in the wall where the door is.",
+        )
+    return None
+
+
+def variant_after(variant: EnvironmentVariant, i_event: int, event: EventSpec) -> EnvironmentVariant:
+    """Return what an event of a scenario makes of a situation; the same where it is about something else."""
+    closed, i_wind = variant
+    match event:
+        case DoorOpensSpec():
+            return EnvironmentVariant(tuple(name for name in closed if name != event.door), i_wind)
+        case DoorClosesSpec():
+            return EnvironmentVariant(tuple(sorted({*closed, event.door})), i_wind)
+        case WindChangesSpec():
+            return EnvironmentVariant(closed, OWN_WIND if event.inlet_velocity_m_s is None else i_event)
+        case _:
+            return variant
+
+
+def first_variant(scenario: Scenario) -> EnvironmentVariant:
+    """Return the situation at the start of a run."""
+    return EnvironmentVariant(
+        closed=tuple(sorted(door.name for door in scenario.environment.doors if not door.is_open))
+    )
+
+
+def find_variants(scenario: Scenario) -> list[EnvironmentVariant]:
+    """Return all situations that a run may come to, the first one first.
+
+    Where all events that matter have a time they follow each other; with conditions any order is possible.
+    """
+    first = first_variant(scenario)
+    mattering = [(i, event) for i, event in enumerate(scenario.events) if event.drives_wind]
+    if all(event.at_s is not None for _, event in mattering):
+        mattering.sort(key=lambda item: ticks_from_seconds(item[1].at_s or 0.0, scenario.tick_ns))
+        return list(dict.fromkeys(_one_after_another(first, mattering)))
+    found = {first: None}
+    waiting = [first]
+    while waiting:
+        variant = waiting.pop()
+        for i, event in mattering:
+            later = variant_after(variant, i, event)
+            if later not in found:
+                found[later] = None
+                waiting.append(later)
+    return list(found)
+
+
+def variant_scenarios(scenario: Scenario) -> list[Scenario]:
+    """Return the scenario as it is, and for each other room that its doors make one that starts in it."""
+    first, *later = find_variants(scenario)
+    rooms = {each.closed: scenario_in_variant(scenario, each) for each in later if each.closed != first.closed}
+    return [scenario, *rooms.values()]
+
+
+def scenario_in_variant(scenario: Scenario, variant: EnvironmentVariant) -> Scenario:
+    """Return the scenario whose room and wind are at the start what they are in a situation."""
+    doors = tuple(
+        door.model_copy(update={"is_open": door.name not in variant.closed}) for door in scenario.environment.doors
+    )
+    wind = scenario.wind
+    if variant.i_wind != OWN_WIND:
+        event = scenario.events[variant.i_wind]
+        assert isinstance(event, WindChangesSpec), "only such an event brings a wind"
+        wind = wind.model_copy(update={"inlet_velocity_m_s": event.inlet_velocity_m_s})
+    environment = scenario.environment.model_copy(update={"doors": doors})
+    return scenario.model_copy(update={"environment": environment, "wind": wind})
+
+
+def _one_after_another(
+    first: EnvironmentVariant, events: Iterable[tuple[int, EventSpec]]
+) -> Iterable[EnvironmentVariant]:
+    yield first
+    variant = first
+    for i, event in events:
+        variant = variant_after(variant, i, event)
+        yield variant
+
+
+class DynamicEnvironment:
+    """The room of a scenario in the situation that its events have brought.
+
+    Whoever holds one and reads events obeys them by itself, so that all participants switch in the same tick.
+    State: which doors are closed, and whose inlet makes the wind.
+    """
+
+    def __init__(self, environment: Environment, scenario: Scenario) -> None:
+        """Stand as at the start of a run.
+
+        Raises:
+            ModelError: the environment lacks a room that an event brings.
+        """
+        self._scenario = scenario
+        self._first, *later = find_variants(scenario)
+        lacking = [each for each in later if each not in environment.later_rooms]
+        if lacking:
+            raise ModelError(f"environment: expected the room that events bring with {_text(lacking[0])}, found none.")
+        self._rooms = {self._first: environment, **{each: environment.later_rooms[each] for each in later}}
+        self._closed, self._i_wind = self._first.closed, OWN_WIND
+
+    @property
+    def variant(self) -> EnvironmentVariant:
+        """Current variant: the closed doors, and whose inlet makes the wind."""
+        return EnvironmentVariant(self._closed, self._i_wind)
+
+    @property
+    def now(self) -> Environment:
+        """The room and the wind as they are now."""
+        return self._rooms[self.variant]
+
+    @property
+    def rooms(self) -> dict[EnvironmentVariant, Environment]:
+        """The room in all situations that it was made for."""
+        return self._rooms
+
+    def by_doors(self) -> dict[Closed, Environment]:
+        """Return a room for each set of closed doors, whatever its wind; the first one first."""
+        rooms = {self._first.closed: self._rooms[self._first]}
+        for variant, room in self._rooms.items():
+            rooms.setdefault(variant.closed, room)
+        return rooms
+
+    def reset(self) -> None:
+        """Stand as at the start of a run."""
+        self._closed, self._i_wind = self._first.closed, OWN_WIND
+
+    def obey(self, inbox: Inbox) -> bool:
+        """Take the events of this tick, and return whether a door has moved."""
+        closed = self._closed
+        for i, event in find_due_events(self._scenario, inbox):
+            self._closed, self._i_wind = variant_after(self.variant, i, event)
+        return self._closed != closed
+
+
+def _text(variant: EnvironmentVariant) -> str:
+    doors = f"{', '.join(variant.closed) or 'no door'} closed"
+    return doors if variant.i_wind == OWN_WIND else f"{doors} and the wind of events[{variant.i_wind}]"
+
+
+class ScaledWind:
+    """A room's frames of wind times a share, 1 until it is set.
+
+    u(x, t) = share(t) u_frame(x, t)
+    [m/s] = [1] [m/s]
+
+    Our derivation: without viscosity the equations of motion stay the same when all velocities are multiplied by a
+    share and times divided by it, so a flow at a high Reynolds number keeps its shape. The time to follow is left out.
+    The share is that of a service times that of the last event about the wind, which also says whose frames they are:
+    the room's own, or those that were made for the event. Where a door has moved they are those of the room since.
+    Arrays are read-only and valid until share, frames or frame change.
+    """
+
+    def __init__(self, environment: Environment, scenario: Scenario) -> None:
+        """Blow as the room's wind does.
+
+        Raises:
+            ModelError: the environment lacks a room that an event brings.
+        """
+        self._scenario = scenario
+        self.room = DynamicEnvironment(environment, scenario)
+        self._frames = {key: _read_only(room.wind.velocity_m_s) for key, room in self.room.rooms.items()}
+        self._share = self._event_share = 1.0
+        self._scaled: NDArray[np.float32] | None = None
+        self._scaled_frame = -1
+
+    def reset(self) -> None:
+        """Blow as the room's wind does."""
+        self.room.reset()
+        self._event_share, self._scaled_frame = 1.0, -1
+        self.set_share(1.0)
+
+    def set_share(self, share: float) -> None:
+        """Blow `share` [1] times as fast from now on."""
+        if share != self._share:
+            self._share, self._scaled_frame = share, -1
+
+    def take(self, message: Message | None) -> None:
+        """Obey what a service says on `truth/wind`, if it says anything."""
+        if isinstance(message, WindShare):
+            self.set_share(message.share)
+
+    def obey(self, inbox: Inbox) -> bool:
+        """Take what a service and events say of this tick, and return whether a door has moved."""
+        self.take(inbox.get(WIND))
+        for _, event in find_due_events(self._scenario, inbox):
+            if isinstance(event, WindChangesSpec):
+                self._event_share, self._scaled_frame = event.share, -1
+        before = self.room.variant
+        has_moved = self.room.obey(inbox)
+        if self.room.variant != before:
+            self._scaled_frame = -1
+        return has_moved
+
+    def at(self, time_s: float) -> NDArray[np.float32]:
+        """Return the wind at a time [s], (nx, ny, nz, 3), cell centres, world frame [m/s]."""
+        i_frame = self.room.now.wind.frame_at(time_s)
+        frames, share = self._frames[self.room.variant], self._share * self._event_share
+        if share == 1.0:
+            return frames[i_frame]
+        scaled = self._scaled
+        if scaled is None or i_frame != self._scaled_frame:
+            scaled = np.asarray(frames[i_frame] * np.float32(share), np.float32)
+            scaled.flags.writeable = False
+            self._scaled, self._scaled_frame = scaled, i_frame
+        return scaled
+
+
+def _read_only(velocity_m_s: NDArray[np.float32]) -> NDArray[np.float32]:
+    frames = np.asarray(velocity_m_s).view()
+    frames.flags.writeable = False
+    return frames

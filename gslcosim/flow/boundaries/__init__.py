@@ -1,1 +1,0 @@
-"""Boundaries of the air: domain, patches, inflow, ghost faces, edges, and friction."""

@@ -1,0 +1,348 @@
+"""Confinement of a process by Linux: Landlock for files, a filter of system calls, dropped capabilities.
+
+Capabilities of Linux: a process of root gives up, for itself and its descendants, what root may do.
+
+Without packages of other people, as `landlock`. See `man 7 capabilities`.
+
+Linux's Landlock: a process gives up, for itself and its descendants, all files but those it names.
+
+Without packages of other people, because it runs in the small process between supervisor and agent.
+See https://docs.kernel.org/userspace-api/landlock.html for rights and versions.
+
+Filter of system calls for what Landlock cannot refuse: sockets of the network, and changes of files of others.
+
+These are sockets of the network, ways past files from one process to another, and changes of what belongs to others.
+Calls that are refused return EPERM. Written for x86_64 and arm64; elsewhere there is no filter, and `can_filter` says
+so. The instructions are those of classic BPF, see `man 2 seccomp`.
+"""
+
+import ctypes
+import errno
+import os
+import struct
+import sys
+from collections.abc import Iterable
+
+# Those that a shell can name by one digit, above its own.
+PIPES_AT = (8, 9)
+
+
+_PR_CAPBSET_DROP, _PR_SET_SECUREBITS = 24, 28
+# Being user 0 gives nothing, changing users neither, and none of that can be taken back.
+_SECURE_BITS = 0b1110_1111
+_VERSION = 0x20080522
+_MAX_CAPABILITIES = 64
+
+
+def give_up_capabilities() -> None:
+    """Give up all capabilities; who has none keeps none.
+
+    Raises:
+        OSError: the kernel refuses.
+    """
+    library = ctypes.CDLL(None, use_errno=True)
+    # Only who has the right to may do these two, and only there they mean something.
+    library.prctl(_PR_SET_SECUREBITS, _SECURE_BITS, 0, 0, 0)
+    for capability in range(_MAX_CAPABILITIES):
+        library.prctl(_PR_CAPBSET_DROP, capability, 0, 0, 0)
+    if library.capset(struct.pack("<Ii", _VERSION, 0), bytes(24)) < 0:
+        number = ctypes.get_errno()
+        raise OSError(number, f"capabilities: {os.strerror(number)}")
+
+
+_CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
+_VERSION_FLAG = 1
+_PATH_BENEATH, _NET_PORT = 1, 2
+_PR_SET_NO_NEW_PRIVS = 38
+
+EXECUTE, WRITE_FILE, READ_FILE, READ_DIR = 1 << 0, 1 << 1, 1 << 2, 1 << 3
+MAKE_SOCKET, TRUNCATE, IOCTL_DEV = 1 << 9, 1 << 14, 1 << 15
+READ = EXECUTE | READ_FILE | READ_DIR
+# Rights that mean something for a file, not only for a folder.
+_FILE_ONLY_RIGHTS = EXECUTE | WRITE_FILE | READ_FILE | TRUNCATE | IOCTL_DEV
+# What each version of Landlock can refuse; the last goes on for later ones.
+_FILE_RIGHTS = (0, (1 << 13) - 1, (1 << 14) - 1, (1 << 15) - 1, (1 << 15) - 1, (1 << 16) - 1)
+_TCP_SINCE, _SCOPES_SINCE = 4, 6
+_CLOSED_SINCE = (
+    (3, "files of the user can be cut to nothing"),
+    (_TCP_SINCE, "with door: tcp any port can be reached"),
+    (_SCOPES_SINCE, "other processes of the user can be signalled, and reached by sockets without a path"),
+)
+_BIND_AND_CONNECT, _CONNECT = 3, 2
+_ABSTRACT_SOCKETS_AND_SIGNALS = 3
+
+
+def read_landlock_version() -> int:
+    """Return the version of Landlock that this kernel has, 0 where it has none."""
+    if sys.platform != "linux":
+        return 0
+    return max(0, _syscall(_CREATE_RULESET, None, 0, _VERSION_FLAG))
+
+
+def list_missing_protections(abi: int) -> list[str]:
+    """Return in words what a version of Landlock leaves open that later ones close.
+
+    Args:
+        abi: The version, at least 1.
+    """
+    return [text for since, text in _CLOSED_SINCE if abi < since]
+
+
+def confine(
+    *,
+    reads: Iterable[str] = (),
+    lists: Iterable[str] = (),
+    writes: Iterable[str] = (),
+    files_rw: Iterable[str] = (),
+    tcp_ports: Iterable[int] = (),
+    is_about_files: bool = True,
+) -> None:
+    """Give up everything but what is named, for this process and all that it will start; what is not there is skipped.
+
+    Args:
+        reads: Files and folders to read and execute.
+        lists: Folders whose names may be listed, with all below.
+        writes: Folders to do anything in, but to make sockets.
+        files_rw: Files and devices to read and write.
+        tcp_ports: Ports to connect to.
+        is_about_files: Whether files are confined at all, or the network alone.
+
+    Raises:
+        OSError: the kernel refuses.
+    """
+    abi = read_landlock_version()
+    rights = _FILE_RIGHTS[min(abi, len(_FILE_RIGHTS) - 1)] if is_about_files else 0
+    network = _BIND_AND_CONNECT if abi >= _TCP_SINCE else 0
+    scopes = _ABSTRACT_SOCKETS_AND_SIGNALS if abi >= _SCOPES_SINCE else 0
+    attributes = struct.pack("<QQQ", rights, network, scopes)
+    if abi < _SCOPES_SINCE:
+        attributes = attributes[: 16 if abi >= _TCP_SINCE else 8]
+    if not any((rights, network, scopes)):
+        return
+    ruleset = _check_result(_syscall(_CREATE_RULESET, attributes, len(attributes), 0))
+    if is_about_files:
+        # Landlock knows no connection to a socket's path, so nobody makes one where another agent could connect.
+        for paths, allowed in ((reads, READ), (lists, READ_DIR), (writes, rights & ~MAKE_SOCKET)):
+            for path in paths:
+                _allow(ruleset, path, allowed & rights)
+        for path in files_rw:
+            _allow(ruleset, path, (READ_FILE | WRITE_FILE | TRUNCATE | IOCTL_DEV) & rights)
+    if network:
+        for port in tcp_ports:
+            _check_result(_syscall(_ADD_RULE, ruleset, _NET_PORT, struct.pack("<QQ", _CONNECT, port), 0))
+    give_up_new_privileges()
+    _check_result(_syscall(_RESTRICT_SELF, ruleset, 0))
+    os.close(ruleset)
+
+
+def give_up_new_privileges() -> None:
+    """Let no program that this process will start have more rights than itself, as set-user-id programs have."""
+    _check_result(ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0))
+
+
+def _allow(ruleset: int, path: str, rights: int) -> None:
+    try:
+        place = os.open(path, os.O_PATH | os.O_CLOEXEC)
+    except OSError:
+        return
+    try:
+        if not os.path.isdir(path):  # noqa: PTH112 - pathlib would double the launcher's start
+            rights &= _FILE_ONLY_RIGHTS
+        _check_result(_syscall(_ADD_RULE, ruleset, _PATH_BENEATH, struct.pack("<Qi", rights, place), 0))
+    finally:
+        os.close(place)
+
+
+def _syscall(number: int, *arguments: object) -> int:
+    library = ctypes.CDLL(None, use_errno=True)
+    library.syscall.restype = ctypes.c_long
+    words = [ctypes.c_long(a) if isinstance(a, int) else a for a in arguments]
+    return library.syscall(ctypes.c_long(number), *words)
+
+
+def _check_result(result: int) -> int:
+    if result < 0:
+        code = ctypes.get_errno()
+        raise OSError(code, f"Landlock: {os.strerror(code)}")
+    return result
+
+
+_PR_SET_SECCOMP, _MODE_FILTER = 22, 2
+_LOAD, _EQUAL, _AT_LEAST, _AND, _RETURN = 0x20, 0x15, 0x35, 0x54, 0x06
+_ALLOW, _REFUSE = 0x7FFF0000, 0x00050000 | errno.EPERM
+# Where the filter finds the number, the architecture, and the lower halves of the first three arguments.
+_NUMBER, _ARCHITECTURE, _FIRST, _SECOND, _THIRD = 0, 4, 16, 24, 32
+_UNIX, _INTERNET, _NETLINK, _INTERNET_6 = 1, 2, 16, 10
+_STREAM, _KIND_OF_SOCKET, _TCP = 1, 0xF, 6
+_X32 = 0x40000000
+# Commands of fcntl by which a process is informed of what others do with a file: leases, and changes in a folder.
+_WATCHING_COMMANDS = (1024, 1026)
+
+
+class _Numbers:
+    # The numbers of system calls of one kind of machine.
+
+    def __init__(
+        self,
+        *,
+        architecture: int,
+        socket: int,
+        fcntl: int,
+        always: tuple[int, ...],
+        shared: tuple[int, ...],
+        of_others: tuple[int, ...],
+        only_self: tuple[int, ...],
+    ) -> None:
+        self.architecture = architecture
+        self.socket = socket
+        self.fcntl = fcntl
+        # Refused in each sandbox.
+        self.always = always
+        # Memory, queues and semaphores that last beyond their processes: bubblewrap has a namespace of them.
+        self.shared = shared
+        # Changes of what belongs to others.
+        self.of_others = of_others
+        # May only be about the caller itself (0).
+        self.only_self = only_self
+
+
+_CALL_NUMBERS = {
+    "x86_64": _Numbers(
+        architecture=0xC000003E,
+        socket=41,
+        fcntl=72,
+        # add_key, request_key, keyctl, perf_event_open, bpf, io_uring_setup, syslog, open_by_handle_at
+        # inotify_init, inotify_init1, inotify_add_watch, fanotify_init, fanotify_mark
+        always=(248, 249, 250, 298, 321, 425, 103, 304, 253, 294, 254, 300, 301),
+        # shmget, shmat, shmctl, semget, semop, semctl, semtimedop, msgget, msgsnd, msgrcv, msgctl, mq_open, mq_unlink
+        shared=(29, 30, 31, 64, 65, 66, 220, 68, 69, 70, 71, 240, 241),
+        # chmod, fchmod, chown, fchown, lchown, setxattr, lsetxattr, fsetxattr, removexattr, lremovexattr,
+        # fremovexattr, fchownat, fchmodat, fchmodat2, setxattrat, removexattrat, setpriority, ioprio_set
+        # utime, utimes, futimesat, utimensat, file_setattr
+        of_others=(
+            90, 91, 92, 93, 94, 188, 189, 190, 197, 198, 199, 260, 268, 452, 463, 466, 141, 251,
+            132, 235, 261, 280, 469,
+        ),
+        # sched_setparam, sched_setscheduler, sched_setaffinity, prlimit64, sched_setattr
+        only_self=(142, 144, 203, 302, 314),
+    ),
+    "aarch64": _Numbers(
+        architecture=0xC00000B7,
+        socket=198,
+        fcntl=25,
+        # add_key, request_key, keyctl, perf_event_open, bpf, io_uring_setup, syslog, open_by_handle_at
+        # inotify_init1, inotify_add_watch, fanotify_init, fanotify_mark
+        always=(217, 218, 219, 241, 280, 425, 116, 265, 26, 27, 262, 263),
+        # shmget, shmctl, shmat, semget, semctl, semtimedop, semop, msgget, msgctl, msgrcv, msgsnd, mq_open, mq_unlink
+        shared=(194, 195, 196, 190, 191, 192, 193, 186, 187, 188, 189, 180, 181),
+        # setxattr, lsetxattr, fsetxattr, removexattr, lremovexattr, fremovexattr, fchmod, fchmodat, fchownat, fchown,
+        # fchmodat2, setxattrat, removexattrat, setpriority, ioprio_set, utimensat, file_setattr
+        of_others=(5, 6, 7, 14, 15, 16, 52, 53, 54, 55, 452, 463, 466, 140, 30, 88, 469),
+        # sched_setparam, sched_setscheduler, sched_setaffinity, prlimit64, sched_setattr
+        only_self=(118, 119, 122, 261, 274),
+    ),
+}  # fmt: skip
+
+
+def can_filter() -> bool:
+    """Return whether there is a filter for this machine."""
+    return sys.platform == "linux" and os.uname().machine in _CALL_NUMBERS
+
+
+def filter_calls(*, allows_unix: bool, allows_tcp: bool) -> None:
+    """Refuse what Landlock does not know, for this process and all that it will start; see `build_filter_program`.
+
+    Args:
+        allows_unix: Whether unix sockets are allowed.
+        allows_tcp: Whether TCP is.
+
+    Raises:
+        OSError: the kernel refuses.
+    """
+    if not can_filter():
+        return
+    code = build_filter_program(
+        os.uname().machine, allows_unix=allows_unix, allows_tcp=allows_tcp, is_beside_namespaces=False
+    )
+    give_up_new_privileges()
+    instructions = ctypes.create_string_buffer(code, len(code))
+    described = struct.pack("<HxxxxxxQ", len(code) // 8, ctypes.addressof(instructions))
+    if ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_SECCOMP, _MODE_FILTER, described, 0, 0) < 0:
+        number = ctypes.get_errno()
+        raise OSError(number, f"seccomp: {os.strerror(number)}")
+
+
+def build_filter_program(
+    machine: str, *, allows_unix: bool, allows_tcp: bool, is_beside_namespaces: bool, has_own_network: bool = False
+) -> bytes:
+    """Return the instructions of the filter.
+
+    Always refused are keys of the user, watching others by perf, by inotify, fanotify and leases, programs in the
+    kernel, the kernel's log, files by their handles, and io_uring, by which a filter can be passed by; programs for
+    another kind of machine do not run.
+
+    Args:
+        machine: The kind of processor.
+        allows_unix: Whether unix sockets are allowed.
+        allows_tcp: Whether TCP is.
+        is_beside_namespaces: Whether namespaces keep files, processes and System V's memory apart already; otherwise
+            that memory, queues, semaphores, and changes of rights, owners, times and of other processes are refused.
+        has_own_network: Whether the network is a namespace of its own, in which internet sockets reach nobody.
+    """
+    numbers = _CALL_NUMBERS[machine]
+    code = [
+        _pack_instruction(_LOAD, _ARCHITECTURE),
+        _pack_instruction(_EQUAL, numbers.architecture, 1, 0),
+        _pack_instruction(_RETURN, _REFUSE),
+        _pack_instruction(_LOAD, _NUMBER),
+        _pack_instruction(_AT_LEAST, _X32, 0, 1),
+        _pack_instruction(_RETURN, _REFUSE),
+    ]
+    for number in (*numbers.always, *(() if is_beside_namespaces else (*numbers.shared, *numbers.of_others))):
+        code += [_pack_instruction(_EQUAL, number, 0, 1), _pack_instruction(_RETURN, _REFUSE)]
+    # Not this one: over the next ones.
+    code += [
+        _pack_instruction(_EQUAL, numbers.fcntl, 0, 2 + 2 * len(_WATCHING_COMMANDS)),
+        _pack_instruction(_LOAD, _SECOND),
+    ]
+    for command in _WATCHING_COMMANDS:
+        code += [_pack_instruction(_EQUAL, command, 0, 1), _pack_instruction(_RETURN, _REFUSE)]
+    code += [_pack_instruction(_RETURN, _ALLOW)]
+    for number in () if is_beside_namespaces else numbers.only_self:
+        code += [
+            _pack_instruction(_EQUAL, number, 0, 4),
+            _pack_instruction(_LOAD, _FIRST),
+            _pack_instruction(_EQUAL, 0, 1, 0),
+        ]
+        code += [_pack_instruction(_RETURN, _REFUSE), _pack_instruction(_RETURN, _ALLOW)]
+    code += [
+        _pack_instruction(_EQUAL, numbers.socket, 1, 0),
+        _pack_instruction(_RETURN, _ALLOW),
+        _pack_instruction(_LOAD, _FIRST),
+    ]
+    families = [_UNIX] if allows_unix else []
+    if has_own_network:
+        # There are none in which others could be reached, as those to the machine that runs a virtual one.
+        families += [_INTERNET, _INTERNET_6, _NETLINK]
+    for family in families:
+        code += [_pack_instruction(_EQUAL, family, 0, 1), _pack_instruction(_RETURN, _ALLOW)]
+    if allows_tcp:
+        # Each jump that fails ends at the last instruction of all. Landlock knows TCP, but no other kind of stream.
+        code += [_pack_instruction(_EQUAL, _INTERNET, 1, 0), _pack_instruction(_EQUAL, _INTERNET_6, 0, 7)]
+        code += [
+            _pack_instruction(_LOAD, _SECOND),
+            _pack_instruction(_AND, _KIND_OF_SOCKET),
+            _pack_instruction(_EQUAL, _STREAM, 0, 4),
+        ]
+        code += [
+            _pack_instruction(_LOAD, _THIRD),
+            _pack_instruction(_EQUAL, 0, 1, 0),
+            _pack_instruction(_EQUAL, _TCP, 0, 1),
+            _pack_instruction(_RETURN, _ALLOW),
+        ]
+    code += [_pack_instruction(_RETURN, _REFUSE)]
+    return b"".join(code)
+
+
+def _pack_instruction(code: int, value: int, if_true: int = 0, if_false: int = 0) -> bytes:
+    return struct.pack("<HBBI", code, if_true, if_false, value)

@@ -1,0 +1,332 @@
+"""Joining a run on another host as some of its services or as one of its agents."""
+
+import os
+import signal
+import socket
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from gslcosim.base.errors import ScenarioError, SimulationFault, UsageError
+from gslcosim.base.processes import Interruption, build_parent_death_prefix, build_python_command, describe_exit
+from gslcosim.bus.interface import INHERITED_FILES, JOIN_VARIABLE, Bus, JoinData
+from gslcosim.bus.zenoh_bus import ZenohBus
+from gslcosim.contract.participant import Core
+from gslcosim.environment.generation.cache import with_variants
+from gslcosim.environment.store import load_environment
+from gslcosim.environment.variants import find_variants
+from gslcosim.runtime.agents.gateway_transport import GATEWAY_VARIABLE, TOKEN_VARIABLE
+from gslcosim.runtime.agents.loader import find_python_agent
+from gslcosim.runtime.distributed import protocol
+from gslcosim.runtime.distributed.host import Host, report_fault
+from gslcosim.runtime.network import JoinFile
+from gslcosim.runtime.processes.children import check_program
+from gslcosim.runtime.processes.current_process import keep_memory_private
+from gslcosim.runtime.processes.sandbox.launcher_client import write_memory_file
+from gslcosim.runtime.processes.short_environment import build_short_environment
+from gslcosim.runtime.remote_server import (
+    ProgressHandler,
+    RunOffer,
+    SoftwareVersions,
+    fetch_environment,
+    fetch_offer,
+    find_local_environment,
+)
+from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.services import build_core, build_dataflow, find_service
+from gslcosim.runtime.setup import RunSetup
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.loader import read_resolved
+
+
+def build_agent_command(words: Sequence[str], *, is_behind_gateway: bool) -> list[str]:
+    """Return the command line of an agent: a bundled one by its name, a file of Python, or a command as it is.
+
+    Args:
+        words: What stands for the agent.
+        is_behind_gateway: Whether it has to connect to the gateway by TCP itself.
+
+    Raises:
+        UsageError: there are no words, or it cannot be started.
+    """
+    if not words:
+        raise UsageError("gslcosim join: expected a program after agent, found none. For example agent dung_beetle.")
+    is_python = len(words) == 1 and (words[0].endswith(".py") or "/" not in words[0])
+    if is_python:
+        try:
+            found = find_python_agent(words[0], Path.cwd())
+        except UsageError:
+            if words[0].endswith(".py"):
+                raise
+        else:
+            if is_behind_gateway:
+                raise UsageError(
+                    f"agent: expected a command that connects to the gateway, was {words[0]!r}: Python agents attach "
+                    "with start: {attach: true}, without door: tcp."
+                )
+            return build_python_command(str(found))
+    check_program("agent", words, None)
+    return list(words)
+
+
+def join_as_agent(joined: JoinFile, command: Sequence[str], *, say: ProgressHandler) -> None:
+    """Start an agent's program with its join data, and return when it has ended well; Ctrl-C ends it.
+
+    It is not in a sandbox: this host has nothing of the run but what the agent may know. Its environment is the short
+    one of all agents.
+
+    Args:
+        joined: The agent's join file.
+        command: Its command line.
+        say: Receives progress reports.
+
+    Raises:
+        SimulationFault: it has ended otherwise.
+        KeyboardInterrupt: a signal has ended it.
+    """
+    variables = build_short_environment(command)
+    keep: tuple[int, ...] = ()
+    if (gateway := joined.gateway) is not None:
+        variables |= {GATEWAY_VARIABLE: gateway.gateway, TOKEN_VARIABLE: gateway.token}
+        variables |= {"GSLCOSIM_AGENT": ",".join(gateway.agents or [gateway.name])}
+    elif joined.join is not None:
+        text = joined.join.model_dump_json(exclude_none=True)
+        inherited = write_memory_file(text) if INHERITED_FILES.is_dir() else None
+        keep = () if inherited is None else (inherited,)
+        variables |= {JOIN_VARIABLE: text if inherited is None else str(INHERITED_FILES / str(inherited))}
+    process = subprocess.Popen([*build_parent_death_prefix(), *command], env=variables, pass_fds=keep)
+    for descriptor in keep:
+        os.close(descriptor)
+    say(f"agent {joined.name}: started (process {process.pid})")
+    with Interruption(process.terminate) as interruption:
+        code = process.wait()
+    if interruption.is_set():
+        raise KeyboardInterrupt
+    if code != 0:
+        raise SimulationFault(f"agent {joined.name}: the program {describe_exit(code)}.")
+    say(f"agent {joined.name}: has ended with the run")
+
+
+@dataclass(frozen=True, kw_only=True)
+class JoinResult:
+    """Result of joining: which services, up to which tick, and whether the run came to its end."""
+
+    run_id: str
+    services: tuple[str, ...]
+    last_tick: int
+    is_whole: bool
+    n_resends: int
+    run_dir: Path
+    recording: Path | None
+
+
+def join_as_services(
+    join: JoinData, names: Sequence[str], *, runs_dir: Path, say: ProgressHandler, is_trusted: bool = False
+) -> JoinResult:
+    """Take part in a run as some of its services, in this one process, and return when the run is over.
+
+    Args:
+        join: How to join the run.
+        names: The services.
+        runs_dir: Where a folder for what this host writes is made; where the run's own folder is here too, in that.
+        say: Receives progress reports.
+        is_trusted: Whether programs that the run's scenario names are started here, for its own models.
+
+    Raises:
+        UsageError: the run does not expect these services, wants a program started, or this host has another software,
+            lacks files, or has another run of that name.
+        RunTimeoutError: the run's host does not answer, or the link to it was lost.
+        SimulationFault: it cannot be joined.
+    """
+    keep_memory_private()
+    # Who ends this process otherwise than by Ctrl-C is reported in the same way.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with ZenohBus.open_member(join) as bus:
+        offer = fetch_offer(bus)
+        here = SoftwareVersions.here()
+        check_offer(offer, names, here)
+        say(f"{offer.run_id}: joined as {', '.join(names)}")
+        if here.processor != offer.software.processor:
+            say(
+                f"this processor is a {here.processor}, that of the run's host a {offer.software.processor}: "
+                "the last bits of results, and with them the digest, may differ"
+            )
+        setup = build_joined_setup(join, offer, names, bus, runs_dir=runs_dir, say=say, is_trusted=is_trusted)
+        at_fault = names[0]
+        try:
+            cores: list[Core] = []
+            for at_fault in _sort_upstream(offer, names):
+                if (check_host := find_service(at_fault, setup.scenario).check_host) is not None:
+                    check_host(setup)
+                cores.append(build_core(at_fault, setup))
+            return _host_services(bus, cores, setup, offer, join.window_ticks, say)
+        except UsageError:
+            # Who joins may correct it; the run waits.
+            raise
+        except KeyboardInterrupt:
+            report_fault(
+                bus, at_fault, UsageError(f"it was ended on {socket.gethostname()}, by Ctrl-C or a signal."), tick=0
+            )
+            raise
+        except Exception as error:
+            report_fault(bus, at_fault, error, tick=0)
+            raise
+
+
+def check_offer(offer: RunOffer, names: Sequence[str], here: SoftwareVersions) -> None:
+    """Refuse to take part where the run does not want it, or its digest would not be what it is on one host.
+
+    Args:
+        offer: The offer of the run.
+        names: The services that would be served.
+        here: What this host has.
+
+    Raises:
+        UsageError: with the one sentence that says why.
+    """
+    for name in names:
+        if name not in offer.expected:
+            raise UsageError(
+                f"expected services that the run awaits from elsewhere ({', '.join(offer.expected)}), was {name!r}."
+            )
+        if name in offer.present:
+            raise UsageError(f"expected a service that the run still awaits, but {name} has joined it already.")
+    refusal = offer.software.find_mismatch(here)
+    if refusal:
+        raise UsageError(f"this host: {refusal} Install the same on both.")
+
+
+def _read_scenario(offer: RunOffer) -> Scenario:
+    try:
+        return read_resolved(offer.scenario, source=f"{offer.run_id}: scenario")
+    except ScenarioError as error:
+        raise SimulationFault(
+            f"the run's offer: expected a scenario as resolved, was another text.\n{error}"
+        ) from error
+
+
+# Also where a model of the run's own has the name of one of our services.
+def _check_no_program(scenario: Scenario, names: Sequence[str]) -> None:
+    for own in scenario.participants:
+        if own.name in names:
+            raise UsageError(
+                f"participants.{own.name}: expected --trusted, because the run's host says which program is started "
+                f"here: {' '.join(own.start.command)}"
+            )
+
+
+def build_joined_setup(
+    join: JoinData,
+    offer: RunOffer,
+    names: Sequence[str],
+    bus: Bus,
+    *,
+    runs_dir: Path,
+    say: ProgressHandler,
+    is_trusted: bool,
+) -> RunSetup:
+    """Return what the services of this host are built from: the folder of the run and its rooms, which are fetched.
+
+    Nothing is written but in the folder of runs and in the cache, whatever the run's host offers.
+
+    Args:
+        join: How the run is joined.
+        offer: What its host offers.
+        names: The services.
+        bus: The connection to the run.
+        runs_dir: As in `join_as_services`.
+        say: As there.
+        is_trusted: As there.
+
+    Raises:
+        UsageError: as there.
+        RunTimeoutError: a piece of a room does not come.
+        SimulationFault: what is offered, or comes, is no run.
+    """
+    scenario = _read_scenario(offer)
+    if not is_trusted:
+        _check_no_program(scenario, names)
+    situations = find_variants(scenario)[1:]
+    if len(situations) != len(offer.later_rooms):
+        raise SimulationFault(
+            f"the run's offer: expected {len(situations)} later rooms, as its scenario has, was "
+            f"{len(offer.later_rooms)}."
+        )
+    room, *later = (
+        find_local_environment(each) or fetch_environment(bus, each, say) for each in (offer, *offer.later_rooms)
+    )
+    shared = Path(join.run_dir) if join.run_dir is not None else None
+    if shared is not None and _is_run_dir(shared, offer):
+        run_dir = RunDir(shared)
+    else:
+        run_dir = RunDir(runs_dir / offer.run_id)
+        _check_is_new(run_dir, offer)
+        (run_dir.path / "logs").mkdir(parents=True, exist_ok=True)
+        run_dir.replace(run_dir.scenario.name, offer.scenario)
+    later_rooms = dict(zip(situations, later, strict=True))
+    return RunSetup(
+        run_dir=run_dir,
+        scenario=scenario,
+        environment_dir=room.resolve(),
+        environment=with_variants(load_environment(room), later_rooms),
+        later_rooms=later_rooms,
+        directory=Path.cwd(),
+        paced_from_tick=offer.paced_from_tick,
+    )
+
+
+# Several services may join one after another; what another run has left is not written over.
+def _check_is_new(run_dir: RunDir, offer: RunOffer) -> None:
+    path = run_dir.path
+    if not os.path.lexists(path):
+        return
+    is_folder = path.is_dir() and not path.is_symlink()
+    # Half made by another `gslcosim join`, it holds no scenario yet.
+    is_half = is_folder and all(entry.name == "logs" or entry.name.startswith(".") for entry in path.iterdir())
+    if not is_half and not (is_folder and _is_run_dir(path, offer)):
+        raise UsageError(
+            f"--runs-dir: expected no other {offer.run_id} there, found one. Move it away, or choose another folder."
+            f"\nFolder: {path}"
+        )
+
+
+# Where hosts share a disk, as containers do: the same run at the same place.
+def _is_run_dir(path: Path, offer: RunOffer) -> bool:
+    try:
+        run_dir = RunDir(path)
+        is_open = path.name == offer.run_id and run_dir.scenario.is_file() and not (path / "result.json").exists()
+        return is_open and run_dir.scenario.read_text() == offer.scenario
+    except OSError:
+        return False
+
+
+def _sort_upstream(offer: RunOffer, names: Sequence[str]) -> list[str]:
+    return [name for name in offer.expected if name in names]
+
+
+def _host_services(
+    bus: ZenohBus,
+    cores: Sequence[Core],
+    setup: RunSetup,
+    offer: RunOffer,
+    window_ticks: int | None,
+    say: ProgressHandler,
+) -> JoinResult:
+    host = Host(bus, cores, build_dataflow(setup.scenario, window_ticks=window_ticks), setup.episode)
+    bus.on_disconnect(host.on_link_lost)
+    bus.subscribe(protocol.START_KEY, lambda _key, _payload: say("flying"))
+    host.join()
+    say(f"ready, waits for the start (process {os.getpid()})")
+    host.run()
+    recording = setup.run_dir.recording
+    services = tuple(core.spec.name for core in cores)
+    return JoinResult(
+        run_id=offer.run_id,
+        services=services,
+        last_tick=host.last_tick,
+        is_whole=host.is_whole,
+        n_resends=host.n_resends,
+        run_dir=setup.run_dir.path,
+        recording=recording if "recorder" in services and recording.exists() else None,
+    )

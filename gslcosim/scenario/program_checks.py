@@ -1,0 +1,198 @@
+"""Program checks: whether the programs of agents and participants are there."""
+
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import cast
+
+from gslcosim.scenario.bundled import bundled_agents
+from gslcosim.scenario.problems import Problem, child_path, did_you_mean
+
+SCRIPT_ENDINGS = (".py", ".js", ".mjs", ".rb", ".pl", ".lua", ".jl", ".sh", ".m", ".jar", ".php", ".R")
+"""Endings by which the second word of a command is known as a file."""
+
+# Keys of a scenario whose texts are files or folders, alone or in a list.
+_PATH_KEYS = ("python", "command", "files", "file", "folder", "path", "gsl_bench", "gaden", "may_read", "may_write")
+# Linux's limits, with room for the folder that comes before.
+_MAX_NAME_BYTES, _MAX_PATH_LENGTH = 255, 3000
+# The first bytes of a program of Linux, and those that say for which kind of processor; some take another kind too.
+_ELF, _MACHINE_AT = b"\x7fELF", slice(18, 20)
+_ALSO = {b"\x3e\x00": b"\x03\x00", b"\xb7\x00": b"\x28\x00"}
+# Where other kinds of files are given to interpreters of their own.
+_TAKEN_ON = Path("/proc/sys/fs/binfmt_misc")
+_EXECUTABLE_BITS = 0o111
+# Linux reads no more of it.
+_MAX_FIRST_LINE_BYTES = 256
+
+
+def find_unusable_paths(values: object, path: str = "") -> Iterator[Problem]:
+    """Yield the problem of each text of a scenario's plain values that stands for a path and can be none.
+
+    Whoever looks for such a file gets an error from the system in place of a no.
+
+    Args:
+        values: The scenario, or a part of it.
+        path: The place of the part.
+    """
+    if isinstance(values, list):
+        for i, value in enumerate(cast("list[object]", values)):
+            yield from find_unusable_paths(value, child_path(path, i))
+    if not isinstance(values, dict):
+        return
+    for key, value in cast("dict[str, object]", values).items():
+        place = child_path(path, key)
+        if key not in _PATH_KEYS:
+            # What an agent's parameters mean is the agent's.
+            if key != "parameters":
+                yield from find_unusable_paths(value, place)
+            continue
+        listed = cast("list[object]", value) if isinstance(value, list) else []
+        texts: list[tuple[str, object]] = [
+            (place, cast("object", value)),
+            *((child_path(place, i), item) for i, item in enumerate(listed)),
+        ]
+        for at, text in texts:
+            is_argument = key == "command" and not at.endswith("[0]")
+            if isinstance(text, str) and (found := _why_no_path(text, is_argument=is_argument)):
+                yield Problem(path=at, expected="a path that a file can have", found=found)
+
+
+def _why_no_path(text: str, *, is_argument: bool) -> str:
+    if "\0" in text:
+        return "one with the character U+0000"
+    if is_argument and not text.endswith(SCRIPT_ENDINGS):
+        return ""
+    longest = max(len(part.encode(errors="replace")) for part in text.split("/"))
+    if longest > _MAX_NAME_BYTES or len(text) > _MAX_PATH_LENGTH:
+        return f"one of {len(text)} characters"
+    try:
+        Path(text).expanduser()
+    except RuntimeError:
+        return f"'{text[:_MAX_NAME_BYTES]}', the home of a user that there is not"
+    return ""
+
+
+def find_python_problem(name_or_file: str, *, directory: Path, path: str) -> Problem | None:
+    """Return what is wrong with `start.python`, or nothing when the agent's file is there.
+
+    Args:
+        name_or_file: A file relative to `directory`, or the name of a bundled agent.
+        directory: The scenario's folder.
+        path: The place in the scenario.
+    """
+    known = bundled_agents()
+    file = (directory / name_or_file).resolve()
+    if file.is_file() or name_or_file in known:
+        return None
+    if "/" in name_or_file or name_or_file.endswith(".py"):
+        return Problem(path=path, expected="a Python file", found=f"'{name_or_file}'", remedy=f"There is no {file}.")
+    beside = f"{name_or_file}.py"
+    return Problem(
+        path=path,
+        expected="a bundled agent (`gslcosim list` names them) or a file like ./my_agent.py",
+        found=f"'{name_or_file}'",
+        remedy=f"Did you mean ./{beside}?" if (directory / beside).is_file() else did_you_mean(name_or_file, known),
+    )
+
+
+def find_command_problem(command: tuple[str, ...], *, directory: Path, path: str) -> Problem | None:
+    """Return what is wrong with `start.command`, or nothing when its program, and script if it names one, are there.
+
+    Args:
+        command: Program and arguments; a program with a slash is relative to `directory`, others are on the PATH.
+        directory: The scenario's folder, where the program starts.
+        path: The place in the scenario.
+    """
+    found = f"'{command[0]}'"
+    place = child_path(path, 0)
+    if "/" not in command[0]:
+        if where := shutil.which(command[0]):
+            return _problem_of_interpreter(Path(where), directory, place, found) or _problem_of_script(
+                command, directory, path
+            )
+        is_beside = (directory / command[0]).is_file()
+        remedy = f"Did you mean ./{command[0]}?" if is_beside else "Is it installed?"
+        return Problem(
+            path=place, expected="a program on the PATH, or a path like ./my_agent", found=found, remedy=remedy
+        )
+    file = (directory / command[0]).resolve()
+    if not file.is_file():
+        return Problem(path=place, expected="a program", found=found, remedy=f"There is no {file}.")
+    if not os.access(file, os.X_OK):
+        is_mounted_so = file.stat().st_mode & _EXECUTABLE_BITS != 0
+        remedy = f"The file system of {file} is mounted noexec." if is_mounted_so else f"Run: chmod +x {file}"
+        return Problem(path=place, expected="a program that may be executed", found=found, remedy=remedy)
+    return _problem_of_interpreter(file, directory, place, found) or _problem_of_script(command, directory, path)
+
+
+# A script names its interpreter in its first line; the system says only "no such file" where that is missing.
+def _problem_of_interpreter(file: Path, directory: Path, place: str, found: str) -> Problem | None:
+    try:
+        with file.open("rb") as program:
+            line = program.readline(_MAX_FIRST_LINE_BYTES)
+    except OSError:
+        return None  # what may be executed need not be readable
+    if not line.startswith(b"#!"):
+        return _problem_of_format(file, line, place, found)
+    words = line[2:].strip(b" \t\n").decode(errors="replace").split()
+    interpreter = words[0] if words else ""
+    missing, remedy = interpreter, f"Install it, or correct the first line of {file}."
+    if interpreter.endswith("/env") and os.access(interpreter, os.X_OK):
+        asked = next((word for word in words[1:] if not word.startswith("-") and "=" not in word), "")
+        missing = "" if not asked or shutil.which(asked) else asked
+    elif (directory / interpreter).is_file() and os.access(directory / interpreter, os.X_OK):
+        missing = ""
+    elif not interpreter:
+        missing, remedy = "nothing", f"Name one in the first line of {file}, for example #!/bin/sh."
+    if line.endswith(b"\r\n"):
+        missing, remedy = (
+            missing or interpreter,
+            f"The lines of {file} end as on Windows; run: sed -i 's/\\r$//' {file}",
+        )
+    if not missing:
+        return None
+    expected = "a script whose interpreter is there"
+    return Problem(path=place, expected=expected, found=f"{found} with #!{' '.join(words)}", remedy=remedy)
+
+
+# What the system says it cannot execute, which is known from the first bytes where no other program has taken them on.
+def _problem_of_format(file: Path, beginning: bytes, place: str, found: str) -> Problem | None:
+    if sys.platform != "linux" or {*_names_in(_TAKEN_ON)} - {"register", "status"}:
+        return None
+    if not beginning.startswith(_ELF):
+        remedy = f"Name that in the first line of {file}, for example #!/bin/sh, or before it in the command."
+        return Problem(
+            path=place, expected="a program, or a script that names its interpreter", found=found, remedy=remedy
+        )
+    kind = beginning[_MACHINE_AT]
+    own = _machine_of_this()
+    if kind == own or kind == _ALSO.get(own):
+        return None
+    return Problem(
+        path=place,
+        expected=f"a program for this machine's processor ({os.uname().machine})",
+        found=found,
+        remedy=f"{file} was built for another one: build it here.",
+    )
+
+
+def _machine_of_this() -> bytes:
+    with Path("/proc/self/exe").open("rb") as program:
+        return program.read(_MACHINE_AT.stop)[_MACHINE_AT]
+
+
+def _names_in(folder: Path) -> list[str]:
+    try:
+        return [entry.name for entry in folder.iterdir()]
+    except OSError:
+        return []
+
+
+def _problem_of_script(command: tuple[str, ...], directory: Path, path: str) -> Problem | None:
+    script = command[1] if len(command) > 1 else ""
+    if not script.endswith(SCRIPT_ENDINGS) or (directory / script).is_file():
+        return None
+    remedy = f"There is no {(directory / script).resolve()}."
+    return Problem(path=child_path(path, 1), expected="a file", found=f"'{script}'", remedy=remedy)

@@ -1,1 +1,0 @@
-"""Teleoperation: a person in place of an agent, who sees its observations on a terminal and commands with keys."""

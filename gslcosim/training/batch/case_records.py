@@ -1,0 +1,395 @@
+"""Environments, instruments and gas of cases as records for the kernels."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.base.errors import UsageError
+from gslcosim.base.quantities import Vec3
+from gslcosim.base.ticks import NS_PER_S, ticks_from_seconds
+from gslcosim.environment.model import Environment
+from gslcosim.environment.openings import solid_boxes
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.gas import FilamentGasSpec, GaussianPlumeGasSpec, MeanderingPlumeGasSpec
+from gslcosim.scenario.models.scenario import AgentSpec
+from gslcosim.scenario.models.sensors import (
+    Anemometer3dSpec,
+    AnemometerSpec,
+    AveragingSensorSpec,
+    BumpSensorSpec,
+    FourRangeFindersSpec,
+    HitCounterSpec,
+    MeasuringSensorSpec,
+    NoisySensorSpec,
+    PidSensorSpec,
+    RangeFinderSpec,
+    SecondOrderSensorSpec,
+    SensorSpec,
+    ThresholdSensorSpec,
+)
+from gslcosim.training.batch import batch_records as records
+from gslcosim.training.batch.gas_readings import sort_frames_inplace
+from gslcosim_services.fields.filament_field import MIN_READINGS_FOR_INDEX
+from gslcosim_services.fields.gas_setup import GasSetup, GasTiming, gas_seed, gas_timing, list_gas_names
+from gslcosim_services.fields.mixing_ratio import build_solid_sums, strength_ppm_m3
+from gslcosim_services.fields.models.filament_gas import build_cached_plume, build_gas_model
+from gslcosim_services.fields.models.gaussian_plume import (
+    KNOT_CORRELATION,
+    KNOTS_PER_CORRELATION_TIME,
+    PLUME_RECORD,
+    build_plume_records,
+)
+from gslcosim_services.fields.tape import GasTape, tape_hash
+from gslcosim_services.sensing.briefing import find_sensor_kind
+from gslcosim_services.sensing.models.base import SensorKind, estimate_name
+from gslcosim_services.sensing.models.gas_sensors import PID_CORRECTION, two_lag_remainder
+from gslcosim_services.sensing.models.mox import MOX_PARAMETERS, MoxParameters, add_gases
+from gslcosim_services.sensing.models.range_finders import ray_directions_body
+from gslcosim_services.sensing.ray_scene import BIN_M, RayScene
+
+# Edge of the blocks in which the boxes are looked for that a vehicle may touch [m].
+_BLOCK_M = 0.5
+# What rounding may add to a vehicle's reach [m].
+_ROUNDING_M = 1e-6
+
+
+@dataclass
+class BatchRooms:
+    """Rooms by what decides them; `kept` holds the arrays that the records point into."""
+
+    rows: list[NDArray[np.void]] = field(default_factory=list[NDArray[np.void]])
+    kept: list[object] = field(default_factory=list[object])
+    _known: dict[tuple[str, float], int] = field(default_factory=dict[tuple[str, float], int])
+
+    def number_of(self, scenario: Scenario, environment: Environment, radius_m: float) -> int:
+        """Return the number of a scenario's room for vehicles of a radius [m]."""
+        key = (environment.content_hash, radius_m)
+        if key not in self._known:
+            self._known[key] = len(self.rows)
+            self.rows.append(self._row(environment, radius_m))
+            self._fill_rays(self.rows[-1], RayScene(scenario, environment))
+        return self._known[key]
+
+    def array(self) -> NDArray[np.void]:
+        """Return the (n,) records of `ROOM`."""
+        return np.array(self.rows, records.ROOM)
+
+    def _row(self, environment: Environment, radius_m: float) -> NDArray[np.void]:
+        row = np.zeros((), records.ROOM)
+        grid, wind = environment.grid, environment.wind
+        row["origin_m"], row["max_m"], row["cell_m"], row["shape"] = grid.origin_m, grid.max_m, grid.cell_m, grid.shape
+        row["occupancy"] = self._address(np.ascontiguousarray(environment.occupancy, np.uint8))
+        row["wind"] = self._address(np.ascontiguousarray(wind.velocity_m_s, np.float32))
+        row["wind_shape"] = wind.velocity_m_s.shape[:4]
+        row["wind_period_s"], row["wind_loops"] = wind.period_s, wind.is_looping
+        boxes_m = np.array([(*box.min_m, *box.max_m) for box in solid_boxes(environment)], np.float64)
+        row["boxes_m"], row["n_boxes"] = self._address(boxes_m), len(boxes_m)
+        first, members, shape = _near(boxes_m, np.array(grid.origin_m), np.array(grid.max_m), radius_m)
+        row["near_origin_m"], row["near_block_m"], row["near_shape"] = grid.origin_m, _BLOCK_M, shape
+        row["near_first"], row["near_members"] = self._address(first), self._address(members)
+        row["solid_sums"] = self._address(build_solid_sums(np.ascontiguousarray(environment.occupancy, np.uint8)))
+        return row
+
+    def _fill_rays(self, row: NDArray[np.void], rays: RayScene) -> None:
+        boxes_m, first, members = rays.boxes
+        row["ray_boxes_m"], row["n_ray_boxes"] = self._address(boxes_m), len(boxes_m)
+        row["ray_first"], row["ray_members"] = self._address(first), self._address(members)
+        row["ray_origin_m"], row["ray_shape"] = rays.bins
+        row["ray_bin_m"] = BIN_M
+
+    def _address(self, array: NDArray) -> int:
+        self.kept.append(array)
+        return int(array.ctypes.data)
+
+
+# Which boxes are within reach of a vehicle somewhere in each block, as first and members.
+def _near(
+    boxes_m: NDArray[np.float64], low_m: NDArray[np.float64], high_m: NDArray[np.float64], radius_m: float
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int64]]:
+    shape = np.maximum(np.ceil((high_m - low_m) / _BLOCK_M).astype(np.int64), 1)
+    reach_m = radius_m + _ROUNDING_M
+    blocks: list[NDArray[np.int64]] = []
+    members: list[NDArray[np.int32]] = []
+    for n, box_m in enumerate(boxes_m):
+        begin = np.clip(np.floor((box_m[:3] - reach_m - low_m) / _BLOCK_M).astype(np.int64), 0, shape)
+        end = np.clip(np.floor((box_m[3:] + reach_m - low_m) / _BLOCK_M).astype(np.int64) + 1, 0, shape)
+        i, j, k = (np.arange(a, b) for a, b in zip(begin.tolist(), end.tolist(), strict=True))
+        inside = ((i[:, None, None] * shape[1] + j[None, :, None]) * shape[2] + k[None, None, :]).ravel()
+        blocks.append(inside)
+        members.append(np.full(len(inside), n, np.int32))
+    all_blocks, all_members = np.concatenate(blocks), np.concatenate(members)
+    order = np.argsort(all_blocks, kind="stable")
+    n_blocks = int(np.prod(shape))
+    first = np.zeros(n_blocks + 1, np.int32)
+    first[1:] = np.cumsum(np.bincount(all_blocks, minlength=n_blocks))
+    return first, np.ascontiguousarray(all_members[order]), shape
+
+
+ELSE = "Change it, or fly single environments of gslcosim/Search-v0."
+
+
+class BatchInstruments:
+    """The sensors of one agent as records of `INSTRUMENT`, the places where they are, and their streams' names.
+
+    `n_memory` is how many numbers a search keeps of their samples of late.
+
+    Args:
+        agent: The agent.
+        scenario: Its scenario.
+        gases: Names of the gases, in the order of the field's columns.
+        numbers: Names of the numbers of an observation, in order.
+        first_name: Where the names of its streams begin among those of all cases.
+    """
+
+    def __init__(
+        self, agent: AgentSpec, scenario: Scenario, gases: tuple[str, ...], numbers: tuple[str, ...], first_name: int
+    ) -> None:
+        self._scenario = scenario
+        self._gases = gases
+        self._numbers = numbers
+        self._tick_s = scenario.tick_ns / NS_PER_S
+        self.n_memory = 0
+        self.rows = np.zeros(len(agent.sensors), records.INSTRUMENT)
+        self.names = b""
+        places: dict[Vec3, int] = {}
+        for row, sensor in zip(self.rows, agent.sensors, strict=True):
+            name = f"sensing.{agent.name}.{sensor.name}".encode()
+            row["first_name"], row["n_name"] = first_name + len(self.names), len(name)
+            self.names += name
+            row["place"] = places.setdefault(sensor.mount_m, len(places))
+            self._fill(row, sensor, find_sensor_kind(scenario, sensor.model))
+        self.places_m: NDArray[np.float64] = np.array(list(places), np.float64).reshape(-1, 3)
+
+    def _fill(self, row: Any, sensor: SensorSpec, kind: SensorKind) -> None:
+        self._fill_errors(row, sensor, kind)
+        row["mount_m"] = sensor.mount_m
+        if sensor.model in MOX_PARAMETERS:
+            self._as(row, sensor, records.MOX, records.LOG_RESISTANCE, "log_resistance")
+            parameters = add_gases(MOX_PARAMETERS[sensor.model], self._scenario.gas.define)
+            self._fill_mox(row, sensor, kind, parameters)
+        elif isinstance(sensor, AnemometerSpec):
+            self._as(row, sensor, records.ANEMOMETER, records.PLANAR_WIND, "speed", (2, 3))
+            row["speed_noise"], row["direction_noise"] = sensor.speed_noise_std_m_s, sensor.direction_noise_std_rad
+        elif isinstance(sensor, Anemometer3dSpec):
+            self._as(row, sensor, records.ANEMOMETER_3D, records.SPEEDS, "x", (3, 3))
+            row["speed_noise"] = sensor.speed_noise_std_m_s
+        elif isinstance(sensor, RangeFinderSpec | FourRangeFindersSpec):
+            self._fill_ranges(row, sensor)
+        elif isinstance(sensor, BumpSensorSpec):
+            self._as(row, sensor, records.BUMP, records.PLAIN, "contact")
+            self._keep(row, sensor.period_s or self._tick_s)
+        else:
+            self._fill_ppm(row, sensor, kind)
+        row["n_with_errors"] = row["n_values"] if kind.n_with_errors is None else kind.n_with_errors
+        if sensor.delay_s:
+            self._delay(row, sensor, kind)
+
+    # `n`: how many values, and numbers that they become.
+    def _as(
+        self, row: Any, sensor: SensorSpec, kind: int, numbers: int, first: str, n: tuple[int, int] = (1, 1)
+    ) -> None:
+        row["kind"], row["numbers"], row["n_values"], row["n_numbers"] = kind, numbers, *n
+        row["first_number"] = self._numbers.index(f"{sensor.name}.{first}")
+        row["first_memory"] = self.n_memory
+
+    def _keep(self, row: Any, kept_s: float) -> None:
+        row["n_kept"] = max(1, round(kept_s / self._tick_s))
+        self.n_memory += int(row["n_kept"])
+
+    def _delay(self, row: Any, sensor: SensorSpec, kind: SensorKind) -> None:
+        if kind.is_on_board:
+            raise UsageError(
+                f"agents[0].sensors: delay_s: expected 0 in a batch for a {sensor.model}, was {sensor.delay_s:g}. "
+                f"{ELSE}"
+            )
+        row["delay_ticks"] = ticks_from_seconds(sensor.delay_s, self._scenario.tick_ns)
+        self.n_memory += (int(row["delay_ticks"]) + 1) * records.SAMPLE_LENGTH
+
+    def _fill_ranges(self, row: Any, sensor: RangeFinderSpec | FourRangeFindersSpec) -> None:
+        directions = ray_directions_body(sensor)
+        n = len(directions)
+        self._as(row, sensor, records.RANGES, records.CLOSENESS, "closeness_0", (n, n))
+        row["directions"][:n] = directions
+        row["max_range_m"], row["own_noise"] = sensor.max_range_m, sensor.noise_std
+
+    def _fill_ppm(self, row: Any, sensor: SensorSpec, kind: SensorKind) -> None:
+        match sensor:
+            case PidSensorSpec():
+                self._as(row, sensor, records.PID, records.AMOUNT, "amount")
+                given = {g.name: g.pid_correction for g in self._scenario.gas.define if g.pid_correction is not None}
+                correction = {**PID_CORRECTION, **given}
+                row["weight"][: len(self._gases)] = [correction.get(gas, 0.0) for gas in self._gases]
+            case ThresholdSensorSpec():
+                is_binary = sensor.model == "binary"
+                numbers, first = (records.PLAIN, "gas") if is_binary else (records.AMOUNT, "amount")
+                self._as(row, sensor, records.BINARY if is_binary else records.THRESHOLD, numbers, first)
+                row["threshold_ppm"], row["own_noise"] = sensor.threshold_ppm, sensor.noise_std
+            case HitCounterSpec():
+                self._as(row, sensor, records.HITS, records.COUNT, "hits")
+                row["hits_per_ppm"] = sensor.hits_per_s_per_ppm * self._tick_s
+                self._keep(row, sensor.period_s or self._tick_s)
+            case AveragingSensorSpec():
+                self._as(row, sensor, records.AVERAGING, records.AMOUNT, "amount")
+                self._keep(row, sensor.averaging_s)
+            case SecondOrderSensorSpec():
+                self._as(row, sensor, records.SECOND_ORDER, records.AMOUNT, "amount")
+                row["response"] = two_lag_remainder(*sensor.response_s, self._tick_s)
+                row["recovery"] = two_lag_remainder(*sensor.recovery_s, self._tick_s)
+            case _:
+                raise UsageError(
+                    f"agents[0].sensors: model: expected a sensor of gas, wind or ranges in a batch, was {kind.name}. "
+                    f"{ELSE}"
+                )
+
+    def _fill_mox(self, row: Any, sensor: SensorSpec, kind: SensorKind, parameters: MoxParameters) -> None:
+        row["r0_ohm"], row["air_ratio"] = parameters.r0_ohm, parameters.air_ratio
+        row["rise_frac"] = -math.expm1(-self._tick_s / parameters.rise_s)
+        row["decay_frac"] = -math.expm1(-self._tick_s / parameters.decay_s)
+        for g, gas in enumerate(self._gases):
+            row["law_a"][g], row["law_b"][g] = parameters.power_law.get(gas, (0.0, 0.0))
+        gas = self._scenario.gas.gas
+        if kind.estimator is not None and kind.estimator(gas) is not None:
+            row["has_estimate"] = 1
+            row["estimate_a"], row["estimate_b"] = parameters.power_law[gas]
+            row["estimate_number"] = self._numbers.index(f"{estimate_name(sensor.name)}.amount")
+
+    def _fill_errors(self, row: Any, sensor: SensorSpec, kind: SensorKind) -> None:
+        tick_ns = self._scenario.tick_ns
+        row["max_value"], row["least_value"] = math.inf, kind.least_value
+        row["period_ticks"] = ticks_from_seconds(sensor.period_s, tick_ns) if sensor.period_s else 1
+        row["warm_up_ticks"] = ticks_from_seconds(sensor.warm_up_s, tick_ns)
+        if isinstance(sensor, NoisySensorSpec) and not kind.has_own_noise:
+            row["noise_std"] = sensor.noise_std
+        if isinstance(sensor, MeasuringSensorSpec):
+            row["bias"], row["drift_per_s"] = sensor.bias, sensor.drift_per_s
+            row["max_value"] = math.inf if sensor.max_value is None else sensor.max_value
+        is_off = sensor.period_s is None and not (sensor.delay_s or sensor.warm_up_s)
+        is_exact = not (row["noise_std"] or row["bias"] or row["drift_per_s"]) and math.isinf(row["max_value"])
+        row["has_errors"] = not (is_off and is_exact)
+
+
+# Edge of the columns into which filaments are sorted [m].
+_COLUMN_M = 1.0
+
+
+class BatchGas:
+    """Gathers the gas of cases; `kept` holds the arrays that the records of tapes point into.
+
+    `strengths` and `gas_of_source` have the sources of filaments of all cases, `most_filaments` is how many the largest
+    frame of all tapes has.
+    """
+
+    def __init__(self) -> None:
+        self.plumes: list[NDArray[np.void]] = []
+        self.tapes: list[NDArray[np.void]] = []
+        self.strengths: list[float] = []
+        self.gas_of_source: list[int] = []
+        self.kept: list[object] = []
+        self.most_filaments = 1
+        self._known: dict[str, int] = {}
+        self._n_plumes = 0
+
+    @property
+    def tape_bytes(self) -> int:
+        """Bytes that tapes take on disk, mapped into memory, and their order beside them in memory."""
+        return sum(int(array.nbytes) for array in self.kept if isinstance(array, np.ndarray))
+
+    def plume_array(self) -> NDArray[np.void]:
+        """Return the (n,) records of `PLUME_RECORD`."""
+        return np.concatenate([np.zeros(1, PLUME_RECORD), *self.plumes])
+
+    def add(self, case: Any, scenario: Scenario, environment: Environment, n_places: int) -> None:
+        """Write the gas of a case into its record, but for where names and knots of meandering plumes are.
+
+        Raises:
+            UsageError: the gas would be read in another order in a single flight.
+        """
+        gas, timing = scenario.gas, gas_timing(scenario)
+        case["n_gases"], case["warm_up_s"] = len(list_gas_names(gas)), gas.warm_up_s
+        case["gas_ticks_per_step"] = timing.ticks_per_step
+        if isinstance(gas, GaussianPlumeGasSpec | MeanderingPlumeGasSpec):
+            plumes = build_plume_records(gas, GasSetup(scenario=scenario, environment=environment))
+            # The first record is nobody's.
+            case["gas"], case["first_plume"], case["n_plumes"] = records.STEADY_PLUMES, self._n_plumes + 1, len(plumes)
+            self._n_plumes += len(plumes)
+            self.plumes.append(plumes)
+            if isinstance(gas, MeanderingPlumeGasSpec):
+                _fill_wandering(case, gas, timing, environment, float(plumes["speed_m_s"].min()))
+            return
+        n_readings = n_places * timing.ticks_per_step
+        if n_readings >= MIN_READINGS_FOR_INDEX:
+            raise UsageError(
+                f"{scenario.name}: gas.step_s: expected fewer than {MIN_READINGS_FOR_INDEX} readings of filaments in "
+                f"a step (places of sensors times ticks), was {n_readings}. {ELSE}"
+            )
+        self._add_tape(case, scenario, environment)
+
+    def _add_tape(self, case: Any, scenario: Scenario, environment: Environment) -> None:
+        seed = gas_seed(scenario, scenario.seed)
+        plume = build_cached_plume(scenario, environment)
+        plume.reset(seed)
+        amount_mol, gas_index = plume.sources
+        case["gas"], case["first_plume"], case["n_plumes"] = records.FILAMENTS, len(self.strengths), len(amount_mol)
+        self.strengths += strength_ppm_m3(amount_mol).tolist()
+        self.gas_of_source += gas_index.tolist()
+        case["cutoff_sigma"] = build_gas_model(scenario, environment).cutoff_sigma
+        key = tape_hash(scenario, environment, seed)
+        if key not in self._known:
+            self._known[key] = len(self.tapes)
+            self.tapes.append(self._tape_row(plume.tape, environment))
+        case["tape"] = self._known[key]
+
+    def _tape_row(self, tape: GasTape, environment: Environment) -> NDArray[np.void]:
+        first, rows, sources = tape.arrays
+        grid = environment.grid
+        sides_m = np.subtract(grid.max_m, grid.origin_m)[:2]
+        nx, ny = (int(n) for n in np.maximum(np.ceil(sides_m / _COLUMN_M), 1))
+        starts = np.empty((tape.n_frames, nx * ny + 1), np.int32)
+        members = np.empty(len(rows), np.int32)
+        largest_m = np.empty(tape.n_frames, np.float32)
+        origin_m = np.array(grid.origin_m[:2], np.float64)
+        numbers = np.empty((4, len(rows)), np.float32)
+        sort_frames_inplace(first, rows, origin_m, _COLUMN_M, nx, ny, starts, members, numbers, largest_m)
+        self.most_filaments = max(self.most_filaments, int(np.diff(first).max(initial=1)))
+        row = np.zeros((), records.TAPE)
+        row["n_frames"], row["n_rows"] = tape.n_frames, len(rows)
+        row["origin_m"], row["column_m"], row["shape"] = origin_m, _COLUMN_M, (nx, ny)
+        arrays = {
+            "first": first, "starts": starts, "members": members, "sorted_numbers": numbers,
+            "largest_sigma_m": largest_m,
+        }  # fmt: skip
+        if sources is not None:
+            arrays["sources"] = sources
+        for name, array in arrays.items():
+            row[name] = array.ctypes.data
+            self.kept.append(array)
+        return row
+
+
+def is_gas_supported(scenario: Scenario) -> bool:
+    """Return whether a scenario's gas can be batched."""
+    models = GaussianPlumeGasSpec | MeanderingPlumeGasSpec | FilamentGasSpec
+    return isinstance(scenario.gas, models) and not scenario.gas.rotor_downwash
+
+
+def list_wander_streams(scenario: Scenario) -> bytes:
+    """Return the names of the streams of meandering plumes, one after the other; nothing for other gas."""
+    if not isinstance(scenario.gas, MeanderingPlumeGasSpec):
+        return b""
+    return "".join(f"fields.meander.{i}.{axis}" for i in range(len(scenario.gas.sources)) for axis in "yz").encode()
+
+
+def _fill_wandering(
+    case: Any, gas: MeanderingPlumeGasSpec, timing: GasTiming, environment: Environment, speed_m_s: float
+) -> None:
+    case["gas"] = records.MEANDERING_PLUMES
+    case["gas_steps_per_tick"], case["gas_step_s"] = timing.steps_per_tick, timing.step_s
+    case["warm_up_steps"], case["gas_seed"] = timing.warm_up_steps, -1 if gas.seed is None else gas.seed
+    case["knot_s"], case["wander_rho"] = gas.plume.meander_s / KNOTS_PER_CORRELATION_TIME, KNOT_CORRELATION
+    case["instantaneous_frac"] = gas.plume.instantaneous_frac
+    # As many as pass while the air crosses the room, and a few.
+    crosses_s = (math.dist(environment.grid.origin_m, environment.grid.max_m) + 1.0) / speed_m_s
+    case["n_knots"] = math.ceil(crosses_s / case["knot_s"]) + 4

@@ -1,1 +1,0 @@
-"""Concentration: mixing ratios summed from filaments at points, on grids and along beams."""

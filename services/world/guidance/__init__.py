@@ -1,1 +1,0 @@
-"""Guidance: from an agent's command to the reference that a vehicle's control follows."""

@@ -1,1 +1,0 @@
-"""Physics: the MuJoCo scene and the compiled loop of control, rotors, wheels and contacts."""

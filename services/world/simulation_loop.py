@@ -1,0 +1,442 @@
+# pyright: basic
+# pyright: reportAttributeAccessIssue=false
+"""Compiled simulation loop: control, rotors, drag and MuJoCo's step for all vehicles, sub-step by sub-step."""
+
+# ruff: noqa: ANN001, ANN201, ANN202, N803, N806 - kernels have no types, and symbols of equations
+
+import ctypes
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from gslcosim.base.c_calls import call_address
+from gslcosim.base.errors import ModelError
+from gslcosim.environment.grid_kernels import trilinear_wind
+from gslcosim.environment.model import Environment
+from gslcosim.vehicles import Vehicle
+from gslcosim_services.world import vehicle_records
+from gslcosim_services.world.multirotor_control import (
+    ATTITUDE,
+    PATH,
+    advance_heading_inplace,
+    align_heading_reference_inplace,
+    attitude_from_angles,
+    attitude_from_force,
+    attitude_torque,
+    axis_acceleration_inplace,
+    drag_force,
+    lagged_rotor_speed,
+    limited_specific_force,
+    rate_torque,
+    reference_at,
+    rotation_from_quaternion,
+    rotor_speed_command,
+    rotor_wrench,
+    thrust_along,
+    thrust_from_setpoint,
+)
+from gslcosim_services.world.rover_control import step_rover_inplace
+from gslcosim_services.world.scene import build_scene
+
+
+@intrinsic
+def call_step(typingctx, function_address, model_address, data_address):
+    """Call `void f(const mjModel*, mjData*)` at an address.
+
+    The address is an argument, not a constant, so that compiled kernels can be kept in numba's cache.
+
+    Args:
+        typingctx: numba's.
+        function_address: Address of the C function, from `find_step_address`.
+        model_address: Address of the mjModel struct.
+        data_address: Address of the mjData struct.
+
+    Held by:
+        tests/unit/services/world/test_simulation_loop.py
+    """
+    signature = types.void(types.intp, types.intp, types.intp)
+
+    def codegen(context, builder, _signature, arguments):
+        address = context.get_value_type(types.intp)
+        function_type = ir.FunctionType(ir.VoidType(), [address, address])
+        call_address(builder, arguments[0], function_type, [arguments[1], arguments[2]])
+        return context.get_dummy_value()
+
+    return signature, codegen
+
+
+def find_step_address() -> int:
+    """Return the address of `mj_step` in the shared library that the Python package has loaded.
+
+    Raises:
+        ModelError: the package holds no MuJoCo library of a known name.
+    """
+    folder = Path(mujoco.__file__).parent
+    for pattern in ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll"):
+        for path in sorted(folder.glob(pattern)):
+            address = ctypes.cast(ctypes.CDLL(str(path)).mj_step, ctypes.c_void_p).value
+            if address:
+                return address
+    raise ModelError(f"mujoco {mujoco.__version__}: expected its shared library beside the package.\nFolder: {folder}")
+
+
+# Beyond these a state has exploded: [m], [m/s], [rad/s].
+_MAX_POSITION_M = 1e5
+_MAX_SPEED_M_S = 200.0
+_MAX_RATE_RAD_S = 500.0
+
+
+@numba.njit(cache=True, nogil=True)
+def is_state_plausible(p, v):
+    """Return whether a vehicle's state is finite and within what a vehicle can do.
+
+    Args:
+        p: (7 or more,) position, world frame [m], and attitude quaternion wxyz.
+        v: (6 or more,) velocity, world frame [m/s], and angular velocity, body frame [rad/s].
+
+    Held by:
+        tests/unit/services/world/test_world_core.py
+    """
+    # Comparisons are written so that NaN fails them.
+    for i in range(3):
+        if not abs(p[i]) < _MAX_POSITION_M:
+            return False
+        if not abs(v[i]) < _MAX_SPEED_M_S:
+            return False
+        if not abs(v[3 + i]) < _MAX_RATE_RAD_S:
+            return False
+    return True
+
+
+@numba.njit(cache=True, nogil=True)
+def path_force_inplace(vehicle, state, p, v, t_s, dt_s):
+    """Return the specific force [m/s^2] that follows the path and the reference's jerk, world frame.
+
+    Args:
+        vehicle: Record of `records.CONSTANTS`.
+        state: Record of `records.STATE`; integral and heading are advanced.
+        p: (3 or more,) position, world frame [m].
+        v: (3 or more,) velocity, world frame [m/s].
+        t_s: Time since the end of the trajectory's start tick [s].
+        dt_s: Length of a sub-step [s].
+
+    Held by:
+        tests/analytic/test_world_flight.py
+    """
+    a_x, j_x = axis_acceleration_inplace(vehicle, state, 0, p[0], v[0], t_s, dt_s)
+    a_y, j_y = axis_acceleration_inplace(vehicle, state, 1, p[1], v[1], t_s, dt_s)
+    a_z, j_z = axis_acceleration_inplace(vehicle, state, 2, p[2], v[2], t_s, dt_s)
+    u_ref = v_ref = 0.0
+    if state.faces_path:
+        u_ref, v_ref = reference_at(state, 0, t_s)[1], reference_at(state, 1, t_s)[1]
+    advance_heading_inplace(vehicle, state, u_ref, v_ref, dt_s)
+    f_x, f_y, f_z = limited_specific_force(vehicle, a_x, a_y, a_z)
+    return f_x, f_y, f_z, j_x, j_y, j_z
+
+
+@numba.njit(cache=True, nogil=True)
+def step_rotorcraft_inplace(vehicle, state, p, v, force, t_s, dt_s, wind_u, wind_v, wind_w):
+    """Advance a multirotor's controller and rotors by one sub-step and write the force on its body.
+
+    Args:
+        vehicle: Record of `records.CONSTANTS`.
+        state: Record of `records.STATE`; integral, heading and rotor speeds are advanced.
+        p: (7,) position, world frame [m], and attitude quaternion wxyz.
+        v: (6,) velocity, world frame [m/s], and angular velocity, body frame [rad/s].
+        force: (6,) written: force, world frame [N], and torque, body frame [N m].
+        t_s: Time since the end of the trajectory's start tick [s].
+        dt_s: Length of a sub-step [s].
+        wind_u: Wind at the vehicle along world x [m/s].
+        wind_v: Wind at the vehicle along world y [m/s].
+        wind_w: Wind at the vehicle along world z [m/s].
+
+    Held by:
+        tests/analytic/test_world_flight.py, tests/unit/services/world/test_setpoints.py
+    """
+    R = rotation_from_quaternion(p[3], p[4], p[5], p[6])
+    thrust = t_x = t_y = t_z = 0.0
+    if state.is_armed and state.control == PATH:
+        f_x, f_y, f_z, j_x, j_y, j_z = path_force_inplace(vehicle, state, p, v, t_s, dt_s)
+        R_d, omega_d = attitude_from_force(f_x, f_y, f_z, j_x, j_y, j_z, state.yaw_rad, state.yaw_rate_rad_s)
+        thrust = thrust_along(vehicle, R, f_x, f_y, f_z)
+        t_x, t_y, t_z = attitude_torque(vehicle, R, v[3], v[4], v[5], R_d, omega_d)
+    elif state.is_armed:
+        a, b, c = state.setpoint[0], state.setpoint[1], state.setpoint[2]
+        thrust = thrust_from_setpoint(vehicle, state, R, v[2])
+        if state.control == ATTITUDE:
+            R_d = attitude_from_angles(a, b, c)
+            t_x, t_y, t_z = attitude_torque(vehicle, R, v[3], v[4], v[5], R_d, (0.0, 0.0, 0.0))
+        else:
+            t_x, t_y, t_z = rate_torque(vehicle, v[3], v[4], v[5], a, b, c, 0.0, 0.0, 0.0)
+        align_heading_reference_inplace(state, R)
+    speeds = state.rotor_speed_rad_s
+    for i in range(vehicle.n_rotors):
+        command = rotor_speed_command(vehicle, i, thrust, t_x, t_y, t_z)
+        speeds[i] = lagged_rotor_speed(vehicle, speeds[i], command)
+    write_rotorcraft_force_inplace(vehicle, speeds, R, force, wind_u - v[0], wind_v - v[1], wind_w - v[2])
+
+
+@numba.njit(cache=True, nogil=True)
+def step_point_robot_inplace(vehicle, state, p, v, force, t_s, dt_s):
+    """Advance a point robot's controller by one sub-step and write the force and torque it wants; it feels no drag.
+
+    Args:
+        vehicle: Record of `records.CONSTANTS`.
+        state: Record of `records.STATE`; integral and heading are advanced.
+        p: (7,) position, world frame [m], and attitude quaternion wxyz.
+        v: (6,) velocity, world frame [m/s], and angular velocity, body frame [rad/s].
+        force: (6,) written: force, world frame [N], and torque, body frame [N m].
+        t_s: Time since the end of the trajectory's start tick [s].
+        dt_s: Length of a sub-step [s].
+
+    Held by:
+        tests/analytic/test_world_flight.py
+    """
+    R = rotation_from_quaternion(p[3], p[4], p[5], p[6])
+    f_x = f_y = f_z = 0.0
+    if state.is_armed:
+        f_x, f_y, f_z, _, _, _ = path_force_inplace(vehicle, state, p, v, t_s, dt_s)
+    upright, rates = attitude_from_force(0.0, 0.0, 1.0, 0.0, 0.0, 0.0, state.yaw_rad, state.yaw_rate_rad_s)
+    t_x, t_y, t_z = attitude_torque(vehicle, R, v[3], v[4], v[5], upright, rates)
+    force[0], force[1], force[2] = vehicle.mass_kg * f_x, vehicle.mass_kg * f_y, vehicle.mass_kg * f_z
+    force[3], force[4], force[5] = t_x, t_y, t_z
+
+
+@numba.njit(cache=True, nogil=True)
+def write_rotorcraft_force_inplace(vehicle, speeds, R, force, u, v, w):
+    """Write what rotors and air do to a rotorcraft.
+
+    F_W = R (lift e3 + D(R' u));  torque in the body frame
+    [N], [N m]
+
+    Args:
+        vehicle: Record of `records.CONSTANTS`.
+        speeds: (n_rotors or more,) rotor speeds [rad/s].
+        R: Nine numbers, rows of the matrix that turns body-frame into world-frame vectors.
+        force: (6,) written: force, world frame [N], and torque, body frame [N m].
+        u: Relative wind along world x [m/s].
+        v: Relative wind along world y [m/s].
+        w: Relative wind along world z [m/s].
+
+    Held by:
+        tests/analytic/test_world_flight.py
+    """
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = R
+    lift, t_x, t_y, t_z, total = rotor_wrench(vehicle, speeds)
+    d_x, d_y, d_z = drag_force(
+        vehicle, total, r00 * u + r10 * v + r20 * w, r01 * u + r11 * v + r21 * w, r02 * u + r12 * v + r22 * w
+    )
+    d_z += lift
+    force[0] = r00 * d_x + r01 * d_y + r02 * d_z
+    force[1] = r10 * d_x + r11 * d_y + r12 * d_z
+    force[2] = r20 * d_x + r21 * d_y + r22 * d_z
+    force[3] = t_x
+    force[4] = t_y
+    force[5] = t_z
+
+
+@numba.njit(cache=True, nogil=True)
+def has_contact(vehicle, qfrc_constraint, sensordata):
+    """Return whether something touches a vehicle that may be a collision.
+
+    A vehicle that drives stands on the floor all the time: its hull has a sensor for touch. Others are free bodies, on
+    which only contacts act.
+
+    Args:
+        vehicle: Record of `records.CONSTANTS`.
+        qfrc_constraint: View of MuJoCo's contact forces, in the axes of qvel [N, N m].
+        sensordata: View of MuJoCo's sensors [N].
+
+    Held by:
+        tests/unit/services/world/test_world_core.py, tests/unit/services/world/test_rover.py
+    """
+    if vehicle.i_touch >= 0:
+        return sensordata[vehicle.i_touch] > 0.0
+    touched = False
+    for i in range(vehicle.i_qvel, vehicle.i_qvel + 6):
+        touched |= qfrc_constraint[i] != 0.0
+    return touched
+
+
+@numba.njit(cache=True, nogil=True)
+def write_inertial_inplace(vehicle, p, v, a, row):
+    """Write what an inertial measurement unit at a vehicle's origin would feel after a sub-step.
+
+    f_B = R' (a_W - g_W)      [m/s^2], g downwards
+
+    Args:
+        vehicle: Record of `records.CONSTANTS`.
+        p: (7 or more,) position, world frame [m], and attitude quaternion wxyz, after the sub-step.
+        v: (6 or more,) velocity, world frame [m/s], and angular velocity, body frame [rad/s], after the sub-step.
+        a: (6 or more,) their rates of change during the sub-step.
+        row: (9,) written: specific force [m/s^2], angular velocity [rad/s] and acceleration [rad/s^2], body frame.
+
+    Held by:
+        tests/unit/services/world/test_inertial.py
+    """
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_from_quaternion(p[3], p[4], p[5], p[6])
+    f_x, f_y, f_z = a[0], a[1], a[2] + vehicle.gravity_m_s2
+    row[0] = r00 * f_x + r10 * f_y + r20 * f_z
+    row[1] = r01 * f_x + r11 * f_y + r21 * f_z
+    row[2] = r02 * f_x + r12 * f_y + r22 * f_z
+    for i in range(3):
+        row[3 + i] = v[3 + i]
+        row[6 + i] = a[3 + i]
+
+
+@numba.njit(cache=True, nogil=True)
+def run_substeps_inplace(
+    first, n_substeps, tick, tick_s, vehicles, states, inertial, qpos, qvel, qacc, qfrc_applied, qfrc_constraint,
+    sensordata,
+    wind_velocity_m_s, wind_origin_m, wind_cell_m, step_address, model_address, data_address,
+):  # fmt: skip
+    """Run sub-steps of a tick until its end, the first contact, or the first unsound state.
+
+    Stopping at a contact lets the caller read MuJoCo's contact list, which is valid only until the next sub-step.
+
+    Args:
+        first: Index of the first sub-step to run, 0 to n_substeps.
+        n_substeps: Sub-steps in a tick.
+        tick: The tick that is advanced to; sub-step i starts at (tick - 1 + i/n_substeps) tick_s.
+        tick_s: Length of a tick [s].
+        vehicles: (n,) records of `records.CONSTANTS`; they say where a vehicle's numbers begin in those of MuJoCo.
+        states: (n,) records of `records.STATE`; advanced.
+        inertial: (n, n_substeps or 0, 9) written where it has rows: see `write_inertial_inplace`.
+        qpos: (n_qpos,) view of MuJoCo's positions: per vehicle xyz [m] and quaternion wxyz, world frame, then wheels.
+        qvel: (n_qvel,) view of MuJoCo's velocities: xyz [m/s], world frame, and angular [rad/s], body frame, then
+            wheels.
+        qacc: (n_qvel,) view of MuJoCo's accelerations, in the axes of qvel.
+        qfrc_applied: (n_qvel,) view of MuJoCo's applied forces, in the axes of qvel [N, N m]; written.
+        qfrc_constraint: (n_qvel,) view of MuJoCo's contact forces, in the axes of qvel [N, N m].
+        sensordata: View of MuJoCo's sensors of touch [N].
+        wind_velocity_m_s: (nx, ny, nz, 3) wind at cell centres, world frame [m/s].
+        wind_origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
+        wind_cell_m: Edge of the cells [m].
+        step_address: Address of mj_step.
+        model_address: Address of the mjModel.
+        data_address: Address of the mjData.
+
+    Returns:
+        (next sub-step, index of the unsound vehicle or -1).
+
+    Held by:
+        tests/analytic/test_world_flight.py, tests/unit/services/world/test_world_core.py
+    """
+    n_vehicles = vehicles.shape[0]
+    dt_s = tick_s / n_substeps
+    for i_substep in range(first, n_substeps):
+        for k in range(n_vehicles):
+            vehicle, state = vehicles[k], states[k]
+            p, v = qpos[vehicle.i_qpos : vehicle.i_qpos + 7], qvel[vehicle.i_qvel : vehicle.i_qvel + 8]
+            if not is_state_plausible(p, v):
+                return i_substep, k
+            force = qfrc_applied[vehicle.i_qvel : vehicle.i_qvel + 8]
+            t_s = (tick - 1 - state.start_tick) * tick_s + i_substep * dt_s
+            if vehicle.has_rotors:
+                wind_u, wind_v, wind_w = trilinear_wind(wind_velocity_m_s, wind_origin_m, wind_cell_m, p[0], p[1], p[2])
+                step_rotorcraft_inplace(vehicle, state, p, v, force, t_s, dt_s, wind_u, wind_v, wind_w)
+            elif vehicle.has_wheels:
+                step_rover_inplace(vehicle, state, p, v, force, t_s, dt_s)
+            else:
+                step_point_robot_inplace(vehicle, state, p, v, force, t_s, dt_s)
+        call_step(step_address, model_address, data_address)  # pyright: ignore[reportCallIssue]
+        if inertial.shape[1]:
+            for k in range(n_vehicles):
+                vehicle = vehicles[k]
+                write_inertial_inplace(
+                    vehicle, qpos[vehicle.i_qpos :], qvel[vehicle.i_qvel :], qacc[vehicle.i_qvel :],
+                    inertial[k, i_substep],
+                )  # fmt: skip
+        for k in range(n_vehicles):
+            if has_contact(vehicles[k], qfrc_constraint, sensordata):
+                return i_substep + 1, -1
+    for k in range(n_vehicles):
+        vehicle = vehicles[k]
+        if not is_state_plausible(qpos[vehicle.i_qpos :], qvel[vehicle.i_qvel :]):
+            return n_substeps, k
+    return n_substeps, -1
+
+
+# MuJoCo is compiled and comes without stubs.
+
+
+_VEHICLE_NAME = "vehicle"
+_NO_INERTIAL = np.zeros((1, 0, 9))
+_STILL_AIR = np.zeros((1, 1, 1, 3), np.float32)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactResult:
+    """State of a vehicle at the end of a tick: pose (7,), motion (6,) as MuJoCo has them, and its contact."""
+
+    pose: NDArray[np.float64]
+    motion: NDArray[np.float64]
+    is_touched: bool
+
+
+class ContactScene:
+    """Scene of one vehicle that does not feel the air, for the rest of a tick in which it touches something.
+
+    Args:
+        environment: The room.
+        vehicle: The vehicle.
+        step_s: Length of a physics step [s].
+        n_substeps: Physics steps in a tick.
+    """
+
+    def __init__(self, environment: Environment, vehicle: Vehicle, step_s: float, n_substeps: int) -> None:
+        self._model = build_scene(environment, [(_VEHICLE_NAME, vehicle)], step_s).model
+        self._data = mujoco.MjData(self._model)
+        self._constants = np.zeros(1, vehicle_records.CONSTANTS)
+        vehicle_records.set_constants(self._constants[0], vehicle, self._model, f"{_VEHICLE_NAME}/", step_s)
+        self._n_substeps = n_substeps
+        data = self._data
+        self._views = (data.qpos, data.qvel, data.qacc, data.qfrc_applied, data.qfrc_constraint, data.sensordata)
+        self._addresses = (find_step_address(), self._model._address, data._address)
+
+    @property
+    def constants(self) -> NDArray[np.void]:
+        """The vehicle's record of `records.CONSTANTS`."""
+        return self._constants[0]
+
+    def fly(
+        self,
+        first: int,
+        tick: int,
+        tick_s: float,
+        path: NDArray[np.void],
+        position_m: NDArray[np.float64],
+        velocity_m_s: NDArray[np.float64],
+        acceleration_m_s2: NDArray[np.float64],
+    ) -> ContactResult:
+        """Fly on from a physics step of a tick to the tick's end.
+
+        Args:
+            first: The physics step, counted in the tick.
+            tick: The tick that ends.
+            tick_s: Length of a tick [s].
+            path: (1,) record of `records.STATE`; advanced.
+            position_m: (3,) where the vehicle is, upright, world frame [m].
+            velocity_m_s: (3,) how it moves without turning, world frame [m/s].
+            acceleration_m_s2: (3,) how it was accelerated in the step before [m/s^2]; MuJoCo begins with that.
+        """
+        data = self._data
+        mujoco.mj_resetData(self._model, data)
+        data.qpos[:] = (*position_m, 1.0, 0.0, 0.0, 0.0)
+        data.qvel[:] = (*velocity_m_s, 0.0, 0.0, 0.0)
+        data.qacc_warmstart[:] = (*acceleration_m_s2, 0.0, 0.0, 0.0)
+        i_substep, is_touched = first, False
+        while i_substep < self._n_substeps:
+            i_substep, _ = run_substeps_inplace(
+                i_substep, self._n_substeps, tick, tick_s, self._constants, path, _NO_INERTIAL, *self._views,
+                _STILL_AIR, np.zeros(3), 1.0, *self._addresses,
+            )  # fmt: skip
+            is_touched = is_touched or bool(data.ncon)
+        return ContactResult(pose=data.qpos.copy(), motion=data.qvel.copy(), is_touched=is_touched)

@@ -1,0 +1,270 @@
+# pyright: reportAttributeAccessIssue=false
+"""Records of each vehicle for the compiled loop, of constants and of state, and its capabilities."""
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.base.errors import ModelError
+from gslcosim.contract.messages import AttitudeSetpoint, DriveSetpoint, RateSetpoint
+from gslcosim.scenario.models.scenario import VehicleSpec
+from gslcosim.vehicles import Vehicle
+from gslcosim.vehicles.catalogue import MAX_ROTORS, MIN_ROTORS, ControlParameters, RotorParameters, WheelParameters
+from gslcosim_services.world.multirotor_control import ATTITUDE, DRIVE, PATH, RATES
+from gslcosim_services.world.scene import HULL
+from gslcosim_services.world.trajectory import Limits, Trajectory
+
+# What of its greatest tilt a vehicle may plan with; the rest is for wind and errors.
+_PLANNED_ACCELERATION_FRACTION = 0.9
+# Air drag may take up to this share of that.
+_MAX_DRAG_FRACTION = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class VehicleCapabilities:
+    """Capabilities of a vehicle: its kind of motion and its limits.
+
+    `max_thrust_n` is that of all rotors, 0 without; `standing_height_m` is its centre above what it stands on.
+    """
+
+    name: str
+    limits: Limits
+    has_rotors: bool
+    has_wheels: bool
+    max_thrust_n: float
+    max_yaw_rate_rad_s: float
+    standing_height_m: float
+
+
+def derive_capabilities(spec: VehicleSpec, model: Vehicle, constants: Any, half_height_m: float) -> VehicleCapabilities:
+    """Derive the capabilities of a vehicle from its parameters and the scenario.
+
+    Args:
+        spec: What the scenario says of it.
+        model: Its parameters.
+        constants: Its record of `records.CONSTANTS`.
+        half_height_m: Its centre above what it stands on [m].
+    """
+    speed_rad_s = float(constants["max_rotor_speed_rad_s"])
+    return VehicleCapabilities(
+        name=model.name,
+        limits=_feasible_limits(spec, model, constants),
+        has_rotors=model.rotors is not None,
+        has_wheels=model.drives,
+        max_thrust_n=int(constants["n_rotors"]) * float(constants["thrust_coefficient_n_s2"]) * speed_rad_s**2,
+        max_yaw_rate_rad_s=model.body.max_yaw_rate_rad_s,
+        standing_height_m=half_height_m,
+    )
+
+
+# The scenario's limits, or those of the vehicle where they are tighter: wheels have their own, and in the air tilt
+# gives a + k_drag v <= 0.9 g tan(tilt_max) and lift |a| <= 0.9 * 0.7 g.
+def _feasible_limits(spec: VehicleSpec, model: Vehicle, constants: Any) -> Limits:
+    speed_m_s, acceleration_m_s2 = spec.max_speed_m_s, spec.max_acceleration_m_s2
+    if model.wheels is not None:
+        speed_m_s = min(speed_m_s, model.wheels.max_speed_m_s)
+        acceleration_m_s2 = min(acceleration_m_s2, model.wheels.max_acceleration_m_s2)
+        return Limits(max_speed_m_s=speed_m_s, max_acceleration_m_s2=acceleration_m_s2)
+    lift_m_s2 = 0.7 * float(constants["gravity_m_s2"])
+    reach_m_s2 = _PLANNED_ACCELERATION_FRACTION * min(
+        float(constants["gravity_m_s2"] * constants["max_tilt_tangent"]), lift_m_s2
+    )
+    drag_s = float(constants["expected_drag_s"])
+    speed_m_s = min(speed_m_s, _MAX_DRAG_FRACTION * reach_m_s2 / drag_s if drag_s > 0 else math.inf)
+    acceleration_m_s2 = min(acceleration_m_s2, reach_m_s2 - drag_s * speed_m_s)
+    return Limits(max_speed_m_s=speed_m_s, max_acceleration_m_s2=acceleration_m_s2)
+
+
+# MuJoCo is compiled and comes without stubs.
+
+
+Setpoint = AttitudeSetpoint | RateSetpoint | DriveSetpoint
+
+# Constants of one vehicle. World frame z up; body frame x forward, y left, z up.
+CONSTANTS = np.dtype(
+    [
+        ("i_qpos", np.int64),  # where its numbers begin in MuJoCo's positions and velocities
+        ("i_qvel", np.int64),
+        ("i_touch", np.int64),  # its sensor of touch; -1: any contact counts
+        ("has_rotors", np.int64),  # without rotors or wheels, forces act on the body as wanted and the air does not
+        ("has_wheels", np.int64),
+        ("mass_kg", np.float64),
+        ("gravity_m_s2", np.float64),
+        ("inertia_kg_m2", np.float64, (3,)),  # about the body axes
+        ("n_rotors", np.int64),  # the rest of what has room for all rotors is 0
+        ("wrench_from_thrusts", np.float64, (4, MAX_ROTORS)),  # rows thrust, torque xyz; columns rotors
+        ("thrusts_from_wrench", np.float64, (MAX_ROTORS, 4)),
+        ("thrust_coefficient_n_s2", np.float64),
+        ("max_rotor_speed_rad_s", np.float64),
+        ("response_up", np.float64),  # share of a speed difference that is closed in one sub-step
+        ("response_down", np.float64),
+        ("rotor_drag_n_s2_m", np.float64, (3,)),
+        ("half_density_drag_area_kg_m", np.float64, (3,)),
+        ("expected_drag_s", np.float64),  # horizontal rotor drag in hover per mass and speed [1/s]
+        ("position_gain_s2", np.float64),
+        ("velocity_gain_s", np.float64),
+        ("integral_gain_s3", np.float64),
+        ("integral_limit_m_s2", np.float64),
+        ("max_tilt_tangent", np.float64),
+        ("attitude_gain_s2", np.float64, (3,)),
+        ("rate_gain_s", np.float64, (3,)),
+        ("max_yaw_rate_rad_s", np.float64),
+        ("wheel_radius_m", np.float64),
+        ("half_track_m", np.float64),
+        ("max_speed_m_s", np.float64),
+        ("max_acceleration_m_s2", np.float64),
+        ("max_wheel_torque_n_m", np.float64),
+        ("wheel_gain_n_m_s", np.float64),
+        ("wheel_integral_gain_n_m", np.float64),
+        ("along_gain_s", np.float64),
+        ("across_gain_m2", np.float64),
+        ("heading_gain_s", np.float64),
+    ]
+)
+
+_CONSTANT_NAMES = frozenset(CONSTANTS.names or ())
+
+# State of one vehicle beside MuJoCo's own, and the reference it follows.
+STATE = np.dtype(
+    [
+        ("is_armed", np.int64),
+        ("rotor_speed_rad_s", np.float64, (MAX_ROTORS,)),
+        ("integral_m_s2", np.float64, (3,)),
+        ("start_tick", np.int64),
+        ("coefficients", np.float64, (3, 6)),
+        ("duration_s", np.float64),
+        ("end_world_m", np.float64, (3,)),
+        ("end_velocity_world_m_s", np.float64, (3,)),
+        ("yaw_rad", np.float64),  # reference of the heading, its rate, and where it goes
+        ("yaw_rate_rad_s", np.float64),
+        ("wanted_yaw_rad", np.float64),
+        ("faces_path", np.int64),
+        ("control", np.int64),  # PATH, ATTITUDE, RATES or DRIVE
+        ("setpoint", np.float64, (3,)),  # roll, pitch, yaw [rad]; rates [rad/s]; speed [m/s] and turn [rad/s]
+        ("thrust_n", np.float64),  # of the setpoint; below 0: as much as keeps the vertical speed
+        ("climb_m_s", np.float64),
+        ("drive_speed_m_s", np.float64),  # what the wheels are to reach now
+        ("drive_turn_rad_s", np.float64),
+        ("wheel_integral_n_m", np.float64, (2,)),
+    ]
+)
+
+
+def set_constants(record: Any, vehicle: Vehicle, model: mujoco.MjModel, prefix: str, dt_s: float) -> None:
+    """Fill a record of `CONSTANTS` from a vehicle's parameters and its compiled body.
+
+    Args:
+        record: The record to fill.
+        vehicle: Its model.
+        model: The compiled scene.
+        prefix: What stands before the names of the vehicle's parts in the scene.
+        dt_s: Length of a sub-step [s].
+
+    Raises:
+        ModelError: the rotors cannot carry the vehicle.
+    """
+    body = model.body(f"{prefix}body").id
+    free = model.joint(f"{prefix}free")
+    record["i_qpos"], record["i_qvel"], record["i_touch"] = free.qposadr[0], free.dofadr[0], -1
+    record["mass_kg"] = model.body_subtreemass[body]
+    record["gravity_m_s2"] = -model.opt.gravity[2]
+    record["inertia_kg_m2"] = model.body_inertia[body]
+    record["max_yaw_rate_rad_s"] = vehicle.body.max_yaw_rate_rad_s
+    if vehicle.control is not None:
+        _set_control(record, vehicle.control)
+    if vehicle.rotors is not None:
+        record["has_rotors"] = 1
+        _set_rotors(record, vehicle.name, vehicle.rotors, dt_s)
+    if vehicle.wheels is not None:
+        record["has_wheels"] = 1
+        _set_wheels(record, vehicle.wheels, model, prefix)
+
+
+def _set_control(record: Any, control: ControlParameters) -> None:
+    record["position_gain_s2"] = control.position_gain_s2
+    record["velocity_gain_s"] = control.velocity_gain_s
+    record["integral_gain_s3"] = control.integral_gain_s3
+    record["integral_limit_m_s2"] = control.integral_limit_m_s2
+    record["max_tilt_tangent"] = math.tan(control.max_tilt_rad)
+    record["attitude_gain_s2"] = control.attitude_gain_s2
+    record["rate_gain_s"] = control.rate_gain_s
+
+
+def _set_wheels(record: Any, wheels: WheelParameters, model: mujoco.MjModel, prefix: str) -> None:
+    for parameter in fields(wheels):
+        if parameter.name in _CONSTANT_NAMES:
+            record[parameter.name] = getattr(wheels, parameter.name)
+    record["i_touch"] = model.sensor(f"{prefix}{HULL}").adr[0]
+
+
+def _set_rotors(record: Any, name: str, rotors: RotorParameters, dt_s: float) -> None:
+    record["n_rotors"] = n_rotors = rotors.n_rotors
+    record["wrench_from_thrusts"][:, :n_rotors] = wrench_from_thrusts = rotors.wrench_from_thrusts()
+    record["thrusts_from_wrench"][:n_rotors] = _thrusts_from_wrench(wrench_from_thrusts)
+    record["thrust_coefficient_n_s2"] = rotors.thrust_coefficient_n_s2
+    record["max_rotor_speed_rad_s"] = rotors.max_rotor_speed_rad_s
+    record["response_up"] = -math.expm1(-dt_s / rotors.time_constant_up_s)
+    record["response_down"] = -math.expm1(-dt_s / rotors.time_constant_down_s)
+    record["rotor_drag_n_s2_m"] = rotors.rotor_drag_n_s2_m
+    record["half_density_drag_area_kg_m"] = 0.5 * rotors.air_density_kg_m3 * np.array(rotors.drag_area_m2)
+    hover_speed_rad_s = hover_rotor_speed_rad_s(record)
+    if hover_speed_rad_s >= rotors.max_rotor_speed_rad_s:
+        raise ModelError(
+            f"vehicle {name}: expected rotors that can carry it, was {hover_speed_rad_s:.0f} rad/s in hover "
+            f"at a limit of {rotors.max_rotor_speed_rad_s:.0f} rad/s."
+        )
+    record["expected_drag_s"] = n_rotors * hover_speed_rad_s * rotors.rotor_drag_n_s2_m[0] / record["mass_kg"]
+
+
+def set_trajectory(record: Any, trajectory: Trajectory) -> None:
+    """Write a trajectory into a record of `STATE`, which then follows it."""
+    record["control"] = PATH
+    record["start_tick"] = trajectory.start_tick
+    record["coefficients"] = trajectory.coefficients
+    record["duration_s"] = trajectory.duration_s
+    record["end_world_m"] = trajectory.end_world_m
+    record["end_velocity_world_m_s"] = trajectory.end_velocity_world_m_s
+    if trajectory.forgets_integral:
+        record["integral_m_s2"] = 0.0
+    record["faces_path"] = trajectory.heading.is_along_path
+    if trajectory.heading.yaw_rad is not None:
+        record["wanted_yaw_rad"] = trajectory.heading.yaw_rad
+
+
+def set_setpoint(record: Any, setpoint: Setpoint) -> None:
+    """Write what an agent sets into a record of `STATE`, which then obeys it instead of a path."""
+    match setpoint:
+        case AttitudeSetpoint():
+            record["control"] = ATTITUDE
+            record["setpoint"] = (setpoint.roll_rad, setpoint.pitch_rad, setpoint.yaw_rad)
+        case RateSetpoint():
+            record["control"] = RATES
+            record["setpoint"] = setpoint.rates_body_rad_s
+        case DriveSetpoint():
+            record["control"] = DRIVE
+            record["setpoint"] = (setpoint.speed_m_s, setpoint.yaw_rate_rad_s, 0.0)
+            return
+    record["thrust_n"] = -1.0 if setpoint.thrust_n is None else setpoint.thrust_n
+    record["climb_m_s"] = setpoint.climb_m_s
+
+
+def hover_rotor_speed_rad_s(record: Any) -> float:
+    """Return the rotor speed [rad/s] at which the rotors carry the vehicle of a record of `CONSTANTS`.
+
+    It is 0 for a vehicle without rotors.
+    """
+    if record["thrust_coefficient_n_s2"] == 0.0:
+        return 0.0
+    weight_n = record["mass_kg"] * record["gravity_m_s2"]
+    return float(np.sqrt(weight_n / (record["n_rotors"] * record["thrust_coefficient_n_s2"])))
+
+
+# Four rotors give each wrench in one way; of the ways that more can, the pseudo-inverse takes that of the least squares
+# of thrusts, in which all carry the same in hover where they stand evenly.
+def _thrusts_from_wrench(wrench_from_thrusts: NDArray[np.float64]) -> NDArray[np.float64]:
+    invert = np.linalg.inv if wrench_from_thrusts.shape[1] == MIN_ROTORS else np.linalg.pinv
+    return invert(wrench_from_thrusts).astype(np.float64)

@@ -1,0 +1,65 @@
+"""A run that compiles kernels at its start says so, whichever process compiles, and says it once in a log."""
+
+import threading
+
+from gslcosim.cli.run_output import PlainLines
+from gslcosim.runtime.run import CompilationReporter, KernelFolder
+from gslcosim.runtime.status import RunStatus
+
+
+def test_a_kernel_that_is_added_is_seen(tmp_path):
+    (tmp_path / "physics").mkdir()
+    folder = KernelFolder(tmp_path)
+    assert not folder.has_new()
+    (tmp_path / "physics" / "push.nbc").touch()
+    assert folder.has_new()
+
+
+def test_a_folder_that_was_not_there_is_new(tmp_path):
+    """As in the first run of a version."""
+    folder = KernelFolder(tmp_path / "numba")
+    assert not folder.has_new()
+    (tmp_path / "numba" / "physics").mkdir(parents=True)
+    assert folder.has_new()
+
+
+def test_the_status_says_so_although_nothing_else_is_reported(tmp_path):
+    """A run in one process compiles on the thread that reports."""
+    reports, is_told = [], threading.Event()
+
+    def report(status):
+        reports.append(status)
+        if status.is_compiling:
+            is_told.set()
+
+    with CompilationReporter(report, KernelFolder(tmp_path)) as reporter:
+        reporter(RunStatus(state="starting", run_dir=tmp_path))
+        (tmp_path / "physics").mkdir()
+        assert is_told.wait(60)
+        reporter(RunStatus(state="starting", text="waiting for world"))
+        reporter(RunStatus(state="flying", sim_time_s=1.0))
+    assert reporter.has_compiled
+    assert [(status.state, status.text, status.is_compiling) for status in reports] == [
+        ("starting", "", False), ("starting", "compiling kernels", True),
+        ("starting", "compiling kernels, waiting for world", True), ("flying", "", False),
+    ]  # fmt: skip
+    assert [status.run_dir for status in reports] == [tmp_path, None, None, None]
+
+
+def test_a_run_that_compiles_nothing_says_nothing(tmp_path):
+    reports = []
+    with CompilationReporter(reports.append, KernelFolder(tmp_path)) as reporter:
+        reporter(RunStatus(state="starting"))
+    assert not reporter.has_compiled
+    assert reports == [RunStatus(state="starting")]
+
+
+def test_a_log_has_it_once(capsys):
+    lines = PlainLines("room")
+    lines(RunStatus(state="starting", text="waiting for world, fields"))
+    for text in ("waiting for world, fields", "waiting for world"):
+        lines(RunStatus(state="starting", text=f"compiling kernels, {text}", is_compiling=True))
+    assert capsys.readouterr().err.splitlines() == [
+        "room: starting, waiting for world, fields",
+        "room: starting, compiling kernels, waiting for world, fields",
+    ]
