@@ -67,13 +67,13 @@ def _exec_command(plan: dict[str, Any]) -> None:
             nothing = os.open(os.devnull, os.O_RDWR)
             os.dup2(nothing, 0)
             os.dup2(nothing, 1)
-        if (confined := plan["confinement"]) is not None:
+        if (confined := plan["landlock"]) is not None:
             if confined["is_about_files"]:
                 confined["reads"].append(f"/proc/{os.getpid()}")
             confinement.confine(**confined)
             if confined["is_about_files"]:
                 confinement.give_up_capabilities()
-        if (calls := plan["confinement"]) is not None:
+        if (calls := plan["seccomp"]) is not None:
             confinement.filter_calls(**calls)
         os.execvp(plan["command"][0], plan["command"])
     except OSError as error:

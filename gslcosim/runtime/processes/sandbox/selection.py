@@ -197,7 +197,7 @@ def _status(path: Path) -> os.stat_result | None:
         return None
 
 
-SandboxKind = Literal["bubblewrap", "confinement", "none"]
+SandboxKind = Literal["bubblewrap", "landlock", "none"]
 NONE_IN_THIS_PROCESS = "none: in this process"
 NONE_STARTED_ELSEWHERE = "none: started elsewhere"
 
