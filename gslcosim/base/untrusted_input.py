@@ -1,8 +1,6 @@
 """Reader for JSON that others have written, bounded in size and depth, and escaping of foreign text for terminals.
 
-Reader for JSON files and rows that others have written or changed: bounded in size and depth, checked for types.
-
-Whatever such a file holds, its reader gets values of the types it asked for, or one error that names the file, the
+Whatever a file of JSON or of rows holds, its reader gets values of the types it asked for, or one error that names the file, the
 place in it and what was expected there. Types are those of `typing`: a `TypedDict` for an object, whose further keys
 are passed over, `list[float]`, `str | None`.
 """

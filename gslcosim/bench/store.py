@@ -1,7 +1,5 @@
 """Storage of trial rows: columns of the tables, and the results folder with its journal and lock.
 
-Columns of the benchmark's tables: names, types and meanings, and the encoding of tracks.
-
 `trials.parquet` has a row for each trial, in the order of the suite. Columns that begin with `wall_`, and
 `sandbox`, depend on the machine and its load; all others are the same to the bit wherever, however often and by however
 many workers the suite is run. `tracks.parquet` has a row for each agent of each trial, with a value for each second.

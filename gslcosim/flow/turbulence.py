@@ -2,9 +2,8 @@
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 """Turbulence models: eddy viscosity and wall friction that the momentum equation sees.
 
-Friction at walls: how strongly a wall slows the air beside it, and what it does to turbulence there.
-
-Lists and padding are those of `domain.WallFriction`. The wall is half a cell from the velocities that it slows.
+Friction says how strongly a wall slows the air beside it, and what it does to turbulence there. Its lists and padding
+are those of `domain.WallFriction`. The wall is half a cell from the velocities that it slows.
 
 Padding and index order are those of `pressure`; scalars are at cell centres.
 """

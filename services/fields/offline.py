@@ -1,12 +1,10 @@
 """Gas and wind outside of a run: samples at any points, and the truth for scoring. Never for agents.
 
-Samplers of gas and wind at any points of one instant: from stored frames, or from a scenario in its environment.
+Samplers are of one instant, from stored frames or from a scenario in its environment:
 
 our environment folder        wind; gas with a scenario, whose sources then release it there
 GSL-Bench environment folder  occupancy/, gas_data/<name>/iteration_i_fil.npy, wind_data/<name>.npy if it has wind
 GADEN result folder           iteration_i, wind/wind_iteration_i, OccupancyGrid3D.csv in it or above it
-
-Ground truth for scoring: the true sources and the true gas of an instant. For analysis, never for agents.
 
 What agents import cannot reach this module (see .importlinter), and nothing of it is a message.
 """

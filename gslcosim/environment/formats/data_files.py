@@ -11,9 +11,8 @@ GADEN's `OccupancyGrid3D.csv`: four lines of head, then the cells, layer by laye
 0 is free, 1 an obstacle, 2 an outlet. The text files of wind components have the same rows, without a head.
 Source: the readers and writers of MAPIRlab/gaden and MAPIRlab/gaden_core.
 
-Wind arrays for all cells of a grid: GADEN's component files and results, uniform wind, and numpy arrays.
-
-Cells are numbered x + nx (y + ny z) in all of them but those of our own shape. That holds for AutoGDM+'s and
+Winds for all cells of a grid are GADEN's component files and results, uniform wind, and numpy arrays. Cells are
+numbered x + nx (y + ny z) in all of them but those of our own shape. That holds for AutoGDM+'s and
 GSL-Bench's `(t, cells, 3)` as well: AutoGDM+ makes them from GADEN's results without sorting cells, and GSL-Bench's
 anemometer looks them up by that number (Herwich012/GSL-Bench, sensors/anemometer.py). Their occupancy, by contrast, is
 indexed [z, x, y].

@@ -1,7 +1,6 @@
 """Wind files of other programs, recognised by content and name, as frames on a grid.
 
-Wind at points: csv of ParaView and OpenFOAM, bare columns, and fields of an OpenFOAM time folder.
-
+Wind at points comes from csv of ParaView and OpenFOAM, from bare columns, or from fields of an OpenFOAM time folder.
 Columns are found by their names, in any order and among others: the place as `Points:0`, `Points_0`, `x`, `C_x`,
 `CellCenters_0` and the like, the velocity as `U:0`, `U_0`, `U_x`, `Ux`, `UMean_0`, `velocity_0`, `u` and the like.
 Each point goes to the cell that holds it; the points of a cell are averaged.
@@ -12,8 +11,8 @@ A file is one frame, or all that it holds. A folder, or the beginning of a path 
 is a series: files that differ by their last number, frame after frame. What is read:
 
     uniform       lines `u,v,w`, one a frame
-    points        csv of ParaView, csv or raw sets of OpenFOAM: see `wind_points`
-    OpenFOAM      a time folder with `U` and `C`, or a case with several: see `wind_points`
+    points        csv of ParaView, csv or raw sets of OpenFOAM: see above
+    OpenFOAM      a time folder with `U` and `C`, or a case with several
     components    GADEN's `<name>_i.csv_U`, `_V`, `_W`, text or binary
     results       GADEN's `wind_iteration_i`, versions 1 to 3
     arrays        `.npy` of (t, cells, 3), as AutoGDM+ and GSL-Bench have it, or (t, nx, ny, nz, 3)

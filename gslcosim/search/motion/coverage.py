@@ -1,8 +1,6 @@
 """Coverage of a room without gas: squares not visited yet, and lawnmower lanes.
 
-Coverage grid: squares of the floor not visited yet, the nearest across the wind first.
-
-In an empty room this flies lanes across the wind; after gas was followed and lost again, what was seen meanwhile is
+The nearest square across the wind comes first. In an empty room this flies lanes across the wind; after gas was followed and lost again, what was seen meanwhile is
 left out.
 """
 

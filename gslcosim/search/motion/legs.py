@@ -1,7 +1,5 @@
 """Legs: where they may end, the planner from a goal to a leg that the vehicle can do, and detection of being stuck.
 
-Stuck detector: notices that many legs have led nowhere, as in an eddy.
-
 Where the wind turns in a circle, "upwind" leads a reactive search round the eddy for ever. The stuck detector notices.
 """
 

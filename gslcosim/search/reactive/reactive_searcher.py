@@ -70,7 +70,7 @@ class ReactiveSettings:
     """Settings that every reactive method has; its card gives their values and where they come from.
 
     `margin_m` is kept to the walls; `hold_s` is held after a leg (absent: the briefing's) and `explore_hold_s` after
-    one that only explores or casts; `explore_step_m` is the edge of the squares of `coverage_grid.CoverageGrid`;
+    one that only explores or casts; `explore_step_m` is the edge of the squares of `coverage.CoverageGrid`;
     `threshold_ppm` and `threshold_m_s` are the least gas and wind that count; `leash_legs` legs within `leash_m` are
     too many, after which `leash_away_legs` legs only explore; `declares` switches declarations, by
     `declaration.ReactiveRule` and, after `n_lost` losses of the plume within `spread_m`, by `LossPoints`.

@@ -1,7 +1,5 @@
 """Synchronous rounds of a team over radio, and its reports: a short text for a measurement, and a memory of them.
 
-Radio reports of a swarm: a short text for a measurement, and a memory of the others' reports.
-
 A report in ASCII is `g TIME X Y Z AMOUNT`, and after it any of `wX Y`, `bX Y Z AMOUNT` and `nV V ...`:
 
     g 415 723 511 200 2004e-8 w52 -10 b690 500 200 2104e-8 n3 25e-2

@@ -1,8 +1,6 @@
 """Belief shared by several robots in an order that all agree on, and Langevin motion on it.
 
-Langevin motion on a belief: downhill on its potential with as much noise as a temperature says, and swapped roles.
-
-A cold robot goes to the most likely place (it exploits), a hot one wanders (it explores). Where the cold one stands
+Langevin motion goes downhill on the belief's potential with as much noise as a temperature says. A cold robot goes to the most likely place (it exploits), a hot one wanders (it explores). Where the cold one stands
 worse than a hotter one, they swap temperatures: the place keeps its robot, and the robot that stands well becomes cold.
 """
 

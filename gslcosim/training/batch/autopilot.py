@@ -92,7 +92,7 @@ def fly_lagged_tick(search, path, vehicle, case, room, work, tick, time_s):
             p[axis] += dt_s * v[axis]
 
 
-# See `gslcosim_services.world.path_follower` and `guidance.autopilot`.
+# See `path_follower` and `autopilot` of `gslcosim_services.world`.
 _ARRIVED_WITHIN_M = 0.15
 _ARRIVED_BELOW_M_S = 0.2
 _GIVE_UP_AFTER_S = 10.0

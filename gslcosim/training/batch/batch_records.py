@@ -77,7 +77,7 @@ CASE = np.dtype(
         ("cutoff_sigma", np.float64),
         ("n_gases", np.int64),
         ("gas_ticks_per_step", np.int64),
-        ("gas_steps_per_tick", np.int64),  # what follows is for meandering plumes, see `meander`
+        ("gas_steps_per_tick", np.int64),  # what follows is for meandering plumes, see `gas_readings`
         ("gas_step_s", np.float64),
         ("warm_up_steps", np.int64),
         ("gas_seed", np.int64),  # -1: the search's
@@ -276,7 +276,7 @@ WORK = np.dtype(
         ("sample", np.float64, (SAMPLE_LENGTH,)),
         ("raw", np.float64, (MOST_VALUES,)),
         ("parts", np.float64, (64,)),
-        ("most_filaments", np.int64),  # of what follows: see `filament_tape`
+        ("most_filaments", np.int64),  # of what follows: see `gas_readings`
         ("hits", np.int64),  # address of int32
         ("slots", np.int64),  # address of int32
         ("marks", np.int64),  # address of (most_filaments // 64 + 1,) uint64

@@ -1,18 +1,11 @@
 """Confinement of a process by Linux: Landlock for files, a filter of system calls, dropped capabilities.
 
-Capabilities of Linux: a process of root gives up, for itself and its descendants, what root may do.
+A process gives up, for itself and its descendants, all files but those it names, and of root's capabilities all. It
+uses no package of other people, because it runs in the small process between supervisor and agent. See
+https://docs.kernel.org/userspace-api/landlock.html for rights and versions, and `man 7 capabilities`.
 
-Without packages of other people, as `landlock`. See `man 7 capabilities`.
-
-Linux's Landlock: a process gives up, for itself and its descendants, all files but those it names.
-
-Without packages of other people, because it runs in the small process between supervisor and agent.
-See https://docs.kernel.org/userspace-api/landlock.html for rights and versions.
-
-Filter of system calls for what Landlock cannot refuse: sockets of the network, and changes of files of others.
-
-These are sockets of the network, ways past files from one process to another, and changes of what belongs to others.
-Calls that are refused return EPERM. Written for x86_64 and arm64; elsewhere there is no filter, and `can_filter` says
+The filter refuses what Landlock cannot: sockets of the network, ways past files from one process to another, and
+changes of what belongs to others. Calls that are refused return EPERM. Written for x86_64 and arm64; elsewhere there is no filter, and `can_filter` says
 so. The instructions are those of classic BPF, see `man 2 seccomp`.
 """
 
