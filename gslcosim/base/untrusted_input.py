@@ -1,8 +1,8 @@
 """Reader for JSON that others have written, bounded in size and depth, and escaping of foreign text for terminals.
 
-Whatever a file of JSON or of rows holds, its reader gets values of the types it asked for, or one error that names the file, the
-place in it and what was expected there. Types are those of `typing`: a `TypedDict` for an object, whose further keys
-are passed over, `list[float]`, `str | None`.
+Whatever a file of JSON or of rows holds, its reader gets values of the types it asked for, or one error that names the
+file, the place in it and what was expected there. Types are those of `typing`: a `TypedDict` for an object, whose
+further keys are passed over, `list[float]`, `str | None`.
 """
 
 import json

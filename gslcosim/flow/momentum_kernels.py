@@ -3,7 +3,7 @@
 Padding, index order and face coefficients are those of `pressure`: u[i, j, k] is on the low-x face of
 cell (i, j, k), v on the low-y, w on the low-z face; the kinematic viscosity and the pressure are at cell centres.
 The viscosity is zero in everything that is not air, and no viscous flux crosses an edge that touches such a cell:
-friction at walls is added afterwards by `turbulence.wall_friction`.
+friction at walls is added afterwards, see `turbulence`.
 """
 # pyright: basic
 

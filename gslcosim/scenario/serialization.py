@@ -1,6 +1,7 @@
 """YAML text as plain values with the place of each, and a resolved scenario back to YAML.
 
-This is the one way a scenario's text is read. Plain values follow YAML 1.2's core schema: see `gslcosim.base.yaml_core`.
+This is the one way a scenario's text is read. Plain values follow YAML 1.2's core schema: see
+`gslcosim.base.yaml_core`.
 """
 
 from collections.abc import Iterable

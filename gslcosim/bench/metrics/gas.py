@@ -2,11 +2,12 @@
 # ruff: noqa: ANN001, ANN201 - kernels have no types, and symbols of equations
 """Gas metrics: first contact, how gas came and went, and distance of an estimated map to the true one.
 
-Metrics of contact are of true mixing ratios at the noses, not of readings. Gas counts when there is more of it than a floor, that of the
-sensor; the referee's is `GAS_CONTACT_PPM`. With several noses the strongest counts.
+Metrics of contact are of true mixing ratios at the noses, not of readings. Gas counts when there is more of it than a
+floor, that of the sensor; the referee's is `GAS_CONTACT_PPM`. With several noses the strongest counts.
 
-Metrics of maps tell errors in shape from errors in amount. Gas maps are (nx, ny) mixing ratios in the mean over time at one height, index order ij, of equal square cells. The
-truth is the mean over the time of the run at the height of the map.
+Metrics of maps tell errors in shape from errors in amount. Gas maps are (nx, ny) mixing ratios in the mean over time at
+one height, index order ij, of equal square cells. The truth is the mean over the time of the run at the height of the
+map.
 """
 
 import math

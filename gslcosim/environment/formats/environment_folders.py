@@ -7,7 +7,8 @@ GADEN has `OccupancyGrid3D.csv` with the wind around it. Layouts that are known,
 
 GADEN's grid holds the walls; its outlets are cells of code 2, where filaments end. Inlets are not marked.
 
-GSL-Bench and AutoGDM+ have grids with their wind where it is there. Layout of such a folder (GSL-Bench, environments/NNN; described by GSL-Bench's own files):
+GSL-Bench and AutoGDM+ have grids with their wind where it is there. Layout of such a folder (GSL-Bench,
+environments/NNN; described by GSL-Bench's own files):
 
     occupancy/<name>_head.txt   JSON: env_min and env_max [m], num_cells (x, y, z), cell_size [m]
     occupancy/<name>_grid.npy   integers indexed [z, x, y]: 0 free, 1 obstacle, 2 inlet or outlet

@@ -1,7 +1,8 @@
 """Planning under uncertainty: value iteration, QMDP and Perseus, and plumes by the offset from their source.
 
-Offsets are in a frame turned to the wind. The first coordinate of an offset points down the wind, the second to its left; the offset of a vehicle is its place
-minus the source's. A belief over source cells in the world becomes one over offsets by this turn alone.
+Offsets are in a frame turned to the wind. The first coordinate of an offset points down the wind, the second to its
+left; the offset of a vehicle is its place minus the source's. A belief over source cells in the world becomes one over
+offsets by this turn alone.
 
 States are cells, moves lead from cell to cell for sure, what is observed depends on the cell that was reached. A state
 may be terminal: there the search is over, and the searcher knows it. Values are discounted sums of rewards.

@@ -1,7 +1,7 @@
 """Coverage of a room without gas: squares not visited yet, and lawnmower lanes.
 
-The nearest square across the wind comes first. In an empty room this flies lanes across the wind; after gas was followed and lost again, what was seen meanwhile is
-left out.
+The nearest square across the wind comes first. In an empty room this flies lanes across the wind; after gas was
+followed and lost again, what was seen meanwhile is left out.
 """
 
 import math

@@ -1,7 +1,8 @@
 """Belief shared by several robots in an order that all agree on, and Langevin motion on it.
 
-Langevin motion goes downhill on the belief's potential with as much noise as a temperature says. A cold robot goes to the most likely place (it exploits), a hot one wanders (it explores). Where the cold one stands
-worse than a hotter one, they swap temperatures: the place keeps its robot, and the robot that stands well becomes cold.
+Langevin motion goes downhill on the belief's potential with as much noise as a temperature says. A cold robot goes to
+the most likely place (it exploits), a hot one wanders (it explores). Where the cold one stands worse than a hotter one,
+they swap temperatures: the place keeps its robot, and the robot that stands well becomes cold.
 """
 
 import math

@@ -487,7 +487,7 @@ def longest_stop_s(case, velocity_m_s, acceleration_m_s2):
 
 @reference_free_njit()
 def must_brake(path, case, room, work, tick):
-    """Return whether a vehicle that brakes a tick later stops where it must not; see `gslcosim_services.world.obstacle_avoidance`.
+    """Return whether a vehicle that brakes a tick later stops where it must not; see `world.obstacle_avoidance`.
 
     Args:
         path: Record of `records.STATE`: what it flies.

@@ -2,7 +2,8 @@
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 """Gaussian plumes behind point sources in even wind: the steady mean, and one that meanders.
 
-Compiled kernels use numpy's own exponential and power, so that both give the same bits on any processor: numpy picks its loops by the processor, and their last digit is not that of the C library, which compiled code calls.
+Compiled kernels use numpy's own exponential and power, so that both give the same bits on any processor: numpy picks
+its loops by the processor, and their last digit is not that of the C library, which compiled code calls.
 """
 
 import ctypes

@@ -5,8 +5,8 @@ uses no package of other people, because it runs in the small process between su
 https://docs.kernel.org/userspace-api/landlock.html for rights and versions, and `man 7 capabilities`.
 
 The filter refuses what Landlock cannot: sockets of the network, ways past files from one process to another, and
-changes of what belongs to others. Calls that are refused return EPERM. Written for x86_64 and arm64; elsewhere there is no filter, and `can_filter` says
-so. The instructions are those of classic BPF, see `man 2 seccomp`.
+changes of what belongs to others. Calls that are refused return EPERM. Written for x86_64 and arm64; elsewhere there is
+no filter, and `can_filter` says so. The instructions are those of classic BPF, see `man 2 seccomp`.
 """
 
 import ctypes
