@@ -22,7 +22,7 @@ from gslcosim.contract.messages import (
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.contract.record import build_unchecked_constructor
 from gslcosim.environment.model import Environment
-from gslcosim.environment.paths.shortest import shortest_level_path_m, shortest_path_m
+from gslcosim.environment.paths.scoring_paths import shortest_level_path_m, shortest_path_m
 from gslcosim.environment.variants import DynamicEnvironment
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import SourceMovesSpec

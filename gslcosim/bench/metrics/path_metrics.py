@@ -20,7 +20,7 @@ from gslcosim.base.errors import ShapeError
 from gslcosim.base.quantities import Vec3
 from gslcosim.bench.metrics.series import Array, as_points, as_series
 from gslcosim.environment.model import Cell, Environment, EnvironmentGeometry, Grid
-from gslcosim.environment.paths.shortest import shortest_level_path_m, shortest_path_m
+from gslcosim.environment.paths.scoring_paths import shortest_level_path_m, shortest_path_m
 from gslcosim_services.referee import metrics
 
 
@@ -249,8 +249,8 @@ class ShortestPaths:
     """The shortest collision-free ways to the success balls of sources, each looked for once.
 
     One object stands for (room, sources, radius); starts repeat from trial to trial and are then looked up. The ways
-    are those of `gslcosim.environment.paths.shortest`, by which the referee judges too. A field of distances over all
-    cells would be quicker for many starts, but up to a tenth too long, and there would be two answers to one question.
+    are those of `gslcosim.environment.paths.scoring_paths`, by which the referee judges too. A field of distances
+    over all cells would be quicker for many starts, but up to a tenth too long, and there would be two answers to one question.
 
     `sources_m` are points in the world frame [m]; `within_m` is the radius of the balls [m]; `clearance_m` what is kept
     from solids [m], the radius of a vehicle; `is_level` says that the way stays at the height of its start, as on

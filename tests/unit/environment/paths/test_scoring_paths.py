@@ -8,7 +8,12 @@ import pytest
 
 from gslcosim.environment.grid_kernels import is_line_of_sight_free
 from gslcosim.environment.layouts.layouts import build_layout
-from gslcosim.environment.paths.shortest import clearance_field_m, shortest_level_path_m, shortest_path, shortest_path_m
+from gslcosim.environment.paths.scoring_paths import (
+    clearance_field_m,
+    shortest_level_path_m,
+    shortest_path,
+    shortest_path_m,
+)
 from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, WindSpec
 
 START_M, GOAL_M = (12.0, 5.0, 2.0), (3.0, 5.0, 2.0)

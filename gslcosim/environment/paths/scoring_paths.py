@@ -90,7 +90,7 @@ def any_angle_path(blocked, origin_m, cell_m, start_m, goal_m, within_m):
     Source:
         Nash, Koenig and Tovey 2010, Lazy Theta*: any-angle path planning and path length analysis in 3D, AAAI, fig. 4.
     Held by:
-        tests/unit/environment/paths/test_shortest.py (closed forms around one box)
+        tests/unit/environment/paths/test_scoring_paths.py (closed forms around one box)
     """
     nx, ny, nz = blocked.shape
     shape = (nx, ny, nz)
@@ -296,7 +296,7 @@ def clearance_field_m(is_solid: NDArray[np.bool_], cell_m: float, *, up_to_m: fl
         Our derivation; the separation is that of Felzenszwalb and Huttenlocher 2012, Distance transforms of sampled
         functions, doi:10.4086/toc.2012.v008a019, section 2.
     Held by:
-        tests/unit/environment/paths/test_shortest.py (against brute force)
+        tests/unit/environment/paths/test_scoring_paths.py (against brute force)
     """
     squared_m2 = np.where(is_solid, np.float32(0.0), np.float32(np.inf))
     n_shifts = int(up_to_m / cell_m + 0.5) + 1
