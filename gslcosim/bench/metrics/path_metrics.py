@@ -250,7 +250,8 @@ class ShortestPaths:
 
     One object stands for (room, sources, radius); starts repeat from trial to trial and are then looked up. The ways
     are those of `gslcosim.environment.paths.scoring_paths`, by which the referee judges too. A field of distances
-    over all cells would be quicker for many starts, but up to a tenth too long, and there would be two answers to one question.
+    over all cells would be quicker for many starts, but up to a tenth too long, and there would be two answers to one
+    question.
 
     `sources_m` are points in the world frame [m]; `within_m` is the radius of the balls [m]; `clearance_m` what is kept
     from solids [m], the radius of a vehicle; `is_level` says that the way stays at the height of its start, as on
