@@ -77,7 +77,8 @@ def sources(environment: EnvironmentSpec, wind: SolverSpec) -> list[Path]:
         parts += ["gslcosim/flow", "gslcosim/environment/generation/wind.py"]  # a package may build on them
     elif wind.solves:
         parts += ["gslcosim/flow"] if wind.solver == "openfoam" else ["gslcosim/flow/*"]
-    return list_package_files(*parts)
+    # Where something may be put decides nothing about the environment itself.
+    return [path for path in list_package_files(*parts) if path.name != "positions.py"]
 
 
 # All code of the package, since nobody knows what of it the wind depends on, and its version for what is compiled.

@@ -116,8 +116,8 @@ def test_the_recipe_names_all_code_that_decides_the_result():
 
 def test_code_that_only_writes_rooms_elsewhere_makes_no_environment_again():
     names = {path.name for path in sources(EnvironmentSpec(layout=LayoutSpec()), WindSpec())}
-    assert names.isdisjoint({"stl.py", "vtk.py", "picture.py", "export.py", "position_checks.py", "shortest.py"})
-    assert names >= {"boxes.py", "occupancy.py", "store.py", "solver.py", "domain.py"}
+    assert names.isdisjoint({"stl.py", "vtk.py", "picture.py", "export.py", "positions.py", "scoring_paths.py"})
+    assert names >= {"grid_kernels.py", "geometry_source.py", "store.py", "solver.py", "domain.py"}
     assert names & {path.name for path in (Path(gslcosim.__file__).parent / "environment" / "layouts").glob("*.py")}
 
 
