@@ -1,7 +1,8 @@
 # pyright: basic
 """Path planner of vehicles: inflated solids, connected parts of the free air, and paths around corners.
 
-It finds a path over neighbouring cells and shortens it: bends that the vehicle can pass by are left out. The referee's shortest ways, by which flights are judged, are in `scoring_paths`, with the reason why there are two.
+It finds a path over neighbouring cells and shortens it: bends that the vehicle can pass by are left out. The
+referee's shortest ways, by which flights are judged, are in `scoring_paths`, with the reason why there are two.
 """
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
