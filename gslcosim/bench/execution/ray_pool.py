@@ -4,6 +4,7 @@ import importlib
 import logging
 import os
 import secrets
+import signal
 import socket
 import time
 from collections import deque
@@ -27,6 +28,7 @@ from gslcosim.bench.execution.ray_worker import (
     RecordedTrial,
     installed_software,
 )
+from gslcosim.runtime.processes.children import StopDetector, describe_stop, is_stopped_itself
 
 AUTO, LOCAL = "auto", "local"
 _LISTENS_S = 10.0
@@ -109,10 +111,13 @@ _AHEAD = 2
 _LOOK_EVERY_S = 0.5
 _START_S = 60.0
 _END_S = 3.0
+# Of a worker on another machine, whose state this one cannot see: as long as a run waits for a lost host.
+_SILENCE_S = 15.0
 _MOST_FAILED_STARTS = 3
 # Rows travel through it, and the files of agents.
 _LOCAL_STORE_BYTES = 200_000_000
-_ENDING = "ending"
+# Calls of this group are answered while a worker does its job.
+_BESIDE = "beside"
 
 
 @dataclass(frozen=True)
@@ -154,6 +159,8 @@ class _Worker:
     first_answer: Any
     flies: bool
     is_up: bool = False
+    pid: int = 0
+    sign_of_life: Any = None
     since: float = 0.0
     tasks: "deque[tuple[Any, _Task]]" = field(default_factory=deque)
 
@@ -195,6 +202,7 @@ class RayPool:
         self._n_workers = 0
         self._n_started = 0
         self._n_failed_starts = 0
+        self._stopped, self._silent = StopDetector(), StopDetector(_SILENCE_S)
         self._scratch: ScratchFolder | None = None
         self._ray = load_ray(address)
         try:
@@ -236,6 +244,7 @@ class RayPool:
         while not self._ended:
             left_s = deadline - time.monotonic()
             self._hear_all(max(0.0, min(left_s, _LOOK_EVERY_S)))
+            self._look_after()
             self._hand_out()
             if left_s <= 0:
                 break
@@ -246,7 +255,7 @@ class RayPool:
         """End all workers; see `Pool`."""
         with suppress(Exception):
             up = [worker.actor for worker in self._workers if worker.is_up]
-            answers = [actor.end.options(concurrency_group=_ENDING).remote() for actor in up]
+            answers = [actor.end.options(concurrency_group=_BESIDE).remote() for actor in up]
             if answers:
                 self._ray.wait(answers, num_returns=len(answers), timeout=_END_S)
         for worker in self._workers:
@@ -329,7 +338,7 @@ class RayPool:
             num_cpus=1 if flies else 0,
             max_restarts=0,
             max_task_retries=0,
-            concurrency_groups={_ENDING: 1},
+            concurrency_groups={_BESIDE: 2},
             scheduling_strategy=self._on(node),
         )(RayWorker)
         actor = actor_type.remote(self._limits, _fetched)
@@ -379,7 +388,7 @@ class RayPool:
 
     def _receive(self, worker: _Worker, answer: Any) -> None:
         try:
-            received = self._ray.get(answer)
+            received: Any = self._ray.get(answer)
         except GslCosimError as error:
             raise SimulationFault(
                 f"--ray {self._address}: node {worker.node.address}: {shorten_error(error)}"
@@ -393,7 +402,7 @@ class RayPool:
             self._lose(worker, shorten_error(error))
             return
         if not worker.is_up:
-            worker.is_up, self._n_failed_starts = True, 0
+            worker.is_up, worker.pid, self._n_failed_starts = True, int(received), 0
             self._n_workers = max(self._n_workers, sum(each.flies and each.is_up for each in self._workers))
             return
         _, task = worker.tasks.popleft()
@@ -401,6 +410,28 @@ class RayPool:
         self.peak_mb = max(self.peak_mb, received.peak_mb)
         self.reference_loops_s += received.reference_loops_s
         self._take(task, worker, received)
+
+    # Ray waits for ever for a worker that is stopped, since its process is there.
+    def _look_after(self) -> None:
+        now, up = time.monotonic(), [worker for worker in self._workers if worker.is_up]
+        here = [worker.name for worker in up if worker.node.id == self._here and is_stopped_itself(worker.pid)]
+        stopped = self._stopped.look(here, now)
+        silent = self._silent.look([worker.name for worker in up if not self._has_answered(worker)], now)
+        for worker in up:
+            if worker.name in stopped:
+                os.kill(worker.pid, signal.SIGKILL)
+                self._lose(worker, describe_stop())
+            elif worker.name in silent:
+                self._lose(
+                    worker, f"has not answered for {_SILENCE_S:g} s; it was stopped, or its node cannot be reached"
+                )
+
+    # Asks again as soon as it has.
+    def _has_answered(self, worker: _Worker) -> bool:
+        if worker.sign_of_life is not None and not self._ray.wait([worker.sign_of_life], timeout=0)[0]:
+            return False
+        worker.sign_of_life = worker.actor.ready.options(concurrency_group=_BESIDE).remote()
+        return True
 
     # One task of an order has come to its end.
     def _take(self, task: _Task, worker: _Worker, done: NodeJobResult) -> None:

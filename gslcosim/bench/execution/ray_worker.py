@@ -271,9 +271,9 @@ class RayWorker:
         self._roots: dict[str, Path | None] = {}
         self._n_loops_told = 0
 
-    def ready(self) -> bool:
-        """Answer, so that the caller knows it is there."""
-        return True
+    def ready(self) -> int:
+        """Answer with the number of this process, so that the caller knows it is there."""
+        return os.getpid()
 
     def do(self, job: Job, bundle: FileBundle, parcel: Any) -> NodeJobResult:
         """Do a job with the files, the room and the tape of this node; what is missing is made or unpacked here.
