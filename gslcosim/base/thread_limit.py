@@ -1,12 +1,15 @@
 """Limit on processes and threads, looked at before libraries run into it."""
 
 import os
+import sys
 import threading
 
 from gslcosim.base.errors import build_process_error
 
 # A session of Zenoh has as many at the most.
 _N_SESSION_THREADS = 16
+# Far above what runs take; a limit like this is not met by chance.
+_HIGH_LIMIT = 4096
 
 
 def check_thread_limit() -> None:
@@ -33,3 +36,18 @@ def check_thread_limit() -> None:
         gate.set()
         for thread in threads[:n_started]:
             thread.join()
+
+
+def check_low_thread_limit() -> None:
+    """Do the same where the user's limit is so low that a session of Zenoh may meet it.
+
+    Raises:
+        MachineError: see `check_thread_limit`.
+    """
+    if sys.platform == "win32":
+        return
+    import resource
+
+    limit = resource.getrlimit(resource.RLIMIT_NPROC)[0]
+    if limit != resource.RLIM_INFINITY and limit < _HIGH_LIMIT:
+        check_thread_limit()

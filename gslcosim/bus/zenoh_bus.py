@@ -30,6 +30,7 @@ from gslcosim.base.errors import (
     build_machine_error,
     build_process_error,
 )
+from gslcosim.base.thread_limit import check_low_thread_limit
 from gslcosim.bus.interface import (
     INHERITED_FILES,
     Certificate,
@@ -122,6 +123,8 @@ def open_session(config: zenoh.Config) -> zenoh.Session:
         MachineError: the machine lacks what a session needs, such as files that may be open.
         zenoh.ZError: it cannot be opened for another reason.
     """
+    # Its runtime panics where it gets no thread.
+    check_low_thread_limit()
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:
