@@ -59,7 +59,7 @@ def merge(folders: Sequence[Path], out: Path | None = None, *, demands_sandbox: 
         for folder, name in zip(folders, names_alone, strict=True)
     ]
     _check_same_cases(submissions)
-    _check_same_flights(submissions)
+    _check_same_trials(submissions)
     _check_sandboxes(submissions, is_asked=demands_sandbox)
     names = _entry_names(submissions)
     if out is not None:
@@ -138,7 +138,7 @@ def _check_sandboxes(submissions: Sequence[_Submission], *, is_asked: bool) -> N
 
 
 # Runs of one program in one case have one digest; where two folders disagree, their software did.
-def _check_same_flights(submissions: Sequence[_Submission]) -> None:
+def _check_same_trials(submissions: Sequence[_Submission]) -> None:
     digests: dict[tuple[Any, ...], tuple[str, str]] = {}
     for submission in submissions:
         rows = submission.results.trials

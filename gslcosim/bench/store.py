@@ -302,7 +302,7 @@ _MAX_BYTES = 1_000_000_000
 RESULTS_SCHEMA = "gslcosim/results/1"
 
 
-class FlownEntryFacts(TypedDict, total=False):
+class ManifestEntry(TypedDict, total=False):
     """Entry of `manifest.json`, as far as it is read."""
 
     name: Required[str]
@@ -378,7 +378,7 @@ class ResultsManifest(TypedDict, total=False):
     sandbox: str | None
     versions: dict[str, str] | None
     machine: MachineFacts | None
-    entries: list[FlownEntryFacts]
+    entries: list[ManifestEntry]
     n_planned: int | None
     dropped: list[DroppedCase] | None
     anchors: dict[str, str | None] | None

@@ -21,7 +21,7 @@ class AuditRouter:
 
     The agent needs its user and password as in a run, but no access control stands in its way: what it writes, asks or
     subscribes to outside its own keys arrives here instead of vanishing. Keys are whole, namespace included, so that an
-    agent that has forgotten its namespace is heard too.
+    agent that has forgotten its namespace is receive_sample too.
     """
 
     def __init__(self, session: zenoh.Session) -> None:
@@ -64,16 +64,16 @@ class AuditRouter:
         What this router publishes itself is not among it.
         """
 
-        def heard(sample: zenoh.Sample) -> None:
+        def receive_sample(sample: zenoh.Sample) -> None:
             on_put(str(sample.key_expr), sample.payload.to_bytes())
 
-        def asked(query: zenoh.Query) -> None:
+        def receive_query(query: zenoh.Query) -> None:
             with query:
                 on_question(str(query.key_expr), b"")
 
-        callback: Any = zenoh.handlers.Callback(heard, indirect=True)
+        callback: Any = zenoh.handlers.Callback(receive_sample, indirect=True)
         self._held.append(self._session.declare_subscriber("**", callback))
-        self._held.append(self._session.declare_queryable("**", asked))
+        self._held.append(self._session.declare_queryable("**", receive_query))
         self._held.append(
             self._session.liveliness().declare_subscriber(
                 "**",

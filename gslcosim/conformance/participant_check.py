@@ -316,7 +316,7 @@ class ParticipantSession:
         if hello is None:
             return failure
         self.played.hello, self.played.hello_at_s = hello, time.monotonic() - began_s
-        return self._tell(answering, build_check_briefing(hello, self.played.script.seed, self._parameters))
+        return self._send_message(answering, build_check_briefing(hello, self.played.script.seed, self._parameters))
 
     def _step(self, answering: FailureBuilder) -> Failure | None:
         played = self.played
@@ -341,7 +341,7 @@ class ParticipantSession:
         if failure := self._nothing_more(answering, f"what came before {sent}", 0.0):
             return failure
         asked_s = time.monotonic()
-        if failure := self._tell(answering, message):
+        if failure := self._send_message(answering, message):
             return failure
         try:
             payload = exchange.receive(ParticipantOutputs, within_s=limit_s)
@@ -369,7 +369,7 @@ class ParticipantSession:
     def _one_more(self, answering: FailureBuilder, sent: str) -> Failure:
         return answering.failure("once", sent, "nothing until the next inputs come", "one frame more")
 
-    def _tell(self, answering: FailureBuilder, message: Message) -> Failure | None:
+    def _send_message(self, answering: FailureBuilder, message: Message) -> Failure | None:
         exchange = self._exchange
         if exchange is None:
             return None
@@ -390,7 +390,7 @@ class ParticipantSession:
             return
         played.is_end_sent = True
         if played.script.kind != "lost link":
-            self._tell(FailureBuilder(played.script.name), Ending(tick=0, reason=END_REASON))
+            self._send_message(FailureBuilder(played.script.name), Ending(tick=0, reason=END_REASON))
         exchange.close_output()
         self._wait_for_exit(self._limits.exit_s)
 

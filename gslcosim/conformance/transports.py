@@ -393,15 +393,17 @@ class ZenohCheckTransport(CheckedProcess):
         if key == _to_absolute_key(f"agents/{AGENT}/alive"):
             if is_alive:
                 own = (key(AGENT) for key in _KEYS_BY_MESSAGE.values())
-                unheard = tuple(key for key in own if not self._is_heard(key))
-                self._unheard = tuple(key for key in unheard if key != _OBSERVATION or not self._is_heard(_QUESTION))
+                unheard = tuple(key for key in own if not self._has_subscriber(key))
+                self._unheard = tuple(
+                    key for key in unheard if key != _OBSERVATION or not self._has_subscriber(_QUESTION)
+                )
                 self.events.put(AgentJoined(agent=AGENT))
             else:
                 self.events.put(AgentLost(agent=AGENT, reason="its liveliness token vanished"))
         elif is_alive:
             self.events.put(UnexpectedMessage(f"liveliness token {_to_relative_key(key)}"))
 
-    def _is_heard(self, key: str) -> bool:
+    def _has_subscriber(self, key: str) -> bool:
         return self._opened().is_read(_to_absolute_key(key))
 
 
@@ -434,21 +436,21 @@ class GatewayCheckTransport(CheckedProcess):
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
         """Send the agent its briefing; see `AgentTransport`."""
-        self._tell(type(briefing), payload)
+        self._send(type(briefing), payload)
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
         """Send the agent an observation, if it wants that kind; see `AgentTransport`."""
         if self.connection.observations == "all" or observation.awaiting_command:
-            self._tell(Observation, payload)
+            self._send(Observation, payload)
 
     def repeat(self) -> None:
         """Send briefing and last observation again; see `CheckTransport`."""
         for message_type in (Briefing, Observation):
-            self._tell(message_type, self._sent[message_type.__name__])
+            self._send(message_type, self._sent[message_type.__name__])
 
     def end(self, ending: Ending, payload: bytes) -> None:
         """Send the agent the end of the run, and go on listening; see `AgentTransport`."""
-        self._tell(type(ending), payload)
+        self._send(type(ending), payload)
 
     def unsubscribed_keys(self) -> tuple[str, ...]:
         """Return nothing: there are no keys; see `CheckTransport`."""
@@ -478,7 +480,7 @@ class GatewayCheckTransport(CheckedProcess):
         self._link.open(stream)
         self.events.put(AgentJoined(agent=AGENT))
 
-    def _tell(self, message_type: type[Message], payload: bytes) -> None:
+    def _send(self, message_type: type[Message], payload: bytes) -> None:
         self._sent[message_type.__name__] = payload
         self._link.send(message_type.__name__, payload)
 

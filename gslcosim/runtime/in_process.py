@@ -142,7 +142,7 @@ class InProcessRun:
         for observations in self._setup.snapshot.read_observations() if self._setup.snapshot else ():
             for agent, payload in observations:
                 self._deliver_all(self._sessions[agent].observe(codec.decode_observation_head(payload), payload))
-                self._hear_agents()
+                self._handle_agent_events()
             while any(session.is_pending for session in self._sessions.values()) and not is_interrupted():
                 self._wait_for_agent()
             if is_interrupted():
@@ -155,7 +155,7 @@ class InProcessRun:
     def _step_all(self, is_interrupted: Callable[[], bool], started: float) -> Iterator[None]:
         steppers = list(self._steppers.items())
         while self._tick_is_open() and not is_interrupted():
-            self._hear_agents()
+            self._handle_agent_events()
             self._keep_pace(is_interrupted)
             for name, stepper in steppers:
                 may_step = stepper.gate.can_step()
@@ -174,7 +174,7 @@ class InProcessRun:
                     raise GslCosimError(f"{name} cannot step tick {stepper.gate.next_tick}: it lacks {missing}.")
             self._keeping.write_due_parts(self._steppers.values())
             if self._tick % REPORT_EVERY_TICKS == 0 or self._pace is not None:
-                self._tell(started)
+                self._report_status(started)
 
     def _keep_pace(self, is_interrupted: Callable[[], bool]) -> None:
         if self._pace is None:
@@ -203,7 +203,7 @@ class InProcessRun:
                 session.extend_deadlines(missed_s)
 
     # One round, so that an agent that never stops talking does not stop the run.
-    def _hear_agents(self) -> None:
+    def _handle_agent_events(self) -> None:
         for _ in range(self._events.qsize()):
             self._handle_event(self._events.get())
 
@@ -213,7 +213,7 @@ class InProcessRun:
     def _tick_is_open(self) -> bool:
         return not all(stepper.gate.is_finished for stepper in self._steppers.values())
 
-    def _tell(self, started: float) -> None:
+    def _report_status(self, started: float) -> None:
         sim_time_s = seconds_from_ticks(self._tick, self._setup.scenario.tick_ns)
         wall_s = max(time.perf_counter() - started, 1e-9)
         self._report(
@@ -255,10 +255,10 @@ class InProcessRun:
         if isinstance(message, Observation):
             self._deliver_all(self._observed_by[port].observe(message, sent.payload))
             # An object has answered by now.
-            self._hear_agents()
+            self._handle_agent_events()
         elif isinstance(message, Briefing):
             self._briefed_by[port].brief(message, sent.payload)
-            self._hear_agents()
+            self._handle_agent_events()
         elif isinstance(message, Verdict):
             self._verdict = message
             for stepper in self._steppers.values():

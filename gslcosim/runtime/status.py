@@ -236,7 +236,7 @@ class _ParticipantFacts(TypedDict):
     n_resends: int
 
 
-class _FlightFacts(TypedDict):
+class _RunFacts(TypedDict):
     run_id: str
     run_dir: str
     processes: str | list[object]
@@ -312,7 +312,7 @@ def query_status(window: Path) -> ActiveRun | None:
             facts = parse_json(_read_all(connection), JsonObject, place=window.name)
             if "refused" in facts:
                 raise UsageError(str(facts["refused"]))
-            validate_value(facts, _FlightFacts, place=window.name)
+            validate_value(facts, _RunFacts, place=window.name)
         except MalformedFileError as error:
             facts = _UNKNOWN_FACTS | {"state": "unreadable", "text": str(error)}
         except UsageError as error:

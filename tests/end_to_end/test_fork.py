@@ -131,7 +131,7 @@ def test_other_wind_and_gas_blow_from_the_fork_on(past, tmp_path, in_process):
 def test_another_seed_is_reported_and_named(past, tmp_path):
     fork = forked(past.run_dir, tmp_path, 5, "--set", "agents[0].seed=3", "--agent", "infotaxis")
     assert fork.result["fork_of"]["divergence"] is None
-    assert compared(past.run_dir, fork.run_dir)["told_otherwise"] == ["beetle"]
+    assert compared(past.run_dir, fork.run_dir)["changed_agents"] == ["beetle"]
     assert compared(past.run_dir, fork.run_dir)["divergence"]["tick"] >= 50
 
 

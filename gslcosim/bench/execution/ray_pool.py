@@ -82,7 +82,7 @@ def software_query() -> Callable[[], dict[str, str]]:
     Made here, so that it travels as code: a node without gslcosim can still say so.
     """
 
-    def tell() -> dict[str, str]:
+    def find_software() -> dict[str, str]:
         try:
             from gslcosim.bench.execution.ray_worker import installed_software as found
 
@@ -90,7 +90,7 @@ def software_query() -> Callable[[], dict[str, str]]:
         except ImportError as error:
             return {"missing": str(error)}
 
-    return tell
+    return find_software
 
 
 def software_text(found: dict[str, str]) -> str:
@@ -243,7 +243,7 @@ class RayPool:
         deadline = time.monotonic() + timeout_s
         while not self._ended:
             left_s = deadline - time.monotonic()
-            self._hear_all(max(0.0, min(left_s, _LOOK_EVERY_S)))
+            self._receive_all(max(0.0, min(left_s, _LOOK_EVERY_S)))
             self._look_after()
             self._hand_out()
             if left_s <= 0:
@@ -325,7 +325,7 @@ class RayPool:
         ]
         deadline = time.monotonic() + _START_S
         while any(not worker.is_up for worker in self._workers) and time.monotonic() < deadline:
-            self._hear_all(_LOOK_EVERY_S)
+            self._receive_all(_LOOK_EVERY_S)
         if not self.n_workers:
             raise UsageError(
                 f"--ray {self._address}: expected free CPUs in the cluster, none was within {_START_S:g} s. Wait for "
@@ -375,7 +375,7 @@ class RayPool:
             self._parcels[bundle.key] = [self._ray.put(bundle.contents())]
         return self._parcels[bundle.key]
 
-    def _hear_all(self, timeout_s: float) -> None:
+    def _receive_all(self, timeout_s: float) -> None:
         by_answer = {worker.next_answer: worker for worker in self._workers if worker.next_answer is not None}
         if not by_answer:
             time.sleep(timeout_s)

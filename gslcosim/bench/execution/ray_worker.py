@@ -81,7 +81,7 @@ class BundleBuilder:
         decides = [values["environment"], values["wind"].get("solver"), values["gas"].get("playback"), starts]
         key = f"{trial.directory}\n{json.dumps(decides)}"
         if key not in self._known:
-            self._known[key] = _luggage_of(trial.resolved, trial.directory)
+            self._known[key] = _collect_scenario_files(trial.resolved, trial.directory)
         return self._known[key]
 
 
@@ -146,7 +146,7 @@ def _renamed(value: Any, names: Mapping[str, str]) -> Any:
     return value
 
 
-def _luggage_of(scenario: Scenario, directory: Path) -> FileBundle:
+def _collect_scenario_files(scenario: Scenario, directory: Path) -> FileBundle:
     names: dict[str, str] = {}
     files: set[Path] = set()
     for name, place in _places_in(scenario, directory):

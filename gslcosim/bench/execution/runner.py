@@ -361,18 +361,18 @@ class SuiteRun:
     def _all_done(self, pool: Pool, jobs: Sequence[Job], phase: str) -> Iterable[JobResult]:
         began = time.perf_counter()
 
-        def tell(n_done: int) -> None:
+        def report_done(n_done: int) -> None:
             elapsed_s = time.perf_counter() - began
             self._report(Progress(phase=phase, done=n_done, total=len(jobs), elapsed_s=elapsed_s))
 
         if jobs:
-            tell(0)
+            report_done(0)
         for i, ended in enumerate(iterate_results(pool, jobs)):
             if ended.failure is not None:
                 raise SimulationFault(
                     f"{phase} of {ended.job.trial.case}: expected to be made, {ended.failure}: {ended.text}"
                 )
-            tell(i + 1)
+            report_done(i + 1)
             yield ended
 
     def _fly_all(self, pool: Pool, todo: Sequence[Trial]) -> None:
@@ -384,7 +384,7 @@ class SuiteRun:
         left = len(todo)
         with Journal(self._folder.journal) as journal:
             while left:
-                self._tell(len(todo) - left, len(todo), began)
+                self._report_trials(len(todo) - left, len(todo), began)
                 for ended in pool.wait(POLL_PERIOD_S):
                     trial = ended.job.trial
                     tries[trial.id] += 1
@@ -400,7 +400,7 @@ class SuiteRun:
                     self._count(entry.row)
                     self._flying_s += entry.row["wall_flying_s"] or 0.0
                     left -= 1
-            self._tell(len(todo), len(todo), began)
+            self._report_trials(len(todo), len(todo), began)
 
     def _submit(self, pool: Pool, trial: Trial) -> None:
         pool.submit(Job(key=trial.id, kind="fly", trial=trial, environment_dir=self._environments[trial.room]))
@@ -420,7 +420,7 @@ class SuiteRun:
             self._flown[row["entry"]] += 1
             self._found[row["entry"]] += bool(row["success"])
 
-    def _tell(self, done: int, total: int, began: float) -> None:
+    def _report_trials(self, done: int, total: int, began: float) -> None:
         self._report(
             Progress(
                 phase="trials",

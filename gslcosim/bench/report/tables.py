@@ -55,7 +55,7 @@ def describe_provenance(analysis: Analysis) -> Provenance:
     return Provenance(
         title=str(manifest.get("title") or material.suite.get("title") or material.name),
         question=str(manifest.get("question") or material.suite.get("question") or ""),
-        flown=_flown(analysis),
+        flown=_describe_trials(analysis),
         warnings=tuple(_warnings(analysis)),
         made=tuple(_made(manifest, analysis)),
         split_s=_split_s(analysis),
@@ -63,7 +63,7 @@ def describe_provenance(analysis: Analysis) -> Provenance:
     )
 
 
-def _flown(analysis: Analysis) -> str:
+def _describe_trials(analysis: Analysis) -> str:
     material, rows = analysis.material, analysis.material.rows
     n_cases = len({*rows["case"][~rows.is_control].tolist()})
     n_controls = int(rows.is_control.sum())

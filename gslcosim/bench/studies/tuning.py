@@ -98,7 +98,7 @@ def build_evaluation_plan(
     rounds = 1
     while True:
         loaded = with_disjoint_seeds(subject, purpose, number, repetitions=rounds, taken=taken)
-        lot = _lot([case for _, case in expand_cases(loaded)], loaded.suite.seed)
+        lot = _draw_cases([case for _, case in expand_cases(loaded)], loaded.suite.seed)
         cases = _first_that_fly(replace(subject, loaded=loaded), lot, n=n)
         if len(cases) * rounds >= n:
             break
@@ -109,7 +109,7 @@ def build_evaluation_plan(
 
 
 # One case of each scenario, then a second one of each, and so on.
-def _lot(cases: Sequence[Case], seed: int) -> list[str]:
+def _draw_cases(cases: Sequence[Case], seed: int) -> list[str]:
     drawn = sorted(cases, key=lambda case: hashlib.blake2b(f"{seed}/{case.name}".encode()).digest())
     rank: dict[str, int] = {}
     seen: dict[str, int] = {}

@@ -31,7 +31,7 @@ def _run(arguments: argparse.Namespace) -> int:
                 "final_ticks": [a.final_tick, b.final_tick],
                 "divergence": divergence and vars(divergence),
                 "fork": kinship and vars(kinship),
-                "told_otherwise": list(compared.told_otherwise),
+                "changed_agents": list(compared.changed_agents),
             }
         )
     elif divergence is None:
@@ -45,8 +45,8 @@ def _run(arguments: argparse.Namespace) -> int:
             write(f"  {digest.hex}  final tick {digest.final_tick}  {file.parent}")
     if kinship is not None and not arguments.json:
         write(_KINSHIPS[kinship.fork].format(tick=kinship.tick))
-        if compared.told_otherwise:
-            write(f"Briefed differently: {', '.join(compared.told_otherwise)}.")
+        if compared.changed_agents:
+            write(f"Briefed differently: {', '.join(compared.changed_agents)}.")
     return 0 if divergence is None else ExitCode.DIVERGENCE
 
 

@@ -65,7 +65,7 @@ def _run(arguments: argparse.Namespace) -> int:
         "wind": str(arguments.wind.resolve()) if arguments.wind is not None else None,
     }
     save_with_scene_and_picture(environment, arguments.out, made_from=made_from, notices=[NOTICE, *notices])
-    _tell(arguments, environment, notices)
+    _write_summary(arguments, environment, notices)
     return 0
 
 
@@ -94,7 +94,7 @@ def _recognised(source: Path) -> str:
     )
 
 
-def _tell(arguments: argparse.Namespace, environment: "Environment", notices: list[str]) -> None:
+def _write_summary(arguments: argparse.Namespace, environment: "Environment", notices: list[str]) -> None:
     import numpy as np
 
     from gslcosim.environment.model import Cell

@@ -55,7 +55,7 @@ def _run(arguments: argparse.Namespace) -> int:
     joined = JoinFile.read(
         arguments.file, wait_s=arguments.wait, endpoint=arguments.endpoint, client=_client_certificate(arguments)
     )
-    say = _say_nothing if arguments.quiet or arguments.json else write_note
+    say = _ignore_progress if arguments.quiet or arguments.json else write_note
     if arguments.what[:1] == [AGENT]:
         return _fly_agent(joined, arguments.what[1:], arguments, say)
     if joined.join is None or joined.is_for_agent:
@@ -108,7 +108,7 @@ def _client_certificate(arguments: argparse.Namespace) -> "Certificate | None":
     return Certificate(certificate=arguments.tls_certificate, private_key=arguments.tls_key)
 
 
-def _say_nothing(text: str) -> None:
+def _ignore_progress(text: str) -> None:
     del text
 
 

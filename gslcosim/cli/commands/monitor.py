@@ -55,7 +55,7 @@ def _ps(arguments: argparse.Namespace) -> int:
         write_json([{**flight.facts, "pid": flight.pid} for flight in flights])
     elif flights:
         headings = ("run", "state", "simulated", "speed", "processes", "pid", "folder")
-        write(table(headings, [_flight_row(flight) for flight in flights]))
+        write(table(headings, [_build_run_row(flight) for flight in flights]))
     else:
         write(_NONE)
     for flight in flights:
@@ -64,7 +64,7 @@ def _ps(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _flight_row(flight: "ActiveRun") -> tuple[str, ...]:
+def _build_run_row(flight: "ActiveRun") -> tuple[str, ...]:
     facts = flight.facts
     processes = facts["processes"] if isinstance(facts["processes"], str) else "in groups"
     return (

@@ -79,7 +79,7 @@ def _run(arguments: argparse.Namespace) -> int:
         values = _sample_grid(
             arguments, fields, instant, view, build_lattice(room.origin_m, room.max_m, arguments.grid)
         )
-    _tell(arguments, values[..., -1])
+    _write_summary(arguments, values[..., -1])
     return 0
 
 
@@ -247,7 +247,7 @@ def _check_file_name(arguments: argparse.Namespace) -> None:
         raise UsageError(f"--out: expected a folder that is there, was {arguments.out.parent}.")
 
 
-def _tell(arguments: argparse.Namespace, values: "NDArray[np.float64]") -> None:
+def _write_summary(arguments: argparse.Namespace, values: "NDArray[np.float64]") -> None:
     name = (GAS_COLUMNS if arguments.quantity == "gas" else WIND_COLUMNS)[-1]
     low, high = float(values.min()), float(values.max())
     if arguments.json:

@@ -273,7 +273,7 @@ def _run_serve(arguments: argparse.Namespace) -> int:
     if sys.platform != "linux":
         raise UsageError("serve: expected Linux, where processes fork safely. Fly without --warm.")
     if not arguments.room_for_titles:
-        _begin_anew()
+        _restart_server()
 
     from gslcosim.runtime.processes.daemon import serve_daemon
 
@@ -282,7 +282,7 @@ def _run_serve(arguments: argparse.Namespace) -> int:
 
 
 # With one thread, also in libraries that read how many when they are loaded.
-def _begin_anew() -> None:
+def _restart_server() -> None:
     from gslcosim.base.processes import build_python_command
     from gslcosim.runtime.processes.fork_client import SINGLE_THREAD_VARIABLES, TITLE_PADDING
 

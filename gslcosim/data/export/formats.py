@@ -43,17 +43,17 @@ def extract_run(
         return tuple(write_tables(run, folder, to, lambda table: progress(f"table {table}")))
     types = ros_types()
 
-    def tell(n_messages: int) -> None:
+    def report_count(n_messages: int) -> None:
         progress(f"message {n_messages}")
 
     if to == "mcap":
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / f"{run.run_id}.mcap"
-        write_mcap(iterate_messages(run, types), path, types, tell)
+        write_mcap(iterate_messages(run, types), path, types, report_count)
         return (path,)
     if folder.exists():
         # Bags make their own folder.
         folder.rmdir()
     folder.parent.mkdir(parents=True, exist_ok=True)
-    write_rosbag2(iterate_messages(run, types), folder, types, tell)
+    write_rosbag2(iterate_messages(run, types), folder, types, report_count)
     return tuple(sorted(folder.iterdir()))

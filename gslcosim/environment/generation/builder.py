@@ -209,10 +209,10 @@ def generate_many(
 def _made_one_by_one(orders: Sequence[GenerationJob], report: Progress) -> Iterator[tuple[int, GenerationResult]]:
     for i, order in enumerate(orders):
 
-        def tell(text: str, fraction: float, i: int = i) -> None:
+        def report_fraction(text: str, fraction: float, i: int = i) -> None:
             report(f"{i + 1} of {len(orders)}: {text}", (i + fraction) / len(orders))
 
-        yield i, _made(order, tell)
+        yield i, _made(order, report_fraction)
 
 
 def _made_by_processes(

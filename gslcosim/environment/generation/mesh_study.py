@@ -170,10 +170,12 @@ def study_meshes(
     for i, (wanted_m, cell_m) in enumerate(pairs):
         done, share = sum(work[:i]) / sum(work), work[i] / sum(work)
 
-        def tell(text: str, fraction: float, done: float = done, share: float = share, cell_m: float = cell_m) -> None:
+        def report_fraction(
+            text: str, fraction: float, done: float = done, share: float = share, cell_m: float = cell_m
+        ) -> None:
             progress(f"{cell_m:.4g} m: {text}", done + share * fraction)
 
-        runs.append(_run(recipe, layout, wanted_m, cell_m, probes, tell))
+        runs.append(_run(recipe, layout, wanted_m, cell_m, probes, report_fraction))
     taken = [run.cell_m for run in runs]
     by_probe = np.array([run.probe_speeds_m_s for run in runs]).reshape(len(runs), -1)
     return MeshStudy(
@@ -204,14 +206,14 @@ def find_dividing_cell_sizes(size_m: Vec3, wanted_m: Sequence[float]) -> list[tu
 
 
 def _run(
-    recipe: Recipe, layout: Layout, wanted_m: float, cell_m: float, probes_m: Sequence[Vec3], tell: Progress
+    recipe: Recipe, layout: Layout, wanted_m: float, cell_m: float, probes_m: Sequence[Vec3], report_fraction: Progress
 ) -> MeshRun:
     started_s = time.perf_counter()
     wind = recipe.wind.model_copy(update={"cell_m": cell_m})
     room = build_layout(layout, wind)
     raise_if_any(find_point_problems([(f"--probe {point_text(probe_m)}", probe_m) for probe_m in probes_m], room))
     made = solve_wind_of_scenario(
-        room, EnvironmentSpec(layout=layout), wind, scenario_dir=recipe.directory, progress=tell
+        room, EnvironmentSpec(layout=layout), wind, scenario_dir=recipe.directory, progress=report_fraction
     )
     environment = with_wind(room, made.frames)
     is_air = environment.occupancy != Cell.SOLID

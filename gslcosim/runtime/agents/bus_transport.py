@@ -44,7 +44,7 @@ class BusTransport:
         self._question: bytes | None = None
         self._received_bytes = 0
         self._handled_bytes = 0
-        self._has_told = False
+        self._has_reported = False
         # While nobody else writes what the agent is sent, because it lies before the tick at which the run goes on.
         self.is_writer = False
 
@@ -91,8 +91,8 @@ class BusTransport:
         if self._received_bytes - self._handled_bytes < MAX_QUEUED_BYTES:
             self._received_bytes += len(payload) + _EVENT_BYTES
             self._put(CommandReceived(agent=self._agent, payload=payload))
-        elif not self._has_told:
-            self._has_told = True
+        elif not self._has_reported:
+            self._has_reported = True
             text = "expected one command for each observation that awaits one, was a flood; some of it was dropped."
             self._put(CommandRefused(agent=self._agent, text=text))
 
@@ -122,7 +122,7 @@ class AgentHost:
         self._on_resent = on_resent
         self._in_order: ReorderBuffer[tuple[codec.ObservationHead, bytes]] = ReorderBuffer()
         self._kept = RetransmitBuffer(RETRANSMIT_TICKS + more_ticks)
-        self._told_tick = -1
+        self._reported_tick = -1
 
     def listen(self) -> None:
         """Answer who missed a command."""
@@ -160,8 +160,8 @@ class AgentHost:
     # The agent is sent the bytes as they are, so nobody has to look at the rest.
     def _observe(self, head: codec.ObservationHead, payload: bytes) -> None:
         passed = self.session.observe(head, payload)
-        if head.tick - self._told_tick >= PROGRESS_PERIOD_TICKS:
-            self._told_tick = head.tick
+        if head.tick - self._reported_tick >= PROGRESS_PERIOD_TICKS:
+            self._reported_tick = head.tick
             self._bus.publish(protocol.build_progress_key(self._name), protocol.TickReport(tick=head.tick).to_bytes())
         self._publish(passed)
 

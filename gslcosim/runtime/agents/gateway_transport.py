@@ -56,11 +56,11 @@ class _AgentProcess:
         self._has_exited.set()
         if self.is_open:
             self._has_stopped_talking.wait(LOG_TAIL_WAIT_S)
-        self._tell_gone(f"the agent's process {how} before the end of the run.")
+        self._report_end(f"the agent's process {how} before the end of the run.")
 
     def was_stopped(self) -> None:
         """Take note that the process was stopped for too long, and is being killed."""
-        self._tell_gone(f"the agent's process {describe_stop()}.")
+        self._report_end(f"the agent's process {describe_stop()}.")
 
     def _on_event(self, kind: EventKind, data: bytes) -> None:
         if kind == "command":
@@ -68,12 +68,12 @@ class _AgentProcess:
         elif kind == "refused":
             self.put(CommandRefused(agent=self.spec.name, text=data.decode(errors="replace")))
         elif kind == "closed":
-            self._tell_gone(f"the agent was given up: {data.decode()}")
+            self._report_end(f"the agent was given up: {data.decode()}")
         else:
             self._rest = data.decode()
             self._has_stopped_talking.set()
             if self.spec.start.attach or not self._has_exited.wait(LOG_TAIL_WAIT_S):
-                self._tell_gone("the agent closed its output before the end of the run.")
+                self._report_end("the agent closed its output before the end of the run.")
 
     # Where a process flies several agents its frames say which of them speaks.
     def _put_command(self, payload: bytes) -> None:
@@ -87,7 +87,7 @@ class _AgentProcess:
             text = f"Command: agent: expected {' or '.join(self.agents)}, was {name[:80]!r}."
             self.put(CommandRefused(agent=self.spec.name, text=text))
 
-    def _tell_gone(self, text: str) -> None:
+    def _report_end(self, text: str) -> None:
         with self._lock:
             if self._is_gone:
                 return

@@ -135,7 +135,7 @@ class ParticipantRunner:
         self._bundled_from = 0
         window_ticks = dataflow.by_name[self.name].window_ticks
         self._progress_every_ticks = max(1, min(PROGRESS_PERIOD_TICKS, window_ticks // _PROGRESS_WINDOW_DIVISOR))
-        self._told_tick, self._told_at_s = -1, time.monotonic()
+        self._reported_tick, self._reported_at_s = -1, time.monotonic()
 
     @property
     def is_awaited(self) -> bool:
@@ -220,14 +220,14 @@ class ParticipantRunner:
 
     def report_progress_if_due(self) -> None:
         """Report now and then which tick is finished: writers count on it, and the supervisor."""
-        n_ticks = self.last_tick - self._told_tick
-        if n_ticks >= self._progress_every_ticks or time.monotonic() - self._told_at_s > PROGRESS_PERIOD_S:
+        n_ticks = self.last_tick - self._reported_tick
+        if n_ticks >= self._progress_every_ticks or time.monotonic() - self._reported_at_s > PROGRESS_PERIOD_S:
             self.report_progress()
 
     def report_progress(self) -> None:
         """Report which tick is finished, unless that is known."""
-        if self.last_tick > self._told_tick:
-            self._told_tick, self._told_at_s = self.last_tick, time.monotonic()
+        if self.last_tick > self._reported_tick:
+            self._reported_tick, self._reported_at_s = self.last_tick, time.monotonic()
             self._bus.publish(
                 protocol.build_progress_key(self.name), protocol.TickReport(tick=self.last_tick).to_bytes()
             )
@@ -361,7 +361,7 @@ class Host:
             protocol.STOP_KEY: self._on_stop,
             protocol.CLOSE_KEY: lambda _: self._set_dismissed(),
             _LINK_LOST: lambda _: self._on_lost_link(),
-            _READER_REPORTED: self._on_reader_told,
+            _READER_REPORTED: self._on_reader_report,
             _READER_CONNECTED: lambda payload: self._absent.mark_connected(payload.decode()),
         }
         self._outer_readers = set[str]().union(*(runner.outer_readers for runner in self._runners))
@@ -421,7 +421,7 @@ class Host:
                     self._pass_on(runner, outputs)
                 self._fly()
                 self._flush()
-            self._say_goodbye()
+            self._shut_down()
         except Exception as error:
             self._report(error)
             raise
@@ -566,7 +566,7 @@ class Host:
                 lambda _, payload, port=missing.port: self._on_resent(port, payload),
             )
 
-    def _on_reader_told(self, payload: bytes) -> None:
+    def _on_reader_report(self, payload: bytes) -> None:
         note = protocol.ReaderReport.from_bytes(payload)
         for runner in self._runners:
             runner.gate.grant(note.name, note.tick)
@@ -577,7 +577,7 @@ class Host:
     def _report(self, error: Exception) -> None:
         report_fault(self._bus, self._acting.name, error, tick=self._acting.last_tick)
 
-    def _say_goodbye(self) -> None:
+    def _shut_down(self) -> None:
         for runner in self._runners:
             self._acting = runner
             runner.close()

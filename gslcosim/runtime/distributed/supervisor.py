@@ -71,26 +71,28 @@ class StatusReporter:
         self._report = report
         self._tick_ns = tick_ns
         self._participants = participants
-        self._told_at_s, self._told_state = 0.0, ""
+        self._reported_at_s, self._reported_state = 0.0, ""
 
     def report_awaited(self, names: Sequence[str], waited_s: float) -> None:
         """Report who has not joined yet, and after a while for how long."""
         text = f"waiting for {', '.join(names)}"
         if waited_s <= LATE_AFTER_S:
-            self._tell(RunStatus(state="starting", text=text))
+            self._report_status(RunStatus(state="starting", text=text))
         else:
-            self._tell(RunStatus(state="starting", text=f"{text}, not here after {waited_s:.0f} s", is_late=True))
+            self._report_status(
+                RunStatus(state="starting", text=f"{text}, not here after {waited_s:.0f} s", is_late=True)
+            )
 
     def report_run(self, state: str, tick: int, wall_s: float, text: str = "") -> None:
         """Report how far the run has come, and notes besides."""
         sim_time_s = seconds_from_ticks(tick, self._tick_ns)
         factor = sim_time_s / wall_s if wall_s > 0 else 0.0
-        self._tell(RunStatus(state=state, text=text, sim_time_s=sim_time_s, real_time_factor=factor))
+        self._report_status(RunStatus(state=state, text=text, sim_time_s=sim_time_s, real_time_factor=factor))
 
-    def _tell(self, status: RunStatus) -> None:
+    def _report_status(self, status: RunStatus) -> None:
         now_s = time.monotonic()
-        if status.state != self._told_state or now_s - self._told_at_s >= STATUS_PERIOD_S:
-            self._told_at_s, self._told_state = now_s, status.state
+        if status.state != self._reported_state or now_s - self._reported_at_s >= STATUS_PERIOD_S:
+            self._reported_at_s, self._reported_state = now_s, status.state
             self._report(replace(status, participants=self._participants))
 
 
@@ -375,7 +377,7 @@ class Supervisor:
         self._described.add(description.name)
         if self._restarts.mark_reconnected(description.name):
             self._bus.publish(protocol.START_KEY, b"", urgent=True)
-            self._tell_stop()
+            self._send_stop()
 
     def _on_bundle(self, payload: bytes) -> None:
         for port, message in protocol.unpack_bundle(payload):
@@ -387,9 +389,9 @@ class Supervisor:
 
     def _on_verdict(self, payload: bytes) -> None:
         self._verdict = codec.decode_trusted(Verdict, payload)
-        self._tell_stop()
+        self._send_stop()
 
-    def _tell_stop(self) -> None:
+    def _send_stop(self) -> None:
         if self._verdict is not None:
             self._bus.publish(protocol.STOP_KEY, protocol.TickReport(tick=self._verdict.tick).to_bytes(), urgent=True)
 

@@ -261,7 +261,7 @@ class _Server:
                         is_open = self._take_requests()
                     else:
                         os.read(self._woken, _MAX_REQUEST_BYTES)
-                self._tell_who_ended()
+                self._report_ended_children()
         self._dismiss_apprentices()
         for pid in self._names:
             # One that has just begun leads no group yet.
@@ -300,7 +300,7 @@ class _Server:
             text = format_machine_error(error, name, "one process more")
             with contextlib.suppress(OSError):
                 append_bytes(Path(request["log"]).parent, Path(request["log"]).name, f"{text}\n".encode())
-            self._tell({"ended": name, "code": int(ExitCode.FAULT)})
+            self._send({"ended": name, "code": int(ExitCode.FAULT)})
             return
         if pid == 0:
             child_main(request, self._pid, self._open_descriptors)
@@ -308,7 +308,7 @@ class _Server:
 
     def _has_started(self, name: str, pid: int) -> None:
         self._names[pid] = name
-        self._tell({"started": name, "pid": pid})
+        self._send({"started": name, "pid": pid})
 
     @property
     def _open_descriptors(self) -> list[int]:
@@ -322,15 +322,15 @@ class _Server:
                 os.waitpid(child.pid, 0)
         self._preforked.clear()
 
-    def _tell_who_ended(self) -> None:
+    def _report_ended_children(self) -> None:
         with contextlib.suppress(ChildProcessError):
             while self._names:
                 pid, status = os.waitpid(-1, os.WNOHANG)
                 if pid == 0:
                     return
-                self._tell({"ended": self._names.pop(pid, ""), "code": os.waitstatus_to_exitcode(status)})
+                self._send({"ended": self._names.pop(pid, ""), "code": os.waitstatus_to_exitcode(status)})
 
-    def _tell(self, answer: dict[str, Any]) -> None:
+    def _send(self, answer: dict[str, Any]) -> None:
         with contextlib.suppress(OSError):
             self._requests.sendall(json.dumps(answer).encode() + b"\n")
 

@@ -187,14 +187,14 @@ class RunComparison:
     """Two digests and where they part first.
 
     Runs that come from one another may brief their agents differently without being two runs before the fork: then
-    `told_otherwise` has the agents, and `divergence` is what else differs first, if anything does.
+    `changed_agents` has the agents, and `divergence` is what else differs first, if anything does.
     """
 
     a: RunDigest
     b: RunDigest
     divergence: Divergence | None
     kinship: ForkRelation | None
-    told_otherwise: tuple[str, ...]
+    changed_agents: tuple[str, ...]
 
     @classmethod
     def of(cls, a: Path, b: Path) -> "RunComparison":
@@ -207,13 +207,13 @@ class RunComparison:
         kinship = _find_fork_relation(a.parent, b.parent)
         divergence = find_first_divergence(*digests)
         if kinship is None or divergence is None:
-            return cls(a=digests[0], b=digests[1], divergence=divergence, kinship=kinship, told_otherwise=())
+            return cls(a=digests[0], b=digests[1], divergence=divergence, kinship=kinship, changed_agents=())
         briefings = {port for digest in digests for port in digest.trails if _find_briefed_agent(port)}
         agents = tuple(sorted(_find_briefed_agent(port) for port in briefings if not _are_equal(port, *digests)))
         # A fork that had no events and has some now is the same until one of them happens.
         other = briefings | ({EVENTS} if len([1 for digest in digests if EVENTS in digest.trails]) == 1 else set[str]())
         later = find_first_divergence(*(digest.without(other) for digest in digests))
-        return cls(a=digests[0], b=digests[1], divergence=later or divergence, kinship=kinship, told_otherwise=agents)
+        return cls(a=digests[0], b=digests[1], divergence=later or divergence, kinship=kinship, changed_agents=agents)
 
 
 def _find_fork_relation(a: Path, b: Path) -> ForkRelation | None:

@@ -456,7 +456,9 @@ class Pmfs:
         """
         self._plume = BackwardPlume(self.free, self.grid.cell_m, wind_m_s, self.settings.plume)
         confidence = self.confidence
-        cells = _most(np.where(confidence > self.settings.least_trust, confidence, 0.0), self.settings.scored)
+        cells = _find_largest_cells(
+            np.where(confidence > self.settings.least_trust, confidence, 0.0), self.settings.scored
+        )
         if not cells:
             return
         at = tuple(np.array(cells).T)
@@ -487,7 +489,9 @@ class Pmfs:
         in_sight = is_left & visible_cells(self.free, here)
         length, _ = self._tree(here)
         nearness = 1.0 / (1.0 + np.maximum(length, 0).reshape(self.free.shape))
-        return _most(np.where(in_sight if in_sight.any() else is_left, nearness, 0.0), self.settings.candidates)
+        return _find_largest_cells(
+            np.where(in_sight if in_sight.any() else is_left, nearness, 0.0), self.settings.candidates
+        )
 
     def _disagreement(self, plume: BackwardPlume, cells: list[Cell]) -> Array:
         variance = disagreement(plume.shares(cells), self.p[self.free])
@@ -518,7 +522,7 @@ def warm_up() -> None:
 
 
 # At most n cells with the largest values above 0, the largest first; of equal ones the first in C order.
-def _most(values: Array, n: int) -> list[Cell]:
+def _find_largest_cells(values: Array, n: int) -> list[Cell]:
     order = np.argsort(-values, axis=None, kind="stable")[:n]
     chosen = order[values.reshape(-1)[order] > 0.0]
     return [(int(i), int(j)) for i, j in zip(*np.unravel_index(chosen, values.shape), strict=True)]

@@ -354,7 +354,7 @@ class Rounds:
                 return None
             self._own = self._report(observation, measured, numbers, best)
             self._since_s, self._n_called = observation.time_s, 0
-        missing = [name for name in self.team.others if name not in self.lost and not self._has_told(name)]
+        missing = [name for name in self.team.others if name not in self.lost and not self._has_reported(name)]
         if missing:
             timeout_s = self._timeouts_s[0 if self.number == 1 else 1]
             if observation.time_s - self._since_s < timeout_s - 1e-9:
@@ -373,7 +373,7 @@ class Rounds:
         self._n_called += 1
         return () if self._last is None else self.team.call(self._last)
 
-    def _has_told(self, name: str) -> bool:
+    def _has_reported(self, name: str) -> bool:
         return any(number >= self.number for number in self._received[name])
 
     def _report(

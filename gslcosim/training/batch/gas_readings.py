@@ -143,7 +143,7 @@ def sort_frames_inplace(first, rows, origin_m, column_m, nx, ny, starts, members
 
 # In single precision, for many at a time; `margin_m2` is more than rounding adds.
 @reference_free_njit()
-def _tell_nearby_inplace(is_nearby, xs_m, ys_m, zs_m, sigmas_m, x_m, y_m, z_m, cutoff_sigma, margin_m2):
+def _mark_nearby_inplace(is_nearby, xs_m, ys_m, zs_m, sigmas_m, x_m, y_m, z_m, cutoff_sigma, margin_m2):
     for m in range(len(xs_m)):
         dx, dy, dz, reach = x_m - xs_m[m], y_m - ys_m[m], z_m - zs_m[m], cutoff_sigma * sigmas_m[m]
         is_nearby[m] = dx * dx + dy * dy + dz * dz <= reach * reach + margin_m2
@@ -207,7 +207,7 @@ def near_filaments_inplace(tape, frame, x_m, y_m, z_m, cutoff_sigma, work):
     for i in range(i_first, i_last + 1):
         # Columns along y stand side by side.
         begin, end = starts[i * ny + j_first], starts[i * ny + j_last + 1]
-        _tell_nearby_inplace(
+        _mark_nearby_inplace(
             is_nearby, xs_m[begin:end], ys_m[begin:end], zs_m[begin:end], sigmas_m[begin:end], x, y, z, cutoff,
             margin_m2,
         )  # fmt: skip

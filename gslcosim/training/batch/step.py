@@ -228,7 +228,7 @@ def _go_on(search, path, gauges, memory, wanders, cases, work, tick, task, vecto
 
 
 @reference_free_njit()
-def _tell(numbers, search, gauges, cases):
+def _write_observation(numbers, search, gauges, cases):
     i_case = search.case
     case = array_at(cases.cases, cases.n_cases, CASE)[i_case]
     instruments = array_at(cases.instruments, (cases.n_cases, cases.n_sensors), INSTRUMENT)
@@ -339,6 +339,6 @@ def fly(rows, how, case_of, seed_of, tasks, vectors, touch, all_cases, searches,
             if how == STEP:
                 search.command_tick = tick + 1
             _go_on(search, path, gauges, memory, wanders, cases, work, tick, task, vectors[i])
-        _tell(observations[i], search, gauges, cases)
+        _write_observation(observations[i], search, gauges, cases)
         n_touched += search.touched_at >= 0
     return n_touched

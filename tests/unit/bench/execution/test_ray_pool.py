@@ -24,10 +24,10 @@ class PlayedError(Exception):
 
 
 class Answer:
-    """An answer that is there at once, but made only when it is asked for."""
+    """An answer of a node that is there at once, but made only when it is asked for."""
 
-    def __init__(self, make: Callable[[], Any]) -> None:
-        self.make = make
+    def __init__(self, node: str, make: Callable[[], Any]) -> None:
+        self.node, self.make = node, make
 
 
 class PlayedRay:
@@ -38,6 +38,7 @@ class PlayedRay:
     def __init__(self, n_cpus: dict[str, int], act: Act) -> None:
         self.n_cpus, self.act = n_cpus, act
         self.gone: set[str] = set()
+        self.silent: set[str] = set()
         self.n_actors = 0
         self.is_shut_down = False
 
@@ -60,9 +61,14 @@ class PlayedRay:
     def _actor(self, node: str) -> Any:
         self.n_actors += 1
         return SimpleNamespace(
-            ready=SimpleNamespace(remote=lambda: Answer(lambda: self._checked(node, lambda: True))),
-            do=SimpleNamespace(remote=lambda job, *_: Answer(lambda: self._checked(node, lambda: self.act(node, job)))),
-            end=SimpleNamespace(options=lambda **_: SimpleNamespace(remote=lambda: Answer(lambda: None))),
+            ready=SimpleNamespace(
+                remote=lambda: Answer(node, lambda: self._checked(node, lambda: 0)),
+                options=lambda **_: SimpleNamespace(remote=lambda: Answer(node, lambda: 0)),
+            ),
+            do=SimpleNamespace(
+                remote=lambda job, *_: Answer(node, lambda: self._checked(node, lambda: self.act(node, job)))
+            ),
+            end=SimpleNamespace(options=lambda **_: SimpleNamespace(remote=lambda: Answer(node, lambda: None))),
         )
 
     def _checked(self, node: str, make: Callable[[], Any]) -> Any:
@@ -71,7 +77,8 @@ class PlayedRay:
         return make()
 
     def wait(self, answers: list[Any], **_: Any) -> tuple[list[Any], list[Any]]:
-        return answers, []
+        answered = [answer for answer in answers if answer.node not in self.silent]
+        return answered, [answer for answer in answers if answer not in answered]
 
     def get(self, answer: Answer) -> Any:
         return answer.make()
@@ -169,6 +176,22 @@ def test_nodes_that_make_different_rooms_are_reported(played: Any, trial: Trial)
     (ended,) = all_done(pool, 1)
     assert ended.failure == "fault"
     assert "here: of here, there: of there" in ended.text
+
+
+def test_a_worker_that_does_not_answer_is_lost(played, trial, monkeypatch):
+    monkeypatch.setattr(ray_pool, "_SILENCE_S", 0.0)
+
+    def act(node: str, job: Job) -> NodeJobResult:
+        return NodeJobResult(taken_s=0.1, result=node)
+
+    pool, ray = played(act, here=1, there=1)
+    pool.wait(0.0)
+    ray.silent.add("there")
+    for job in flights(trial, 2):
+        pool.submit(job)
+    by_failure = {ended.failure: ended for ended in all_done(pool, 2)}
+    assert by_failure[None].result == "here"
+    assert by_failure["crashed"].text.startswith("there/worker_2: has not answered for 0 s")
 
 
 def test_a_dead_node_costs_the_runs_in_the_air_and_no_others(played: Any, trial: Trial) -> None:
