@@ -147,6 +147,8 @@ _MEMORY_MESSAGES = (
     "could not allocate memory",
     "out of memory",
 )
+# What llvmlite makes of every reason for which its library could not be loaded.
+_LIBRARY_MESSAGE = "could not find/load shared object"
 # The system gives one reason for both: no more processes, which threads count as, or no room for a stack.
 _PROCESS_MESSAGES = ("can't start new thread", "resource temporarily unavailable")
 # With less room for addresses packages of other people hang or abort while they are loaded, and nobody can tell why.
@@ -270,9 +272,11 @@ def translate(error: BaseException) -> MachineError | None:
         return build_machine_error(error, "cache of compiled kernels", "a folder that can be written", remedy=remedy)
     if isinstance(error, BlockingIOError) and error.filename is None:
         return build_process_error()
+    said = str(error).lower()
+    if isinstance(error, OSError) and _LIBRARY_MESSAGE in said and _read_address_limit() is not None:
+        return build_machine_error(MemoryError(), "the machine", "memory for one thing more")
     if isinstance(error, OSError | MemoryError):
         return build_machine_error(error, "the machine", "it to do what was asked")
-    said = str(error).lower()
     is_of_a_package = isinstance(error, RuntimeError | ImportError | SystemError | ValueError)
     if is_of_a_package and any(word in said for word in _PROCESS_MESSAGES):
         return build_process_error()

@@ -6,6 +6,7 @@ import resource
 
 import pytest
 
+from gslcosim.base import errors
 from gslcosim.base.errors import (
     ExitCode,
     MachineError,
@@ -101,3 +102,12 @@ def test_a_mistake_of_ours_is_reported_with_its_trace():
     assert format_fault(ValueError("no"), "the trace") == "the trace"
     assert format_fault(ScenarioError("line 3: no."), "the trace") == "line 3: no."
     assert format_fault(refused(errno.ENOSPC), "the trace").startswith("the machine: expected")
+
+
+@pytest.mark.parametrize(("limit", "remedy"), [(10**9, "raise the limit on memory (ulimit -v)."), (None, "try again.")])
+def test_a_library_that_cannot_be_loaded_lacks_memory_where_that_is_limited(monkeypatch, limit, remedy):
+    monkeypatch.setattr(errors, "_read_address_limit", lambda: limit)
+    error = OSError(
+        "Could not find/load shared object file 'libllvmlite.so' from resource location: 'llvmlite.binding'"
+    )
+    assert str(translate(error)).endswith(remedy)
