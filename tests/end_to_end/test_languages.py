@@ -38,7 +38,13 @@ def reference(tmp_path_factory):
 
 
 @of_every_language(OVER_PIPES)
-@pytest.mark.parametrize("series", SERIES, ids=lambda series: f"seed_{series['seed']}")
+@pytest.mark.parametrize(
+    "series",
+    [
+        pytest.param(series, id=f"seed_{series['seed']}", marks=[pytest.mark.soak] if i else [])
+        for i, series in enumerate(SERIES)
+    ],
+)
 def test_a_language_answers_the_golden_series_to_the_bit(agent, series):
     """Walls, corners, refusals and random draws, all of which a run may happen not to visit."""
     agent.build()

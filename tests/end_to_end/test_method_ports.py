@@ -47,7 +47,7 @@ def changes(nose, parameters):
 
 @each_port
 @pytest.mark.parametrize("nose", NOSES)
-@pytest.mark.parametrize("n", [0, 1])
+@pytest.mark.parametrize("n", [0, pytest.param(1, marks=pytest.mark.soak)])
 def test_a_port_runs_like_python(tmp_path, agent, method, nose, n):
     agent.build()
     arguments = changes(nose, PARAMETERS[method][n])

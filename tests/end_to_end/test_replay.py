@@ -148,7 +148,7 @@ def test_what_cannot_be_replayed_is_refused(past, tmp_path):
     assert "up to the run's end at" in late.errors
 
 
-@pytest.mark.parametrize("case", range(8))
+@pytest.mark.parametrize("case", [0, 1, *(pytest.param(case, marks=pytest.mark.soak) for case in range(2, 8))])
 def test_random_runs_are_replayed(tmp_path, case):
     """Seeds, modes, vehicles and wind drawn at random, half of them in many processes."""
     rng = random.Random(case)

@@ -551,7 +551,7 @@ def test_the_digest_is_the_same_in_every_sandbox(tmp_path):
 
 
 @pytest.mark.debian
-@pytest.mark.slow
+@pytest.mark.soak
 def test_an_ordinary_user_is_kept_as_root_is():
     """The attacks, flown by an ordinary user."""
     ran = run_tests_as_ordinary_user(__file__, "-k", "attack_does_not_get_through or as_if_nothing_had_been_tried")

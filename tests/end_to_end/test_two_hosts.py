@@ -139,6 +139,7 @@ def test_an_agent_on_another_host_runs_the_same_run(hosts, there, tmp_path, dige
     assert ended.result["digest"] == digest_here
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("hosts", [BAD], indirect=True)
 def test_a_bad_link_that_is_cut_for_three_seconds_changes_nothing_but_the_time(hosts, there, tmp_path, digest_here):
     """100 ms each way, 5 % of the packets lost and 5 % out of order, and nothing at all for 3 s in flight."""

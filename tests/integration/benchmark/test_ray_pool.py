@@ -255,7 +255,7 @@ def test_two_nodes_bring_the_rows_of_one_machine(
 @pytest.mark.parametrize(
     ("i_node", "number"),
     [
-        pytest.param(0, signal.SIGSTOP, id="stopped_here"),
+        pytest.param(0, signal.SIGSTOP, id="stopped_here", marks=pytest.mark.soak),
         pytest.param(1, signal.SIGSTOP, id="stopped_there", marks=pytest.mark.soak),
         pytest.param(1, signal.SIGKILL, id="killed_there", marks=pytest.mark.soak),
     ],
