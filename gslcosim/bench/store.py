@@ -11,7 +11,7 @@ import os
 import shutil
 import sys
 import zlib
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -493,13 +493,13 @@ class ResultsFolder:
             ],
             schema=TRACKS,
         )
-        _replace(self.tracks, lambda path: pq.write_table(tracks, path, compression="zstd"))
-        _replace(self.trials, lambda path: pq.write_table(trials, path, compression="zstd"))
+        write_at_once(self.tracks, lambda path: pq.write_table(tracks, path, compression="zstd"))
+        write_at_once(self.trials, lambda path: pq.write_table(trials, path, compression="zstd"))
 
     def write_json(self, path: Path, content: Mapping[str, Any]) -> None:
         """Write a JSON file of the folder in one go."""
         text = json.dumps(content, indent=None if path == self.maps else 2, ensure_ascii=False) + "\n"
-        _replace(path, lambda beside: beside.write_text(text, encoding="utf-8"))
+        write_at_once(path, lambda beside: beside.write_text(text, encoding="utf-8"))
 
     def read_json(self, path: Path) -> dict[str, Any]:
         """Return a JSON file of the folder; empty where there is none.
@@ -577,7 +577,16 @@ def _tracks_by_trial(path: Path) -> dict[str, bytes]:
     return {trial: pack_tracks(agents) for trial, agents in tracks.items()}
 
 
-def _replace(path: Path, write: Any) -> None:
+def write_at_once(path: Path, write: Callable[[Path], object]) -> None:
+    """Write a file of the results so that a reader sees the old one or the new one, never a part.
+
+    Args:
+        path: The file.
+        write: Writes another file, which then takes its place.
+
+    Raises:
+        MachineError: it cannot be written, or a folder stands there; then nothing is changed.
+    """
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         write(beside)

@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
-from gslcosim.environment.geometry_source import build_geometry, find_folder, find_source_problems
 from gslcosim.environment.model import Box, Cell, Environment, EnvironmentGeometry, point_text
 from gslcosim.environment.openings import voxelize
-from gslcosim.environment.paths.planner import MARGIN_M, free_space
 from gslcosim.environment.store import load_environment
 from gslcosim.environment.variants import door_box, find_variants, variant_scenarios
 from gslcosim.scenario.loader import RandomPosition
@@ -104,6 +102,7 @@ def find_position_problems(scenario: Scenario, *, scenario_dir: Path | None = No
     Returns:
         All problems of the room; if it has none, all problems of the places; empty when all is well.
     """
+    # What builds geometry loads a compiler, which a run in a room that is there already does not need.
     from gslcosim.environment.geometry_source import build_geometry, find_folder, find_source_problems
 
     spec = scenario.environment
@@ -390,6 +389,8 @@ def draw_positions(
 
 # Nothing when the room has problems, which other checks report.
 def _room(spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path) -> EnvironmentGeometry | Environment | None:
+    from gslcosim.environment.geometry_source import build_geometry, find_folder, find_source_problems
+
     if spec.path is None:
         has_problems = bool(find_source_problems(spec, wind, scenario_dir=scenario_dir))
         return None if has_problems else build_geometry(spec, wind, scenario_dir=scenario_dir)
@@ -419,6 +420,8 @@ class _EscapePath:
     """Check that a vehicle's planner finds a way from its start: not out of what is narrower than the vehicle."""
 
     def __init__(self, room: EnvironmentGeometry | Environment, vehicle: VehicleSpec) -> None:
+        from gslcosim.environment.paths.planner import MARGIN_M, free_space
+
         body, floor_m = vehicle.facts.body, room.grid.origin_m[2]
         ground_m = floor_m if vehicle.drives else None
         self._height_m = floor_m + body.half_height_m if vehicle.drives else vehicle.search_height_m

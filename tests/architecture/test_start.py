@@ -38,7 +38,7 @@ import argparse, importlib, sys
 from gslcosim.cli.commands import up
 from gslcosim.cli.arguments import load_checked
 parser = argparse.ArgumentParser()
-up.COMMAND.add_arguments(parser)
+up.UP.add_arguments(parser)
 loaded = load_checked(parser.parse_args(["warehouse_empty"]))
 for module in ("gslcosim.runtime.run", "gslcosim.runtime.distributed.process_launch", "gslcosim.cli.run_output"):
     importlib.import_module(module)

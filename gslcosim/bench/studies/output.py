@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.bench.statistics.estimates import Estimate
+from gslcosim.bench.store import write_at_once
 from gslcosim.bench.studies.sweep import SettingFigures, SweepPoint, SweepResult
 from gslcosim.bench.studies.tuning import BATCH, EvaluatedSetting, TuningResult
 
@@ -120,9 +121,7 @@ def to_inline_yaml(parameters: Mapping[str, Any]) -> str:
 
 def write_text(path: Path, text: str) -> None:
     """Write a file of the results in one go."""
-    beside = path.with_name(f".{path.name}.new")
-    beside.write_text(text, encoding="utf-8")
-    beside.replace(path)
+    write_at_once(path, lambda beside: beside.write_text(text, encoding="utf-8"))
 
 
 def write_fields(path: Path, fields: Mapping[str, Any]) -> None:
