@@ -8,6 +8,7 @@ import shutil
 import stat
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path, PurePath
 from typing import BinaryIO, Self
@@ -149,6 +150,7 @@ OWNER_FILE = ".owner"
 SOCKET_BYTES = 103 if sys.platform == "darwin" else 107
 _SOCKET_NAME_BYTES = len(f"/{PREFIX}check-12345678/") + 12
 _USER_DIRECTORY_VARIABLE = "XDG_RUNTIME_DIR"
+_MAX_OWNERLESS_S = 60.0
 
 
 class ScratchFolder:
@@ -204,7 +206,7 @@ class ScratchFolder:
 
     def close(self) -> None:
         """Remove the folder with all that is in it."""
-        shutil.rmtree(self.path, ignore_errors=True)
+        _remove_owner_last(self.path)
         lock, self._lock = self._lock, None
         if lock is not None:
             os.close(lock)
@@ -244,12 +246,30 @@ def _remove_leftovers(place: Path) -> None:
 def _remove_if_stale(folder: Path) -> None:
     if sys.platform == "win32" or folder.lstat().st_uid != os.getuid():
         return
-    lock = os.open(folder / OWNER_FILE, os.O_RDWR | os.O_NOFOLLOW)
+    try:
+        lock = os.open(folder / OWNER_FILE, os.O_RDWR | os.O_NOFOLLOW)
+    except FileNotFoundError:
+        # Its owner was killed right before it removed it, or has made it just now.
+        if time.time() - folder.lstat().st_mtime > _MAX_OWNERLESS_S:
+            folder.rmdir()
+        return
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        shutil.rmtree(folder, ignore_errors=True)
+        _remove_owner_last(folder)
     finally:
         os.close(lock)
+
+
+# Whoever is killed meanwhile leaves a folder with an owner that is gone, which the next one removes.
+def _remove_owner_last(folder: Path) -> None:
+    with contextlib.suppress(OSError):
+        for entry in list(os.scandir(folder)):
+            if entry.is_dir(follow_symlinks=False):
+                shutil.rmtree(entry.path, ignore_errors=True)
+            elif entry.name != OWNER_FILE:
+                with contextlib.suppress(OSError):
+                    Path(entry.path).unlink()
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def user_state_folder() -> Path:

@@ -54,6 +54,39 @@ def test_the_next_one_removes_what_a_killed_process_has_left(tmp_path):
         assert not left.exists()
 
 
+KILLED_WHILE_IT_CLOSES = """
+import os, signal, sys
+from pathlib import Path
+from gslcosim.base.files import ScratchFolder
+scratch = ScratchFolder(parent=Path(sys.argv[1]))
+for name in ("a", "b", "z"):
+    (scratch.path / name).mkdir()
+    (scratch.path / name / "content").write_text("something")
+    (scratch.path / f"{name}.txt").write_text("something")
+left = int(sys.argv[2])
+def kill_itself(event, _):
+    global left
+    if event in ("os.remove", "os.rmdir"):
+        left -= 1
+        if left == 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+sys.addaudithook(kill_itself)
+scratch.close()
+"""
+
+
+# Six files, three folders, the owner and the folder itself.
+@pytest.mark.skipif(sys.platform == "win32", reason="on Windows what is left stays")
+@pytest.mark.parametrize("i_removal", [1, 2, 4, 6, 8, 9, 10, 11])
+def test_the_next_one_removes_what_a_process_killed_while_it_closes_has_left(tmp_path, i_removal):
+    ended = subprocess.run([sys.executable, "-c", KILLED_WHILE_IT_CLOSES, str(tmp_path), str(i_removal)], check=False)
+    assert ended.returncode == -signal.SIGKILL
+    (left,) = tmp_path.iterdir()
+    os.utime(left, (0.0, 0.0))  # an empty folder may have been made just now by another process
+    with ScratchFolder(parent=tmp_path):
+        assert not left.exists()
+
+
 def test_what_is_not_ours_is_left_alone(tmp_path):
     """A folder of that name without an owner's mark may be anybody's, for example of an older version."""
     (tmp_path / "gslcosim-older").mkdir()
