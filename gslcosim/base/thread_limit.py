@@ -39,10 +39,10 @@ def check_thread_limit() -> None:
 
 
 def check_low_thread_limit() -> None:
-    """Do the same where the user's limit is so low that a session of Zenoh may meet it.
+    """Refuse a limit that a session of Zenoh would run into, where the user's limit is low; free where it is high.
 
     Raises:
-        MachineError: see `check_thread_limit`.
+        MachineError: so many threads cannot be started now.
     """
     if sys.platform == "win32":
         return

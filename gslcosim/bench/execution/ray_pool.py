@@ -419,7 +419,8 @@ class RayPool:
         silent = self._silent.look([worker.name for worker in up if not self._has_answered(worker)], now)
         for worker in up:
             if worker.name in stopped:
-                os.kill(worker.pid, signal.SIGKILL)
+                with suppress(ProcessLookupError):
+                    os.kill(worker.pid, signal.SIGKILL)
                 self._lose(worker, describe_stop())
             elif worker.name in silent:
                 self._lose(
