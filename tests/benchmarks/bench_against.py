@@ -5,6 +5,8 @@ Rows that take minutes each come last and once: `--skip suite cold peers` leaves
 The other commit is checked out into a temporary folder and flies with the same packages, so that both meet the same
 machine at the same time. The processor's time counts all processes of a run; what starting costs is left out of figures
 "a tick", which come from the difference of a long and a short run.
+What other programs took of the processors is printed beside each round. A round in which they took more than
+`--max-foreign-cores` counts in no median.
 """
 
 import argparse
@@ -58,6 +60,40 @@ class Flown:
     def speed(self) -> float:
         """Simulated time over wall time, start left out."""
         return self.result["sim_time_s"] / self.result["flight_wall_s"]
+
+
+def note(text: str) -> None:
+    """Print a line on how far the benchmark has come."""
+    print(text, file=sys.stderr, flush=True)  # noqa: T201
+
+
+class ForeignLoad:
+    """What programs other than this one and those it starts take of the processors, since the last call.
+
+    Children count when they have ended, so ask when all have.
+    """
+
+    def __init__(self) -> None:
+        self._before = self._look()
+
+    def take(self) -> float:
+        """Return how many processors they kept busy on average since the last call, or since the start."""
+        before, self._before = self._before, self._look()
+        wall_s, busy_s, own_s = (now - then for now, then in zip(self._before, before, strict=True))
+        return max(busy_s - own_s, 0.0) / wall_s
+
+    @staticmethod
+    def _look() -> tuple[float, float, float]:
+        fields = [int(word) for word in Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]]
+        idle = fields[3] + fields[4]
+        own_s = sum(os.times()[:4])
+        return time.monotonic(), (sum(fields) - idle) / os.sysconf("SC_CLK_TCK"), own_s
+
+
+def supports(code: Code, *words: str) -> bool:
+    """Return whether a call of gslcosim is understood by a version."""
+    call = [code.python, "-m", "gslcosim", *words]
+    return subprocess.run(call, cwd=code.folder, capture_output=True, check=False).returncode == 0
 
 
 @contextlib.contextmanager
@@ -185,10 +221,16 @@ def cold_s(code: Code) -> float:
 
 
 def suite_min(code: Code) -> float:
-    """Return how long all of the suite would take [min], from the first of its repetitions; preparation is left out."""
+    """Return how long all of the suite would take [min], from the first of its repetitions; preparation is left out.
+
+    Not a number where the suite fails.
+    """
     with tempfile.TemporaryDirectory() as folder:
         call = [code.python, "-m", "gslcosim", "bench", "run", SUITE, "--only", "repetition=0", "--no-report", "--json"]
-        done = subprocess.run([*call, "--results", f"{folder}/results"], check=True, capture_output=True, text=True)
+        done = subprocess.run([*call, "--results", f"{folder}/results"], check=False, capture_output=True, text=True)
+    if done.returncode:
+        note(f"{code.name}: {SUITE} ended with exit code {done.returncode}: {done.stderr[-300:]}")
+        return math.nan
     return json.loads(done.stdout)["wall"]["flying_s"] * N_REPETITIONS / 60
 
 
@@ -294,6 +336,7 @@ ROWS = (
     ("one process, x real time", lambda own, base: own["speed_one"]),
     ("one process, CPU a tick [us]", lambda own, base: own["cpu_one_us"]),
     ("a plain loop [s]", lambda own, base: own["loop_s"]),
+    ("foreign load [cores]", lambda own, base: own["foreign_cores"]),
 )
 
 
@@ -325,34 +368,50 @@ def main() -> None:
     parser.add_argument("--base", required=True, help="the commit to compare with")
     parser.add_argument("--n", type=int, default=5, help="how many rounds")
     parser.add_argument("--skip", nargs="+", default=[], choices=("suite", "cold", "peers"), help="rows to leave out")
+    parser.add_argument(
+        "--max-foreign-cores", type=float, default=0.1, help="what others may take of the processors in a round"
+    )
     parser.add_argument("--json", action="store_true", help="print all figures as JSON")
     options = parser.parse_args()
     today = Code(name="today", python=Path(sys.executable), folder=ROOT)
     own: list[dict[str, float]] = []
     base: list[dict[str, float]] = []
     with base_code(options.base) as other, tempfile.TemporaryDirectory() as runs_dir:
-        has_tape = (other.folder / "gslcosim" / "fields" / "stored" / "tape.py").exists()
-        has_groups = (other.folder / "gslcosim" / "runtime" / "grouping.py").exists()
+        has_tape = supports(other, "validate", SCENARIO, "--set", "gas.tape=true")
+        has_groups = supports(other, "validate", SCENARIO, "--set", "processes=grouped")
         for code in (today, other):
             for arguments in ([], ONE):
                 fly(code, runs_dir, [*arguments, *until(SHORT_S)])  # fills the caches
         fly(today, runs_dir, [*BLIND, *ONE, *QUIET, "--set", "gas.tape=true", *until(LONG_S)])
-        has_server = (other.folder / "gslcosim" / "runtime" / "over_bus" / "warm_server.py").exists()
+        has_server = supports(other, "serve", "--help")
         os.environ["TMPDIR"] = runs_dir
-        for _ in range(options.n):
+        load = ForeignLoad()
+        for number in range(options.n):
             for code, rounds, has in (
                 (today, own, (True, True, True)),
                 (other, base, (has_tape, has_groups, has_server)),
             ):
                 with warm_server(code) if has[2] else contextlib.nullcontext():
                     rounds.append(measure(code, runs_dir, has_tape=has[0], has_groups=has[1], has_server=has[2]))
+                rounds[-1]["foreign_cores"] = load.take()
+            loads = ", ".join(f"{rounds[-1]['foreign_cores']:.2f}" for rounds in (own, base))
+            note(f"round {number + 1} of {options.n}: foreign load {loads} cores (today, {options.base[:10]})")
+        quiet = [
+            pair
+            for pair in zip(own, base, strict=True)
+            if max(figures["foreign_cores"] for figures in pair) <= options.max_foreign_cores
+        ]
         once = measured_once(today, other, options.skip)
     if options.json:
         print(json.dumps({"today": own, options.base: base, "once": once}, indent=2))  # noqa: T201
         return
-    print(f"{SCENARIO}, {os.cpu_count()} cores, medians of {options.n} rounds in turns")  # noqa: T201
+    if not quiet:
+        note(f"No round stayed below {options.max_foreign_cores:g} cores of foreign load; all count.")
+    own_counted, base_counted = ([pair[i] for pair in quiet] or (own, base)[i] for i in (0, 1))
+    counted = f"medians of {len(own_counted)} of {options.n} rounds in turns"
+    print(f"{SCENARIO}, {os.cpu_count()} cores, {counted}")  # noqa: T201
     print(f"{'':52}{options.base[:10]:>12}{'today':>12}")  # noqa: T201
-    own_medians, base_medians = medians(own), medians(base)
+    own_medians, base_medians = medians(own_counted), medians(base_counted)
     for title, figure in ROWS:
         before, now = figure(base_medians, base_medians), figure(own_medians, base_medians)
         print(f"{title:52}{before:12.2f}{now:12.2f}")  # noqa: T201

@@ -11,7 +11,8 @@ from gslcosim.conformance import ConnectionSpec, SessionLimits, check_agent
 MUTANT = Path(__file__).parent / "agents" / "mutant.py"
 # How busy the machine is decides nothing: only of what breaks a limit anybody waits for its end.
 PATIENT = SessionLimits(join_s=60.0, answer_s=20.0, exit_s=20.0, settle_s=0.3)
-IMPATIENT = SessionLimits(join_s=20.0, answer_s=1.2, exit_s=2.0, settle_s=0.3)
+# Right starts, answers and exits stay within these on a slow and busy machine too.
+IMPATIENT = SessionLimits(join_s=20.0, answer_s=10.0, exit_s=10.0, settle_s=0.3)
 BREAKS_A_LIMIT = {
     "late", "silent", "unflushed", "answers_for_another", "silent_at_repeats", "decides_anew",
     "tick_minus_one", "forgets_the_namespace", "never_exits", "thread_left_over", "ignores_stream_end",
@@ -26,9 +27,9 @@ OVER_PIPES = {
     "crash_in_flight": (["stays"], "plume"),
     "leaves_early": (["stays"], "exit code 0 before the end of the run"),
     "closes_output": (["stays"], "its output ended before the end of the run"),
-    "never_exits": (["ending", "stream-end"], "it still runs 2 s later"),
-    "thread_left_over": (["ending"], "it still runs 2 s later"),
-    "ignores_stream_end": (["stream-end"], "it still runs 2 s later"),
+    "never_exits": (["ending", "stream-end"], "it still runs 10 s later"),
+    "thread_left_over": (["ending"], "it still runs 10 s later"),
+    "ignores_stream_end": (["stream-end"], "it still runs 10 s later"),
     "exits_with_3": (["exit-code"], "ended with exit code 3"),
     "waits_for_a_question": (["early-ending"], "s later, and was ended by force"),
     "lock_file": (["restart"], "running.lock"),
@@ -94,7 +95,7 @@ OVER_ZENOH = {
     "silent_at_repeats": (["repeats"], "nothing"),
     "begins_anew_with_each_briefing": (["repeats"], 'Command {"tick":'),  # the later briefing may come late
     "hangs_up": (["stays"], "its liveliness token vanished before the end of the run"),
-    "ignores_stream_end": (["stream-end"], "it still runs 2 s later"),
+    "ignores_stream_end": (["stream-end"], "it still runs 10 s later"),
     "crash_at_start": (["joins"], "no licence found"),
 }
 

@@ -194,7 +194,7 @@ class lock_file(RightAgent):
 @mutant
 class late(RightAgent):
     def decide(self, fields):
-        time.sleep(1.8)
+        time.sleep(15.0)
         return super().decide(fields)
 
 
@@ -275,7 +275,7 @@ class slow_starter(RightAgent):
     """Right, but it loads a large model first: longer than an agent has to exit."""
 
     def prepare(self):
-        time.sleep(1.5)
+        time.sleep(5.0)
 
 
 @mutant
