@@ -15,7 +15,7 @@ PROGRAM = Path(__file__).parents[1] / "end_to_end" / "foreign_program.py"
 # How busy the machine is decides nothing: only of what breaks a limit anybody waits for its end.
 PATIENT = SessionLimits(join_s=60.0, answer_s=20.0, exit_s=20.0, settle_s=0.3)
 # Right starts, answers and exits stay within these on a slow and busy machine too.
-IMPATIENT = SessionLimits(join_s=60.0, answer_s=10.0, exit_s=10.0, settle_s=0.3)
+IMPATIENT = SessionLimits(join_s=60.0, answer_s=10.0, exit_s=5.0, settle_s=0.3)
 BREAKS_A_LIMIT = {"hangs", "lingers", "needs_a_step", "stays_behind", "needs_inputs"}
 
 pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]

@@ -16,7 +16,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
 
 def test_an_agent_that_starts_slowly_breaks_no_rule(tmp_path):
     """Over stdio it has joined by being started, and is sent the end before it can read."""
-    limits = SessionLimits(answer_s=20.0, exit_s=4.0, settle_s=0.15)
+    limits = SessionLimits(answer_s=20.0, exit_s=2.5, settle_s=0.15)
     command = (sys.executable, str(MUTANT), "slow_starter", "stdio", "msgpack")
     report = check_agent(ConnectionSpec(command=command, transport="stdio", directory=tmp_path), limits)
     assert report.has_passed, report.as_text()

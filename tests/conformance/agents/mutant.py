@@ -275,7 +275,7 @@ class slow_starter(RightAgent):
     """Right, but it loads a large model first: longer than an agent has to exit."""
 
     def prepare(self):
-        time.sleep(5.0)
+        time.sleep(3.0)
 
 
 @mutant
