@@ -1,6 +1,5 @@
 """Run in one process and one thread: the same cores, gates and agent sessions, without a bus."""
 
-import os
 import queue
 import time
 import traceback
@@ -34,12 +33,12 @@ from gslcosim.runtime.agents.validator import collect_faults
 from gslcosim.runtime.digest import RunDigest
 from gslcosim.runtime.network import JOIN_TIMEOUT_S, Network
 from gslcosim.runtime.outcome import RunOutcome, ServiceFault, build_ending
+from gslcosim.runtime.participant_status import ParticipantStatus
 from gslcosim.runtime.processes.children import EXIT_TIMEOUT_S, ChildProcesses, PauseDetector, StopMonitor
-from gslcosim.runtime.processes.current_process import read_cpu_s, read_memory_bytes
 from gslcosim.runtime.replay.snapshot_policy import SnapshotPolicy
 from gslcosim.runtime.services import build_core, build_dataflow, list_service_names
 from gslcosim.runtime.setup import RunSetup
-from gslcosim.runtime.status import ParticipantStatus, RunStatus
+from gslcosim.runtime.status import RunStatus
 from gslcosim.runtime.stepper import NO_TICK_LIMIT, PACED_PARTICIPANT, SentMessage, Stepper, build_clock_pace
 from gslcosim.scenario.models.scenario import AgentSpec
 
@@ -225,22 +224,9 @@ class InProcessRun:
             )
         )
 
-    # On the caller's thread.
+    # On the caller's thread, while a core may be in its step.
     def _participants(self) -> list[ParticipantStatus]:
-        taken_s, held_bytes = read_cpu_s(), read_memory_bytes()
-        services = [
-            ParticipantStatus(
-                name=name,
-                state="done" if stepper.gate.is_finished else "working",
-                tick=stepper.gate.next_tick - 1,
-                queued_ticks=stepper.gate.n_queued_ticks,
-                pid=os.getpid(),
-                cpu_s=taken_s,
-                memory_bytes=held_bytes,
-            )
-            for name, stepper in self._steppers.items()
-        ]
-        return services + build_agent_statuses(self._sessions)
+        return [*(stepper.look() for stepper in self._steppers.values()), *build_agent_statuses(self._sessions)]
 
     def _deliver_all(self, sent: Iterable[SentMessage]) -> None:
         for each in sent:

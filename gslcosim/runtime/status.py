@@ -14,39 +14,17 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal, Self, TypedDict
+from typing import Any, Self, TypedDict
 
 from gslcosim.base.errors import RunTimeoutError, UsageError
 from gslcosim.base.sockets import check_peer, read_peer_pid, short_socket_address
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.base.untrusted_input import JsonObject, MalformedFileError, parse_json, validate_value
+from gslcosim.runtime.participant_status import ParticipantStatus, explain_stall
 from gslcosim.runtime.processes.current_process import get_user_id
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import Processes
-
-ParticipantState = Literal["joining", "working", "waiting", "deciding", "done", "silent"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class ParticipantStatus:
-    """One moment of a participant, for a person to watch.
-
-    `tick` is the last one finished, -1 before the first; `waits_for` names the ports, readers or agents without which
-    it cannot go on; `queued_ticks` counts the ticks of its inputs that are here already. A participant that is `silent`
-    has not answered. Of its process: `pid`, CPU time so far, and the memory that it alone holds with its share of what
-    it has in common with others; absent where nobody knows them. `n_resends` counts messages it had to ask for again.
-    """
-
-    name: str
-    state: ParticipantState
-    tick: int
-    waits_for: tuple[str, ...] = ()
-    queued_ticks: int = 0
-    pid: int | None = None
-    cpu_s: float | None = None
-    memory_bytes: int | None = None
-    n_resends: int = 0
 
 
 def no_participants() -> list[ParticipantStatus]:
@@ -86,6 +64,8 @@ class RunResult:
 
 
 SOCKET_SUFFIX = ".flight"
+# A run that stands still for so long is explained to who looks.
+STALL_SHOWN_AFTER_S = 3.0
 _SEND_TIMEOUT_S = 1.0
 _BACKLOG = 16
 
@@ -115,7 +95,7 @@ class StatusServer:
         self._report = report
         self._tick_ns = scenario.tick_ns
         self._status = RunStatus(state="starting")
-        self._began_s = time.monotonic()
+        self._began_s = self._moved_at_s = time.monotonic()
         self._facts: dict[str, Any] = {
             "run_id": run_dir.run_id,
             "run_dir": str(run_dir.path.resolve()),
@@ -147,12 +127,15 @@ class StatusServer:
 
     def __call__(self, status: RunStatus) -> None:
         """Take a report, and pass it on."""
+        if (status.state, status.sim_time_s) != (self._status.state, self._status.sim_time_s):
+            self._moved_at_s = time.monotonic()
         self._status = status
         self._report(status)
 
     def look(self) -> dict[str, Any]:
-        """Return the status as a client gets it now."""
+        """Return the status as a client gets it now; `stall` explains why nothing moves, and is empty otherwise."""
         status = self._status
+        participants = status.participants()
         return {
             **self._facts,
             "state": status.state,
@@ -162,9 +145,15 @@ class StatusServer:
             "real_time_factor": status.real_time_factor,
             "participants": [
                 {**asdict(participant), "sim_time_s": seconds_from_ticks(max(participant.tick, 0), self._tick_ns)}
-                for participant in status.participants()
+                for participant in participants
             ],
+            "stall": self._explain(status, participants),
         }
+
+    def _explain(self, status: RunStatus, participants: list[ParticipantStatus]) -> str:
+        still_s = time.monotonic() - self._moved_at_s
+        stall = explain_stall(participants) if status.state == "flying" and still_s > STALL_SHOWN_AFTER_S else None
+        return f"nothing has moved for {still_s:.0f} s\n{stall.text}" if stall is not None else ""
 
     def _answer(self, connection: socket.socket) -> dict[str, Any]:
         try:
@@ -248,6 +237,7 @@ class _RunFacts(TypedDict):
     time_limit_s: float
     real_time_factor: float
     participants: list[_ParticipantFacts]
+    stall: str
 
 
 # Of a run whose process stands still.
@@ -263,6 +253,7 @@ _UNKNOWN_FACTS: dict[str, Any] = {
     "time_limit_s": 0.0,
     "real_time_factor": 0.0,
     "participants": [],
+    "stall": "",
 }
 
 

@@ -1,5 +1,6 @@
 """Stepping of one participant: a gate for its inputs, a stepper that checks and digests, the clock's pace."""
 
+import os
 import time
 from collections import deque
 from collections.abc import Mapping, Set
@@ -13,6 +14,8 @@ from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import Core, Episode, Inbox, Outbox, ParticipantSpec, SupportsSnapshots
 from gslcosim.runtime.dataflow import ONCE, Dataflow
 from gslcosim.runtime.digest import HashChain
+from gslcosim.runtime.participant_status import MissingMessage, ParticipantStatus
+from gslcosim.runtime.processes.current_process import read_cpu_s, read_memory_bytes
 from gslcosim.runtime.replay.snapshot import SnapshotPart, build_state_adapter, hash_external_core
 from gslcosim.runtime.setup import RunSetup
 
@@ -47,6 +50,7 @@ class Gate:
     _closed: dict[str, int] = field(default_factory=dict[str, int], init=False, repr=False)
     _credit: dict[str, int] = field(init=False, repr=False)
     _credit_until: int = field(init=False, repr=False)
+    _last_ticks: dict[str, int] = field(default_factory=dict[str, int], init=False, repr=False)
 
     def __post_init__(self) -> None:
         spec = self.dataflow.by_name[self.name]
@@ -68,6 +72,7 @@ class Gate:
         if delay is None or message.tick < self.next_tick - delay or message.tick in self._held[port]:
             return False
         self._held[port][message.tick] = message
+        self._last_ticks[port] = message.tick
         self._note(port, message)
         return True
 
@@ -159,11 +164,9 @@ class Gate:
         """The ticks of the fullest input that wait here."""
         return max((len(held) for held in self._held.values()), default=0)
 
-    @property
-    def waits_for(self) -> tuple[str, ...]:
-        """Ports and readers that the next step lacks; empty where it may happen."""
-        lacking = [*(missing.port for missing in self.missing()), *self.lacking_credit()]
-        return tuple(dict.fromkeys(lacking))
+    def last_tick(self, port: str) -> int:
+        """Return the tick of the message that came last on a port, -1 before the first."""
+        return self._last_ticks.get(port, -1)
 
     def has_later(self, missing: MissingInput) -> bool:
         """Return whether a later message of a port is here, so that a missing one must have been lost."""
@@ -218,6 +221,7 @@ class Stepper:
     _due_always: frozenset[str] | None = field(init=False, repr=False)
     _state_adapter: SupportsSnapshots | None = field(init=False, repr=False)
     recent: deque[SentMessage] = field(default_factory=deque[SentMessage], init=False, repr=False)
+    _step_began_ns: int | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.spec: ParticipantSpec = self.core.spec
@@ -244,10 +248,11 @@ class Stepper:
 
     def step(self) -> list[SentMessage]:
         """Step the core once (its gate must allow it) and return what it wrote."""
-        started = time.perf_counter_ns()
+        self._step_began_ns = started = time.perf_counter_ns()
         tick, inbox = self.gate.take()
         outbox = self.core.step(tick, inbox)
         stepped = time.perf_counter_ns()
+        self._step_began_ns = None
         self._check(outbox, self._due(tick, inbox, outbox), tick, "step")
         sent = [self._send(port, message) for port, message in outbox.items()]
         timing = self.timing
@@ -255,6 +260,36 @@ class Stepper:
         timing.encoding_ns += time.perf_counter_ns() - stepped
         timing.n_steps += 1
         return sent
+
+    def look(self) -> ParticipantStatus:
+        """Return one moment of the participant, with the usage of this process; may be called on any thread."""
+        gate, began_ns = self.gate, self._step_began_ns
+        name, in_step = self.spec.name, began_ns is not None
+        can_wait = not in_step and not gate.is_finished
+        missing = gate.missing() if can_wait else []
+        lacking_credit = gate.lacking_credit() if can_wait else []
+        return ParticipantStatus(
+            name=name,
+            state="done" if gate.is_finished and not in_step else "waiting" if missing or lacking_credit else "working",
+            tick=gate.next_tick - (2 if in_step else 1),
+            missing=tuple(
+                MissingMessage(
+                    port=port,
+                    tick=tick,
+                    writer=self.dataflow.writer_of[port],
+                    last_tick=gate.last_tick(port),
+                )
+                for port, tick in ((each.port, each.tick) for each in missing)
+            ),
+            lacking_credit=tuple(lacking_credit),
+            waits_for=tuple(dict.fromkeys([*(each.port for each in missing), *lacking_credit])),
+            occupied_s=None if began_ns is None else (time.perf_counter_ns() - began_ns) / NS_PER_S,
+            queued_ticks=gate.n_queued_ticks,
+            pid=os.getpid(),
+            cpu_s=read_cpu_s(),
+            memory_bytes=read_memory_bytes(),
+            n_resends=self.timing.n_resends,
+        )
 
     def _send(self, port: str, message: Message) -> SentMessage:
         payload = codec.encode_finite(message)

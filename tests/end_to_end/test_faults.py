@@ -13,6 +13,7 @@ from deadlines import EVENT_S
 from real_runs import AGENTS, COMMAND, STARTED, TINY_ROOM, Flight, fly, is_running, start, with_agent
 
 from gslcosim.runtime.processes.children import can_detect_stops
+from gslcosim.runtime.status import list_active_runs
 
 linux = pytest.mark.skipif(not can_detect_stops(), reason="only Linux tells which processes are stopped")
 
@@ -110,6 +111,39 @@ def test_a_service_that_is_stopped_before_it_joins_is_awaited_in_words_and_ends_
     assert ended.result["faults"][0]["participant"] == "sensing"
     assert "stopped by a signal" in ended.result["faults"][0]["text"]
     assert re.search(r"waiting for .*sensing.*not here after 4 s", ended.errors)
+
+
+def stalled_facts(flight):
+    """Wait until a run whose fields hang in tick 20 says that it stalls; return what it says."""
+    found = []
+
+    def is_told():
+        found[:] = [run.facts for run in list_active_runs() if run.pid == flight.process.pid and run.facts["stall"]]
+        return bool(found)
+
+    flight.wait_for(is_told)
+    return found[0]
+
+
+@pytest.mark.tour
+@pytest.mark.parametrize("processes", ["separate", "one"])
+def test_a_service_that_hangs_in_its_step_is_named_with_who_waits_for_it(tmp_path, monkeypatch, processes):
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(HALTING), *filter(None, [os.environ.get("PYTHONPATH")])]))
+    hanging = ("--set", "services=[{name: fields, hangs_at_tick: 20}]", "--processes", processes)
+    flight = start(TINY_ROOM, tmp_path, *hanging)
+    facts = stalled_facts(flight)
+    first, culprit, *others = facts["stall"].splitlines()
+    assert first.startswith("nothing has moved for ")
+    assert re.fullmatch(r"fields is in its step of tick 20 for [0-9.]+ s\.", culprit)
+    if processes == "one":
+        flight.process.kill()
+        flight.process.wait()
+        return
+    assert "waits at tick 20 for truth/samples of tick 20 from fields (got tick 19 last)." in "".join(others)
+    ended = flight.end()
+    (fault,) = ended.result["faults"]
+    assert (ended.exit_code, fault["participant"], fault["tick"]) == (4, "fields", 19)
+    assert "fields is in its step of tick 20 for" in fault["text"]
 
 
 @linux

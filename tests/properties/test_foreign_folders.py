@@ -367,6 +367,7 @@ STATUS = {
         {"name": "world", "state": "working", "tick": 1, "waits_for": ["x"], "queued_ticks": 0, "pid": None,
          "cpu_s": None, "memory_bytes": 1, "n_resends": 0}
     ],
+    "stall": "",
 }  # fmt: skip
 
 

@@ -246,7 +246,7 @@ def test_a_join_file_that_is_none_is_reported(tmp_path, content):
 
 @MANY
 @given(
-    kind=st.sampled_from([protocol.TickReport, protocol.ReaderReport, protocol.WaitingReport, protocol.FaultReport,
+    kind=st.sampled_from([protocol.TickReport, protocol.ReaderReport, protocol.FaultReport,
                           protocol.ResendRequest, protocol.ParticipantDescription, protocol.ParticipantInspection,
                           protocol.FinalReport, RunOffer]),
     payload=st.binary(max_size=100) | FOREIGN.map(lambda value: msgpack.packb(value, default=str)),

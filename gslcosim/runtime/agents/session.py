@@ -13,10 +13,10 @@ from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Command, Ending, Observation
 from gslcosim.runtime.agents.validator import CommandValidator, build_validator, get_agent_participant
 from gslcosim.runtime.digest import HashChain
+from gslcosim.runtime.participant_status import ParticipantState, ParticipantStatus
 from gslcosim.runtime.replay.snapshot import ObservationLog
 from gslcosim.runtime.run_dir import MachineLog
 from gslcosim.runtime.setup import RunSetup
-from gslcosim.runtime.status import ParticipantState, ParticipantStatus
 from gslcosim.runtime.stepper import SentMessage
 from gslcosim.scenario.models.scenario import AgentSpec
 
@@ -265,6 +265,12 @@ class AgentSession:
     _repeated_at_s: float = 0.0
 
     @property
+    def owed_s(self) -> float | None:
+        """For how long the agent has owed an answer [s]; None where it owes none."""
+        asked_at_s = self._asked_at_s
+        return None if asked_at_s is None else time.monotonic() - asked_at_s
+
+    @property
     def is_pending(self) -> bool:
         """True when simulated time may have to wait for the agent."""
         return self._asked_at_s is not None
@@ -382,7 +388,7 @@ def build_session(agent: AgentSpec, setup: RunSetup, transport: AgentTransport) 
 def build_agent_statuses(sessions: Mapping[str, AgentSession]) -> list[ParticipantStatus]:
     """Return one moment of all agents."""
     return [
-        ParticipantStatus(name=name, state=_get_state(session), tick=session.last_tick)
+        ParticipantStatus(name=name, state=_get_state(session), tick=session.last_tick, occupied_s=session.owed_s)
         for name, session in sessions.items()
     ]
 

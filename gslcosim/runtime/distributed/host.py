@@ -7,6 +7,7 @@ import socket
 import time
 import traceback
 from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import gslcosim
@@ -19,7 +20,6 @@ from gslcosim.contract.schema import get_contract_hash
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.distributed.retransmission import RETRANSMIT_TICKS, RetransmitBuffer
-from gslcosim.runtime.processes.current_process import read_cpu_s, read_memory_bytes
 from gslcosim.runtime.replay.snapshot_policy import SnapshotPolicy
 from gslcosim.runtime.stepper import PACED_PARTICIPANT, ClockPace, MissingInput, SentMessage, Stepper
 
@@ -232,15 +232,6 @@ class ParticipantRunner:
                 protocol.build_progress_key(self.name), protocol.TickReport(tick=self.last_tick).to_bytes()
             )
 
-    def report_waiting(self) -> None:
-        """Report what it waits for."""
-        note = protocol.WaitingReport(
-            tick=self.gate.next_tick,
-            missing=[(missing.port, missing.tick) for missing in self.gate.missing()],
-            lacking_credit=self.gate.lacking_credit(),
-        )
-        self._bus.publish(protocol.build_waiting_key(self.name), note.to_bytes())
-
     # Who has missed how far its readers are, or did not live yet when they told it, would wait for ever.
     def query_readers(self, put: Callable[[bytes], None]) -> None:
         """Ask those whose credit it lacks how far they are; `put` is called, on any thread."""
@@ -264,17 +255,7 @@ class ParticipantRunner:
 
     def inspection(self) -> bytes:
         """Return how it goes, for somebody who looks; may be called on any thread."""
-        return protocol.ParticipantInspection(
-            name=self.name,
-            tick=self.last_tick,
-            is_finished=self.gate.is_finished,
-            waits_for=list(self.gate.waits_for),
-            queued_ticks=self.gate.n_queued_ticks,
-            pid=os.getpid(),
-            cpu_s=read_cpu_s(),
-            memory_bytes=read_memory_bytes(),
-            n_resends=self.stepper.timing.n_resends,
-        ).to_bytes()
+        return protocol.ParticipantInspection(**asdict(self.stepper.look())).to_bytes()
 
     def close(self) -> None:
         """Let the core write what it holds."""
@@ -376,10 +357,12 @@ class Host:
     def join(self) -> None:
         """Reset the cores, listen to everything they read from elsewhere, and show that they are ready.
 
-        Those that only read are reset last: nobody waits for what they write, and messages wait for them.
+        Where all of them only read they are reset last: nobody waits for what they write, and messages wait for them.
+        Beside one that others wait for, every reset has to come before the first tick.
         """
-        awaited = [runner for runner in self._runners if runner.is_awaited]
-        self._reset(awaited)
+        is_awaited = any(runner.is_awaited for runner in self._runners)
+        if is_awaited:
+            self._reset(self._runners)
         ports = sorted(set[str]().union(*(runner.outer_ports_read for runner in self._runners)))
         for port in ports:
             if not protocol.is_read_by_agents(port):
@@ -402,7 +385,8 @@ class Host:
             self._bus.answer(protocol.build_inspection_key(runner.name), lambda _, runner=runner: [runner.inspection()])
         for runner in self._runners:
             self._bus.declare_alive(protocol.build_liveliness_key(runner.name))
-        self._reset([runner for runner in self._runners if runner not in awaited])
+        if not is_awaited:
+            self._reset(self._runners)
 
     def on_link_lost(self) -> None:
         """Notify the host, from any thread, that the link to the router is gone."""
@@ -538,7 +522,6 @@ class Host:
             runner.report_progress()
             self._ask_again(runner, only_lost=False)
             runner.query_readers(lambda payload: self._events.put(_READER_REPORTED, payload))
-            runner.report_waiting()
 
     # Whose inputs are here waits for its time alone, and everybody for it.
     def _early_s(self) -> float:

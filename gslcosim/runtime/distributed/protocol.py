@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
@@ -12,6 +12,7 @@ from gslcosim.base.errors import ContractError
 from gslcosim.contract import keys
 from gslcosim.contract.schema import get_contract_hash
 from gslcosim.runtime.agents.session import AgentEvent
+from gslcosim.runtime.participant_status import MissingMessage, ParticipantStatus
 from gslcosim.runtime.stepper import SentMessage
 
 START_KEY = "ctl/start"
@@ -48,11 +49,6 @@ def build_liveliness_key(name: str) -> str:
 def build_progress_key(name: str) -> str:
     """Return the key on which a participant reports which tick it has finished."""
     return f"ctl/progress/{name}"
-
-
-def build_waiting_key(name: str) -> str:
-    """Return the key on which a participant reports what it has been waiting for."""
-    return f"ctl/waiting/{name}"
 
 
 def build_final_report_key(name: str) -> str:
@@ -190,14 +186,6 @@ class ReaderReport(ControlMessage):
     tick: Tick
 
 
-class WaitingReport(ControlMessage):
-    """Inputs that a participant lacks for its next tick: (port, tick) pairs, or credit of readers."""
-
-    tick: Tick
-    missing: list[tuple[PortName, Tick]] = Field(default=[], max_length=_MAX_ITEMS)
-    lacking_credit: list[ParticipantName] = Field(default=[], max_length=_MAX_ITEMS)
-
-
 class FaultReport(ControlMessage):
     """A participant's own failure."""
 
@@ -233,18 +221,36 @@ class ParticipantDescription(ControlMessage):
         )
 
 
+class MissingMessageFields(ControlMessage):
+    """See `MissingMessage`."""
+
+    port: PortName
+    tick: Tick
+    writer: ParticipantName
+    last_tick: Tick
+
+
 class ParticipantInspection(ControlMessage):
-    """State of a participant, and the usage of its process; see `ParticipantStatus`."""
+    """One moment of a service, as it sees itself; see `ParticipantStatus`, whose fields these are."""
 
     name: ParticipantName
+    state: Literal["working", "waiting", "done"]
     tick: Tick
-    is_finished: bool
-    waits_for: list[ShortText] = Field(max_length=_MAX_ITEMS)
+    missing: tuple[MissingMessageFields, ...] = Field(max_length=_MAX_ITEMS)
+    lacking_credit: tuple[ParticipantName, ...] = Field(max_length=_MAX_ITEMS)
+    waits_for: tuple[ShortText, ...] = Field(max_length=_MAX_ITEMS)
+    occupied_s: float | None = Field(ge=0, allow_inf_nan=False)
     queued_ticks: Amount
     pid: Amount
     cpu_s: float = Field(ge=0, allow_inf_nan=False)
     memory_bytes: Amount | None
     n_resends: Amount
+
+    def as_status(self) -> ParticipantStatus:
+        """Return what it says of the participant."""
+        fields = dict(self)
+        fields["missing"] = tuple(MissingMessage(**dict(each)) for each in self.missing)
+        return ParticipantStatus(**fields)
 
 
 class HashChainFields(TypedDict):
@@ -297,14 +303,6 @@ class VerdictReceived:
 @dataclass(frozen=True)
 class ProgressReported:
     """A participant reports which tick it has finished."""
-
-    name: str
-    payload: bytes
-
-
-@dataclass(frozen=True)
-class WaitingReported:
-    """A participant reports what it waits for."""
 
     name: str
     payload: bytes
@@ -381,7 +379,6 @@ SupervisorEvent = (
     | ObservationReceived
     | VerdictReceived
     | ProgressReported
-    | WaitingReported
     | ServiceFinished
     | FaultReported
     | ServiceAppeared

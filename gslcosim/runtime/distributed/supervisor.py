@@ -36,17 +36,17 @@ from gslcosim.runtime.distributed.protocol import (
     ServiceVanished,
     SupervisorEvent,
     VerdictReceived,
-    WaitingReported,
 )
 from gslcosim.runtime.distributed.watchdog import LOST_CONTACT_GRACE_S, RestartPolicy, Watchdog
 from gslcosim.runtime.network import JOIN_TIMEOUT_S
 from gslcosim.runtime.outcome import RunOutcome, ServiceFault, build_ending
+from gslcosim.runtime.participant_status import ParticipantState, ParticipantStatus
 from gslcosim.runtime.processes.children import PauseDetector, describe_stop
 from gslcosim.runtime.processes.fork_client import FORK_SERVER
 from gslcosim.runtime.replay.snapshot_policy import SnapshotPolicy
 from gslcosim.runtime.services import ServiceGroup, build_dataflow, list_service_names
 from gslcosim.runtime.setup import RunSetup
-from gslcosim.runtime.status import ParticipantState, ParticipantStatus, RunStatus
+from gslcosim.runtime.status import RunStatus
 
 STATUS_PERIOD_S = 0.1
 # Who has not joined by then is named in a log, too: before it is sure that one that is stopped will not come.
@@ -127,21 +127,19 @@ class ParticipantInspector:
         came = _collect_answers(answers, len(asked))
         return [self._service(name, came.get(name)) for name in self._services] + build_agent_statuses(self._sessions)
 
+    def look_twice(self) -> list[ParticipantStatus]:
+        """Return one moment of all participants; a service is silent only where it answers neither of two questions."""
+        first = self.look()
+        if not any(participant.state == "silent" for participant in first):
+            return first
+        second = self.look()
+        return [then if now.state == "silent" else now for then, now in zip(first, second, strict=True)]
+
     def _service(self, name: str, inspection: protocol.ParticipantInspection | None) -> ParticipantStatus:
         if inspection is None:
             state: ParticipantState = "done" if name in self._watchdog.final_reports else "silent"
             return ParticipantStatus(name=name, state=state, tick=self._watchdog.tick_of(name))
-        return ParticipantStatus(
-            name=name,
-            state="done" if inspection.is_finished else "waiting" if inspection.waits_for else "working",
-            tick=inspection.tick,
-            waits_for=tuple(inspection.waits_for),
-            queued_ticks=inspection.queued_ticks,
-            pid=inspection.pid,
-            cpu_s=inspection.cpu_s,
-            memory_bytes=inspection.memory_bytes,
-            n_resends=inspection.n_resends,
-        )
+        return inspection.as_status()
 
 
 def _collect_answers(answers: "queue.SimpleQueue[bytes]", n_asked: int) -> dict[str, protocol.ParticipantInspection]:
@@ -200,8 +198,8 @@ class Supervisor:
         }
         self._agent_hosts = {agent.name: self._door_host(agent.name) for agent in setup.scenario.agents}
         sessions = {name: host.session for name, host in self._agent_hosts.items()}
-        inspector = ParticipantInspector(bus, self._services, self._watchdog, sessions)
-        self._status_reporter = StatusReporter(report, setup.scenario.tick_ns, inspector.look)
+        self._inspector = ParticipantInspector(bus, self._services, self._watchdog, sessions)
+        self._status_reporter = StatusReporter(report, setup.scenario.tick_ns, self._inspector.look)
         self._observed_by = {keys.observation(name): host for name, host in self._agent_hosts.items()}
         self._described: set[str] = set()
         self._departed_at_s: dict[str, float] = {}
@@ -228,7 +226,6 @@ class Supervisor:
         bus.subscribe(protocol.FAULT_KEY, lambda _, payload: put(FaultReported("", payload)))
         for key, notice in (
             (protocol.build_progress_key("*"), ProgressReported),
-            (protocol.build_waiting_key("*"), WaitingReported),
             (protocol.build_final_report_key("*"), ServiceFinished),
         ):
             bus.subscribe(key, lambda at, payload, notice=notice: put(notice(at.rsplit("/", 1)[-1], payload)))
@@ -328,8 +325,6 @@ class Supervisor:
                 self._on_bundle(payload)
             case ProgressReported(name, payload):
                 self._watchdog.record_progress(name, protocol.TickReport.from_bytes(payload), time.monotonic())
-            case WaitingReported(name, payload):
-                self._watchdog.record_waiting(name, protocol.WaitingReport.from_bytes(payload))
             case ServiceFinished(_, payload):
                 self._on_final_report(protocol.FinalReport.from_bytes(payload))
             case VerdictReceived(payload):
@@ -453,7 +448,7 @@ class Supervisor:
                 # An agent that owes an answer is not a stall of the run; it has its own deadline.
                 self._watchdog.moved(now_s)
                 host.check_deadline()
-        fault = self._watchdog.check(now_s, is_judged=self._verdict is not None)
+        fault = self._watchdog.check(now_s, is_judged=self._verdict is not None, look=self._inspector.look_twice)
         if fault is not None:
             raise RunEndedError(fault)
 

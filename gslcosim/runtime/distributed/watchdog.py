@@ -1,13 +1,14 @@
 """Watchdog of services: decides which one hangs, and whether one that has died is started again."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.runtime.distributed import protocol
-from gslcosim.runtime.distributed.protocol import FinalReport, TickReport, WaitingReport
+from gslcosim.runtime.distributed.protocol import FinalReport, TickReport
 from gslcosim.runtime.outcome import ServiceFault
+from gslcosim.runtime.participant_status import ParticipantStatus, explain_stall
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.services import ServiceGroup, find_service, get_process_name
 from gslcosim.scenario import Scenario
@@ -26,7 +27,6 @@ class Watchdog:
         self._process_of = {name: get_process_name(group) for group in groups for name in group}
         self._run_dir = run_dir
         self._progress = dict.fromkeys(self._services, -1)
-        self._waiting: dict[str, WaitingReport] = {}
         self._byes: dict[str, FinalReport] = {}
         self._lost_since_s: dict[str, float] = {}
         self._moved_at_s = 0.0
@@ -55,7 +55,6 @@ class Watchdog:
             return False
         for name in services:
             self.record_contact_regained(name)
-            self._waiting.pop(name, None)
         self._moved_at_s = now_s
         return True
 
@@ -87,11 +86,6 @@ class Watchdog:
         if note.tick > self._progress.get(name, note.tick):
             self._progress[name] = note.tick
             self._moved_at_s = now_s
-            self._waiting.pop(name, None)
-
-    def record_waiting(self, name: str, note: WaitingReport) -> None:
-        """Take note of what a service waits for."""
-        self._waiting[name] = note
 
     def record_final_report(self, report: FinalReport, now_s: float) -> None:
         """Take note that a service is done."""
@@ -121,18 +115,21 @@ class Watchdog:
         """Addition where contact was lost: empty unless this side stood still itself."""
         return f" The supervisor itself had stood still for {self._missed_s:.0f} s." if self._missed_s else ""
 
-    def check(self, now_s: float, *, is_judged: bool) -> ServiceFault | None:
+    def check(
+        self, now_s: float, *, is_judged: bool, look: Callable[[], Sequence[ParticipantStatus]]
+    ) -> ServiceFault | None:
         """Return who is at fault where contact is lost or nothing moves any more.
 
         Args:
             now_s: The time.
             is_judged: Whether the verdict is there, so that services only have to finish.
+            look: Looks at the participants, where nothing moves any more.
         """
         for name, since_s in self._lost_since_s.items():
             if now_s - since_s > LOST_CONTACT_GRACE_S:
                 return self.fault(name, f"contact was lost: it hangs, or its link is down.{self.pause_text}")
         limit_s = FINISH_TIMEOUT_S if is_judged else STALL_TIMEOUT_S
-        return self._stall(limit_s) if now_s - self._moved_at_s > limit_s else None
+        return self._stall(limit_s, look()) if now_s - self._moved_at_s > limit_s else None
 
     def fault(self, name: str, text: str, exit_code: ExitCode = ExitCode.FAULT) -> ServiceFault:
         """Return a fault of a participant, with the end of its log."""
@@ -142,15 +139,15 @@ class Watchdog:
         text = f"{text}\nLog: {self._run_dir.log(process)}"
         return ServiceFault(participant=name, tick=self.tick_of(name), text=text, exit_code=exit_code)
 
-    def _stall(self, limit_s: float) -> ServiceFault:
-        silent = [name for name in self._services if name not in self._waiting and name not in self._byes]
-        culprit = silent[0] if silent else min(self._progress, key=lambda name: self._progress[name])
-        lines = [f"nothing moved for {limit_s:g} s; it is at tick {self._progress[culprit] + 1}."]
-        for name, note in self._waiting.items():
-            needs = [f"{port} at tick {tick}" for port, tick in note.missing]
-            needs += [f"{reader} to catch up" for reader in note.lacking_credit]
-            lines.append(f"  {name} waits at tick {note.tick} for {', '.join(needs)}")
-        return self.fault(culprit, "\n".join(lines), ExitCode.TIMEOUT)
+    def _stall(self, limit_s: float, participants: Sequence[ParticipantStatus]) -> ServiceFault:
+        stall = explain_stall(participants)
+        culprit = min(self._progress, key=lambda name: self._progress[name]) if stall is None else stall.culprit
+        # What it says itself is newer than what it reports now and then.
+        seen = [participant.tick for participant in participants if participant.name == culprit]
+        tick = max(self.tick_of(culprit), *seen, 0)
+        lines = [f"nothing moved for {limit_s:g} s; it is at tick {tick + 1}."]
+        lines += [f"  {line}" for line in (stall.lines if stall else ())]
+        return replace(self.fault(culprit, "\n".join(lines), ExitCode.TIMEOUT), tick=tick)
 
 
 @dataclass

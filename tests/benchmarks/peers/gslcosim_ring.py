@@ -86,7 +86,6 @@ class Watch:
         """Hear participants from now on."""
         for key in (
             protocol.build_progress_key("*"),
-            protocol.build_waiting_key("*"),
             protocol.build_final_report_key("*"),
             protocol.FAULT_KEY,
         ):
@@ -112,7 +111,7 @@ class Watch:
         self._bus.publish(protocol.START_KEY, b"", urgent=True)
         while not self._watchdog.is_finished:
             self._handle_next()
-            if fault := self._watchdog.check(time.monotonic(), is_judged=False):
+            if fault := self._watchdog.check(time.monotonic(), is_judged=False, look=list):
                 sys.exit(f"{fault.participant}: {fault.text}")
         self._bus.publish(protocol.CLOSE_KEY, b"", urgent=True)
 
@@ -124,8 +123,6 @@ class Watch:
         name, now_s = key.rsplit("/", 1)[-1], time.monotonic()
         if key == protocol.build_progress_key(name):
             self._watchdog.record_progress(name, protocol.TickReport.from_bytes(payload), now_s)
-        elif key == protocol.build_waiting_key(name):
-            self._watchdog.record_waiting(name, protocol.WaitingReport.from_bytes(payload))
         elif key == protocol.build_final_report_key(name):
             self._watchdog.record_final_report(protocol.FinalReport.from_bytes(payload), now_s)
         elif key == protocol.build_liveliness_key(name):

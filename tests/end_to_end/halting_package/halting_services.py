@@ -1,7 +1,8 @@
-"""The sensing service of gslcosim in a process that stops itself before it joins."""
+"""Services of gslcosim that halt: sensing stops its process before it joins, fields hang in a step."""
 
 import os
 import signal
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,39 @@ class SensingBlock(ServiceSpec):
     """Sensing that never joins."""
 
     name: str = "sensing"
+
+
+class FieldsBlock(ServiceSpec):
+    """Fields that never come back from the step of a tick."""
+
+    name: str = "fields"
+    hangs_at_tick: int = 20
+
+
+class HangingCore:
+    """Core that does what another does until a tick."""
+
+    def __init__(self, core, hangs_at_tick):
+        self._core = core
+        self._hangs_at_tick = hangs_at_tick
+
+    @property
+    def spec(self):
+        return self._core.spec
+
+    def reset(self, episode):
+        return self._core.reset(episode)
+
+    def step(self, tick, inbox):
+        if tick == self._hangs_at_tick:
+            threading.Event().wait()
+        return self._core.step(tick, inbox)
+
+
+@get_block_service.register
+def _hanging(settings: FieldsBlock):
+    usual = next(kind for kind in default_services() if kind.name == settings.name)
+    return replace(usual, build=lambda setup: HangingCore(usual.build(setup), settings.hangs_at_tick))
 
 
 @get_block_service.register

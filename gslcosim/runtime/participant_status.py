@@ -1,0 +1,121 @@
+"""One moment of a run's participants, and what it explains where the run stalls: who waits for whom over what."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from gslcosim.runtime.agents.validator import get_agent_participant
+
+ParticipantState = Literal["joining", "working", "waiting", "deciding", "done", "silent"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissingMessage:
+    """A message that a participant lacks: its port and tick, who writes it, and the last tick that came on the port.
+
+    `last_tick` is -1 where nothing came on it yet.
+    """
+
+    port: str
+    tick: int
+    writer: str
+    last_tick: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParticipantStatus:
+    """One moment of a participant, for a person to watch.
+
+    `tick` is the last one finished, -1 before the first. What it waits for, empty where it waits for nothing: `missing`
+    are messages, `lacking_credit` are readers that lag behind by as much as they may, and `waits_for` names ports and
+    readers alone. `occupied_s` is how long its present step or decision has taken [s], absent outside of one;
+    `queued_ticks` counts the ticks of its inputs that are here already. A participant that is `silent` has not
+    answered. Of its process: `pid`, CPU time so far, and the memory that it alone holds with its share of what it has
+    in common with others; absent where nobody knows them. `n_resends` counts messages it had to ask for again.
+    """
+
+    name: str
+    state: ParticipantState
+    tick: int
+    missing: tuple[MissingMessage, ...] = ()
+    lacking_credit: tuple[str, ...] = ()
+    waits_for: tuple[str, ...] = ()
+    occupied_s: float | None = None
+    queued_ticks: int = 0
+    pid: int | None = None
+    cpu_s: float | None = None
+    memory_bytes: int | None = None
+    n_resends: int = 0
+
+
+@dataclass(frozen=True)
+class Stall:
+    """A stalled run: `culprit` is the participant for whom all others wait, `lines` say why, one for each of them."""
+
+    culprit: str
+    lines: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """The explanation, a line for each participant that takes part in it, the culprit first."""
+        return "\n".join(self.lines)
+
+
+def explain_stall(participants: Sequence[ParticipantStatus]) -> Stall | None:
+    """Return who holds a run up, and who waits for it over whom; None where there are no participants.
+
+    The chain begins at the participant that is furthest behind among those that wait. It leads from what that one
+    lacks to the one that writes it, and so on, until one waits for nobody: it is in its step, owes an answer, or is
+    silent. Where the chain comes back to a participant, they wait for each other, and the one furthest behind is named.
+    """
+    by_name = {participant.name: participant for participant in participants}
+    # What agents write comes from their sessions; no service has such a name.
+    by_name |= {get_agent_participant(name): participant for name, participant in by_name.items()}
+    open_ones = [participant for participant in participants if participant.state != "done"]
+    if not open_ones:
+        return None
+    current = min(open_ones, key=lambda participant: (participant.tick, not _find_blocker(participant)))
+    chain: list[ParticipantStatus] = []
+    while current not in chain:
+        chain.append(current)
+        following = by_name.get(_find_blocker(current))
+        if following is None:
+            break
+        current = following
+    else:
+        circle = chain[chain.index(current) :]
+        culprit = min(circle, key=lambda participant: participant.tick)
+        lines = (f"{culprit.name} and what it waits for wait for each other: a message is missing, not late.",)
+        return Stall(culprit.name, (*lines, *(describe_wait(participant) for participant in chain)))
+    return Stall(chain[-1].name, tuple(describe_wait(participant) for participant in reversed(chain)))
+
+
+def describe_wait(participant: ParticipantStatus) -> str:
+    """Return in a sentence what a participant does or waits for: the tick, the port, its writer, what came last."""
+    name, tick = participant.name, participant.tick + 1
+    for_s = "" if participant.occupied_s is None else f" for {participant.occupied_s:.1f} s"
+    if participant.state == "silent":
+        return f"{name} does not answer: its process is stopped, or hangs in its step of tick {tick}."
+    if participant.state == "joining":
+        return f"{name} has not joined."
+    if participant.state == "deciding":
+        return f"{name} owes a command for tick {participant.tick}{for_s}."
+    if participant.missing:
+        return f"{name} waits at tick {tick} for {', '.join(map(_describe_missing, participant.missing))}."
+    if participant.lacking_credit:
+        readers = ", ".join(participant.lacking_credit)
+        return f"{name} waits at tick {tick} for {readers} to catch up: it is as far ahead as it may be."
+    if for_s:
+        return f"{name} is in its step of tick {tick}{for_s}."
+    return f"{name} waits for nobody at tick {tick}."
+
+
+def _find_blocker(participant: ParticipantStatus) -> str:
+    if participant.missing:
+        return participant.missing[0].writer
+    return participant.lacking_credit[0] if participant.lacking_credit else ""
+
+
+def _describe_missing(missing: MissingMessage) -> str:
+    last = "nothing yet" if missing.last_tick < 0 else f"tick {missing.last_tick} last"
+    return f"{missing.port} of tick {missing.tick} from {missing.writer} (got {last})"
