@@ -136,26 +136,26 @@ def run_distributed(
     keep_memory_private()
     outcome = RunOutcome()
     began = time.perf_counter()
-    notices: queue.SimpleQueue[SupervisorEvent] = queue.SimpleQueue()
-    gateway = GatewayAgents(setup, directory, network, notices.put)
+    events: queue.SimpleQueue[SupervisorEvent] = queue.SimpleQueue()
+    gateway = GatewayAgents(setup, directory, network, events.put)
 
     # On the thread that waits for the process.
     def on_exit(name: str, exit_code: int, how: str) -> None:
         if fork_server is not None and fork_server.has_failed:
             name = FORK_SERVER
         if not gateway.exited(name, exit_code, how):
-            notices.put(ProcessEnded(name, exit_code, how))
+            events.put(ProcessEnded(name, how))
 
     # On the thread of the watch.
     def on_stopped(name: str) -> None:
         if not gateway.stopped(name):
-            notices.put(ProcessStopped(name))
+            events.put(ProcessStopped(name))
 
     crews = {name: agents for name, agents in setup.scenario.agents_by_process().items() if name not in gateway}
     with ExitStack() as stack:
         socket_dir = stack.enter_context(ScratchFolder.for_sockets()).path
         stack.callback(gateway.close)
-        interruption = stack.enter_context(Interruption(lambda: notices.put(Interrupted())))
+        interruption = stack.enter_context(Interruption(lambda: events.put(Interrupted())))
         starts_services = not all(network.is_remote(group[0]) for group in groups)
         if fork_server is None and starts_services and ForkServer.is_possible():
             fork_server = stack.enter_context(ForkServer())
@@ -172,7 +172,7 @@ def run_distributed(
             _start_services(setup, network, router, children, [group], fork_server)
 
         restarts = RestartPolicy(setup.scenario, groups, start_again)
-        supervisor = Supervisor(setup, bus, gateway, notices, report, groups, restarts)
+        supervisor = Supervisor(setup, bus, gateway, events, report, groups, restarts)
         expected = [group[0] for group in groups if network.is_remote(group[0])]
         offering = RunServer(setup, expected) if expected else None
         try:

@@ -46,6 +46,11 @@ def build_liveliness_key(name: str) -> str:
     return f"alive/{name}"
 
 
+def build_agent_liveliness_key(agent: str) -> str:
+    """Return the key of the liveliness token of an agent on the bus, which the contract names."""
+    return f"agents/{agent}/alive"
+
+
 def build_progress_key(name: str) -> str:
     """Return the key on which a participant reports which tick it has finished."""
     return f"ctl/progress/{name}"
@@ -271,85 +276,23 @@ class FinalReport(ControlMessage):
 
 
 @dataclass(frozen=True)
-class BundleReceived:
-    """A service has sent the messages of several ports and ticks in one."""
+class MessageReceived:
+    """Something has come over the bus; its key says what it is.
 
+    What was asked for comes with the key on which it would have come by itself; a description with the key on which
+    it was asked for.
+    """
+
+    key: str
     payload: bytes
 
 
 @dataclass(frozen=True)
-class BriefingReceived:
-    """The briefing of an agent, on its way there."""
+class LivelinessChanged:
+    """The liveliness token of a service or of an agent on the bus is there, or is gone."""
 
-    agent: str
-    payload: bytes
-
-
-@dataclass(frozen=True)
-class ObservationReceived:
-    """An observation of an agent that was asked for again."""
-
-    agent: str
-    payload: bytes
-
-
-@dataclass(frozen=True)
-class VerdictReceived:
-    """The verdict, which was asked for again."""
-
-    payload: bytes
-
-
-@dataclass(frozen=True)
-class ProgressReported:
-    """A participant reports which tick it has finished."""
-
-    name: str
-    payload: bytes
-
-
-@dataclass(frozen=True)
-class ServiceFinished:
-    """A service is done."""
-
-    name: str
-    payload: bytes
-
-
-@dataclass(frozen=True)
-class FaultReported:
-    """A service has failed and says how."""
-
-    name: str
-    payload: bytes
-
-
-@dataclass(frozen=True)
-class ServiceAppeared:
-    """A service's liveliness token is there."""
-
-    name: str
-
-
-@dataclass(frozen=True)
-class ServiceDescribed:
-    """A service says what it is."""
-
-    payload: bytes
-
-
-@dataclass(frozen=True)
-class ServiceVanished:
-    """A service's liveliness token is gone."""
-
-    name: str
-
-
-@dataclass(frozen=True)
-class AgentVanished:
-    """The liveliness token of an agent on the bus is gone."""
-
-    agent: str
+    key: str
+    is_alive: bool
 
 
 @dataclass(frozen=True)
@@ -357,7 +300,6 @@ class ProcessEnded:
     """A process that joins the bus has ended."""
 
     name: str
-    exit_code: int
     how: str
 
 
@@ -373,20 +315,4 @@ class Interrupted:
     """Somebody wants the run to end."""
 
 
-SupervisorEvent = (
-    BundleReceived
-    | BriefingReceived
-    | ObservationReceived
-    | VerdictReceived
-    | ProgressReported
-    | ServiceFinished
-    | FaultReported
-    | ServiceAppeared
-    | ServiceDescribed
-    | ServiceVanished
-    | AgentVanished
-    | ProcessEnded
-    | ProcessStopped
-    | Interrupted
-    | AgentEvent
-)
+SupervisorEvent = MessageReceived | LivelinessChanged | ProcessEnded | ProcessStopped | Interrupted | AgentEvent

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import takewhile
 
 from gslcosim.base.errors import ExitCode
@@ -21,21 +22,12 @@ from gslcosim.runtime.agents.validator import get_agent_participant
 from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.distributed.outcome_collection import collect_outcome
 from gslcosim.runtime.distributed.protocol import (
-    AgentVanished,
-    BriefingReceived,
-    BundleReceived,
-    FaultReported,
     Interrupted,
-    ObservationReceived,
+    LivelinessChanged,
+    MessageReceived,
     ProcessEnded,
     ProcessStopped,
-    ProgressReported,
-    ServiceAppeared,
-    ServiceDescribed,
-    ServiceFinished,
-    ServiceVanished,
     SupervisorEvent,
-    VerdictReceived,
 )
 from gslcosim.runtime.distributed.watchdog import LOST_CONTACT_GRACE_S, RestartPolicy, Watchdog
 from gslcosim.runtime.network import JOIN_TIMEOUT_S
@@ -170,7 +162,7 @@ class RunEndedError(Exception):
 class Supervisor:
     """Supervisor of one run: validates agents' commands, and ends the run with the culprit's name.
 
-    What it hears comes as notices from many threads and is handled on the one that calls `fly`.
+    What it hears comes as events from many threads and is handled on the one that calls `fly`.
     """
 
     def __init__(
@@ -178,7 +170,7 @@ class Supervisor:
         setup: RunSetup,
         bus: ZenohBus,
         gateway: GatewayAgents,
-        notices: "queue.SimpleQueue[SupervisorEvent]",
+        events: "queue.SimpleQueue[SupervisorEvent]",
         report: Callable[[RunStatus], None],
         groups: Sequence[ServiceGroup],
         restarts: RestartPolicy,
@@ -186,21 +178,21 @@ class Supervisor:
         self._setup = setup
         self._bus = bus
         self._gateway = gateway
-        self._events = notices
+        self._events = events
         self._dataflow = build_dataflow(setup.scenario)
         self._services = list_service_names(setup.scenario)
         self._watchdog = Watchdog(groups, setup.run_dir)
         self._restarts = restarts
         self._bus_links = {
-            agent.name: BusTransport(agent.name, bus, notices.put)
+            agent.name: BusTransport(agent.name, bus, events.put)
             for agent in setup.scenario.agents
             if agent.name not in gateway
         }
-        self._agent_hosts = {agent.name: self._door_host(agent.name) for agent in setup.scenario.agents}
+        self._agent_hosts = {agent.name: self._build_agent_host(agent.name) for agent in setup.scenario.agents}
         sessions = {name: host.session for name, host in self._agent_hosts.items()}
         self._inspector = ParticipantInspector(bus, self._services, self._watchdog, sessions)
         self._status_reporter = StatusReporter(report, setup.scenario.tick_ns, self._inspector.look)
-        self._observed_by = {keys.observation(name): host for name, host in self._agent_hosts.items()}
+        self._handlers = self._build_handlers()
         self._described: set[str] = set()
         self._departed_at_s: dict[str, float] = {}
         self._verdict: Verdict | None = None
@@ -215,22 +207,24 @@ class Supervisor:
 
     def listen(self) -> None:
         """Hear services and agents from now on."""
-        bus, put = self._bus, self._events.put
+        bus = self._bus
         for name, host in self._agent_hosts.items():
-            bus.subscribe(keys.briefing(name), lambda _, payload, name=name: put(BriefingReceived(name, payload)))
+            bus.subscribe(keys.briefing(name), self._put)
             host.listen()
         for link in self._bus_links.values():
             link.listen()
+        # Observations and the verdict come in the bundles of those who write them.
         for name in ("sensing", "referee"):
-            bus.subscribe(protocol.build_outgoing_bundles_key(name), lambda _, payload: put(BundleReceived(payload)))
-        bus.subscribe(protocol.FAULT_KEY, lambda _, payload: put(FaultReported("", payload)))
-        for key, notice in (
-            (protocol.build_progress_key("*"), ProgressReported),
-            (protocol.build_final_report_key("*"), ServiceFinished),
-        ):
-            bus.subscribe(key, lambda at, payload, notice=notice: put(notice(at.rsplit("/", 1)[-1], payload)))
-        bus.watch_alive(protocol.build_liveliness_key("*"), self._on_service_alive)
-        bus.watch_alive("agents/*/alive", self._on_agent_alive)
+            bus.subscribe(protocol.build_outgoing_bundles_key(name), self._put)
+        bus.subscribe(protocol.FAULT_KEY, self._put)
+        bus.subscribe(protocol.build_progress_key("*"), self._put)
+        bus.subscribe(protocol.build_final_report_key("*"), self._put)
+        for pattern in (protocol.build_liveliness_key("*"), protocol.build_agent_liveliness_key("*")):
+            bus.watch_alive(pattern, lambda key, is_alive: self._events.put(LivelinessChanged(key, is_alive)))
+
+    # On any thread.
+    def _put(self, key: str, payload: bytes) -> None:
+        self._events.put(MessageReceived(key, payload))
 
     def await_all_ready(self, interruption: Interruption) -> None:
         """Wait until all services and agents are there, or interruption.
@@ -287,27 +281,14 @@ class Supervisor:
             outcome.flight_wall_s = self._ended_at_s - self._started_at_s
         collect_outcome(outcome, self._watchdog, self._agent_hosts, self._verdict, self._dataflow, self._restarts)
 
-    def _door_host(self, name: str) -> AgentHost:
+    def _build_agent_host(self, name: str) -> AgentHost:
         agent = next(agent for agent in self._setup.scenario.agents if agent.name == name)
         link = self._bus_links.get(name) or self._gateway.get_transport(name)
-        put = self._events.put
-        session, more_ticks = (
-            build_session(agent, self._setup, link),
-            SnapshotPolicy.of(self._setup).extra_retained_ticks,
-        )
-        return AgentHost(session, self._bus, lambda got: put(ObservationReceived(name, got)), more_ticks)
+        session = build_session(agent, self._setup, link)
+        more_ticks = SnapshotPolicy.of(self._setup).extra_retained_ticks
+        return AgentHost(session, self._bus, lambda got: self._put(keys.observation(name), got), more_ticks)
 
     # ------------------------------------------------------------ what it hears
-
-    def _on_service_alive(self, key: str, is_alive: bool) -> None:  # noqa: FBT001 - the interface of the bus
-        name = key.split("/")[1]
-        if name in self._watchdog:
-            self._events.put(ServiceAppeared(name) if is_alive else ServiceVanished(name))
-
-    def _on_agent_alive(self, key: str, is_alive: bool) -> None:  # noqa: FBT001 - as above
-        name = key.split("/")[1]
-        if name in self._bus_links:
-            self._events.put(AgentJoined(agent=name) if is_alive else AgentVanished(name))
 
     def _handle_next(self) -> None:
         try:
@@ -319,68 +300,81 @@ class Supervisor:
                 return
             self._handle(self._events.get())
 
-    def _handle(self, notice: SupervisorEvent) -> None:
-        match notice:
-            case BundleReceived(payload):
-                self._on_bundle(payload)
-            case ProgressReported(name, payload):
-                self._watchdog.record_progress(name, protocol.TickReport.from_bytes(payload), time.monotonic())
-            case ServiceFinished(_, payload):
-                self._on_final_report(protocol.FinalReport.from_bytes(payload))
-            case VerdictReceived(payload):
-                self._on_verdict(payload)
-            case BriefingReceived(agent, payload):
-                self._agent_hosts[agent].brief(payload)
-            case ObservationReceived(agent, payload):
-                self._agent_hosts[agent].observe(payload)
-            case FaultReported() | ServiceAppeared() | ServiceDescribed() | ServiceVanished():
-                self._on_life(notice)
-            case ProcessEnded(name, _, how):
+    def _handle(self, event: SupervisorEvent) -> None:
+        match event:
+            case MessageReceived(key, payload):
+                self._on_message(key, payload)
+            case LivelinessChanged(key, is_alive):
+                self._on_liveliness(key, is_alive=is_alive)
+            case ProcessEnded(name, how):
                 self._on_end_of(name, how)
             case ProcessStopped(name) if not self._restarts.covers(name):
                 self._on_end_of(name, describe_stop())
-            case AgentVanished(agent):
-                # Its process may have ended too; that says more, and comes within a moment.
-                self._departed_at_s.setdefault(agent, time.monotonic())
             case Interrupted() | ProcessStopped():
                 return
             case _:
-                self._agent_hosts[notice.agent].handle(notice)
+                self._agent_hosts[event.agent].handle(event)
 
-    def _on_life(self, notice: FaultReported | ServiceAppeared | ServiceDescribed | ServiceVanished) -> None:
-        match notice:
-            case FaultReported(payload=payload):
-                note = protocol.FaultReport.from_bytes(payload)
-                if self._restarts.absorbs_fault(note):
-                    return
-                raise RunEndedError(ServiceFault(participant=note.participant, tick=note.tick, text=note.text.strip()))
-            case ServiceAppeared(name):
-                put = self._events.put
-                self._watchdog.record_contact_regained(name)
-                self._bus.ask(
-                    protocol.build_description_key(name), b"", lambda _, answer: put(ServiceDescribed(answer))
-                )
-            case ServiceDescribed(payload):
-                self._on_described(protocol.ParticipantDescription.from_bytes(payload))
-            case ServiceVanished(name):
-                if not self._restarts.is_under_way(name):
-                    self._watchdog.record_contact_lost(name, time.monotonic())
+    # A name that is none of the run's comes from a host that lies; it has no handler.
+    def _on_message(self, key: str, payload: bytes) -> None:
+        if key.startswith(protocol.BUNDLE_PREFIX):
+            for port, message in protocol.unpack_bundle(payload):
+                if handler := self._handlers.get(port):
+                    handler(message)
+        elif handler := self._handlers.get(key):
+            handler(payload)
 
-    def _on_described(self, description: protocol.ParticipantDescription) -> None:
+    def _build_handlers(self) -> dict[str, Callable[[bytes], None]]:
+        handlers: dict[str, Callable[[bytes], None]] = {
+            keys.VERDICT: self._on_verdict,
+            protocol.FAULT_KEY: self._on_fault,
+        }
+        for name, host in self._agent_hosts.items():
+            handlers[keys.briefing(name)] = host.brief
+            handlers[keys.observation(name)] = host.observe
+        for name in self._services:
+            handlers[protocol.build_progress_key(name)] = partial(self._on_progress, name)
+            handlers[protocol.build_final_report_key(name)] = self._on_final_report
+            handlers[protocol.build_description_key(name)] = self._on_description
+        return handlers
+
+    def _on_progress(self, name: str, payload: bytes) -> None:
+        self._watchdog.record_progress(name, protocol.TickReport.from_bytes(payload), time.monotonic())
+
+    def _on_fault(self, payload: bytes) -> None:
+        report: protocol.FaultReport = protocol.FaultReport.from_bytes(payload)
+        if not self._restarts.absorbs_fault(report):
+            raise RunEndedError(
+                ServiceFault(participant=report.participant, tick=report.tick, text=report.text.strip())
+            )
+
+    def _on_liveliness(self, key: str, *, is_alive: bool) -> None:
+        name = key.split("/")[1]
+        if key == protocol.build_agent_liveliness_key(name):
+            if name not in self._bus_links:
+                return
+            if is_alive:
+                self._agent_hosts[name].handle(AgentJoined(agent=name))
+            else:
+                # Its process may have ended too; that says more, and comes within a moment.
+                self._departed_at_s.setdefault(name, time.monotonic())
+        elif name not in self._watchdog:
+            return
+        elif is_alive:
+            self._watchdog.record_contact_regained(name)
+            question = protocol.build_description_key(name)
+            self._bus.ask(question, b"", lambda _, answer: self._put(question, answer))
+        elif not self._restarts.is_under_way(name):
+            self._watchdog.record_contact_lost(name, time.monotonic())
+
+    def _on_description(self, payload: bytes) -> None:
+        description: protocol.ParticipantDescription = protocol.ParticipantDescription.from_bytes(payload)
         if text := description.difference:
             raise RunEndedError(self._watchdog.fault(description.name, text))
         self._described.add(description.name)
         if self._restarts.mark_reconnected(description.name):
             self._bus.publish(protocol.START_KEY, b"", urgent=True)
             self._send_stop()
-
-    def _on_bundle(self, payload: bytes) -> None:
-        for port, message in protocol.unpack_bundle(payload):
-            host = self._observed_by.get(port)
-            if host is not None:
-                host.observe(message)
-            elif port == keys.VERDICT:
-                self._on_verdict(message)
 
     def _on_verdict(self, payload: bytes) -> None:
         self._verdict = codec.decode_trusted(Verdict, payload)
@@ -390,14 +384,14 @@ class Supervisor:
         if self._verdict is not None:
             self._bus.publish(protocol.STOP_KEY, protocol.TickReport(tick=self._verdict.tick).to_bytes(), urgent=True)
 
-    def _on_final_report(self, report: protocol.FinalReport) -> None:
+    def _on_final_report(self, payload: bytes) -> None:
+        report: protocol.FinalReport = protocol.FinalReport.from_bytes(payload)
         self._watchdog.record_final_report(report, time.monotonic())
         if report.name == "referee" and self._verdict is None:
             # It has ended the run, so its verdict got lost on the way.
             question = protocol.ResendRequest(port=keys.VERDICT, tick=report.last_tick).to_bytes()
-            put = self._events.put
             self._bus.ask(
-                protocol.build_resend_key("referee"), question, lambda _, payload: put(VerdictReceived(payload))
+                protocol.build_resend_key("referee"), question, lambda _, answer: self._put(keys.VERDICT, answer)
             )
 
     def _on_end_of(self, name: str, how: str) -> None:
