@@ -6,7 +6,6 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any
 
 from gslcosim.agent_kit import Agent
 from gslcosim.base.errors import GslCosimError, RunFolderError, format_fault
@@ -15,7 +14,6 @@ from gslcosim.base.processes import Interruption
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Message, Observation, Verdict
-from gslcosim.contract.participant import Core, SupportsClose, SupportsSummary
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents
 from gslcosim.runtime.agents.loader import load_agent_types
 from gslcosim.runtime.agents.session import (
@@ -33,13 +31,14 @@ from gslcosim.runtime.agents.validator import collect_faults
 from gslcosim.runtime.digest import RunDigest
 from gslcosim.runtime.network import JOIN_TIMEOUT_S, Network
 from gslcosim.runtime.outcome import RunOutcome, ServiceFault, build_ending
-from gslcosim.runtime.participant_status import ParticipantStatus
+from gslcosim.runtime.participant_status import ParticipantStatus, explain_stall
 from gslcosim.runtime.processes.children import EXIT_TIMEOUT_S, ChildProcesses, PauseDetector, StopMonitor
 from gslcosim.runtime.replay.snapshot_policy import SnapshotPolicy
 from gslcosim.runtime.services import build_core, build_dataflow, list_service_names
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunStatus
-from gslcosim.runtime.stepper import NO_TICK_LIMIT, PACED_PARTICIPANT, SentMessage, Stepper, build_clock_pace
+from gslcosim.runtime.step_loop import StepLoop
+from gslcosim.runtime.stepper import SentMessage, Stepper, build_clock_pace
 from gslcosim.scenario.models.scenario import AgentSpec
 
 REPORT_EVERY_TICKS = 64
@@ -72,23 +71,19 @@ class InProcessRun:
         self._dataflow = build_dataflow(setup.scenario)
         self._observed_by = {keys.observation(name): session for name, session in sessions.items()}
         self._briefed_by = {keys.briefing(name): session for name, session in sessions.items()}
-        self._keeping = SnapshotPolicy.of(setup)
         order = [name for name in self._dataflow.order() if name in list_service_names(setup.scenario)]
-        self._steppers = {name: self._keeping.stepper(build_core(name, setup), self._dataflow) for name in order}
-        self._readers: dict[str, list[Stepper]] = {
-            port: [s for s in self._steppers.values() if any(read.port == port for read in s.spec.reads)]
-            for port in self._dataflow.writes
-        }
-        for stepper in self._steppers.values():
-            stepper.gate.final_tick = until_tick
-        # In one thread nobody runs ahead, so credit is never needed.
-        for name in order:
-            for reader in self._dataflow.readers_of(name):
-                self._steppers[name].gate.grant(reader.name, NO_TICK_LIMIT)
+        self._loop = StepLoop(
+            [build_core(name, setup) for name in order],
+            self._dataflow,
+            self,
+            is_whole_run=True,
+            pace=build_clock_pace(setup),
+            policy=SnapshotPolicy.of(setup),
+        )
+        self._loop.end_at(until_tick)
         self._verdict: Verdict | None = None
-        self._culprit = "runtime"
         self._pauses = PauseDetector()
-        self._pace = build_clock_pace(setup)
+        self._reported_tick = -1
 
     def fly(self, is_interrupted: Callable[[], bool]) -> RunOutcome:
         """Fly until the verdict, a fault or an interruption."""
@@ -108,20 +103,18 @@ class InProcessRun:
         """
         started = flying_since = time.perf_counter()
         try:
-            for name, stepper in self._steppers.items():
-                self._culprit = name
-                for sent in stepper.reset(self._setup.episode):
-                    self._deliver(sent)
+            for stepper, outputs in self._loop.reset(self._setup.episode):
+                self._loop.pass_on(stepper, outputs)
             self._go_on(is_interrupted)
             flying_since = time.perf_counter()
             outcome.start_up_s = flying_since - started
             yield from self._step_all(is_interrupted, flying_since)
         except Exception as error:  # a fault of any core ends the run with its name
             # The journal of commands is the runtime's own, whatever the transport.
-            culprit = "supervisor" if isinstance(error, RunFolderError) else self._culprit
+            culprit = "supervisor" if isinstance(error, RunFolderError) else self._loop.acting.spec.name
             text = format_fault(error, traceback.format_exc())
             outcome.fault = ServiceFault(participant=culprit, tick=self._tick, text=text)
-        outcome.is_cut = self._verdict is None and outcome.fault is None and not self._tick_is_open()
+        outcome.is_cut = self._verdict is None and outcome.fault is None and self._loop.is_finished
         outcome.is_interrupted = self._verdict is None and outcome.fault is None and not outcome.is_cut
         self._close(outcome)
         outcome.flight_wall_s = time.perf_counter() - flying_since
@@ -129,18 +122,18 @@ class InProcessRun:
         outcome.verdict = self._verdict
         outcome.decisions_s = [taken_s for session in self._sessions.values() for taken_s in session.decisions_s]
         outcome.agent_faults = collect_faults(session.validator for session in self._sessions.values())
-        outcome.timing = {name: stepper.timing.as_fields() for name, stepper in self._steppers.items()}
-        outcome.summary = _collect_summaries(stepper.core for stepper in self._steppers.values())
-        outcome.summary |= self._pace.summary() if self._pace else {}
+        steppers = self._loop.steppers
+        outcome.timing = {stepper.spec.name: stepper.timing.as_fields() for stepper in steppers}
+        outcome.summary = {key: value for stepper in steppers for key, value in self._loop.summarize(stepper).items()}
         if outcome.is_cut or (self._verdict and outcome.fault is None):
             outcome.digest = self._digest(outcome.ticks_flown)
 
     # Services begin at the snapshot; agents live through what came before, in the order in which they got it.
     def _go_on(self, is_interrupted: Callable[[], bool]) -> None:
-        self._keeping.go_on(self._steppers.values(), self._dataflow)
+        self._loop.resume()
         for observations in self._setup.snapshot.read_observations() if self._setup.snapshot else ():
             for agent, payload in observations:
-                self._deliver_all(self._sessions[agent].observe(codec.decode_observation_head(payload), payload))
+                self._deliver_commands(self._sessions[agent].observe(codec.decode_observation_head(payload), payload))
                 self._handle_agent_events()
             while any(session.is_pending for session in self._sessions.values()) and not is_interrupted():
                 self._wait_for_agent()
@@ -149,43 +142,30 @@ class InProcessRun:
 
     @property
     def _tick(self) -> int:
-        return max(min(stepper.gate.next_tick for stepper in self._steppers.values()) - 1, 0)
+        return max(self._loop.last_tick, 0)
 
     def _step_all(self, is_interrupted: Callable[[], bool], started: float) -> Iterator[None]:
-        steppers = list(self._steppers.items())
-        while self._tick_is_open() and not is_interrupted():
+        loop = self._loop
+        while not loop.is_finished and not is_interrupted():
             self._handle_agent_events()
-            self._keep_pace(is_interrupted)
-            for name, stepper in steppers:
-                may_step = stepper.gate.can_step()
-                while not may_step and self._waits_for_agent(stepper) and not is_interrupted():
-                    yield
-                    self._wait_for_agent()
-                    may_step = stepper.gate.can_step()
-                if is_interrupted():
-                    return
-                if may_step:
-                    self._culprit = name
-                    for sent in stepper.step():
-                        self._deliver(sent)
-                elif not stepper.gate.is_finished:
-                    missing = ", ".join(f"{m.port} at tick {m.tick}" for m in stepper.gate.missing())
-                    raise GslCosimError(f"{name} cannot step tick {stepper.gate.next_tick}: it lacks {missing}.")
-            self._keeping.write_due_parts(self._steppers.values())
-            if self._tick % REPORT_EVERY_TICKS == 0 or self._pace is not None:
-                self._report_status(started)
+            if loop.step():
+                self._report_if_due(started)
+            elif any(session.is_pending for session in self._sessions.values()):
+                yield
+                self._wait_for_agent()
+            elif (wait_s := loop.pace_wait_s) > 0:
+                with suppress(queue.Empty):
+                    self._handle_event(self._events.get(timeout=min(wait_s, POLL_PERIOD_S)))
+            elif not loop.can_any_step():
+                raise GslCosimError(self._explain_stall())
 
-    def _keep_pace(self, is_interrupted: Callable[[], bool]) -> None:
-        if self._pace is None:
-            return
-        tick = self._steppers[PACED_PARTICIPANT].gate.next_tick
-        while (wait_s := self._pace.wait_s(tick, time.monotonic())) > 0 and not is_interrupted():
-            with suppress(queue.Empty):
-                self._handle_event(self._events.get(timeout=min(wait_s, POLL_PERIOD_S)))
-        self._pace.begins(tick, time.monotonic())
-
-    def _waits_for_agent(self, stepper: Stepper) -> bool:
-        return not stepper.gate.is_finished and any(session.is_pending for session in self._sessions.values())
+    # Nobody can step, and nobody is waited for: a participant writes other than it declares.
+    def _explain_stall(self) -> str:
+        stall = explain_stall(self._participants())
+        for stepper in self._loop.steppers:
+            if stall is not None and stepper.spec.name == stall.culprit:
+                self._loop.acting = stepper
+        return f"no participant can step.\n{stall.text if stall else ''}"
 
     def _wait_for_agent(self) -> None:
         self._renew()
@@ -193,7 +173,7 @@ class InProcessRun:
             self._handle_event(self._events.get(timeout=POLL_PERIOD_S))
         self._renew()
         for session in self._sessions.values():
-            self._deliver_all(session.check_deadline())
+            self._deliver_commands(session.check_deadline())
 
     # While this process stood still no agent was late.
     def _renew(self) -> None:
@@ -207,12 +187,13 @@ class InProcessRun:
             self._handle_event(self._events.get())
 
     def _handle_event(self, event: AgentEvent) -> None:
-        self._deliver_all(self._sessions[event.agent].handle(event))
+        self._deliver_commands(self._sessions[event.agent].handle(event))
 
-    def _tick_is_open(self) -> bool:
-        return not all(stepper.gate.is_finished for stepper in self._steppers.values())
-
-    def _report_status(self, started: float) -> None:
+    def _report_if_due(self, started: float) -> None:
+        tick = self._tick
+        if tick == self._reported_tick or (tick % REPORT_EVERY_TICKS and not self._loop.is_paced):
+            return
+        self._reported_tick = tick
         sim_time_s = seconds_from_ticks(self._tick, self._setup.scenario.tick_ns)
         wall_s = max(time.perf_counter() - started, 1e-9)
         self._report(
@@ -226,51 +207,52 @@ class InProcessRun:
 
     # On the caller's thread, while a core may be in its step.
     def _participants(self) -> list[ParticipantStatus]:
-        return [*(stepper.look() for stepper in self._steppers.values()), *build_agent_statuses(self._sessions)]
+        return [*(stepper.look() for stepper in self._loop.steppers), *build_agent_statuses(self._sessions)]
 
-    def _deliver_all(self, sent: Iterable[SentMessage]) -> None:
-        for each in sent:
-            self._deliver(each)
+    def on_outputs(self, stepper: Stepper, outputs: list[SentMessage]) -> None:
+        """Hand briefings and observations to the sessions of their agents; see `StepListener`."""
+        del stepper
+        for sent in outputs:
+            port, message = sent.port, sent.message
+            if self._watch is not None:
+                self._watch(port, message)
+            if isinstance(message, Observation):
+                self._deliver_commands(self._observed_by[port].observe(message, sent.payload))
+                # An object has answered by now.
+                self._handle_agent_events()
+            elif isinstance(message, Briefing):
+                self._briefed_by[port].brief(message, sent.payload)
+                self._handle_agent_events()
+            elif isinstance(message, Verdict):
+                self._verdict = message
 
-    def _deliver(self, sent: SentMessage) -> None:
-        port, message = sent.port, sent.message
-        if self._watch is not None:
-            self._watch(port, message)
-        for reader in self._readers.get(port, ()):
-            reader.gate.deliver(port, message)
-        if isinstance(message, Observation):
-            self._deliver_all(self._observed_by[port].observe(message, sent.payload))
-            # An object has answered by now.
-            self._handle_agent_events()
-        elif isinstance(message, Briefing):
-            self._briefed_by[port].brief(message, sent.payload)
-            self._handle_agent_events()
-        elif isinstance(message, Verdict):
-            self._verdict = message
-            for stepper in self._steppers.values():
-                stepper.gate.final_tick = message.tick
+    def before_snapshot(self, stepper: Stepper) -> None:
+        """Do nothing: nothing is on its way; see `StepListener`."""
+
+    def after_step(self, stepper: Stepper) -> None:
+        """Do nothing: nobody elsewhere counts on it; see `StepListener`."""
+
+    def _deliver_commands(self, commands: Iterable[SentMessage]) -> None:
+        for sent in commands:
+            if self._watch is not None:
+                self._watch(sent.port, sent.message)
+            self._loop.deliver(sent.port, sent.message)
 
     def _close(self, outcome: RunOutcome) -> None:
-        for name, stepper in self._steppers.items():
+        for stepper in self._loop.steppers:
             try:
-                if isinstance(stepper.core, SupportsClose):
-                    stepper.core.close()
+                self._loop.close(stepper)
             except Exception as error:  # the others must still be closed
                 text = format_fault(error, traceback.format_exc())
-                fault = ServiceFault(participant=name, tick=self._tick, text=text)
+                fault = ServiceFault(participant=stepper.spec.name, tick=self._tick, text=text)
                 outcome.fault = outcome.fault or fault
         for session in self._sessions.values():
             session.end(build_ending(self._verdict))
 
     def _digest(self, final_tick: int) -> RunDigest:
-        trails = {port: trail for s in self._steppers.values() for port, trail in s.trails.items()}
+        trails = {port: trail for s in self._loop.steppers for port, trail in s.trails.items()}
         trails |= {keys.command(name): session.trail for name, session in self._sessions.items()}
         return RunDigest.of(trails, self._dataflow.writer_of, final_tick)
-
-
-def _collect_summaries(cores: Iterable[Core]) -> dict[str, Any]:
-    accounts = (core.summary() for core in cores if isinstance(core, SupportsSummary))
-    return {key: summary for account in accounts for key, summary in account.items()}
 
 
 def run_in_process(

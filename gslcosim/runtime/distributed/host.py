@@ -8,20 +8,22 @@ import time
 import traceback
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 import gslcosim
 from gslcosim.base.errors import RunTimeoutError, format_fault
 from gslcosim.bus.interface import Bus
 from gslcosim.contract import codec
-from gslcosim.contract.messages import Message, Verdict
-from gslcosim.contract.participant import Core, Episode, SupportsClose, SupportsPrefetch, SupportsSummary
+from gslcosim.contract.messages import Message
+from gslcosim.contract.participant import Core, Episode
 from gslcosim.contract.schema import get_contract_hash
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.distributed.retransmission import RETRANSMIT_TICKS, RetransmitBuffer
 from gslcosim.runtime.replay.snapshot_policy import SnapshotPolicy
-from gslcosim.runtime.stepper import PACED_PARTICIPANT, ClockPace, MissingInput, SentMessage, Stepper
+from gslcosim.runtime.step_loop import StepLoop
+from gslcosim.runtime.stepper import ClockPace, MissingInput, SentMessage, Stepper
 
 
 def report_fault(bus: Bus, participant: str, error: Exception, *, tick: int) -> None:
@@ -79,38 +81,34 @@ PROGRESS_PERIOD_S = 1.0
 BUNDLE_TICKS = 64
 
 
-class ParticipantRunner:
-    """Participant on a bus, which it may share with others of its process.
+class ParticipantLink:
+    """Link of one participant to the bus: what it writes goes out, and what it answers to others.
 
     Args:
-        bus: The process's connection.
-        core: The participant.
+        bus: The connection of its process.
+        stepper: The participant.
         dataflow: Of the whole run.
         neighbours: The participants of its process; what only they read does not travel.
-        pace: Holds its ticks back, if anything does.
-        keeping: What is kept of the run's state; absent: nothing.
+        extra_ticks: For so many ticks more messages are kept for who has missed them.
+        summarize: Returns what `result.json` says of it.
     """
 
     def __init__(
         self,
         bus: Bus,
-        core: Core,
+        stepper: Stepper,
         dataflow: Dataflow,
         neighbours: Collection[str],
-        pace: ClockPace | None = None,
-        keeping: SnapshotPolicy | None = None,
+        extra_ticks: int,
+        summarize: Callable[[], dict[str, Any]],
     ) -> None:
         self._bus = bus
-        self._core = core
-        self._works_ahead = core if isinstance(core, SupportsPrefetch) else None
-        self._pace = pace
-        self._keeping = keeping
-        self.stepper = Stepper(core, dataflow) if keeping is None else keeping.stepper(core, dataflow)
-        self.gate = self.stepper.gate
+        self._summarize = summarize
+        self.stepper = stepper
+        self.gate = stepper.gate
         self.name = self.stepper.spec.name
         reads = self.stepper.spec.reads
-        self.ports_read = {read.port for read in reads}
-        self.outer_ports_read = {port for port in self.ports_read if dataflow.writer_of[port] not in neighbours}
+        self.outer_ports_read = {read.port for read in reads if dataflow.writer_of[read.port] not in neighbours}
         self._neighbours_read = {reader.name for reader in dataflow.readers_of(self.name) if reader.name in neighbours}
         self.outer_readers = {reader.name for reader in dataflow.readers_of(self.name)} - self._neighbours_read
         self._bundle_key = protocol.build_bundle_key(self.name, self.outer_readers)
@@ -127,9 +125,8 @@ class ParticipantRunner:
         }
         readers = dataflow.readers_of(self.name)
         # Who misses a message is a window behind at most, and asks for it before its writer is another one ahead.
-        more_ticks = 0 if keeping is None else keeping.extra_retained_ticks
         self.kept = RetransmitBuffer(
-            more_ticks + max([RETRANSMIT_TICKS, *(2 * reader.window_ticks for reader in readers)])
+            extra_ticks + max([RETRANSMIT_TICKS, *(2 * reader.window_ticks for reader in readers)])
         )
         self._bundle: list[SentMessage] = []
         self._bundled_from = 0
@@ -147,44 +144,11 @@ class ParticipantRunner:
         """The last tick that it has finished, -1 before the first."""
         return self.gate.next_tick - 1
 
-    def reset(self, episode: Episode) -> list[SentMessage]:
-        """Reset the core and return what it writes once."""
-        return self.stepper.reset(episode)
-
-    def can_step(self) -> bool:
-        """Return whether the next step may happen now: its inputs are here, and its time has come."""
-        return self.gate.can_step() and not self.pace_wait_s
-
-    @property
-    def pace_wait_s(self) -> float:
-        """Time until the next step may start [s]; 0 where it may, or has no time of its own."""
-        return 0.0 if self._pace is None else self._pace.wait_s(self.gate.next_tick, time.monotonic())
-
     def go_on(self) -> None:
         """Keep, for readers that have missed them, the messages with which it goes on."""
         for sent in self.stepper.recent:
             if sent.port in self._ports_that_leave:
                 self.kept.keep(sent)
-
-    def step(self) -> list[SentMessage]:
-        """Step the core once and return what it wrote; the verdict ends the run for the one who writes it too."""
-        if self._pace is not None:
-            self._pace.begins(self.gate.next_tick, time.monotonic())
-        outputs = self.stepper.step()
-        for sent in outputs:
-            if isinstance(sent.message, Verdict):
-                self.gate.final_tick = sent.message.tick
-        return outputs
-
-    def write_snapshot_if_due(self) -> None:
-        """Write what is kept of the state, after what was sent before."""
-        if self._keeping is not None and self._keeping.is_due(self.stepper):
-            self.flush()
-            self._keeping.write_due_parts([self.stepper])
-
-    def prefetch(self) -> bool:
-        """Let the core do what it can without its inputs; return whether there was anything to do."""
-        return self._works_ahead is not None and self._works_ahead.prefetch()
 
     def missing_external_inputs(self) -> list[MissingInput]:
         """Return what the next step needs from other processes."""
@@ -257,11 +221,6 @@ class ParticipantRunner:
         """Return how it goes, for somebody who looks; may be called on any thread."""
         return protocol.ParticipantInspection(**asdict(self.stepper.look())).to_bytes()
 
-    def close(self) -> None:
-        """Let the core write what it holds."""
-        if isinstance(self._core, SupportsClose):
-            self._core.close()
-
     def send_final_report(self) -> None:
         """Send the final report with the digests; sent again until the supervisor has it."""
         report = protocol.FinalReport(
@@ -269,13 +228,9 @@ class ParticipantRunner:
             last_tick=self.last_tick,
             trails={port: trail.as_fields() for port, trail in self.stepper.trails.items()},
             timing=self.stepper.timing.as_fields(),
-            summary=self._account(),
+            summary=self._summarize(),
         )
         self._bus.publish(protocol.build_final_report_key(self.name), report.to_bytes(), urgent=True)
-
-    def _account(self) -> dict[str, Any]:
-        own = dict(self._core.summary()) if isinstance(self._core, SupportsSummary) else {}
-        return own | (self._pace.summary() if self._pace else {})
 
 
 MIN_RESEND_AFTER_S = 0.2
@@ -301,7 +256,7 @@ class Host:
         dataflow: Dataflow,
         episode: Episode,
         pace: ClockPace | None = None,
-        keeping: SnapshotPolicy | None = None,
+        policy: SnapshotPolicy | None = None,
     ) -> None:
         """Prepare to host cores, each of a participant of its own.
 
@@ -311,32 +266,26 @@ class Host:
             dataflow: Of the whole run.
             episode: What is run.
             pace: Holds the ticks of `PACED_PARTICIPANT` back, if anything does.
-            keeping: What is kept of the run's state; absent: nothing.
+            policy: Of snapshots; absent: there are none.
         """
         self._bus = bus
         self._dataflow = dataflow
         self._episode = episode
         names = {core.spec.name for core in cores}
-        self._runners = [
-            ParticipantRunner(
-                bus, core, dataflow, names, pace if core.spec.name == PACED_PARTICIPANT else None, keeping
-            )
-            for core in cores
+        self._loop = StepLoop(cores, dataflow, self, is_whole_run=False, pace=pace, policy=policy)
+        extra_ticks = 0 if policy is None else policy.extra_retained_ticks
+        self._links = [
+            ParticipantLink(bus, stepper, dataflow, names, extra_ticks, partial(self._loop.summarize, stepper))
+            for stepper in self._loop.steppers
         ]
-        self._is_paced = pace is not None
-        self._keeping = keeping
-        self._readers = {
-            port: [runner for runner in self._runners if port in runner.ports_read] for port in dataflow.writer_of
-        }
+        self._link_of = {link.name: link for link in self._links}
         # A process of one participant is woken by what it waits for most, without a callback between.
         self._events = bus.mailbox(
-            protocol.build_incoming_bundles_key(self._runners[0].name) if len(names) == 1 else None
+            protocol.build_incoming_bundles_key(self._links[0].name) if len(names) == 1 else None
         )
-        self._once: list[tuple[ParticipantRunner, list[SentMessage]]] = []
-        # Who is at fault where something goes wrong now.
-        self._acting = self._runners[0]
+        self._once: list[tuple[Stepper, list[SentMessage]]] = []
         # Receiving and waiting are the process's: they are counted for its first participant.
-        self._timing = self._runners[0].stepper.timing
+        self._timing = self._links[0].stepper.timing
         self._handlers: dict[str, Callable[[bytes], object]] = {
             protocol.START_KEY: lambda _: self._set_started(),
             protocol.STOP_KEY: self._on_stop,
@@ -345,11 +294,10 @@ class Host:
             _READER_REPORTED: self._on_reader_report,
             _READER_CONNECTED: lambda payload: self._absent.mark_connected(payload.decode()),
         }
-        self._outer_readers = set[str]().union(*(runner.outer_readers for runner in self._runners))
+        self._outer_readers = set[str]().union(*(link.outer_readers for link in self._links))
         self._absent = SubscriberBarrier(self._outer_readers, dataflow)
         self._is_started = False
         self._is_dismissed = False
-        self._has_end = False
         self._has_said_goodbye = False
         self._was_resent = False
         self._asked: set[MissingInput] = set()
@@ -360,14 +308,14 @@ class Host:
         Where all of them only read they are reset last: nobody waits for what they write, and messages wait for them.
         Beside one that others wait for, every reset has to come before the first tick.
         """
-        is_awaited = any(runner.is_awaited for runner in self._runners)
+        is_awaited = any(link.is_awaited for link in self._links)
         if is_awaited:
-            self._reset(self._runners)
-        ports = sorted(set[str]().union(*(runner.outer_ports_read for runner in self._runners)))
+            self._reset()
+        ports = sorted(set[str]().union(*(link.outer_ports_read for link in self._links)))
         for port in ports:
             if not protocol.is_read_by_agents(port):
                 self._listen(port, lambda payload, port=port: self._on_input(port, payload))
-        for writer in sorted({self._dataflow.writer_of[port] for port in ports if len(self._runners) > 1}):
+        for writer in sorted({self._dataflow.writer_of[port] for port in ports if len(self._links) > 1}):
             self._bus.subscribe(protocol.build_outgoing_bundles_key(writer), self._events.put)
         for reader in sorted(self._outer_readers):
             self._listen(
@@ -376,17 +324,15 @@ class Host:
         self._absent.watch(self._bus, lambda name: self._events.put(_READER_CONNECTED, name.encode()))
         for key in (protocol.START_KEY, protocol.STOP_KEY, protocol.CLOSE_KEY):
             self._listen(key, self._handlers[key])
-        for runner in self._runners:
-            self._bus.answer(protocol.build_resend_key(runner.name), runner.kept.answer)
-            self._bus.answer(
-                protocol.build_description_key(runner.name), lambda _, runner=runner: [runner.description()]
-            )
-            self._bus.answer(protocol.build_finished_key(runner.name), lambda _, runner=runner: [runner.finished()])
-            self._bus.answer(protocol.build_inspection_key(runner.name), lambda _, runner=runner: [runner.inspection()])
-        for runner in self._runners:
-            self._bus.declare_alive(protocol.build_liveliness_key(runner.name))
+        for link in self._links:
+            self._bus.answer(protocol.build_resend_key(link.name), link.kept.answer)
+            self._bus.answer(protocol.build_description_key(link.name), lambda _, link=link: [link.description()])
+            self._bus.answer(protocol.build_finished_key(link.name), lambda _, link=link: [link.finished()])
+            self._bus.answer(protocol.build_inspection_key(link.name), lambda _, link=link: [link.inspection()])
+        for link in self._links:
+            self._bus.declare_alive(protocol.build_liveliness_key(link.name))
         if not is_awaited:
-            self._reset(self._runners)
+            self._reset()
 
     def on_link_lost(self) -> None:
         """Notify the host, from any thread, that the link to the router is gone."""
@@ -401,8 +347,8 @@ class Host:
                 with contextlib.suppress(queue.Empty):
                     self._handle(self._events.get(left_s))
             if self._is_started:
-                for runner, outputs in self._once:
-                    self._pass_on(runner, outputs)
+                for stepper, outputs in self._once:
+                    self._loop.pass_on(stepper, outputs)
                 self._fly()
                 self._flush()
             self._shut_down()
@@ -410,15 +356,12 @@ class Host:
             self._report(error)
             raise
 
-    def _reset(self, several: Sequence[ParticipantRunner]) -> None:
+    def _reset(self) -> None:
         try:
-            for runner in several:
-                self._acting = runner
-                self._once.append((runner, runner.reset(self._episode)))
-            if self._keeping is not None:
-                self._keeping.go_on([runner.stepper for runner in several], self._dataflow)
-                for runner in several:
-                    runner.go_on()
+            self._once = list(self._loop.reset(self._episode))
+            self._loop.resume()
+            for link in self._links:
+                link.go_on()
         except Exception as error:
             self._report(error)
             raise
@@ -426,12 +369,12 @@ class Host:
     @property
     def last_tick(self) -> int:
         """The last tick that all its participants have finished, -1 before the first."""
-        return min(runner.last_tick for runner in self._runners)
+        return self._loop.last_tick
 
     @property
     def is_whole(self) -> bool:
         """True when all its participants have come to the end of the run."""
-        return self._has_end and all(runner.gate.is_finished for runner in self._runners)
+        return self._loop.is_finished
 
     @property
     def n_resends(self) -> int:
@@ -440,38 +383,26 @@ class Host:
 
     @property
     def _are_finished(self) -> bool:
-        return self._is_dismissed or (self._has_end and all(runner.gate.is_finished for runner in self._runners))
+        return self._is_dismissed or self._loop.is_finished
 
     def _fly(self) -> None:
         while not self._are_finished:
             self._drain()
-            if not self._step_those_that_may():
+            if not self._loop.step():
                 self._flush()
                 self._wait_for_input()
 
-    # A tick each, in the order of the dataflow, so that what one writes is still warm when the next reads it.
-    def _step_those_that_may(self) -> bool:
-        has_stepped = False
-        for runner in self._runners:
-            if runner.can_step():
-                self._acting = runner
-                self._pass_on(runner, runner.step())
-                runner.write_snapshot_if_due()
-                runner.report_progress_if_due()
-                has_stepped = True
-        return has_stepped
+    def on_outputs(self, stepper: Stepper, outputs: list[SentMessage]) -> None:
+        """Send what leaves the process, at the latest with the next flush; see `StepListener`."""
+        self._link_of[stepper.spec.name].publish(outputs)
 
-    def _pass_on(self, runner: ParticipantRunner, outputs: list[SentMessage]) -> None:
-        for sent in outputs:
-            for reader in self._readers[sent.port]:
-                reader.gate.deliver(sent.port, sent.message)
-        for other in self._runners:
-            if other is not runner:
-                other.gate.grant(runner.name, runner.last_tick)
-                if runner.gate.final_tick is not None:
-                    other.gate.final_tick = runner.gate.final_tick
-        self._has_end = self._has_end or runner.gate.final_tick is not None
-        runner.publish(outputs)
+    def before_snapshot(self, stepper: Stepper) -> None:
+        """Send what waits; see `StepListener`."""
+        self._link_of[stepper.spec.name].flush()
+
+    def after_step(self, stepper: Stepper) -> None:
+        """Report now and then how far the participant is; see `StepListener`."""
+        self._link_of[stepper.spec.name].report_progress_if_due()
 
     def _drain(self) -> None:
         started = time.perf_counter_ns()
@@ -480,8 +411,8 @@ class Host:
         self._timing.receiving_ns += time.perf_counter_ns() - started
 
     def _flush(self) -> None:
-        for runner in self._runners:
-            runner.flush()
+        for link in self._links:
+            link.flush()
 
     def _wait_for_input(self) -> None:
         started = time.perf_counter_ns()
@@ -491,53 +422,41 @@ class Host:
         if self._was_resent:
             # Where one was missing the next most likely is, too: a participant that catches up waits for nothing else.
             self._was_resent = False
-            for runner in self._runners:
-                self._ask_again(runner, only_lost=False)
+            for link in self._links:
+                self._ask_again(link, only_lost=False)
         # Nobody could step just now; where time alone is waited for, that may have changed.
-        is_known_to_wait = not self._is_paced
-        while not self._are_finished and (is_known_to_wait or not any(runner.can_step() for runner in self._runners)):
+        is_known_to_wait = not self._loop.is_paced
+        while not self._are_finished and (is_known_to_wait or not self._loop.can_any_step()):
             is_known_to_wait = False
             # However much else arrives meanwhile: it may be about anything but what is missing.
-            if time.monotonic() >= ask_at_s and not (self._is_paced and self._early_s()):
+            if time.monotonic() >= ask_at_s and not self._loop.pace_wait_s:
                 self._ask_for_all_missing()
                 patience_s = min(2 * patience_s, MAX_RESEND_AFTER_S)
                 ask_at_s = time.monotonic() + patience_s
-            for runner in self._runners:
-                if runner.gate.has_waiting_inputs:
-                    self._ask_again(runner, only_lost=True)
+            for link in self._links:
+                if link.gate.has_waiting_inputs:
+                    self._ask_again(link, only_lost=True)
             event = self._events.get_nowait()
-            while event is None and self._work_ahead():
+            while event is None and self._loop.prefetch():
                 event = self._events.get_nowait()
             if event is None:
-                early_s = self._early_s() if self._is_paced else 0.0
                 with contextlib.suppress(queue.Empty):
-                    event = self._events.get(early_s or patience_s)
+                    event = self._events.get(self._loop.pace_wait_s or patience_s)
             if event is not None:
                 self._handle(event)
         self._timing.waiting_ns += time.perf_counter_ns() - started
 
     def _ask_for_all_missing(self) -> None:
         self._asked.clear()
-        for runner in self._runners:
-            runner.report_progress()
-            self._ask_again(runner, only_lost=False)
-            runner.query_readers(lambda payload: self._events.put(_READER_REPORTED, payload))
-
-    # Whose inputs are here waits for its time alone, and everybody for it.
-    def _early_s(self) -> float:
-        return max((runner.pace_wait_s for runner in self._runners if runner.gate.can_step()), default=0.0)
-
-    def _work_ahead(self) -> bool:
-        for runner in self._runners:
-            self._acting = runner
-            if runner.prefetch():
-                return True
-        return False
+        for link in self._links:
+            link.report_progress()
+            self._ask_again(link, only_lost=False)
+            link.query_readers(lambda payload: self._events.put(_READER_REPORTED, payload))
 
     # What later messages of the same port have overtaken is lost for sure; after a while anything may be.
-    def _ask_again(self, runner: ParticipantRunner, *, only_lost: bool) -> None:
-        for missing in runner.missing_external_inputs():
-            if missing in self._asked or (only_lost and not runner.gate.has_later(missing)):
+    def _ask_again(self, link: ParticipantLink, *, only_lost: bool) -> None:
+        for missing in link.missing_external_inputs():
+            if missing in self._asked or (only_lost and not link.gate.has_later(missing)):
                 continue
             # Once in a while: each answer brings many messages, and each of them would ask again.
             self._asked.add(missing)
@@ -550,24 +469,23 @@ class Host:
             )
 
     def _on_reader_report(self, payload: bytes) -> None:
-        note = protocol.ReaderReport.from_bytes(payload)
-        for runner in self._runners:
-            runner.gate.grant(note.name, note.tick)
+        report: protocol.ReaderReport = protocol.ReaderReport.from_bytes(payload)
+        self._loop.grant(report.name, report.tick)
 
     def _on_resent(self, port: str, payload: bytes) -> None:
         self._events.put(f"resent:{port}", payload)
 
     def _report(self, error: Exception) -> None:
-        report_fault(self._bus, self._acting.name, error, tick=self._acting.last_tick)
+        acting = self._loop.acting
+        report_fault(self._bus, acting.spec.name, error, tick=acting.gate.next_tick - 1)
 
     def _shut_down(self) -> None:
-        for runner in self._runners:
-            self._acting = runner
-            runner.close()
-            runner.report_progress()
+        for link in self._links:
+            self._loop.close(link.stepper)
+            link.report_progress()
         while not self._is_dismissed:
-            for runner in self._runners:
-                runner.send_final_report()
+            for link in self._links:
+                link.send_final_report()
             self._has_said_goodbye = True
             resend_at = time.monotonic() + FINAL_REPORT_PERIOD_S
             while not self._is_dismissed and (left_s := resend_at - time.monotonic()) > 0:
@@ -593,24 +511,18 @@ class Host:
 
     def _on_input(self, port: str, payload: bytes) -> bool:
         message: Message = codec.decode_trusted(self._dataflow.message_types[port], payload)
-        is_new = [reader.gate.deliver(port, message) for reader in self._readers[port]]
-        return any(is_new)
+        return self._loop.deliver(port, message)
 
     def _on_bundle(self, payload: bytes) -> None:
         for port, message in protocol.unpack_bundle(payload):
-            if self._readers.get(port):
+            if self._loop.reads(port):
                 self._on_input(port, message)
 
     def _on_progress(self, reader: str, payload: bytes) -> None:
-        tick = protocol.TickReport.from_bytes(payload).tick
-        for runner in self._runners:
-            runner.gate.grant(reader, tick)
+        self._loop.grant(reader, protocol.TickReport.from_bytes(payload).tick)
 
     def _on_stop(self, payload: bytes) -> None:
-        tick = protocol.TickReport.from_bytes(payload).tick
-        for runner in self._runners:
-            runner.gate.final_tick = tick
-        self._has_end = True
+        self._loop.end_at(protocol.TickReport.from_bytes(payload).tick)
 
     def _on_lost_link(self) -> None:
         if self._has_said_goodbye:
@@ -618,7 +530,7 @@ class Host:
             self._set_dismissed()
             return
         raise RunTimeoutError(
-            f"{self._acting.name}: the link to the run's router was lost; the supervisor may have ended."
+            f"{self._loop.acting.spec.name}: the link to the run's router was lost; the supervisor may have ended."
         )
 
     def _set_started(self) -> None:

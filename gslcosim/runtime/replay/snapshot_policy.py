@@ -1,6 +1,6 @@
 """Policy of snapshots in a run: whose state is saved, when it is written, and how participants resume from it."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from gslcosim.base.ticks import ticks_from_seconds
@@ -49,16 +49,14 @@ class SnapshotPolicy:
         """Return what steps a core that has just been built."""
         return Stepper(core, dataflow, is_kept=self.is_kept(core))
 
-    def write_due_parts(self, steppers: Iterable[Stepper]) -> None:
-        """Write the parts of snapshots that are due before the next step of participants.
+    def write_part(self, stepper: Stepper) -> None:
+        """Write a participant's part of a snapshot.
 
         Raises:
-            RunFolderError: one cannot be written.
-            SnapshotError: something in a core cannot be kept.
+            RunFolderError: it cannot be written.
+            SnapshotError: something in its core cannot be kept.
         """
-        for stepper in steppers:
-            if self.is_due(stepper):
-                save_part(self.run_dir, stepper.part())
+        save_part(self.run_dir, stepper.part())
 
     def is_due(self, stepper: Stepper) -> bool:
         """Return whether a participant is to write its part of a snapshot before its next step."""

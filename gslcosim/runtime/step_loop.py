@@ -1,0 +1,203 @@
+"""Loop over the participants of one process: steps those that can, paces them, and takes their snapshots."""
+
+import time
+from collections.abc import Iterator, Sequence
+from typing import Any, Protocol
+
+from gslcosim.contract.messages import Message, Verdict
+from gslcosim.contract.participant import Core, Episode, SupportsClose, SupportsPrefetch, SupportsSummary
+from gslcosim.runtime.dataflow import Dataflow
+from gslcosim.runtime.replay.snapshot_policy import SnapshotPolicy
+from gslcosim.runtime.stepper import NO_TICK_LIMIT, PACED_PARTICIPANT, ClockPace, SentMessage, Stepper
+
+
+class StepListener(Protocol):
+    """What a step loop calls at each step."""
+
+    def on_outputs(self, stepper: Stepper, outputs: list[SentMessage]) -> None:
+        """Take what a participant has written; its readers in this process have it."""
+        ...
+
+    def before_snapshot(self, stepper: Stepper) -> None:
+        """Let go out what was sent before a participant's state is written."""
+        ...
+
+    def after_step(self, stepper: Stepper) -> None:
+        """Take note that a participant has finished a tick."""
+        ...
+
+
+class StepLoop:
+    """Participants of one process: all of a run, a group of them, or one.
+
+    What they write for each other is handed over as it is. Whoever runs the loop brings in what comes from elsewhere.
+
+    Attributes:
+        steppers: From upstream to downstream.
+        acting: The participant that is at fault where something goes wrong now.
+    """
+
+    def __init__(
+        self,
+        cores: Sequence[Core],
+        dataflow: Dataflow,
+        listener: StepListener,
+        *,
+        is_whole_run: bool,
+        pace: ClockPace | None = None,
+        policy: SnapshotPolicy | None = None,
+    ) -> None:
+        """Prepare to step cores.
+
+        Args:
+            cores: From upstream to downstream.
+            dataflow: Of the whole run.
+            listener: Is called at each step.
+            is_whole_run: Whether nobody reads elsewhere; then nobody runs ahead, and no credit is counted.
+            pace: Holds the ticks of `PACED_PARTICIPANT` back, if anything does.
+            policy: Of snapshots; absent: there are none.
+        """
+        self._dataflow = dataflow
+        self._listener = listener
+        self._pace = pace
+        self._policy = policy
+        self.steppers = tuple(
+            Stepper(core, dataflow) if policy is None else policy.stepper(core, dataflow) for core in cores
+        )
+        self.acting = self.steppers[0]
+        self._readers = {
+            port: [stepper for stepper in self.steppers if any(read.port == port for read in stepper.spec.reads)]
+            for port in dataflow.writer_of
+        }
+        self._creditors: dict[str, list[Stepper]] = {stepper.spec.name: [] for stepper in self.steppers}
+        for stepper in self.steppers:
+            for reader in dataflow.readers_of(stepper.spec.name):
+                if is_whole_run:
+                    stepper.gate.grant(reader.name, NO_TICK_LIMIT)
+                elif reader.name in self._creditors:
+                    self._creditors[reader.name].append(stepper)
+
+    @property
+    def is_paced(self) -> bool:
+        """True when ticks of this process are held back by the clock."""
+        return self._pace is not None
+
+    @property
+    def last_tick(self) -> int:
+        """The last tick that all have finished, -1 before the first."""
+        return min(stepper.gate.next_tick for stepper in self.steppers) - 1
+
+    @property
+    def is_finished(self) -> bool:
+        """True when all have stepped the run's last tick."""
+        return all(stepper.gate.is_finished for stepper in self.steppers)
+
+    def reads(self, port: str) -> bool:
+        """Return whether one of them reads a port."""
+        return bool(self._readers.get(port))
+
+    def reset(self, episode: Episode) -> Iterator[tuple[Stepper, list[SentMessage]]]:
+        """Reset all, and return for each what it writes once; hand that over with `pass_on`."""
+        for stepper in self.steppers:
+            self.acting = stepper
+            yield stepper, stepper.reset(episode)
+
+    def resume(self) -> None:
+        """Let all that have been reset go on at the snapshot, if the run has one to go on at."""
+        if self._policy is not None:
+            self._policy.go_on(self.steppers, self._dataflow)
+
+    def step(self) -> bool:
+        """Step each one that can, once, so that what one writes is still warm when the next reads it.
+
+        Returns whether any has stepped.
+        """
+        has_stepped = False
+        for stepper in self.steppers:
+            if self.can_step(stepper):
+                self.step_one(stepper)
+                has_stepped = True
+        return has_stepped
+
+    def can_step(self, stepper: Stepper) -> bool:
+        """Return whether the next step of a participant may happen now: its inputs are here, and its time has come."""
+        return stepper.gate.can_step() and not self._wait_s(stepper)
+
+    def can_any_step(self) -> bool:
+        """Return whether any may step now."""
+        return any(map(self.can_step, self.steppers))
+
+    @property
+    def pace_wait_s(self) -> float:
+        """For how long the clock alone holds back who could step otherwise [s]; everybody waits for that one."""
+        if self._pace is None:
+            return 0.0
+        return max((self._wait_s(stepper) for stepper in self.steppers if stepper.gate.can_step()), default=0.0)
+
+    def step_one(self, stepper: Stepper) -> None:
+        """Step a participant that can, hand over what it writes, and write its state where that is due."""
+        self.acting = stepper
+        if self._pace is not None and stepper.spec.name == PACED_PARTICIPANT:
+            self._pace.begins(stepper.gate.next_tick, time.monotonic())
+        self.pass_on(stepper, stepper.step())
+        if self._policy is not None and self._policy.is_due(stepper):
+            self._listener.before_snapshot(stepper)
+            self._policy.write_part(stepper)
+        self._listener.after_step(stepper)
+
+    def pass_on(self, stepper: Stepper, outputs: list[SentMessage]) -> None:
+        """Hand what a participant has written to its readers; a verdict ends the run."""
+        for sent in outputs:
+            self.deliver(sent.port, sent.message)
+            if isinstance(sent.message, Verdict):
+                self.end_at(sent.message.tick)
+        for writer in self._creditors[stepper.spec.name]:
+            writer.gate.grant(stepper.spec.name, stepper.gate.next_tick - 1)
+        self._listener.on_outputs(stepper, outputs)
+
+    def deliver(self, port: str, message: Message) -> bool:
+        """Hand a message to all that read its port, and return whether it was new to any."""
+        is_new = False
+        for reader in self._readers.get(port, ()):
+            is_new |= reader.gate.deliver(port, message)
+        return is_new
+
+    def grant(self, reader: str, tick: int) -> None:
+        """Take note that a reader elsewhere has finished a tick."""
+        for stepper in self.steppers:
+            stepper.gate.grant(reader, tick)
+
+    def end_at(self, tick: int | None) -> None:
+        """Let a tick be the last one of all; None: no tick is."""
+        for stepper in self.steppers:
+            stepper.gate.final_tick = tick
+
+    @property
+    def has_end(self) -> bool:
+        """True when the last tick is known."""
+        return all(stepper.gate.final_tick is not None for stepper in self.steppers)
+
+    def prefetch(self) -> bool:
+        """Let one of the cores do what it can without its inputs; return whether there was anything to do."""
+        for stepper in self.steppers:
+            self.acting = stepper
+            if isinstance(stepper.core, SupportsPrefetch) and stepper.core.prefetch():
+                return True
+        return False
+
+    def close(self, stepper: Stepper) -> None:
+        """Let a participant's core write what it holds."""
+        self.acting = stepper
+        if isinstance(stepper.core, SupportsClose):
+            stepper.core.close()
+
+    def summarize(self, stepper: Stepper) -> dict[str, Any]:
+        """Return what `result.json` says of a participant."""
+        own = dict(stepper.core.summary()) if isinstance(stepper.core, SupportsSummary) else {}
+        is_paced = self._pace is not None and stepper.spec.name == PACED_PARTICIPANT
+        return own | (self._pace.summary() if self._pace is not None and is_paced else {})
+
+    def _wait_s(self, stepper: Stepper) -> float:
+        if self._pace is None or stepper.spec.name != PACED_PARTICIPANT:
+            return 0.0
+        return self._pace.wait_s(stepper.gate.next_tick, time.monotonic())
