@@ -42,7 +42,7 @@ class Results:
         """
         results = ResultsFolder(Path(folder))
         results.check()
-        return cls(results.path, pa.Table.from_pylist(results.rows(), schema=TRIALS))
+        return cls(results.path, results.trial_table())
 
     def __len__(self) -> int:
         """Return the number of rows."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.yaml_core import CoreLoader
-from gslcosim.bench.store import TRIALS, ResultsFolder
+from gslcosim.bench.store import ResultsFolder
 from gslcosim.bench.verification_marks import VerificationMark, find_mark
 
 Ints = NDArray[np.int64]
@@ -170,7 +170,7 @@ def load_report_data(results_dir: Path, mark: VerificationMark | None = None) ->
     folder = ResultsFolder(results_dir)
     folder.check()
     manifest = folder.read_json(folder.manifest)
-    table = pa.Table.from_pylist(folder.rows(), schema=TRIALS)
+    table = folder.trial_table()
     mark = mark if mark is not None else find_mark(results_dir)
     entries = _entries(manifest, table, mark)
     return ReportData(
@@ -243,15 +243,17 @@ def _rows(table: pa.Table, entries: Sequence[ReportEntry]) -> TrialRows:
 
 
 def _array(column: pa.ChunkedArray) -> NDArray[Any]:
-    values, kind = column.to_pylist(), column.type
+    kind = column.type
     if pa.types.is_string(kind):
-        return np.array([value or "" for value in values], dtype=object)
+        # Each text once, however many rows have it.
+        coded = column.fill_null("").combine_chunks().dictionary_encode()
+        return np.array([*coded.dictionary.to_pylist(), ""], dtype=object)[:-1][coded.indices.to_numpy()]
     if pa.types.is_boolean(kind):
-        return np.array([bool(value) for value in values], dtype=np.bool_)
+        return column.fill_null(False).to_numpy()  # noqa: FBT003 - the value of an absent flag
     # A seed is a whole number of 64 bits: as a float it would lose its last digits.
-    if pa.types.is_integer(kind) and None not in values:
-        return np.array(values, dtype=np.int64)
-    return np.array([math.nan if value is None else value for value in values], dtype=np.float64)
+    if pa.types.is_integer(kind) and not column.null_count:
+        return column.to_numpy().astype(np.int64)
+    return column.cast(pa.float64()).fill_null(math.nan).to_numpy().astype(np.float64)
 
 
 def _codes(values: NDArray[Any]) -> Ints:
