@@ -61,6 +61,8 @@ class StepLoop:
         self._listener = listener
         self._pace = pace
         self._policy = policy
+        self._is_whole_run = is_whole_run
+        self._turn = 0
         self.steppers = tuple(
             Stepper(core, dataflow) if policy is None else policy.stepper(core, dataflow) for core in cores
         )
@@ -110,8 +112,26 @@ class StepLoop:
     def step(self) -> bool:
         """Step each one that can, once, so that what one writes is still warm when the next reads it.
 
+        Where the whole run is here it goes tick by tick: nobody begins a tick before all have finished the one before,
+        so that nothing is computed, and no agent sees anything, past the verdict.
+
         Returns whether any has stepped.
         """
+        return self._step_in_turn() if self._is_whole_run else self._step_all_that_can()
+
+    def _step_in_turn(self) -> bool:
+        has_stepped = False
+        for stepper in self.steppers[self._turn :]:
+            if self.can_step(stepper):
+                self.step_one(stepper)
+                has_stepped = True
+            elif not stepper.gate.is_finished:
+                return has_stepped
+            self._turn += 1
+        self._turn = 0
+        return has_stepped
+
+    def _step_all_that_can(self) -> bool:
         has_stepped = False
         for stepper in self.steppers:
             if self.can_step(stepper):
