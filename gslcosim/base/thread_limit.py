@@ -1,8 +1,11 @@
 """Limit on processes and threads, looked at before libraries run into it."""
 
+import contextlib
 import os
 import sys
 import threading
+from collections.abc import Generator
+from pathlib import Path
 
 from gslcosim.base.errors import build_process_error
 
@@ -38,16 +41,28 @@ def check_thread_limit() -> None:
             thread.join()
 
 
-def check_low_thread_limit() -> None:
-    """Refuse a limit that a session of Zenoh would run into, where the user's limit is low; free where it is high.
+@contextlib.contextmanager
+def session_threads() -> Generator[None]:
+    """Refuse a limit that a session of Zenoh would run into, and let one be opened within the block.
+
+    Where the user's limit is low, processes open theirs one after another: otherwise several would see the same
+    threads free. Where it is high this costs nothing.
 
     Raises:
         MachineError: so many threads cannot be started now.
     """
     if sys.platform == "win32":
+        yield
         return
+    import fcntl
     import resource
 
     limit = resource.getrlimit(resource.RLIMIT_NPROC)[0]
-    if limit != resource.RLIM_INFINITY and limit < _HIGH_LIMIT:
+    if limit == resource.RLIM_INFINITY or limit >= _HIGH_LIMIT:
+        yield
+        return
+    # The one file that all processes of a run can read, whoever they are.
+    with Path(__file__).open("rb") as common:
+        fcntl.flock(common, fcntl.LOCK_EX)
         check_thread_limit()
+        yield

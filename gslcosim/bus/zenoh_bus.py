@@ -30,7 +30,7 @@ from gslcosim.base.errors import (
     build_machine_error,
     build_process_error,
 )
-from gslcosim.base.thread_limit import check_low_thread_limit
+from gslcosim.base.thread_limit import session_threads
 from gslcosim.bus.interface import (
     INHERITED_FILES,
     Certificate,
@@ -123,10 +123,10 @@ def open_session(config: zenoh.Config) -> zenoh.Session:
         MachineError: the machine lacks what a session needs, such as files that may be open.
         zenoh.ZError: it cannot be opened for another reason.
     """
-    # Its runtime panics where it gets no thread.
-    check_low_thread_limit()
     try:
-        return zenoh.open(config)
+        # Its runtime panics where it gets no thread.
+        with session_threads():
+            return zenoh.open(config)
     except zenoh.ZError as error:
         found = re.search(r"\(os error (\d+)\)", str(error))
         number = int(found[1]) if found is not None else 0

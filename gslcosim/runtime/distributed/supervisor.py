@@ -240,6 +240,8 @@ class Supervisor:
             waited_s = time.monotonic() - began_s
             if waited_s > JOIN_TIMEOUT_S:
                 self._give_up_on(lacking)
+            if (fault := self._watchdog.find_lost(time.monotonic())) is not None:
+                raise RunEndedError(fault)
             self._status_reporter.report_awaited(lacking, waited_s)
             self._handle_next()
 

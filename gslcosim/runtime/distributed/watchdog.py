@@ -125,11 +125,17 @@ class Watchdog:
             is_judged: Whether the verdict is there, so that services only have to finish.
             look: Looks at the participants, where nothing moves any more.
         """
+        if (fault := self.find_lost(now_s)) is not None:
+            return fault
+        limit_s = FINISH_TIMEOUT_S if is_judged else STALL_TIMEOUT_S
+        return self._stall(limit_s, look()) if now_s - self._moved_at_s > limit_s else None
+
+    def find_lost(self, now_s: float) -> ServiceFault | None:
+        """Return who is at fault where contact is lost, also before simulated time begins."""
         for name, since_s in self._lost_since_s.items():
             if now_s - since_s > LOST_CONTACT_GRACE_S:
                 return self.fault(name, f"contact was lost: it hangs, or its link is down.{self.pause_text}")
-        limit_s = FINISH_TIMEOUT_S if is_judged else STALL_TIMEOUT_S
-        return self._stall(limit_s, look()) if now_s - self._moved_at_s > limit_s else None
+        return None
 
     def fault(self, name: str, text: str, exit_code: ExitCode = ExitCode.FAULT) -> ServiceFault:
         """Return a fault of a participant, with the end of its log."""
