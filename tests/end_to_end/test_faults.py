@@ -125,7 +125,6 @@ def stalled_facts(flight):
     return found[0]
 
 
-@pytest.mark.tour
 @pytest.mark.parametrize("processes", ["separate", "one"])
 def test_a_service_that_hangs_in_its_step_is_named_with_who_waits_for_it(tmp_path, monkeypatch, processes):
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(HALTING), *filter(None, [os.environ.get("PYTHONPATH")])]))

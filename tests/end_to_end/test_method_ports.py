@@ -35,6 +35,7 @@ PARAMETERS = {
     ),
 }
 
+first_nose, *other_noses = NOSES
 each_port = pytest.mark.parametrize(
     ("agent", "method"), [pytest.param(*port, id=f"{port[0].folder.name}-{port[1]}") for port in ports()]
 )
@@ -46,7 +47,7 @@ def changes(nose, parameters):
 
 
 @each_port
-@pytest.mark.parametrize("nose", NOSES)
+@pytest.mark.parametrize("nose", [first_nose, *(pytest.param(nose, marks=pytest.mark.soak) for nose in other_noses)])
 @pytest.mark.parametrize("n", [0, pytest.param(1, marks=pytest.mark.soak)])
 def test_a_port_runs_like_python(tmp_path, agent, method, nose, n):
     agent.build()

@@ -39,8 +39,10 @@ def killed(scenario, runs_dir, service, *options, tick=0):
     ("scenario", "service"),
     [
         *((TINY_ROOM, name) for name in ("world", "fields", "sensing", "referee")),
-        *((SWARM, name) for name in ("world", "radio", "sensing")),
-        *((EVENTS, name) for name in ("events", "fields", "referee")),
+        (SWARM, "radio"),
+        (EVENTS, "events"),
+        *(pytest.param(SWARM, name, marks=pytest.mark.soak) for name in ("world", "sensing")),
+        *(pytest.param(EVENTS, name, marks=pytest.mark.soak) for name in ("fields", "referee")),
     ],
     ids=lambda value: getattr(value, "stem", value),
 )

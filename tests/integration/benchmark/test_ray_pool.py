@@ -299,7 +299,7 @@ def test_a_node_with_other_software_is_refused(nodes: tuple[Node, Node], suite: 
     here, there = nodes
     changed = folder / "changed.py"
     original = Path(kernel_cache.__file__)
-    changed.write_text(original.read_text() + "\n# A change.\n")
+    changed.write_text(original.read_text() + "\nA_CHANGE = True\n")
     other = replace(there, hides=f"{there.hides} && mount --bind {changed} {original}")
     other.start_ray(f"--address={ADDRESS}", ray="other")
     flight = here.fly(suite, folder / "refused", ADDRESS)
