@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Self, TypedDict
+from typing import Any, NotRequired, Self, TypedDict
 
 from gslcosim.base.errors import RunTimeoutError, UsageError
 from gslcosim.base.sockets import check_peer, read_peer_pid, short_socket_address
@@ -237,7 +237,7 @@ class _RunFacts(TypedDict):
     time_limit_s: float
     real_time_factor: float
     participants: list[_ParticipantFacts]
-    stall: str
+    stall: NotRequired[str]
 
 
 # Of a run whose process stands still.
@@ -253,7 +253,6 @@ _UNKNOWN_FACTS: dict[str, Any] = {
     "time_limit_s": 0.0,
     "real_time_factor": 0.0,
     "participants": [],
-    "stall": "",
 }
 
 

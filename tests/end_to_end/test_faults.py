@@ -118,7 +118,7 @@ def stalled_facts(flight):
     found = []
 
     def is_told():
-        found[:] = [run.facts for run in list_active_runs() if run.pid == flight.process.pid and run.facts["stall"]]
+        found[:] = [run.facts for run in list_active_runs() if run.pid == flight.process.pid and run.facts.get("stall")]
         return bool(found)
 
     flight.wait_for(is_told)

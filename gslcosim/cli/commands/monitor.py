@@ -126,7 +126,8 @@ def _page(flight: "ActiveRun", rows: list[dict[str, Any]]) -> str:
     headings = (
         "participant", "state", "tick", "ticks/s", "busy", "queued", "memory", "resends", "pid", "waits for"
     )  # fmt: skip
-    stall = f"\n\nSTALLED: {facts['stall']}" if facts["stall"] else ""
+    # A run of an older version does not say.
+    stall = f"\n\nSTALLED: {facts['stall']}" if facts.get("stall") else ""
     return f"{head}{stall}\n\n{table(headings, [_participant_row(row) for row in rows])}"
 
 
