@@ -4,6 +4,7 @@ import contextlib
 import os
 import sys
 import threading
+import time
 from collections.abc import Generator
 from pathlib import Path
 
@@ -13,6 +14,9 @@ from gslcosim.base.errors import build_process_error
 _N_SESSION_THREADS = 16
 # Far above what runs take; a limit like this is not met by chance.
 _HIGH_LIMIT = 4096
+# Who has not had its turn by then opens its session beside the others.
+_MAX_TURN_S = 5.0
+_TURN_POLL_PERIOD_S = 0.01
 
 
 def check_thread_limit() -> None:
@@ -42,7 +46,7 @@ def check_thread_limit() -> None:
 
 
 @contextlib.contextmanager
-def session_threads() -> Generator[None]:
+def reserve_session_threads() -> Generator[None]:
     """Refuse a limit that a session of Zenoh would run into, and let one be opened within the block.
 
     Where the user's limit is low, processes open theirs one after another: otherwise several would see the same
@@ -61,8 +65,14 @@ def session_threads() -> Generator[None]:
     if limit == resource.RLIM_INFINITY or limit >= _HIGH_LIMIT:
         yield
         return
-    # The one file that all processes of a run can read, whoever they are.
+    # The one file that all processes of a run can read, whoever they are. An agent among them may hold it for ever.
     with Path(__file__).open("rb") as common:
-        fcntl.flock(common, fcntl.LOCK_EX)
+        deadline_s = time.monotonic() + _MAX_TURN_S
+        while time.monotonic() < deadline_s:
+            try:
+                fcntl.flock(common, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                time.sleep(_TURN_POLL_PERIOD_S)
         check_thread_limit()
         yield

@@ -299,6 +299,7 @@ if sys.platform != "win32":
 
 # Maps of hundreds of rooms.
 _MAX_BYTES = 1_000_000_000
+# Of a Parquet file, at once.
 _READ_BYTES = 1 << 20
 RESULTS_SCHEMA = "gslcosim/results/1"
 

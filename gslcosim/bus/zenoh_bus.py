@@ -30,7 +30,7 @@ from gslcosim.base.errors import (
     build_machine_error,
     build_process_error,
 )
-from gslcosim.base.thread_limit import session_threads
+from gslcosim.base.thread_limit import reserve_session_threads
 from gslcosim.bus.interface import (
     INHERITED_FILES,
     Certificate,
@@ -125,7 +125,7 @@ def open_session(config: zenoh.Config) -> zenoh.Session:
     """
     try:
         # Its runtime panics where it gets no thread.
-        with session_threads():
+        with reserve_session_threads():
             return zenoh.open(config)
     except zenoh.ZError as error:
         found = re.search(r"\(os error (\d+)\)", str(error))

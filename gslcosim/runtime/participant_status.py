@@ -27,11 +27,11 @@ class ParticipantStatus:
     """One moment of a participant, for a person to watch.
 
     `tick` is the last one finished, -1 before the first. What it waits for, empty where it waits for nothing: `missing`
-    are messages, `lacking_credit` are readers that lag behind by as much as they may, and `waits_for` names ports and
-    readers alone. `occupied_s` is how long its present step or decision has taken [s], absent outside of one;
-    `queued_ticks` counts the ticks of its inputs that are here already. A participant that is `silent` has not
-    answered. Of its process: `pid`, CPU time so far, and the memory that it alone holds with its share of what it has
-    in common with others; absent where nobody knows them. `n_resends` counts messages it had to ask for again.
+    are messages, `lacking_credit` are readers that lag behind by as much as they may. `occupied_s` is how long its
+    present step or decision has taken [s], absent outside of one; `queued_ticks` counts the ticks of its inputs that
+    are here already. A participant that is `silent` has not answered. Of its process: `pid`, CPU time so far, and the
+    memory that it alone holds with its share of what it has in common with others; absent where nobody knows them.
+    `n_resends` counts messages it had to ask for again.
     """
 
     name: str
@@ -39,13 +39,17 @@ class ParticipantStatus:
     tick: int
     missing: tuple[MissingMessage, ...] = ()
     lacking_credit: tuple[str, ...] = ()
-    waits_for: tuple[str, ...] = ()
     occupied_s: float | None = None
     queued_ticks: int = 0
     pid: int | None = None
     cpu_s: float | None = None
     memory_bytes: int | None = None
     n_resends: int = 0
+
+    @property
+    def waits_for(self) -> tuple[str, ...]:
+        """The ports and the readers without which it cannot go on, each once."""
+        return tuple(dict.fromkeys([*(missing.port for missing in self.missing), *self.lacking_credit]))
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,8 @@ def explain_stall(participants: Sequence[ParticipantStatus]) -> Stall | None:
     open_ones = [participant for participant in participants if participant.state != "done"]
     if not open_ones:
         return None
-    current = min(open_ones, key=lambda participant: (participant.tick, not _find_blocker(participant)))
+    waiting = [participant for participant in open_ones if _find_blocker(participant)]
+    current = min(waiting or open_ones, key=lambda participant: participant.tick)
     chain: list[ParticipantStatus] = []
     while current not in chain:
         chain.append(current)
@@ -86,16 +91,16 @@ def explain_stall(participants: Sequence[ParticipantStatus]) -> Stall | None:
         circle = chain[chain.index(current) :]
         culprit = min(circle, key=lambda participant: participant.tick)
         lines = (f"{culprit.name} and what it waits for wait for each other: a message is missing, not late.",)
-        return Stall(culprit.name, (*lines, *(describe_wait(participant) for participant in chain)))
-    return Stall(chain[-1].name, tuple(describe_wait(participant) for participant in reversed(chain)))
+        return Stall(culprit.name, (*lines, *(_describe_wait(participant) for participant in chain)))
+    return Stall(chain[-1].name, tuple(_describe_wait(participant) for participant in reversed(chain)))
 
 
-def describe_wait(participant: ParticipantStatus) -> str:
+def _describe_wait(participant: ParticipantStatus) -> str:
     """Return in a sentence what a participant does or waits for: the tick, the port, its writer, what came last."""
     name, tick = participant.name, participant.tick + 1
     for_s = "" if participant.occupied_s is None else f" for {participant.occupied_s:.1f} s"
     if participant.state == "silent":
-        return f"{name} does not answer: its process is stopped, or hangs in its step of tick {tick}."
+        return f"{name} does not answer: its process is stopped, or hangs. It last reported tick {participant.tick}."
     if participant.state == "joining":
         return f"{name} has not joined."
     if participant.state == "deciding":

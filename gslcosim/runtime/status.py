@@ -144,7 +144,11 @@ class StatusServer:
             "sim_time_s": status.sim_time_s,
             "real_time_factor": status.real_time_factor,
             "participants": [
-                {**asdict(participant), "sim_time_s": seconds_from_ticks(max(participant.tick, 0), self._tick_ns)}
+                {
+                    **asdict(participant),
+                    "waits_for": participant.waits_for,
+                    "sim_time_s": seconds_from_ticks(max(participant.tick, 0), self._tick_ns),
+                }
                 for participant in participants
             ],
             "stall": self._explain(status, participants),

@@ -12,7 +12,7 @@ from gslcosim.runtime.stepper import NO_TICK_LIMIT, PACED_PARTICIPANT, ClockPace
 
 
 class StepListener(Protocol):
-    """What a step loop calls at each step."""
+    """Listener of a step loop, called at each step."""
 
     def on_outputs(self, stepper: Stepper, outputs: list[SentMessage]) -> None:
         """Take what a participant has written; its readers in this process have it."""
@@ -28,7 +28,7 @@ class StepListener(Protocol):
 
 
 class StepLoop:
-    """Participants of one process: all of a run, a group of them, or one.
+    """Loop over the participants of one process: all of a run, a group of them, or one.
 
     What they write for each other is handed over as it is. Whoever runs the loop brings in what comes from elsewhere.
 
@@ -99,7 +99,7 @@ class StepLoop:
         return bool(self._readers.get(port))
 
     def reset(self, episode: Episode) -> Iterator[tuple[Stepper, list[SentMessage]]]:
-        """Reset all, and return for each what it writes once; hand that over with `pass_on`."""
+        """Reset all, one after another, and yield each with what it writes once; hand that over with `pass_on`."""
         for stepper in self.steppers:
             self.acting = stepper
             yield stepper, stepper.reset(episode)
@@ -150,15 +150,15 @@ class StepLoop:
     @property
     def pace_wait_s(self) -> float:
         """For how long the clock alone holds back who could step otherwise [s]; everybody waits for that one."""
-        if self._pace is None:
+        if not self.is_paced:
             return 0.0
         return max((self._wait_s(stepper) for stepper in self.steppers if stepper.gate.can_step()), default=0.0)
 
     def step_one(self, stepper: Stepper) -> None:
         """Step a participant that can, hand over what it writes, and write its state where that is due."""
         self.acting = stepper
-        if self._pace is not None and stepper.spec.name == PACED_PARTICIPANT:
-            self._pace.begins(stepper.gate.next_tick, time.monotonic())
+        if (pace := self._pace_of(stepper)) is not None:
+            pace.begins(stepper.gate.next_tick, time.monotonic())
         self.pass_on(stepper, stepper.step())
         if self._policy is not None and self._policy.is_due(stepper):
             self._listener.before_snapshot(stepper)
@@ -192,11 +192,6 @@ class StepLoop:
         for stepper in self.steppers:
             stepper.gate.final_tick = tick
 
-    @property
-    def has_end(self) -> bool:
-        """True when the last tick is known."""
-        return all(stepper.gate.final_tick is not None for stepper in self.steppers)
-
     def prefetch(self) -> bool:
         """Let one of the cores do what it can without its inputs; return whether there was anything to do."""
         for stepper in self.steppers:
@@ -214,10 +209,12 @@ class StepLoop:
     def summarize(self, stepper: Stepper) -> dict[str, Any]:
         """Return what `result.json` says of a participant."""
         own = dict(stepper.core.summary()) if isinstance(stepper.core, SupportsSummary) else {}
-        is_paced = self._pace is not None and stepper.spec.name == PACED_PARTICIPANT
-        return own | (self._pace.summary() if self._pace is not None and is_paced else {})
+        pace = self._pace_of(stepper)
+        return own if pace is None else own | pace.summary()
+
+    def _pace_of(self, stepper: Stepper) -> ClockPace | None:
+        return self._pace if stepper.spec.name == PACED_PARTICIPANT else None
 
     def _wait_s(self, stepper: Stepper) -> float:
-        if self._pace is None or stepper.spec.name != PACED_PARTICIPANT:
-            return 0.0
-        return self._pace.wait_s(stepper.gate.next_tick, time.monotonic())
+        pace = self._pace_of(stepper)
+        return 0.0 if pace is None else pace.wait_s(stepper.gate.next_tick, time.monotonic())

@@ -282,7 +282,6 @@ class Stepper:
                 for port, tick in ((each.port, each.tick) for each in missing)
             ),
             lacking_credit=tuple(lacking_credit),
-            waits_for=tuple(dict.fromkeys([*(each.port for each in missing), *lacking_credit])),
             occupied_s=None if began_ns is None else (time.perf_counter_ns() - began_ns) / NS_PER_S,
             queued_ticks=gate.n_queued_ticks,
             pid=os.getpid(),

@@ -68,7 +68,7 @@ def note(text: str) -> None:
 
 
 class ForeignLoad:
-    """What programs other than this one and those it starts take of the processors, since the last call.
+    """Load of the processors by other programs than this one and those it starts, since the last call.
 
     Children count when they have ended, so ask when all have.
     """

@@ -247,7 +247,7 @@ def _array(column: pa.ChunkedArray) -> NDArray[Any]:
     if pa.types.is_string(kind):
         # Each text once, however many rows have it.
         coded = column.fill_null("").combine_chunks().dictionary_encode()
-        return np.array([*coded.dictionary.to_pylist(), ""], dtype=object)[:-1][coded.indices.to_numpy()]
+        return np.array(coded.dictionary.to_pylist(), dtype=object)[coded.indices.to_numpy()]
     if pa.types.is_boolean(kind):
         return column.fill_null(False).to_numpy()  # noqa: FBT003 - the value of an absent flag
     # A seed is a whole number of 64 bits: as a float it would lose its last digits.

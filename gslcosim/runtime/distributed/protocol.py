@@ -243,7 +243,6 @@ class ParticipantInspection(ControlMessage):
     tick: Tick
     missing: tuple[MissingMessageFields, ...] = Field(max_length=_MAX_ITEMS)
     lacking_credit: tuple[ParticipantName, ...] = Field(max_length=_MAX_ITEMS)
-    waits_for: tuple[ShortText, ...] = Field(max_length=_MAX_ITEMS)
     occupied_s: float | None = Field(ge=0, allow_inf_nan=False)
     queued_ticks: Amount
     pid: Amount

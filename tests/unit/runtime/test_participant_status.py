@@ -67,3 +67,16 @@ def test_what_never_came_is_said_so():
 @pytest.mark.parametrize("participants", [[], [participant("world", 5, state="done")]])
 def test_where_nobody_is_left_there_is_nothing_to_explain(participants):
     assert explain_stall(participants) is None
+
+
+def test_who_is_silent_is_named_with_those_who_wait_though_its_tick_is_long_past():
+    """Services report every 64 ticks: what is known of a silent one is old."""
+    stall = explain_stall([
+        ParticipantStatus(name="fields", state="silent", tick=0),
+        participant("sensing", 19, ("truth/samples", "fields")),
+    ])  # fmt: skip
+    assert stall.culprit == "fields"
+    assert stall.lines == (
+        "fields does not answer: its process is stopped, or hangs. It last reported tick 0.",
+        "sensing waits at tick 20 for truth/samples of tick 20 from fields (got tick 19 last).",
+    )
