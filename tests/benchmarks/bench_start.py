@@ -1,7 +1,12 @@
-"""Print how soon a run begins, with and without a warm server, in turns.
+"""Print how soon a run of several processes begins, by how its processes are started, in turns.
 
 Run `python tests/benchmarks/bench_start.py [N]`. The first tick is when the command says that it flies, counted from
-the command; the end is that of a run of one tick. A server is started for it, and ended.
+the command; the end is that of a run of one tick. Each way to start adds one thing to the way before it:
+
+    spawned   each service is a new Python
+    forked    services are forks of a server that has imported what they share
+    preforked and those that import for long were forked first, and have imported it already
+    warm      and the command itself is a fork of `gslcosim serve`, which is started for it, and ended
 """
 
 import os
@@ -13,20 +18,47 @@ import time
 
 COMMAND = [sys.executable, "-m", "gslcosim"]
 FLIGHT = ["up", "warehouse_empty", "--set", "referee.stop.time_limit_s=0.1"]
-STARTS: dict[str, list[str]] = {"cold": [], "warm": ["--warm"]}
+# The first two leave a part of the product out, in the command and in its fork server.
+SPAWNED = """
+import sys
+from gslcosim.runtime.processes import fork_client
+fork_client.ForkServer.is_possible = staticmethod(lambda: False)
+from gslcosim.__main__ import main
+sys.exit(main())
+"""
+FORKED = """
+import sys
+from gslcosim.runtime.processes import fork_client
+serve = "import sys; from gslcosim.runtime.processes import fork_server; "
+serve += "fork_server.prefork_children = lambda fd: {}; fork_server.main(int(sys.argv[1]))"
+fork_client.build_python_command = lambda *words: [sys.executable, "-P", "-c", serve, *words[-2:]]
+from gslcosim.__main__ import main
+sys.exit(main())
+"""
+STARTS: dict[str, list[str]] = {
+    "spawned": [sys.executable, "-c", SPAWNED, *FLIGHT],
+    "forked": [sys.executable, "-c", FORKED, *FLIGHT],
+    "preforked": [*COMMAND, *FLIGHT],
+    "warm": [*COMMAND, *FLIGHT, "--warm"],
+}
+TITLES = ("first tick [s]", "end of a run of one tick [s]", "processor time of command [s]")
 
 
-def begin(runs_dir, arguments):
+def begin(runs_dir, call):
     """Fly one tick; return when it was run, when the command ended [s], and the processor's time of the command."""
     began = time.perf_counter()
-    call = [*COMMAND, *FLIGHT, "--runs-dir", runs_dir, *arguments]
+    call = [*call, "--runs-dir", runs_dir]
     process = subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     first_tick_s = float("nan")
+    lines = []
     for line in process.stderr:
+        lines.append(line)
         if "flying" in line:
             first_tick_s = time.perf_counter() - began
     process.stderr.close()
     _, _, usage = os.wait4(process.pid, 0)
+    if first_tick_s != first_tick_s:
+        sys.exit(f"bench_start: expected a run that begins, {call} did not:\n{''.join(lines)}")
     return first_tick_s, time.perf_counter() - began, usage.ru_utime + usage.ru_stime
 
 
@@ -44,19 +76,20 @@ def main():
                 sys.exit("bench_start: expected a server, it has ended.")
             ready_s = time.perf_counter() - began
             for i in range(n + 1):
-                for start, arguments in STARTS.items():
-                    taken = begin(place, arguments)
+                for start, call in STARTS.items():
+                    taken = begin(place, call)
                     if i:  # the first fills the caches
                         rounds[start].append(taken)
         finally:
             server.terminate()
             server.wait()
-    cold, warm = ([statistics.median(column) for column in zip(*rounds[start], strict=True)] for start in STARTS)
+    medians = {start: [statistics.median(column) for column in zip(*rounds[start], strict=True)] for start in STARTS}
     print(f"start of the quickstart, {os.cpu_count()} cores, medians of {n} rounds in turns")  # noqa: T201
-    print(f"{'':28}{'warm / cold':>12}{'cold':>10}{'warm':>10}")  # noqa: T201
-    titles = ("first tick [s]", "end of a run of one tick [s]", "processor time of command [s]")
-    for title, before, now in zip(titles, cold, warm, strict=True):
-        print(f"{title:28}{now / before:12.2f}{before:10.2f}{now:10.2f}")  # noqa: T201
+    print(f"{'':32}" + "".join(f"{start:>12}" for start in STARTS))  # noqa: T201
+    for i, title in enumerate(TITLES):
+        print(f"{title:32}" + "".join(f"{medians[start][i]:12.2f}" for start in STARTS))  # noqa: T201
+    ratios = [1.0] + [now[0] / before[0] for before, now in zip(list(medians.values()), list(medians.values())[1:])]
+    print(f"{'first tick, of the way before':32}" + "".join(f"{ratio:12.2f}" for ratio in ratios))  # noqa: T201
     print(f"the server was ready after {ready_s:.2f} s")  # noqa: T201
 
 
