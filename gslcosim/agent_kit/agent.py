@@ -12,7 +12,7 @@ from typing import Any, BinaryIO
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 
 from gslcosim.base.errors import GslCosimError
-from gslcosim.bus.interface import JOIN_VARIABLE, Bus, JoinData
+from gslcosim.bus.interface import AGENT_VARIABLE, JOIN_VARIABLE, Bus, JoinData
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Command, Ending, Observation
 from gslcosim.contract.schema import check_contract, format_own_contract
@@ -179,7 +179,6 @@ class AgentGroup:
 
 
 # The names of the agents that a process behind the gateway flies, separated by commas.
-AGENT_VARIABLE = "GSLCOSIM_AGENT"
 _LENGTH_BYTES = 4
 # Without type stubs, so its functions are Any.
 _msgpack: Any = msgpack

@@ -17,8 +17,15 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
 from gslcosim.base.errors import UsageError
+from gslcosim.base.spawn import open_memory_file
 
 JOIN_VARIABLE = "GSLCOSIM_JOIN"
+# The agents that a process flies, where it joins no bus; where the gateway is, and the password there.
+AGENT_VARIABLE = "GSLCOSIM_AGENT"
+GATEWAY_VARIABLE = "GSLCOSIM_GATEWAY"
+TOKEN_VARIABLE = "GSLCOSIM_TOKEN"
+# What a process of a run gets in its environment.
+JOIN_VARIABLES = (JOIN_VARIABLE, AGENT_VARIABLE, GATEWAY_VARIABLE, TOKEN_VARIABLE)
 JOIN_FILE_WAIT_S = 120.0
 # Linux names the open files of a process here.
 INHERITED_FILES = Path("/proc/self/fd")
@@ -128,6 +135,18 @@ class JoinData(BaseModel):
         if not text.lstrip().startswith("{"):
             text = read_join_file(Path(text), place=JOIN_VARIABLE)
         return cls.from_text(text, place=JOIN_VARIABLE)
+
+    def hand_over(self) -> tuple[dict[str, str], tuple[int, ...]]:
+        """Return the variables with which a process that is started joins, and the descriptors that it inherits.
+
+        The join data are a file in memory, as far as the system names inherited ones: the environment of a process can
+        be read by others of its user.
+        """
+        text = self.model_dump_json(exclude_none=True)
+        if not INHERITED_FILES.is_dir():
+            return {JOIN_VARIABLE: text}, ()
+        descriptor = open_memory_file(text.encode())
+        return {JOIN_VARIABLE: str(INHERITED_FILES / str(descriptor))}, (descriptor,)
 
     @classmethod
     def from_text(cls, text: str, *, place: str) -> "JoinData":

@@ -13,6 +13,7 @@ from gslcosim.base.errors import ContractError
 from gslcosim.base.processes import describe_exit
 from gslcosim.base.rng import stream
 from gslcosim.base.ticks import seconds_from_ticks
+from gslcosim.bus.interface import GATEWAY_VARIABLE, TOKEN_VARIABLE
 from gslcosim.conformance.rules import PARTICIPANT_RULES, CheckReport, Failure, build_findings
 from gslcosim.conformance.scripted_world import TICK_NS, add_unknown_fields
 from gslcosim.conformance.session import SessionLimits
@@ -45,7 +46,6 @@ from gslcosim.gateway.connections import (
     StreamEndedError,
 )
 from gslcosim.methods.example_instruments import GAS, ROOM_M, SAMPLED_SENSORS, build_samples
-from gslcosim.runtime.agents.gateway_transport import GATEWAY_VARIABLE, TOKEN_VARIABLE
 from gslcosim.runtime.external.core import PARTICIPANT_VARIABLE
 from gslcosim.runtime.external.protocol import is_valid_name, read_hello, read_outputs
 
@@ -297,7 +297,7 @@ class ParticipantSession:
         )
         listener.admit(connection.format, lambda stream, _: self._connected.put(stream), lambda _: None)
         variables |= {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token}
-        started.children.start_without_bus(_PROCESS_NAME, started.command(), variables=variables, log=log, cwd=cwd)
+        started.children.start(_PROCESS_NAME, started.command(), variables=variables, log=log, cwd=cwd)
 
     # The first break of a rule up to the briefing.
     def _greet(self, answering: FailureBuilder) -> Failure | None:

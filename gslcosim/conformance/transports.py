@@ -12,11 +12,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, Protocol
 
-from gslcosim.agent_kit.agent import AGENT_VARIABLE
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import ScratchFolder
 from gslcosim.bus.audit_router import AuditRouter
-from gslcosim.bus.interface import JoinData
+from gslcosim.bus.interface import AGENT_VARIABLE, GATEWAY_VARIABLE, TOKEN_VARIABLE, JoinData
 from gslcosim.bus.zenoh_bus import AgentAccount, generate_password
 from gslcosim.conformance.scripted_world import AGENT, OTHER_AGENT
 from gslcosim.contract import codec, keys
@@ -24,7 +23,6 @@ from gslcosim.contract.messages import Briefing, Ending, Message, Observation
 from gslcosim.gateway.connections import EventKind, Listener, PipeStream, Stream, ThreadedConnection
 from gslcosim.gateway.frame_codec import FrameFormat
 from gslcosim.methods.card import Needs, find_card_beside
-from gslcosim.runtime.agents.gateway_transport import GATEWAY_VARIABLE, TOKEN_VARIABLE
 from gslcosim.runtime.agents.session import (
     AgentEvent,
     AgentJoined,
@@ -34,7 +32,7 @@ from gslcosim.runtime.agents.session import (
     CommandRefused,
     ObservationOrHead,
 )
-from gslcosim.runtime.processes.children import ChildProcesses
+from gslcosim.runtime.processes.child_processes import ChildProcesses
 
 MARK_VARIABLE = "GSLCOSIM_CHECK"
 _PR_SET_CHILD_SUBREAPER = 36
@@ -432,7 +430,7 @@ class GatewayCheckTransport(CheckedProcess):
         listener = self._listener = Listener.open_unix(self.folder / "gateway.sock") if is_unix else Listener.open_tcp()
         listener.admit(self.connection.format, lambda stream, _: self._open(stream), self._on_refused_connection)
         variables |= {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token}
-        self.children.start_without_bus(AGENT, self.command(), variables=variables, log=log, cwd=cwd)
+        self.children.start(AGENT, self.command(), variables=variables, log=log, cwd=cwd)
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
         """Send the agent its briefing; see `AgentTransport`."""

@@ -1,24 +1,40 @@
 """Warm-up of a scenario's services before its environment is made, so that kernels are compiled meanwhile."""
 
+import contextlib
+import os
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import yaml
 
+from gslcosim.base.errors import SimulationFault
 from gslcosim.environment.geometry_source import build_still_environment
+from gslcosim.runtime.processes.fork_server import ForkedProcess, ForkServer
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.services import build_core, list_services
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import Scenario, dump_resolved
 
 
-def build_warmup_request(scenario: Scenario, directory: Path) -> dict[str, Any]:
-    """Return a request for `run_warmup_request`, as plain values."""
-    return {"scenario": dump_resolved(scenario), "directory": str(directory.absolute())}
+def fork_warmup(fork_server: ForkServer, scenario: Scenario, directory: Path) -> ForkedProcess | None:
+    """Let a fork compile the kernels of a scenario's services while its environment is made, as far as it comes.
+
+    Args:
+        fork_server: Whose fork it is.
+        scenario: What will be run; its environment is any but one with a `path`.
+        directory: Where its relative paths start.
+
+    Returns:
+        The fork; None where the server has ended, which the caller is informed of.
+    """
+    request = {"scenario": dump_resolved(scenario), "directory": str(directory.absolute())}
+    with contextlib.suppress(SimulationFault):
+        return fork_server.fork("warm-up", {"warm_up": request}, log=Path(os.devnull))
+    return None
 
 
-def run_warmup_request(request: dict[str, Any]) -> None:
-    """Warm up the services that a request of `build_warmup_request` names."""
+def run_warmup_request(request: Mapping[str, str]) -> None:
+    """Warm up the services of the scenario that a request of `fork_warmup` holds."""
     warm_up_services(Scenario.model_validate(yaml.safe_load(request["scenario"])), Path(request["directory"]))
 
 

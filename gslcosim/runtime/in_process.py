@@ -32,7 +32,8 @@ from gslcosim.runtime.digest import RunDigest
 from gslcosim.runtime.network import JOIN_TIMEOUT_S, Network
 from gslcosim.runtime.outcome import RunOutcome, ServiceFault, build_ending
 from gslcosim.runtime.participant_status import ParticipantStatus, explain_stall
-from gslcosim.runtime.processes.children import EXIT_TIMEOUT_S, ChildProcesses, PauseDetector, StopMonitor
+from gslcosim.runtime.processes.child_processes import EXIT_TIMEOUT_S, ChildProcesses
+from gslcosim.runtime.processes.stop_detection import PauseDetector, StopMonitor
 from gslcosim.runtime.replay.snapshot_policy import SnapshotPolicy
 from gslcosim.runtime.services import build_core, build_dataflow, list_service_names
 from gslcosim.runtime.setup import RunSetup

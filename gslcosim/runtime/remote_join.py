@@ -1,30 +1,28 @@
 """Joining a run on another host as some of its services or as one of its agents."""
 
 import os
+import queue
 import signal
 import socket
-import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from gslcosim.base.errors import ScenarioError, SimulationFault, UsageError
-from gslcosim.base.processes import Interruption, build_parent_death_prefix, build_python_command, describe_exit
-from gslcosim.bus.interface import INHERITED_FILES, JOIN_VARIABLE, Bus, JoinData
+from gslcosim.base.processes import Interruption, build_python_command
+from gslcosim.base.spawn import check_program
+from gslcosim.bus.interface import AGENT_VARIABLE, GATEWAY_VARIABLE, TOKEN_VARIABLE, Bus, JoinData
 from gslcosim.bus.zenoh_bus import ZenohBus
 from gslcosim.contract.participant import Core
 from gslcosim.environment.generation.cache import with_variants
 from gslcosim.environment.store import load_environment
 from gslcosim.environment.variants import find_variants
-from gslcosim.runtime.agents.gateway_transport import GATEWAY_VARIABLE, TOKEN_VARIABLE
 from gslcosim.runtime.agents.loader import find_python_agent
 from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.distributed.host import Host, report_fault
 from gslcosim.runtime.network import JoinFile
-from gslcosim.runtime.processes.children import check_program
+from gslcosim.runtime.processes.child_processes import ChildProcesses
 from gslcosim.runtime.processes.current_process import keep_memory_private
-from gslcosim.runtime.processes.sandbox.launcher_client import write_memory_file
-from gslcosim.runtime.processes.short_environment import build_short_environment
 from gslcosim.runtime.remote_server import (
     ProgressHandler,
     RunOffer,
@@ -85,26 +83,25 @@ def join_as_agent(joined: JoinFile, command: Sequence[str], *, say: ProgressHand
         SimulationFault: it has ended otherwise.
         KeyboardInterrupt: a signal has ended it.
     """
-    variables = build_short_environment(command)
-    keep: tuple[int, ...] = ()
+    variables: dict[str, str] = {}
     if (gateway := joined.gateway) is not None:
         variables |= {GATEWAY_VARIABLE: gateway.gateway, TOKEN_VARIABLE: gateway.token}
-        variables |= {"GSLCOSIM_AGENT": ",".join(gateway.agents or [gateway.name])}
-    elif joined.join is not None:
-        text = joined.join.model_dump_json(exclude_none=True)
-        inherited = write_memory_file(text) if INHERITED_FILES.is_dir() else None
-        keep = () if inherited is None else (inherited,)
-        variables |= {JOIN_VARIABLE: text if inherited is None else str(INHERITED_FILES / str(inherited))}
-    process = subprocess.Popen([*build_parent_death_prefix(), *command], env=variables, pass_fds=keep)
-    for descriptor in keep:
-        os.close(descriptor)
-    say(f"agent {joined.name}: started (process {process.pid})")
-    with Interruption(process.terminate) as interruption:
-        code = process.wait()
-    if interruption.is_set():
+        variables |= {AGENT_VARIABLE: ",".join(gateway.agents or [gateway.name])}
+    # The end of the program, or None for a signal.
+    ends: queue.SimpleQueue[tuple[int, str] | None] = queue.SimpleQueue()
+    name = f"agent {joined.name}"
+    with (
+        Interruption(lambda: ends.put(None)),
+        ChildProcesses(lambda _, code, how: ends.put((code, how)), are_foreign=True) as processes,
+    ):
+        processes.start(name, command, join=joined.join, variables=variables, log=None)
+        say(f"{name}: started (process {processes.pids.get(name, 0)})")
+        ended = ends.get()
+    if ended is None:
         raise KeyboardInterrupt
+    code, how = ended
     if code != 0:
-        raise SimulationFault(f"agent {joined.name}: the program {describe_exit(code)}.")
+        raise SimulationFault(f"{name}: the program {how}.")
     say(f"agent {joined.name}: has ended with the run")
 
 

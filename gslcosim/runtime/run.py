@@ -22,7 +22,7 @@ from gslcosim.runtime.distributed.process_launch import run_distributed
 from gslcosim.runtime.external.core import hash_programs
 from gslcosim.runtime.network import Network
 from gslcosim.runtime.outcome import RunOutcome, ServiceFault
-from gslcosim.runtime.processes.fork_client import ForkServer
+from gslcosim.runtime.processes.fork_server import ForkServer
 from gslcosim.runtime.processes.sandbox.selection import describe_sandboxes
 from gslcosim.runtime.replay.snapshot import Snapshot
 from gslcosim.runtime.run_dir import MachineLog, RunDir
@@ -230,7 +230,9 @@ def _prepare_environment(loaded: LoadedScenario, report: StatusHandler, fork_ser
     def progress(text: str, fraction: float) -> None:
         nonlocal idle_server
         if idle_server is not None:
-            idle_server.warm_up(loaded.scenario, loaded.directory)
+            from gslcosim.runtime.early_warmup import fork_warmup
+
+            fork_warmup(idle_server, loaded.scenario, loaded.directory)
             idle_server = None
         report(RunStatus(state="preparing", text=text, fraction=fraction))
 

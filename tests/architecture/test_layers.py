@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import grimp
 import pytest
 
 ROOT = Path(__file__).parents[2]
@@ -16,6 +17,10 @@ WRONG_ARROWS = {
     "Arrows point only inward": ("gslcosim_services/world/__init__.py", "import gslcosim_services.fields"),
     "What an agent's author imports": ("gslcosim/search/__init__.py", "import gslcosim.scenario"),
     "The framework knows no service": ("gslcosim/bus/__init__.py", "import gslcosim_services.radio"),
+    "How processes start and end": (
+        "gslcosim/runtime/processes/fork_server.py",
+        "import gslcosim.runtime.distributed.service_main",
+    ),
     "Zenoh has one home": ("gslcosim/runtime/__init__.py", "import zenoh"),
     "Rerun has one home": ("gslcosim/cli/__init__.py", "import rerun"),
     "MuJoCo has one home": ("gslcosim/environment/__init__.py", "from mujoco import mjtGeom"),
@@ -68,6 +73,25 @@ def imports_of(path: Path) -> set[str]:
 
 def is_within(module: str, packages: set[str]) -> bool:
     return any(module == package or module.startswith(f"{package}.") for package in packages)
+
+
+def circles_of(imports: dict[str, set[str]]) -> list[str]:
+    """Modules that cannot be put in an order in which each imports earlier ones only."""
+    left = dict(imports)
+    while free := [module for module, imported in left.items() if not imported & left.keys()]:
+        for module in free:
+            del left[module]
+    return sorted(left)
+
+
+def test_modules_of_the_runtime_import_each_other_in_no_circle():
+    """Imports within functions and those for types count too."""
+    graph = grimp.build_graph("gslcosim", cache_dir=None)
+    modules = {module for module in graph.modules if module.startswith("gslcosim.runtime.")}
+    imports = {module: graph.find_modules_directly_imported_by(module) & modules for module in modules}
+    assert len(modules) > 30
+    assert circles_of(imports) == []
+    assert circles_of({"a": {"b"}, "b": {"a"}, "c": {"a"}, "d": set()}) == ["a", "b", "c"]
 
 
 @pytest.mark.parametrize("path", sorted(ROOT.glob("agents/*/**/*.py")), ids=lambda path: str(path.relative_to(ROOT)))

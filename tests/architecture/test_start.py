@@ -94,7 +94,7 @@ def test_a_supervisor_imports_nothing_that_computes(quickstart_room):
 @pytest.mark.slow
 def test_a_fork_server_starts_with_nothing_but_python():
     """It is started first of all, so that it imports while the supervisor does."""
-    script = "import sys; from gslcosim.runtime.processes.fork_client import ForkServer; print(*sorted(sys.modules))"
+    script = "import sys; from gslcosim.runtime.processes.fork_server import ForkServer; print(*sorted(sys.modules))"
     imported = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
     assert {"pydantic", "numpy", "gslcosim.scenario"} & set(imported) == set()
 

@@ -21,17 +21,18 @@ FLIGHT = ["up", "warehouse_empty", "--set", "referee.stop.time_limit_s=0.1"]
 # The first two leave a part of the product out, in the command and in its fork server.
 SPAWNED = """
 import sys
-from gslcosim.runtime.processes import fork_client
-fork_client.ForkServer.is_possible = staticmethod(lambda: False)
+from gslcosim.runtime.processes import fork_server
+fork_server.ForkServer.is_possible = staticmethod(lambda: False)
 from gslcosim.__main__ import main
 sys.exit(main())
 """
 FORKED = """
 import sys
-from gslcosim.runtime.processes import fork_client
-serve = "import sys; from gslcosim.runtime.processes import fork_server; "
-serve += "fork_server.prefork_children = lambda fd: {}; fork_server.main(int(sys.argv[1]))"
-fork_client.build_python_command = lambda *words: [sys.executable, "-P", "-c", serve, *words[-2:]]
+from gslcosim.runtime.processes import fork_server
+serve = "import sys; from dataclasses import replace; from gslcosim.runtime.processes import fork_server; "
+serve += "from gslcosim.runtime.distributed.service_main import build_fork_work; "
+serve += "fork_server.serve_forks(int(sys.argv[1]), replace(build_fork_work(), early={}))"
+fork_server.build_python_command = lambda *words: [sys.executable, "-P", "-c", serve, *words[-2:]]
 from gslcosim.__main__ import main
 sys.exit(main())
 """

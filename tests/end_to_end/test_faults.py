@@ -12,7 +12,7 @@ import pytest
 from deadlines import EVENT_S
 from real_runs import AGENTS, COMMAND, STARTED, TINY_ROOM, Flight, fly, is_running, start, with_agent
 
-from gslcosim.runtime.processes.children import can_detect_stops
+from gslcosim.runtime.processes.stop_detection import can_detect_stops
 from gslcosim.runtime.status import list_active_runs
 
 linux = pytest.mark.skipif(not can_detect_stops(), reason="only Linux tells which processes are stopped")

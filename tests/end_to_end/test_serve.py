@@ -17,7 +17,7 @@ from real_runs import COMMAND, TINY_ROOM, fly_here, start, wait_a_moment, with_a
 
 from gslcosim.base.errors import UsageError
 from gslcosim.cli.main import main
-from gslcosim.runtime.processes import daemon, daemon_client
+from gslcosim.runtime.processes import daemon
 
 pytestmark = [
     pytest.mark.end_to_end,
@@ -130,7 +130,7 @@ def test_one_process_is_refused(server, tmp_path):
 
 
 def test_a_server_that_does_not_answer_is_named(server, monkeypatch):
-    monkeypatch.setattr(daemon_client, "ANSWER_TIMEOUT_S", 0.2)
+    monkeypatch.setattr(daemon, "ANSWER_TIMEOUT_S", 0.2)
     os.kill(server.pid, signal.SIGSTOP)
     try:
         text = refused("up", str(TINY_ROOM), "--warm")
@@ -150,11 +150,11 @@ def test_a_killed_server_is_distinguished_from_none_and_replaced(tmp_path):
         with serving():
             ended = start(TINY_ROOM, tmp_path, *ONE_TICK, "--warm").end()
         assert ended.exit_code == 1
-        assert not daemon_client.get_daemon_socket().exists()
+        assert not daemon.get_daemon_socket().exists()
 
 
 def test_no_other_can_enter_its_folder(server):
-    assert daemon_client.get_daemon_folder().stat().st_mode & 0o077 == 0
+    assert daemon.get_daemon_folder().stat().st_mode & 0o077 == 0
 
 
 def test_a_process_with_a_second_thread_does_not_fork():
@@ -174,10 +174,10 @@ def test_changed_code_is_seen(tmp_path, monkeypatch):
     """By name, size and time of any file of the package; not what Python compiles beside it."""
     module = tmp_path / "module.py"
     module.write_text("one = 1\n")
-    monkeypatch.setattr(daemon_client, "get_code_roots", lambda: {"package": tmp_path})
-    before = daemon_client.read_code_identity()
+    monkeypatch.setattr(daemon, "get_code_roots", lambda: {"package": tmp_path})
+    before = daemon.read_code_identity()
     (tmp_path / "__pycache__").mkdir()
     (tmp_path / "__pycache__" / "module.pyc").write_text("compiled")
-    assert daemon_client.find_differences(before, daemon_client.read_code_identity()) == []
+    assert daemon.find_differences(before, daemon.read_code_identity()) == []
     os.utime(module, ns=(0, 0))
-    assert daemon_client.find_differences(before, daemon_client.read_code_identity()) == ["code"]
+    assert daemon.find_differences(before, daemon.read_code_identity()) == ["code"]

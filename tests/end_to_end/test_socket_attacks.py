@@ -16,7 +16,7 @@ from ordinary_user import run_tests_as_ordinary_user
 from real_runs import AGENTS, ROOT, TINY_ROOM, fly, start
 
 from gslcosim.base.files import user_state_folder
-from gslcosim.runtime.processes.daemon_client import get_daemon_secret_file, get_daemon_socket, read_code_identity
+from gslcosim.runtime.processes.daemon import get_daemon_secret_file, get_daemon_socket, read_code_identity
 from gslcosim.runtime.processes.sandbox.selection import unavailable_reason
 from gslcosim.runtime.status import get_status_folder, list_active_runs
 

@@ -47,7 +47,7 @@ from real_runs import TINY_ROOM, children_of, command_of, is_running, wait_a_mom
 
 from gslcosim.base.files import ScratchFolder  # noqa: E402
 from gslcosim.base.rng import stream  # noqa: E402
-from gslcosim.runtime.processes.children import STOP_TIMEOUT_S  # noqa: E402
+from gslcosim.runtime.processes.stop_detection import STOP_TIMEOUT_S  # noqa: E402
 from gslcosim_services.recorder.rerun_cli import is_complete, repair_recording  # noqa: E402
 
 SIM_TIME_S = 120

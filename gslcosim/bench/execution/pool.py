@@ -1,20 +1,16 @@
 """Local worker pool: jobs, and processes that are started, watched and replaced, so that no trial takes others down."""
 
-import contextlib
 import os
-import signal
-import subprocess
-import sys
-import threading
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from multiprocessing.connection import Connection, Pipe, wait
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any, Literal, Protocol, cast
 
 from gslcosim.base.errors import SimulationFault
+from gslcosim.base.worker_process import WorkerProcess
 from gslcosim.bench.cases.models import LimitsSpec, Trial
 from gslcosim.bench.execution.trial import (
     EnvironmentCache,
@@ -25,7 +21,7 @@ from gslcosim.bench.execution.trial import (
     record_trial,
     run_trial,
 )
-from gslcosim.runtime.processes.children import StopDetector, describe_stop, is_stopped_itself
+from gslcosim.runtime.processes.stop_detection import StopDetector, describe_stop, is_stopped_itself
 
 # How long to wait before a person gets the status again.
 POLL_PERIOD_S = 0.5
@@ -116,12 +112,9 @@ def iterate_results(pool: Pool, jobs: Sequence[Job]) -> Iterator[JobResult]:
 # The next job waits at the worker while it does the one before, so that it is never idle in between.
 _AHEAD = 2
 _LOOK_EVERY_S = 0.25
-_LAST_WORDS_BYTES = 8192
-_LAST_WORDS_LINES = 12
-_LAST_WORDS_S = 1.0
 _PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 _MOST_FAILED_STARTS = 3
-_WORKER = "gslcosim.bench.execution.worker"
+_WORKER = "gslcosim.bench.execution.worker:do_jobs"
 
 
 def n_cores() -> int:
@@ -133,20 +126,15 @@ def n_cores() -> int:
 class _Worker:
     """A process with the jobs it was given, oldest first."""
 
-    name: str
-    process: "subprocess.Popen[bytes]"
-    connection: "Connection[Any, Any]"
+    process: WorkerProcess
     jobs: "deque[Job]" = field(default_factory=deque)
     started_at: float | None = None
-    words: bytearray = field(default_factory=bytearray)
     peak_mb: float = 0.0
     is_up: bool = False
-    listener: threading.Thread | None = None
 
-    def log_tail(self) -> str:
-        """Return the last lines that the process has written."""
-        lines = bytes(self.words[-_LAST_WORDS_BYTES:]).decode(errors="replace").splitlines()
-        return "\n".join(line[:300] for line in lines[-_LAST_WORDS_LINES:]).strip()
+    @property
+    def name(self) -> str:
+        return self.process.name
 
 
 class LocalPool:
@@ -181,7 +169,7 @@ class LocalPool:
         deadline = time.monotonic() + timeout_s
         while not self._ended:
             left_s = deadline - time.monotonic()
-            by_connection = {worker.connection: worker for worker in self._workers}
+            by_connection = {worker.process.connection: worker for worker in self._workers}
             for connection in wait(list(by_connection), timeout=max(0.0, min(left_s, _LOOK_EVERY_S))):
                 self._receive(by_connection[cast("Connection[Any, Any]", connection)])
             if time.monotonic() - self._looked_at >= _LOOK_EVERY_S:
@@ -195,27 +183,12 @@ class LocalPool:
     def close(self) -> None:
         """End all workers; see `Pool`."""
         for worker in self._workers:
-            _kill(worker)
+            worker.process.close()
         self._workers = []
 
     def _start(self) -> _Worker:
-        ours, theirs = Pipe()
-        name = f"worker_{self._n_started + 1}"
         self._n_started += 1
-        process = subprocess.Popen(
-            [sys.executable, "-u", "-m", _WORKER, str(theirs.fileno())],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            pass_fds=(theirs.fileno(),),
-            # Ctrl-C is for the process that decides; it ends its workers.
-            start_new_session=True,
-        )
-        theirs.close()
-        worker = _Worker(name, process, ours)
-        worker.listener = threading.Thread(target=_listen, args=(worker,), daemon=True)
-        worker.listener.start()
-        return worker
+        return _Worker(WorkerProcess(f"worker_{self._n_started}", _WORKER))
 
     def _hand_out(self) -> None:
         for ahead in range(1, _AHEAD + 1):
@@ -225,20 +198,20 @@ class LocalPool:
                     job = self._queue.popleft()
                     worker.jobs.append(job)
                     try:
-                        worker.connection.send(job)
+                        worker.process.connection.send(job)
                     except OSError:
                         continue  # it is gone; its end is seen when it is looked after
 
     def _receive(self, worker: _Worker) -> None:
         try:
-            kind, key, content = worker.connection.recv()
+            kind, key, content = worker.process.connection.recv()
         except (EOFError, OSError):
-            self._lose(worker, "crashed", f"the worker {_exit_text(worker)}")
+            self._lose(worker, "crashed", f"the worker {worker.process.describe_end()}")
             return
         if kind == "started":
             worker.started_at = time.monotonic()
             worker.is_up = True
-            worker.words.clear()
+            worker.process.forget_output()
             self._n_failed_starts = 0
         elif kind == "reference":
             self.reference_loops_s.append(content)
@@ -262,11 +235,10 @@ class LocalPool:
             if worker.name in stopped:
                 self._lose(worker, "crashed", f"{worker.name} {describe_stop()}")
                 continue
-            pids = (worker.process.pid, *_descendants(worker.process.pid))
-            worker.peak_mb = sum(map(_resident_mb, pids))
+            worker.peak_mb = sum(map(_resident_mb, worker.process.pids))
             self.peak_mb = max(self.peak_mb, worker.peak_mb)
-            if worker.process.poll() is not None and not worker.connection.poll():
-                self._lose(worker, "crashed", f"the worker {_exit_text(worker)}")
+            if not worker.process.is_running and not worker.process.connection.poll():
+                self._lose(worker, "crashed", f"the worker {worker.process.describe_end()}")
             elif worker.peak_mb > self._limits.memory_mb:
                 text = f"it took {worker.peak_mb:.0f} MB with its agents, allowed are {self._limits.memory_mb:g} MB"
                 self._lose(worker, "out_of_memory", text)
@@ -282,8 +254,8 @@ class LocalPool:
         if worker not in self._workers:
             return
         taken_s = time.monotonic() - worker.started_at if worker.started_at is not None else 0.0
-        _kill(worker)
-        words = worker.log_tail()
+        worker.process.close()
+        words = worker.process.log_tail()
         reason = f"{text}. The end of its log: {words}" if words else f"{text}."
         if not worker.is_up:
             self._n_failed_starts += 1
@@ -297,39 +269,6 @@ class LocalPool:
         self._hand_out()
 
 
-def _listen(worker: _Worker) -> None:
-    stream = worker.process.stdout
-    assert stream is not None
-    # Where something that the worker has started holds the other end, the stream is closed while it is read.
-    with contextlib.suppress(OSError, ValueError):
-        while chunk := os.read(stream.fileno(), 65536):
-            worker.words += chunk
-            del worker.words[:-_LAST_WORDS_BYTES]
-
-
-def _kill(worker: _Worker) -> None:
-    for pid in [*_descendants(worker.process.pid), worker.process.pid]:
-        try:
-            os.kill(pid, signal.SIGKILL)
-        except ProcessLookupError:
-            continue
-    worker.process.wait()
-    worker.connection.close()
-    if worker.listener is not None:
-        worker.listener.join(timeout=_LAST_WORDS_S)
-    for stream in (worker.process.stdin, worker.process.stdout):
-        if stream is not None:
-            stream.close()
-
-
-def _exit_text(worker: _Worker) -> str:
-    try:
-        code = worker.process.wait(timeout=5)
-    except subprocess.TimeoutExpired:
-        return "closed its connection"
-    return f"was ended by signal {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
-
-
 # What a process has for itself: rooms and tapes are mapped files that all workers share.
 def _resident_mb(pid: int) -> float:
     try:
@@ -337,14 +276,3 @@ def _resident_mb(pid: int) -> float:
     except OSError:
         return 0.0
     return (int(fields[1]) - int(fields[2])) * _PAGE_BYTES / 1e6
-
-
-def _descendants(pid: int) -> list[int]:
-    found: list[int] = []
-    try:
-        for task in Path(f"/proc/{pid}/task").iterdir():
-            for child in (task / "children").read_text().split():
-                found += [int(child), *_descendants(int(child))]
-    except OSError:
-        return found
-    return found

@@ -28,7 +28,7 @@ from gslcosim.bench.execution.ray_worker import (
     RecordedTrial,
     installed_software,
 )
-from gslcosim.runtime.processes.children import StopDetector, describe_stop, is_stopped_itself
+from gslcosim.runtime.processes.stop_detection import StopDetector, describe_stop, is_stopped_itself
 
 AUTO, LOCAL = "auto", "local"
 _LISTENS_S = 10.0

@@ -1,8 +1,5 @@
-"""Worker process that does one job after the other; the pool starts it."""
+"""What a worker process of a pool does: one job after the other."""
 
-import os
-import sys
-import threading
 import time
 import traceback
 from multiprocessing.connection import Connection
@@ -16,10 +13,8 @@ from gslcosim.bench.execution.trial import EnvironmentCache
 REFERENCE_EVERY = 25
 
 
-def main() -> None:
-    """Do what comes over the connection whose number is the first argument, until it is closed."""
-    connection: Connection[object, object] = Connection(int(sys.argv[1]))
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+def do_jobs(connection: "Connection[object, object]") -> None:
+    """Do the jobs that come over a connection, until it is closed."""
     rooms = EnvironmentCache()
     n_flown = 0
     while True:
@@ -46,14 +41,3 @@ def _done(job: Job, rooms: EnvironmentCache, connection: "Connection[object, obj
         return "failed", ("fault", str(error))
     except Exception:  # told with its trace; the worker goes on
         return "failed", ("fault", traceback.format_exc())
-
-
-# Nothing is ever written to standard input: it ends when the process that started this one is gone.
-def _end_with_parent() -> None:
-    while os.read(0, 1):
-        continue
-    os._exit(1)
-
-
-if __name__ == "__main__":
-    main()

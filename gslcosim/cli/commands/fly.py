@@ -11,7 +11,7 @@ from gslcosim.cli.arguments import Command, add_pace_option, add_runs_dir_option
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
-    from gslcosim.runtime.processes.fork_client import ForkServer
+    from gslcosim.runtime.processes.fork_server import ForkServer
     from gslcosim.runtime.status import RunStatus
     from gslcosim.scenario import LoadedScenario
     from gslcosim.teleop import TeleopClient
@@ -67,7 +67,7 @@ def _run(arguments: argparse.Namespace) -> int:
         raise UsageError(f"--name: expected letters, digits and underscores, was {arguments.name!r}.")
     if not 0.125 <= arguments.step <= 8:
         raise UsageError(f"--step: expected metres from 0.125 to 8, was {arguments.step:g}.")
-    from gslcosim.runtime.processes.fork_client import ForkServer
+    from gslcosim.runtime.processes.fork_server import ForkServer
 
     is_forking = arguments.processes != "one" and ForkServer.is_possible()
     with ForkServer() if is_forking else contextlib.nullcontext() as fork_server:

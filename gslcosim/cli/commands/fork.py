@@ -21,7 +21,7 @@ from gslcosim.cli.arguments import (
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
-    from gslcosim.runtime.processes.fork_client import ForkServer
+    from gslcosim.runtime.processes.fork_server import ForkServer
     from gslcosim.scenario import Scenario
 
 EXAMPLES = """  gslcosim fork warehouse_empty-seed7-2025 --at 120 --agent infotaxis
@@ -80,7 +80,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.runtime.processes.fork_client import ForkServer
+    from gslcosim.runtime.processes.fork_server import ForkServer
 
     is_forking = arguments.processes != "one" and ForkServer.is_possible()
     with ForkServer() if is_forking else contextlib.nullcontext() as fork_server:

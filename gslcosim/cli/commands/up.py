@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import importlib
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -16,7 +17,7 @@ from gslcosim.cli.terminal import add_json_option, finish_output, write, write_j
 if TYPE_CHECKING:
     from gslcosim.bus.interface import Certificate
     from gslcosim.runtime.network import Network
-    from gslcosim.runtime.processes.fork_client import ForkServer
+    from gslcosim.runtime.processes.fork_server import ForkServer
     from gslcosim.runtime.status import RunStatus
 
 VALIDATE_EXAMPLES = """  gslcosim validate my_scenario.yaml
@@ -156,11 +157,11 @@ def _add_up_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run_up(arguments: argparse.Namespace) -> int:
     if arguments.warm:
-        from gslcosim.runtime.processes.daemon_client import run_on_daemon
+        from gslcosim.runtime.processes.daemon import run_on_daemon
 
         return run_on_daemon(arguments.command_line)
 
-    from gslcosim.runtime.processes.fork_client import ForkServer
+    from gslcosim.runtime.processes.fork_server import ForkServer
 
     is_forking = arguments.processes != "one" and "all" not in arguments.elsewhere and ForkServer.is_possible()
     # First of all: it imports what services need while the scenario is read and checked.
@@ -269,22 +270,49 @@ def _add_serve_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--room-for-titles", default="", help=argparse.SUPPRESS)
 
 
+# What a run imports besides what its services share.
+_SUPERVISOR_MODULES = (
+    "gslcosim.runtime.run",
+    "gslcosim.runtime.distributed.process_launch",
+    "gslcosim.environment.positions",
+    "gslcosim.environment.generation.cache",
+    "gslcosim_services.sensing.briefing",
+    "rich.live",
+)
+_WARMUP_SCENARIO = "warehouse_empty"
+
+
 def _run_serve(arguments: argparse.Namespace) -> int:
     if sys.platform != "linux":
         raise UsageError("serve: expected Linux, where processes fork safely. Fly without --warm.")
     if not arguments.room_for_titles:
         _restart_server()
 
+    from gslcosim.runtime.distributed.service_main import build_fork_work
     from gslcosim.runtime.processes.daemon import serve_daemon
 
-    serve_daemon(_fly_warm, announce=_announce_server)
+    serve_daemon(_fly_warm, warm_up=_warm_up_runs, work=build_fork_work(), announce=_announce_server)
     return 0
+
+
+def _warm_up_runs() -> None:
+    from gslcosim.runtime.distributed.service_main import import_shared_modules
+
+    import_shared_modules()
+    for module in _SUPERVISOR_MODULES:
+        importlib.import_module(module)
+
+    from gslcosim.runtime.early_warmup import warm_up_services
+    from gslcosim.scenario import load_scenario
+
+    loaded = load_scenario(_WARMUP_SCENARIO)
+    warm_up_services(loaded.scenario, loaded.directory)
 
 
 # With one thread, also in libraries that read how many when they are loaded.
 def _restart_server() -> None:
     from gslcosim.base.processes import build_python_command
-    from gslcosim.runtime.processes.fork_client import SINGLE_THREAD_VARIABLES, TITLE_PADDING
+    from gslcosim.runtime.processes.fork_server import SINGLE_THREAD_VARIABLES, TITLE_PADDING
 
     command = build_python_command("-m", "gslcosim", "serve", "--room-for-titles", TITLE_PADDING)
     finish_output()

@@ -3,11 +3,8 @@
 import io
 import json
 import logging
-import multiprocessing
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +13,7 @@ from gslcosim import flow
 from gslcosim.base.errors import FlowError, GslCosimError, MachineError, build_machine_error, build_path_error
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
+from gslcosim.base.worker_process import run_tasks
 from gslcosim.environment.formats.export import build_mjcf
 from gslcosim.environment.formats.picture import top_view_png
 from gslcosim.environment.generation.cache import recipe
@@ -218,31 +216,14 @@ def _made_one_by_one(orders: Sequence[GenerationJob], report: Progress) -> Itera
 def _made_by_processes(
     orders: Sequence[GenerationJob], jobs: int, report: Progress
 ) -> Iterator[tuple[int, GenerationResult]]:
-    # Spawned, because threads of this process must not be copied into the others.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(max_workers=min(jobs, len(orders)), mp_context=context) as pool:
-        futures = {pool.submit(_made, order): i for i, order in enumerate(orders)}
-        report(f"0 of {len(orders)} made", 0.0)
-        try:
-            for n, future in enumerate(as_completed(futures), start=1):
-                yield futures[future], _outcome_of(future, orders[futures[future]])
-                report(f"{n} of {len(orders)} made", n / len(orders))
-        except KeyboardInterrupt:
-            # SIGTERM has reached this process alone, and nobody waits for what the others make.
-            for process in multiprocessing.active_children():
-                process.terminate()
-            raise
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
-
-
-def _outcome_of(future: "Future[GenerationResult]", order: GenerationJob) -> GenerationResult:
-    try:
-        return future.result()
-    except BrokenProcessPool:
-        return GenerationResult(
-            order=order, duration_s=0.0, error="the process that made it ended; was there too little memory?"
-        )
+    report(f"0 of {len(orders)} made", 0.0)
+    for n, result in enumerate(run_tasks(_made, orders, jobs), start=1):
+        if result.failure is not None:
+            text = f"{result.failure} Was there too little memory?"
+            yield result.index, GenerationResult(order=orders[result.index], duration_s=0.0, error=text)
+        else:
+            yield result.index, result.value
+        report(f"{n} of {len(orders)} made", n / len(orders))
 
 
 def _made(order: GenerationJob, progress: Progress | None = None) -> GenerationResult:

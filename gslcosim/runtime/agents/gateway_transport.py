@@ -4,7 +4,7 @@ import threading
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gslcosim.agent_kit.agent import AGENT_VARIABLE
+from gslcosim.bus.interface import AGENT_VARIABLE, GATEWAY_VARIABLE, TOKEN_VARIABLE
 from gslcosim.contract.messages import Briefing, Ending
 from gslcosim.gateway.connections import EventKind, Listener, PipeStream, Stream, ThreadedConnection
 from gslcosim.gateway.frame_codec import read_agent_name
@@ -19,14 +19,13 @@ from gslcosim.runtime.agents.session import (
 )
 from gslcosim.runtime.agents.validator import get_agent_participant
 from gslcosim.runtime.network import JOIN_TIMEOUT_S, Network
-from gslcosim.runtime.processes.children import ChildProcesses, describe_stop
+from gslcosim.runtime.processes.child_processes import ChildProcesses
 from gslcosim.runtime.processes.sandbox.launcher_client import Confinement
 from gslcosim.runtime.processes.sandbox.selection import build_confinement
+from gslcosim.runtime.processes.stop_detection import describe_stop
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario.models.scenario import AgentSpec
 
-GATEWAY_VARIABLE = "GSLCOSIM_GATEWAY"
-TOKEN_VARIABLE = "GSLCOSIM_TOKEN"
 # A process's end and its stream's end are seen by two threads; what they say together is one fault.
 LOG_TAIL_WAIT_S = 0.3
 
@@ -243,7 +242,7 @@ class GatewayAgents:
             }
             self._network.write_join_file("agents", name, fields, self._setup.run_dir.path)
             return
-        children.start_without_bus(
+        children.start(
             get_agent_participant(name),
             command,
             variables=self._variables(process) | {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token},

@@ -17,14 +17,16 @@ from gslcosim.runtime.agents.gateway_transport import GatewayAgents
 from gslcosim.runtime.agents.loader import build_start_command
 from gslcosim.runtime.agents.validator import get_agent_participant
 from gslcosim.runtime.distributed.protocol import Interrupted, ProcessEnded, ProcessStopped, SupervisorEvent
+from gslcosim.runtime.distributed.service_main import build_fork_request
 from gslcosim.runtime.distributed.supervisor import RunEndedError, Supervisor
 from gslcosim.runtime.distributed.watchdog import RestartPolicy
 from gslcosim.runtime.network import Network
 from gslcosim.runtime.outcome import RunOutcome, ServiceFault
-from gslcosim.runtime.processes.children import EXIT_TIMEOUT_S, ChildProcesses, StopMonitor, can_detect_stops
+from gslcosim.runtime.processes.child_processes import EXIT_TIMEOUT_S, ChildProcesses
 from gslcosim.runtime.processes.current_process import keep_memory_private
-from gslcosim.runtime.processes.fork_client import FORK_SERVER, ForkServer
+from gslcosim.runtime.processes.fork_server import FORK_SERVER, ForkServer
 from gslcosim.runtime.processes.sandbox.selection import build_confinement
+from gslcosim.runtime.processes.stop_detection import StopMonitor, can_detect_stops
 from gslcosim.runtime.remote_server import RunServer
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.services import ServiceGroup, get_process_name
@@ -233,7 +235,8 @@ def _start_services(
             network.write_join("services", join, run_dir.path)
         elif fork_server is not None:
             try:
-                children.adopt(name, fork_server.fork(name, group, join=join, log=run_dir.log(name)))
+                forked = fork_server.fork(name, build_fork_request(group, join), log=run_dir.log(name))
+                children.adopt(name, forked)
             except SimulationFault as error:
                 raise RunEndedError(ServiceFault(participant=FORK_SERVER, tick=0, text=str(error))) from error
         else:

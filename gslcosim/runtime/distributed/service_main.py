@@ -1,20 +1,24 @@
 """Main program of a service process, from the environment variable to the exit code."""
 
+import contextlib
 import faulthandler
+import importlib
 import logging
+import os
 import signal
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Generator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gslcosim.base.errors import ExitCode, UsageError, format_fault
 from gslcosim.bus.interface import JoinData
 from gslcosim.contract.participant import Core, Episode
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.distributed.host import Host, report_fault
-from gslcosim.runtime.processes.current_process import keep_memory_private
+from gslcosim.runtime.processes.current_process import keep_memory_private, set_process_title
+from gslcosim.runtime.processes.fork_server import ForkWork, serve_forks
 from gslcosim.runtime.replay.snapshot_policy import SnapshotPolicy
 from gslcosim.runtime.services import default_services
 
@@ -29,15 +33,61 @@ def main(words: Sequence[str]) -> None:
         words: The command line after the program: at least one name, or `--fork-server` and a file descriptor.
     """
     if words[:1] == ["--fork-server"]:
-        from gslcosim.runtime.processes import fork_server
-
-        fork_server.main(int(words[1]))
+        serve_forks(int(words[1]), build_fork_work())
         return
     if not words:
         names = ", ".join(kind.name for kind in default_services())
         sys.stderr.write(f"usage: python -m gslcosim_services NAME…, with names of services: {names}\n")
         sys.exit(ExitCode.USAGE)
     serve(words)
+
+
+def build_fork_request(names: Sequence[str], join: JoinData) -> dict[str, Any]:
+    """Return what a fork server is asked for, to get a process that serves `names` in the run that `join` leads to."""
+    return {"services": list(names), "join": join.model_dump(exclude_none=True)}
+
+
+def build_fork_work() -> ForkWork:
+    """Return the work of a fork server whose forks become services, or warm up those of a scenario."""
+    early = {kind.name: kind.import_early for kind in default_services() if kind.import_early is not None}
+    return ForkWork(become=_become_service, preload=import_shared_modules, early=early)
+
+
+def _become_service(request: Mapping[str, Any]) -> None:
+    if "warm_up" in request:
+        from gslcosim.runtime.early_warmup import run_warmup_request
+
+        run_warmup_request(request["warm_up"])
+        return
+    names = [str(name) for name in request["services"]]
+    set_process_title(f"{sys.executable} -P -m gslcosim_services {' '.join(names)}")
+    serve(names, JoinData.model_validate(request["join"]))
+
+
+def import_shared_modules() -> None:
+    """Import what several services need, and load the compiler of their kernels; starts no thread."""
+    # Otherwise MuJoCo imports what opens windows, which starts a process to look for it; pictures need none of it.
+    with _environment_variable("MUJOCO_GL", "disable"):
+        for module in ("gslcosim.bus.zenoh_bus", "gslcosim.runtime.services", "gslcosim.runtime.distributed.host"):
+            importlib.import_module(module)
+        for kind in default_services():
+            for module in kind.preloads:
+                importlib.import_module(module)
+    # The first kernel that a process calls loads numba's compiler, a fifth of a second: once here, not in each fork.
+    importlib.import_module("gslcosim.environment.grid_kernels").to_next_border(0.5, 0, 1.0)
+    # Each service states it; it is made from the descriptions of all messages.
+    importlib.import_module("gslcosim.contract.schema").get_contract_hash()
+
+
+@contextlib.contextmanager
+def _environment_variable(name: str, value: str) -> Generator[None]:
+    before = os.environ.get(name)
+    os.environ[name] = before or value
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[name]
 
 
 def serve(names: Sequence[str], join: JoinData | None = None) -> None:

@@ -33,8 +33,8 @@ from gslcosim.runtime.distributed.watchdog import LOST_CONTACT_GRACE_S, RestartP
 from gslcosim.runtime.network import JOIN_TIMEOUT_S
 from gslcosim.runtime.outcome import RunOutcome, ServiceFault, build_ending
 from gslcosim.runtime.participant_status import ParticipantState, ParticipantStatus
-from gslcosim.runtime.processes.children import PauseDetector, describe_stop
-from gslcosim.runtime.processes.fork_client import FORK_SERVER
+from gslcosim.runtime.processes.fork_server import FORK_SERVER
+from gslcosim.runtime.processes.stop_detection import PauseDetector, describe_stop
 from gslcosim.runtime.replay.snapshot_policy import SnapshotPolicy
 from gslcosim.runtime.services import ServiceGroup, build_dataflow, list_service_names
 from gslcosim.runtime.setup import RunSetup

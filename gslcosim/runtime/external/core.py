@@ -15,6 +15,7 @@ from gslcosim.base.files import ScratchFolder
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
 from gslcosim.base.ticks import seconds_from_ticks
+from gslcosim.bus.interface import GATEWAY_VARIABLE, TOKEN_VARIABLE
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Bounds, Ending, Message
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
@@ -37,7 +38,6 @@ from gslcosim.gateway.connections import (
     Stream,
     StreamEndedError,
 )
-from gslcosim.runtime.agents.gateway_transport import GATEWAY_VARIABLE, TOKEN_VARIABLE
 from gslcosim.runtime.agents.loader import resolve_command
 from gslcosim.runtime.external.protocol import (
     build_external_spec,
@@ -46,7 +46,7 @@ from gslcosim.runtime.external.protocol import (
     read_hello,
     read_outputs,
 )
-from gslcosim.runtime.processes.children import ChildProcesses
+from gslcosim.runtime.processes.child_processes import ChildProcesses
 from gslcosim.runtime.processes.sandbox.selection import build_confinement
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario.models.participants import ParticipantProgramSpec
@@ -141,7 +141,7 @@ class ParticipantProgram:
         refused: list[str] = []
         listener.admit(own.start.format, lambda stream, _: connected.put(stream), refused.append)
         variables |= {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token}
-        self._children.start_without_bus(name, command, variables=variables, log=log, cwd=cwd, confinement=confinement)
+        self._children.start(name, command, variables=variables, log=log, cwd=cwd, confinement=confinement)
         self._open(self._awaited(connected, refused))
 
     def send(self, name: str, payload: bytes) -> None:

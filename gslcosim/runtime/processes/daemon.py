@@ -3,11 +3,13 @@
 It has one thread, holds nothing of any run, and forks only while it has one. A fork has the whole run to itself: it
 forks the run's own fork server first, takes over the caller's streams, folder and environment, and flies. So what is
 warm is what was imported, and nothing else differs from a run without a server.
+
+`serve_daemon` is the daemon, `run_on_daemon` its client.
 """
 
 import contextlib
 import gc
-import importlib
+import hashlib
 import json
 import os
 import secrets
@@ -20,23 +22,87 @@ import tempfile
 import threading
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from gslcosim.base.errors import ExitCode, UsageError, build_machine_error
+import gslcosim
+from gslcosim.base.errors import ExitCode, SimulationFault, UsageError, build_machine_error
+from gslcosim.base.kernel_cache import get_cache_root, get_code_roots
 from gslcosim.base.sockets import check_peer, read_peer_pid, short_socket_address
 from gslcosim.runtime.processes.current_process import get_user_id, keep_memory_private, set_process_title
-from gslcosim.runtime.processes.daemon_client import (
-    count_threads,
-    find_differences,
-    get_daemon_folder,
-    get_daemon_secret_file,
-    get_daemon_socket,
-    read_code_identity,
-)
-from gslcosim.runtime.processes.fork_client import ForkServer
-from gslcosim.runtime.processes.fork_server import exit_fork, import_shared_modules
+from gslcosim.runtime.processes.fork_server import ForkServer, ForkWork, exit_fork
+
+# What libraries read once, when they are imported.
+_IMPORT_VARIABLES = ("NUMBA_", "PYTHON")
+_IRRELEVANT_VARIABLES = ("PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED")
+
+
+def get_daemon_folder() -> Path:
+    """Return the private folder of this user's warm server; it need not exist."""
+    return Path(tempfile.gettempdir()) / f".gslcosim-server-{get_user_id()}"
+
+
+def get_daemon_socket() -> Path:
+    """Return the unix socket at which this user's warm server listens; it need not exist."""
+    return get_daemon_folder() / "server.sock"
+
+
+def get_daemon_secret_file() -> Path:
+    """Return the file with what a caller has to know; it is made again by each server, and hidden from sandboxes."""
+    return get_daemon_folder() / "secret"
+
+
+def read_code_identity() -> dict[str, str]:
+    """Return what a server has imported or what would be imported now, each part by its name in messages.
+
+    The code counts by name, size and time of each file of our packages, whatever kind it is; other packages by the
+    times of the folders that they are installed in.
+    """
+    environ = {key: value for key, value in os.environ.items() if key.startswith(_IMPORT_VARIABLES)}
+    return {
+        "version": gslcosim.__version__,
+        "Python": f"{sys.executable} {sys.version}",
+        "code": _hash_facts([_list_file_facts(root) for root in get_code_roots().values()]),
+        "installed packages": _hash_facts(
+            [(place, _get_change_ns(Path(place))) for place in sys.path if place.endswith("-packages")]
+        ),
+        "cache": str(get_cache_root()),
+        "environment": " ".join(f"{key}={environ[key]}" for key in sorted(environ) if key not in _IRRELEVANT_VARIABLES),
+    }
+
+
+def find_differences(ours: Mapping[str, str], theirs: Mapping[str, object]) -> list[str]:
+    """Return the parts in which a server is another one than those it is to fly for."""
+    return [part for part, value in ours.items() if theirs.get(part) != value]
+
+
+def count_threads() -> int:
+    """Return how many threads this process has; Linux only."""
+    return sum(1 for _ in Path("/proc/self/task").iterdir())
+
+
+def _list_file_facts(folder: Path) -> list[tuple[str, int, int]]:
+    facts: list[tuple[str, int, int]] = []
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.is_dir():
+                facts += _list_file_facts(Path(entry.path)) if entry.name != "__pycache__" else []
+            else:
+                facts.append((entry.path, entry.stat().st_size, entry.stat().st_mtime_ns))
+    return sorted(facts)
+
+
+def _get_change_ns(place: Path) -> int:
+    try:
+        return place.stat().st_mtime_ns
+    except OSError:
+        return 0
+
+
+def _hash_facts(facts: object) -> str:
+    return hashlib.blake2b(repr(facts).encode(), digest_size=8).hexdigest()
+
 
 GREETING = b"gslcosim\n"
 N_STREAMS = 3
@@ -46,27 +112,21 @@ REQUEST_TIMEOUT_S = 10.0
 END_TIMEOUT_S = 20.0
 _POLL_PERIOD_S = 0.05
 _BACKLOG = 64
-# What a run imports besides what its services share.
-_SUPERVISOR_MODULES = (
-    "gslcosim.runtime.run",
-    "gslcosim.runtime.distributed.process_launch",
-    "gslcosim.environment.positions",
-    "gslcosim.environment.generation.cache",
-    "gslcosim_services.sensing.briefing",
-    "rich.live",
-)
-_WARMUP_SCENARIO = "warehouse_empty"
 
 CommandRunner = Callable[[Sequence[str], ForkServer], int]
 
 
-def serve_daemon(fly: CommandRunner, *, announce: Callable[[Path], None]) -> None:
+def serve_daemon(
+    fly: CommandRunner, *, warm_up: Callable[[], None], work: ForkWork, announce: Callable[[Path], None]
+) -> None:
     """Import and warm up, then run what clients of this user ask for, until SIGINT or SIGTERM; runs end with it.
 
     Who asks is in no sandbox: it shows a secret that lies beside the socket, and is confined no more than the server.
 
     Args:
         fly: Flies a command line with a fork server, and returns its exit code; called in a fork.
+        warm_up: Imports and warms up what runs share; it starts no thread.
+        work: What the forks of a run's fork server do.
         announce: Receives the socket as soon as it is listened at.
 
     Raises:
@@ -78,10 +138,10 @@ def serve_daemon(fly: CommandRunner, *, announce: Callable[[Path], None]) -> Non
         # Before anything is imported: what is changed meanwhile differs then.
         imported = read_code_identity()
         gc.disable()
-        _warm_up()
+        warm_up()
         gc.collect()
         gc.freeze()
-        server = _Daemon(listener, imported, secret, fly)
+        server = _Daemon(listener, imported, secret, fly, work)
         try:
             announce(get_daemon_socket())
             server.serve()
@@ -100,18 +160,6 @@ def check_one_thread() -> None:
     if count_threads() > 1:
         names = ", ".join(thread.name for thread in threading.enumerate())
         raise UsageError(f"warm server: expected one thread, to fork from, was {count_threads()} (Python's: {names}).")
-
-
-def _warm_up() -> None:
-    import_shared_modules()
-    for module in _SUPERVISOR_MODULES:
-        importlib.import_module(module)
-
-    from gslcosim.runtime.early_warmup import warm_up_services
-    from gslcosim.scenario import load_scenario
-
-    loaded = load_scenario(_WARMUP_SCENARIO)
-    warm_up_services(loaded.scenario, loaded.directory)
 
 
 @contextlib.contextmanager
@@ -164,11 +212,14 @@ def _remove_stale_socket(path: Path) -> None:
 
 
 class _Daemon:
-    def __init__(self, listener: socket.socket, imported: dict[str, str], secret: str, fly: CommandRunner) -> None:
+    def __init__(
+        self, listener: socket.socket, imported: dict[str, str], secret: str, fly: CommandRunner, work: ForkWork
+    ) -> None:
         self._listener = listener
         self._imported = imported
         self._secret = secret
         self._fly = fly
+        self._work = work
         self._flights: set[int] = set()
         self._woken, self._waker = os.pipe()
         self._is_ended = False
@@ -244,7 +295,7 @@ class _Daemon:
                 pid = os.getppid()
                 _send_answer(connection, {"refused": _describe_stale(differing, pid)})
             else:
-                code = _run_command(connection, request["words"], self._fly)
+                code = _run_command(connection, request["words"], self._fly, self._work)
                 # Whoever has called is gone as soon as it knows.
                 signal.signal(signal.SIGINT, signal.SIG_IGN)
                 _send_answer(connection, {"code": code})
@@ -263,10 +314,10 @@ def _describe_stale(differing: Sequence[str], pid: int) -> str:
     )
 
 
-def _run_command(connection: socket.socket, words: Sequence[str], fly: CommandRunner) -> int:
+def _run_command(connection: socket.socket, words: Sequence[str], fly: CommandRunner, work: ForkWork) -> int:
     gc.enable()
     # A fork of this fork, while it has one thread.
-    fork_server = ForkServer.fork_this_process(unwanted=(connection.fileno(),))
+    fork_server = ForkServer.fork_this_process(work, unwanted=(connection.fileno(),))
     set_process_title(f"{sys.executable} -P -m gslcosim {' '.join(words)}")
     _send_answer(connection, {"pid": os.getpid()})
     threading.Thread(target=_forward_interrupts, args=(connection,), name="caller", daemon=True).start()
@@ -316,3 +367,113 @@ def _read_line(connection: socket.socket) -> bytes:
 def _send_answer(connection: socket.socket, answer: dict[str, Any]) -> None:
     with contextlib.suppress(OSError):
         connection.sendall(json.dumps(answer).encode() + b"\n")
+
+
+ANSWER_TIMEOUT_S = 15.0
+_START_REMEDY = "Start one in another shell: gslcosim serve"
+
+
+def run_on_daemon(words: Sequence[str]) -> int:
+    """Run a command line in a fork of this user's daemon, and return its exit code; Ctrl-C is passed on.
+
+    Args:
+        words: The command line without the program's name.
+
+    Raises:
+        UsageError: there is no server, or it has ended, does not answer, has imported other code, or it and this
+            process are not confined alike.
+        SimulationFault: the run's process has ended without a word.
+    """
+    # The streams are those of this process, so that nothing of it may wait in them.
+    sys.stdout.flush()
+    sys.stderr.flush()
+    with _connect() as connection:
+        check_peer(connection, place="up --warm")
+        pid = read_peer_pid(connection)
+        socket.send_fds(connection, [GREETING], [0, 1, 2])
+        connection.sendall(json.dumps(_build_request(words)).encode() + b"\n")
+        answers = _iter_answers(connection)
+        try:
+            first = next(answers, {"refused": f"up --warm: expected an answer of the server, process {pid}, got none."})
+        except TimeoutError as error:
+            raise UsageError(
+                f"up --warm: expected an answer of the server, process {pid}, within {ANSWER_TIMEOUT_S:g} s, got none. "
+                f"End it: kill -9 {pid}"
+            ) from error
+        if "refused" in first:
+            raise UsageError(str(first["refused"]))
+        connection.settimeout(None)
+        last = _read_result(connection, answers)
+    if last is None:
+        raise SimulationFault(f"up --warm: expected the flight to end in order, its process {first['pid']} was killed.")
+    return int(last["code"])
+
+
+def _build_request(words: Sequence[str]) -> dict[str, Any]:
+    umask = os.umask(0)
+    os.umask(umask)
+    return {
+        "secret": _read_secret(),
+        "words": list(words),
+        "identity": read_code_identity(),
+        "environ": dict(os.environ),
+        "folder": str(Path.cwd()),
+        "umask": umask,
+    }
+
+
+def _read_secret() -> str:
+    try:
+        return get_daemon_secret_file().read_text()
+    except OSError as error:
+        raise UsageError(
+            f"up --warm: expected the server's secret in {get_daemon_secret_file()}, could not read it ({error}). "
+            "Start the server again: gslcosim serve"
+        ) from error
+
+
+def _connect() -> socket.socket:
+    if sys.platform != "linux":
+        raise UsageError("up --warm: expected Linux, where processes fork safely. Leave --warm away.")
+    path = get_daemon_socket()
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    connection.settimeout(ANSWER_TIMEOUT_S)
+    try:
+        with short_socket_address(path) as address:
+            connection.connect(address)
+    except OSError as error:
+        connection.close()
+        if isinstance(error, FileNotFoundError):
+            raise UsageError(f"up --warm: expected a server, found none. {_START_REMEDY}") from error
+        if isinstance(error, ConnectionRefusedError):
+            raise UsageError(
+                f"up --warm: expected a server that runs, found one that was killed. {_START_REMEDY}"
+            ) from error
+        raise UsageError(
+            f"up --warm: expected a server at {path}, found none that can be reached ({error})."
+        ) from error
+    return connection
+
+
+def _iter_answers(connection: socket.socket) -> Iterator[dict[str, Any]]:
+    unread = b""
+    while received := connection.recv(1 << 16):
+        *lines, unread = (unread + received).split(b"\n")
+        yield from (json.loads(line) for line in lines)
+
+
+# A signal reaches this process only: the run is in a session of its own.
+def _read_result(connection: socket.socket, answers: Iterator[dict[str, Any]]) -> dict[str, Any] | None:
+    def interrupt(number: int, frame: object) -> None:
+        del number, frame
+        with contextlib.suppress(OSError):
+            connection.sendall(b"i")
+
+    before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        return next(answers, None)
+    except ConnectionError:
+        return None
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,31 +1,354 @@
-"""Fork server: imports once what services share, then becomes each of them by a fork.
+"""Fork server: a process that imports once what others share, then becomes each of them by a fork.
 
-It runs in a process of its own with one thread. It reads requests, one JSON object a line, from a socket that it
-inherits, and answers `{"started": name, "pid": n}` and `{"ended": name, "code": n}`. It holds nothing of a run: what a
-service is given comes with its request and exists in the fork alone. At the end of the requests it ends what is left.
+It has one thread. It reads requests, one JSON object a line, from a socket that it inherits, and answers
+`{"started": name, "pid": n}` and `{"ended": name, "code": n}`. It holds nothing of a run: what a process is given comes
+with its request and exists in the fork alone. At the end of the requests it ends what is left.
+
+`ForkServer` starts one and asks it for processes; `serve_requests` is the server itself. What forks do is not known
+here: whoever serves hands it in.
 """
 
 import contextlib
 import ctypes
 import gc
-import importlib
 import json
+import math
 import os
 import selectors
 import signal
 import socket
+import subprocess
 import sys
+import tempfile
+import threading
+import time
 import traceback
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import IO, Any, NoReturn, Self
 
-from gslcosim.base.errors import ExitCode, format_machine_error
-from gslcosim.base.files import append_bytes, open_for_writing
-from gslcosim.bus.interface import JoinData
+from gslcosim.base.errors import ExitCode, SimulationFault, format_machine_error
+from gslcosim.base.files import append_bytes, build_temporary_directory_error, open_for_writing
+from gslcosim.base.processes import build_python_command, describe_exit
+from gslcosim.base.spawn import ProcessHandle, Streams, spawn
 from gslcosim.runtime.processes.current_process import keep_memory_private, set_process_title
 
+FORK_SERVER = "fork_server"
+CLOSE_TIMEOUT_S = 2.0
+# A service needs no threads for linear algebra, and a process that forks must have none.
+SINGLE_THREAD_VARIABLES = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1") | {
+    # Each of many threads would keep a heap of its own, of 20 MB together in the recorder.
+    "MALLOC_ARENA_MAX": "2"
+}
+TITLE_PADDING = "." * 200
+_POLL_PERIOD_S = 0.005
+
+
+class ForkedProcess:
+    """A process of the fork server's, to the supervisor like one of its own."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._pid = 0
+        self._code: int | None = None
+        self._has_ended = threading.Event()
+
+    @property
+    def pid(self) -> int:
+        """Its number, 0 until the server has sent it."""
+        return self._pid
+
+    def poll(self) -> int | None:
+        """Return how it has ended; None while it runs."""
+        return self._code
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for its end and return how it has ended.
+
+        Raises:
+            subprocess.TimeoutExpired: it has not ended within the time.
+        """
+        if not self._has_ended.wait(timeout):
+            raise subprocess.TimeoutExpired(self.name, timeout or 0.0)
+        assert self._code is not None
+        return self._code
+
+    def mark_started(self, pid: int) -> None:
+        """Take note of its number."""
+        self._pid = pid
+
+    def mark_ended(self, code: int) -> None:
+        """Take note of its end."""
+        self._code = code
+        self._has_ended.set()
+
+
+def _open_temporary_log() -> IO[bytes]:
+    try:
+        return tempfile.TemporaryFile()
+    except OSError as error:
+        raise build_temporary_directory_error(error) from error
+
+
+def _start_server(theirs: socket.socket, log: IO[bytes]) -> ProcessHandle:
+    inherited = {key: value for key, value in os.environ.items() if not key.startswith("GSLCOSIM_JOIN")}
+    number = os.dup(theirs.fileno())
+    return spawn(
+        FORK_SERVER,
+        build_python_command("-m", "gslcosim_services", "--fork-server", str(number), TITLE_PADDING),
+        environment={**inherited, **SINGLE_THREAD_VARIABLES},
+        streams=Streams(stdout=log.fileno()),
+        inherited=[number],
+    )
+
+
+class _SelfFork:
+    """A fork server that was forked, as `subprocess.Popen` shows one that was started."""
+
+    def __init__(self, work: "ForkWork", theirs: socket.socket, log: IO[bytes], unwanted: Sequence[int]) -> None:
+        self._code: int | None = None
+        parent = os.getpid()
+        self.pid = os.fork()
+        if self.pid == 0:
+            _become_server(work, parent, theirs, log, unwanted)
+
+    def poll(self) -> int | None:
+        """Return how it has ended; None while it runs."""
+        if self._code is None and (status := os.waitpid(self.pid, os.WNOHANG))[0]:
+            self._code = os.waitstatus_to_exitcode(status[1])
+        return self._code
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for its end and return how it has ended.
+
+        Raises:
+            subprocess.TimeoutExpired: it has not ended within the time.
+        """
+        deadline_s = math.inf if timeout is None else time.monotonic() + timeout
+        while (code := self.poll()) is None:
+            if time.monotonic() > deadline_s:
+                raise subprocess.TimeoutExpired(FORK_SERVER, timeout or 0.0)
+            time.sleep(_POLL_PERIOD_S)
+        return code
+
+
+# Never returns, whatever happens: what follows is its parent's.
+def _become_server(
+    work: "ForkWork", parent: int, theirs: socket.socket, log: IO[bytes], unwanted: Sequence[int]
+) -> NoReturn:
+    code = 1
+    try:
+        end_with_parent(parent)
+        os.setsid()
+        nothing = os.open(os.devnull, os.O_RDONLY)
+        for fd, target in ((nothing, 0), (log.fileno(), 1), (log.fileno(), 2)):
+            os.dup2(fd, target)
+        for fd in (nothing, *unwanted):
+            os.close(fd)
+        set_process_title(f"{sys.executable} -P -m gslcosim_services --fork-server {theirs.fileno()}")
+        _serve_requests(theirs, work, _prefork(work, theirs.fileno()))
+        code = 0
+    except BaseException:  # told in the log, as by an interpreter that ends
+        traceback.print_exc()
+    finally:
+        os._exit(code)
+
+
+class ForkServer:
+    """Running fork server; leaving the context ends it and all that it has forked.
+
+    It starts to import when it is made, so it is made before anything else is prepared.
+
+    Args:
+        start: Starts its process, given its end of the socket and its log; by default a process of its own.
+
+    Raises:
+        MachineError: it cannot be started.
+    """
+
+    def __init__(self, start: Callable[[socket.socket, IO[bytes]], ProcessHandle] | None = None) -> None:
+        self._log = _open_temporary_log()
+        self._socket, theirs = socket.socketpair()
+        self._lock = threading.Lock()
+        self._forked: dict[str, ForkedProcess] = {}
+        self._is_gone = self._is_closing = False
+        with theirs:
+            self._process = (start or _start_server)(theirs, self._log)
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    @classmethod
+    def fork_this_process(cls, work: "ForkWork", unwanted: Sequence[int] = ()) -> Self:
+        """Return a fork server that is a fork of this process, which has imported what its forks share.
+
+        This process must have one thread.
+
+        Args:
+            work: What its forks do.
+            unwanted: Descriptors that are none of the fork's business.
+        """
+        return cls(lambda theirs, log: _SelfFork(work, theirs, log, unwanted))
+
+    @staticmethod
+    def is_possible() -> bool:
+        """Return whether this machine forks safely."""
+        return sys.platform == "linux"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def pid(self) -> int:
+        """Its number."""
+        return self._process.pid
+
+    @property
+    def has_failed(self) -> bool:
+        """True when it has ended without a request to."""
+        return self._is_gone and not self._is_closing
+
+    def fork(self, name: str, request: Mapping[str, Any], *, log: Path) -> ForkedProcess:
+        """Ask for a process.
+
+        Args:
+            name: Of the process.
+            request: What it shall do, as JSON knows it.
+            log: Where its output goes.
+
+        Raises:
+            SimulationFault: the fork server has ended.
+        """
+        process = ForkedProcess(name)
+        line = json.dumps({"name": name, "log": str(log.resolve()), "request": request}).encode() + b"\n"
+        with self._lock:
+            if self._is_gone:
+                raise SimulationFault(self._end_text())
+            self._forked[name] = process
+            try:
+                self._socket.sendall(line)
+            except OSError as error:
+                del self._forked[name]
+                raise SimulationFault(self._end_text()) from error
+        return process
+
+    def release_unused(self) -> None:
+        """Let the server end what it keeps ready for processes that nobody has asked for."""
+        with contextlib.suppress(OSError), self._lock:
+            self._socket.sendall(b"{}\n")
+
+    def log_tail(self) -> str:
+        """Return the last lines that it has written, each on a line of its own; empty when there are none."""
+        self._log.seek(0)
+        lines = self._log.read().decode(errors="replace").splitlines()[-5:]
+        return "\n" + "\n".join(lines) if lines else ""
+
+    def wake(self) -> None:
+        """Let the server go on where it has been stopped: it reports how its forks end."""
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self._process.pid, signal.SIGCONT)
+
+    def wait_until_gone(self, limit_s: float) -> None:
+        """Return when it has ended and all its forks with it, or after the limit."""
+        self._reader.join(limit_s)
+
+    def close(self) -> None:
+        """End the server, and with it what it has forked."""
+        self._is_closing = True
+        with contextlib.suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
+        try:
+            self._process.wait(CLOSE_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
+        self._reader.join()
+        self._socket.close()
+        self._log.close()
+
+    def _read(self) -> None:
+        unread = b""
+        with contextlib.suppress(OSError):
+            while received := self._socket.recv(1 << 16):
+                *lines, unread = (unread + received).split(b"\n")
+                for line in lines:
+                    self._receive(json.loads(line))
+        with self._lock:
+            self._is_gone = True
+        # Linux has killed them with it.
+        for process in self._forked.values():
+            if process.poll() is None:
+                process.mark_ended(-signal.SIGKILL)
+
+    def _receive(self, answer: dict[str, str | int]) -> None:
+        name = str(answer.get("started") or answer.get("ended"))
+        process = self._forked.get(name)
+        if process is None:
+            return
+        if "started" in answer:
+            process.mark_started(int(answer["pid"]))
+        else:
+            process.mark_ended(int(answer["code"]))
+
+    def _end_text(self) -> str:
+        try:
+            how = describe_exit(self._process.wait(CLOSE_TIMEOUT_S))
+        except subprocess.TimeoutExpired:
+            how = "closed its socket"
+        return f"fork server: expected it to run, it {how}."
+
+
 _PR_SET_PDEATHSIG = 1
+_MAX_REQUEST_BYTES = 1 << 16
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForkWork:
+    """Work of the forks of a server, which knows nothing of it.
+
+    `become` does in a fork what a request asks for. `preload` imports what all share; it starts no thread. `early` are
+    imports of processes that import for long, by the name of the process: each is forked before `preload`, and waits
+    until it is asked for. It may start threads, which the server must not have.
+    """
+
+    become: Callable[[Mapping[str, Any]], None]
+    preload: Callable[[], None]
+    early: Mapping[str, Callable[[], None]]
+
+
+def serve_forks(fd: int, work: ForkWork) -> None:
+    """Serve requests from a socket until its other end is closed.
+
+    Args:
+        fd: The socket's file descriptor.
+        work: What forks do.
+    """
+    keep_memory_private()
+    # What is imported stays; looking through it for garbage would take a fifth of the start.
+    gc.disable()
+    children = _prefork(work, fd)
+    work.preload()
+    gc.freeze()
+    _serve_requests(socket.socket(fileno=fd), work, children)
+
+
+# Where there is no room for a process more, it is forked when it is asked for.
+def _prefork(work: ForkWork, fd: int) -> "dict[str, _PreforkedChild]":
+    children: dict[str, _PreforkedChild] = {}
+    with contextlib.suppress(OSError):
+        for name in work.early:
+            children[name] = _PreforkedChild(name, work, [fd, *(child.fd for child in children.values())])
+    return children
+
+
+def _serve_requests(requests: socket.socket, work: ForkWork, children: "dict[str, _PreforkedChild]") -> None:
+    # Ctrl-C is the supervisor's to handle.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _Server(requests, work, children).serve()
 
 
 def end_with_parent(parent: int) -> None:
@@ -35,14 +358,8 @@ def end_with_parent(parent: int) -> None:
         os._exit(1)
 
 
-def child_main(request: dict[str, Any], parent: int, unwanted: Sequence[int]) -> NoReturn:
-    """Do in this fork what is requested, and end it, whatever happens: there must be one server.
-
-    Args:
-        request: `log`, and either `warm_up`, or `services` and `join`.
-        parent: The process that has forked this one.
-        unwanted: Descriptors that are none of its business.
-    """
+# Never returns, whatever happens: there must be one server. `unwanted` are descriptors that are none of its business.
+def _child_main(work: ForkWork, order: dict[str, Any], parent: int, unwanted: Sequence[int]) -> NoReturn:
     code = 1
     try:
         end_with_parent(parent)
@@ -52,18 +369,9 @@ def child_main(request: dict[str, Any], parent: int, unwanted: Sequence[int]) ->
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         for fd in unwanted:
             os.close(fd)
-        _redirect_output(request["log"])
+        _redirect_output(order["log"])
         gc.enable()
-        if "warm_up" in request:
-            from gslcosim.runtime.early_warmup import run_warmup_request
-
-            run_warmup_request(request["warm_up"])
-            os._exit(0)
-        names = [str(name) for name in request["services"]]
-        set_process_title(f"{sys.executable} -P -m gslcosim_services {' '.join(names)}")
-        from gslcosim.runtime.distributed.service_main import serve
-
-        serve(names, JoinData.model_validate(request["join"]))
+        work.become(order["request"])
         code = 0
     except SystemExit as ended:
         code = ended.code if isinstance(ended.code, int) else 1
@@ -94,41 +402,27 @@ def _redirect_output(log: str) -> None:
     os.close(output)
 
 
-_MAX_REQUEST_BYTES = 1 << 16
-
-
-class PreforkedChild:
-    """Fork of the fork server that becomes a service when it is asked to; until then it imports and waits.
-
-    What it imports may start threads, which the server must not have.
-
-    Args:
-        import_early: Imports.
-        unwanted: Descriptors of the server that are none of its business.
-
-    Raises:
-        OSError: there is no room for a process more.
-    """
-
-    def __init__(self, import_early: Callable[[], None], unwanted: Sequence[int]) -> None:
+class _PreforkedChild:
+    # Fork that becomes what it is asked to be; until then it imports and waits. Raises OSError where there is no room.
+    def __init__(self, name: str, work: ForkWork, unwanted: Sequence[int]) -> None:
         self._socket, theirs = socket.socketpair()
         server = os.getpid()
         with theirs:
             self.pid = os.fork()
             if self.pid == 0:
                 self._socket.close()
-                _preforked_main(import_early, server, theirs, unwanted)
+                _preforked_main(name, work, server, theirs, unwanted)
 
     @property
     def fd(self) -> int:
         """The server's descriptor of it."""
         return self._socket.fileno()
 
-    def take(self, request: dict[str, Any]) -> bool:
+    def take(self, order: dict[str, Any]) -> bool:
         """Hand it what it shall become; return whether it lives."""
         with self._socket:
             try:
-                self._socket.sendall(json.dumps(request).encode() + b"\n")
+                self._socket.sendall(json.dumps(order).encode() + b"\n")
             except OSError:
                 return False
         return True
@@ -142,7 +436,7 @@ class PreforkedChild:
 
 # Never returns, whatever happens: there must be one server.
 def _preforked_main(
-    import_early: Callable[[], None], server: int, requests: socket.socket, unwanted: Sequence[int]
+    name: str, work: ForkWork, server: int, requests: socket.socket, unwanted: Sequence[int]
 ) -> NoReturn:
     try:
         end_with_parent(server)
@@ -153,92 +447,21 @@ def _preforked_main(
             os.close(fd)
         # What cannot be imported is reported by the service that needs it, in its log.
         with contextlib.suppress(Exception):
-            import_early()
+            work.early[name]()
         request = b""
         while not request.endswith(b"\n"):
             received = requests.recv(_MAX_REQUEST_BYTES)
             if not received:
                 os._exit(0)
             request += received
-        child_main(json.loads(request), server, [requests.fileno()])
+        _child_main(work, json.loads(request), server, [requests.fileno()])
     finally:
         os._exit(1)
 
 
-def main(fd: int) -> None:
-    """Serve requests from a socket until its other end is closed.
-
-    Args:
-        fd: The socket's file descriptor.
-    """
-    keep_memory_private()
-    # What is imported stays; looking through it for garbage would take a fifth of the start.
-    gc.disable()
-    children = prefork_children(fd)
-    import_shared_modules()
-    gc.freeze()
-    serve_requests(socket.socket(fileno=fd), children)
-
-
-def serve_requests(requests: socket.socket, children: dict[str, PreforkedChild]) -> None:
-    """Serve requests from a socket until its other end is closed; what services share has been imported.
-
-    Args:
-        requests: The socket.
-        children: By the service that each will become.
-    """
-    # Ctrl-C is the supervisor's to handle.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _Server(requests, children).serve()
-
-
-def prefork_children(fd: int) -> dict[str, PreforkedChild]:
-    """Fork who will become the services that import for long; where there is no room for one it is forked later.
-
-    Args:
-        fd: The descriptor of the requests, which is none of theirs.
-    """
-    from gslcosim.runtime.services import default_services
-
-    children: dict[str, PreforkedChild] = {}
-    with contextlib.suppress(OSError):
-        for kind in default_services():
-            if kind.import_early is not None:
-                others = [child.fd for child in children.values()]
-                children[kind.name] = PreforkedChild(kind.import_early, [fd, *others])
-    return children
-
-
-def import_shared_modules() -> None:
-    """Import what several services need, and load the compiler of their kernels; starts no thread."""
-    from gslcosim.runtime.services import default_services
-
-    # Otherwise MuJoCo imports what opens windows, which starts a process to look for it; pictures need none of it.
-    with _environment_variable("MUJOCO_GL", "disable"):
-        for module in ("gslcosim.bus.zenoh_bus", "gslcosim.runtime.services", "gslcosim.runtime.distributed.host"):
-            importlib.import_module(module)
-        for kind in default_services():
-            for module in kind.preloads:
-                importlib.import_module(module)
-    # The first kernel that a process calls loads numba's compiler, a fifth of a second: once here, not in each fork.
-    importlib.import_module("gslcosim.environment.grid_kernels").to_next_border(0.5, 0, 1.0)
-    # Each service states it; it is made from the descriptions of all messages.
-    importlib.import_module("gslcosim.contract.schema").get_contract_hash()
-
-
-@contextlib.contextmanager
-def _environment_variable(name: str, value: str) -> Generator[None]:
-    before = os.environ.get(name)
-    os.environ[name] = before or value
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ[name]
-
-
 class _Server:
-    def __init__(self, requests: socket.socket, children: dict[str, PreforkedChild]) -> None:
+    def __init__(self, requests: socket.socket, work: ForkWork, children: dict[str, _PreforkedChild]) -> None:
+        self._work = work
         self._requests = requests
         self._preforked = children
         self._unread = b""
@@ -262,7 +485,7 @@ class _Server:
                     else:
                         os.read(self._woken, _MAX_REQUEST_BYTES)
                 self._report_ended_children()
-        self._dismiss_apprentices()
+        self._dismiss_preforked()
         for pid in self._names:
             # One that has just begun leads no group yet.
             for kill in (os.killpg, os.kill):
@@ -278,32 +501,32 @@ class _Server:
             return False
         *lines, self._unread = (self._unread + received).split(b"\n")
         for line in lines:
-            request = json.loads(line)
-            if "services" in request or "warm_up" in request:
-                self._start(request)
+            order = json.loads(line)
+            if order:
+                self._start(order)
             else:
-                self._dismiss_apprentices()
+                self._dismiss_preforked()
         return bool(received)
 
-    def _start(self, request: dict[str, Any]) -> None:
-        name = str(request["name"])
-        child = self._preforked.pop(name, None) if request.get("services") == [name] else None
-        if child is not None and child.take(request):
+    def _start(self, order: dict[str, Any]) -> None:
+        name = str(order["name"])
+        child = self._preforked.pop(name, None)
+        if child is not None and child.take(order):
             self._has_started(name, child.pid)
         else:
-            self._fork(name, request)
+            self._fork(name, order)
 
-    def _fork(self, name: str, request: dict[str, Any]) -> None:
+    def _fork(self, name: str, order: dict[str, Any]) -> None:
         try:
             pid = os.fork()
         except OSError as error:
-            text = format_machine_error(error, name, "one process more")
+            text, log = format_machine_error(error, name, "one process more"), Path(order["log"])
             with contextlib.suppress(OSError):
-                append_bytes(Path(request["log"]).parent, Path(request["log"]).name, f"{text}\n".encode())
+                append_bytes(log.parent, log.name, f"{text}\n".encode())
             self._send({"ended": name, "code": int(ExitCode.FAULT)})
             return
         if pid == 0:
-            child_main(request, self._pid, self._open_descriptors)
+            _child_main(self._work, order, self._pid, self._open_descriptors)
         self._has_started(name, pid)
 
     def _has_started(self, name: str, pid: int) -> None:
@@ -315,7 +538,7 @@ class _Server:
         children = [child.fd for child in self._preforked.values()]
         return [self._requests.fileno(), self._woken, self._waker, *children]
 
-    def _dismiss_apprentices(self) -> None:
+    def _dismiss_preforked(self) -> None:
         for child in self._preforked.values():
             child.shut_down()
             with contextlib.suppress(ChildProcessError):

@@ -10,7 +10,7 @@ from gslcosim.contract import keys
 from gslcosim.contract.environment_messages import EVENTS
 from gslcosim.runtime.agents.validator import RecordedCommands
 from gslcosim.runtime.digest import Divergence, RunDigest, find_first_divergence
-from gslcosim.runtime.processes.fork_client import ForkServer
+from gslcosim.runtime.processes.fork_server import ForkServer
 from gslcosim.runtime.replay.past_run import PastRun, find_environment, find_snapshot_before
 from gslcosim.runtime.replay.snapshot import Snapshot
 from gslcosim.runtime.run import PriorRun, run_scenario

@@ -27,7 +27,7 @@ from gslcosim.runtime.distributed.process_launch import RunRouter
 from gslcosim.runtime.distributed.service_main import host_cores
 from gslcosim.runtime.distributed.watchdog import Watchdog
 from gslcosim.runtime.network import JOIN_TIMEOUT_S, Network
-from gslcosim.runtime.processes.children import EXIT_TIMEOUT_S, ChildProcesses
+from gslcosim.runtime.processes.child_processes import EXIT_TIMEOUT_S, ChildProcesses
 from gslcosim.runtime.run_dir import RunDir
 
 LOOK_EVERY_S = 0.1

@@ -4,7 +4,6 @@ import hashlib
 import json
 import os
 import sys
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 
 from gslcosim.base.files import build_temporary_directory_error
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE, UNCHECKED_VARIABLE
+from gslcosim.base.spawn import open_memory_file
 from gslcosim.runtime.processes.sandbox import confinement
 from gslcosim.runtime.processes.sandbox.bubblewrap import build_bubblewrap_command, build_bubblewrap_variables
 from gslcosim.runtime.processes.sandbox.confinement import PIPES_AT
@@ -90,7 +90,7 @@ class Launch:
                 if is_bubblewrap
                 else _plan_landlock(confinement.policy, has_pipes=has_pipes)
             )
-        self._theirs = [theirs, *keep, write_memory_file(json.dumps(plan))]
+        self._theirs = [theirs, *keep, open_memory_file(json.dumps(plan).encode())]
 
     @property
     def command(self) -> list[str]:
@@ -129,23 +129,6 @@ class Launch:
         return f"could not be started ({words.get('could_not_start')})"
 
 
-def write_memory_file(text: str) -> int:
-    """Return the descriptor of a file in memory that holds a text and that only who inherits it can read."""
-    return _open_memory_file(text.encode())
-
-
-def _open_memory_file(data: bytes) -> int:
-    if hasattr(os, "memfd_create"):
-        descriptor = os.memfd_create("gslcosim", 0)
-    else:
-        file, path = tempfile.mkstemp()
-        Path(path).unlink()
-        descriptor = file
-    os.write(descriptor, data)
-    os.lseek(descriptor, 0, os.SEEK_SET)
-    return descriptor
-
-
 # The filter that bubblewrap puts on before the program starts, where there is one for this machine.
 def _write_call_filter(cell: SandboxPolicy) -> list[int]:
     if not confinement.can_filter():
@@ -154,7 +137,7 @@ def _write_call_filter(cell: SandboxPolicy) -> list[int]:
         os.uname().machine, allows_unix=True, allows_tcp=True, is_beside_namespaces=True,
         has_own_network=cell.tcp_port is None,
     )  # fmt: skip
-    made = _open_memory_file(code)
+    made = open_memory_file(code)
     # Away from the numbers that the launcher gives to pipes.
     apart = fcntl.fcntl(made, fcntl.F_DUPFD_CLOEXEC, 2 * max(PIPES_AT))
     os.close(made)

@@ -13,7 +13,7 @@ from pathlib import Path
 import gslcosim
 from gslcosim.base.files import user_state_folder
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE, get_cache_root
-from gslcosim.runtime.processes.daemon_client import get_daemon_folder
+from gslcosim.runtime.processes.daemon import get_daemon_folder
 from gslcosim.runtime.status import get_status_folder
 from gslcosim.scenario.bundled import bundled_agents, bundled_folder
 

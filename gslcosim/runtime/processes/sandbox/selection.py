@@ -13,6 +13,7 @@ from typing import Literal, Protocol
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import open_regular_file
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE
+from gslcosim.base.spawn import build_short_environment
 from gslcosim.runtime.agents.loader import build_start_command, resolve_command
 from gslcosim.runtime.processes.sandbox import confinement
 from gslcosim.runtime.processes.sandbox.bubblewrap import find_bubblewrap_failure
@@ -25,7 +26,6 @@ from gslcosim.runtime.processes.sandbox.policy import (
     list_hidden_folders,
     list_python_folders,
 )
-from gslcosim.runtime.processes.short_environment import build_short_environment
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.loader import list_input_files

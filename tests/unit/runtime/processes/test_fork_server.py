@@ -12,8 +12,10 @@ from deadlines import EVENT_S, PROCESS_S
 
 from gslcosim.base.errors import SimulationFault
 from gslcosim.bus.interface import JoinData
-from gslcosim.runtime.processes.children import ChildProcesses
-from gslcosim.runtime.processes.fork_client import ForkServer
+from gslcosim.runtime.distributed.service_main import build_fork_request
+from gslcosim.runtime.early_warmup import fork_warmup
+from gslcosim.runtime.processes.child_processes import ChildProcesses
+from gslcosim.runtime.processes.fork_server import ForkServer
 from gslcosim.scenario import load_scenario
 
 pytestmark = [
@@ -28,6 +30,10 @@ def server():
         yield server
 
 
+def fork(server, name, log):
+    return server.fork(name, build_fork_request([name], JOIN), log=log)
+
+
 def exists(pid):
     try:
         os.kill(pid, 0)
@@ -38,7 +44,7 @@ def exists(pid):
 
 def test_a_fork_shows_how_it_ended_and_its_log_why(server, tmp_path):
     """Without a run directory in its join data a service refuses, as one that was started does."""
-    process = server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
+    process = fork(server, "world", log=tmp_path / "world.log")
     assert process.wait(EVENT_S) == 3
     assert process.poll() == 3
     assert "expected run_dir in the join data" in (tmp_path / "world.log").read_text()
@@ -46,7 +52,7 @@ def test_a_fork_shows_how_it_ended_and_its_log_why(server, tmp_path):
 
 def test_several_forks_are_distinguished(server, tmp_path):
     names = ("fields", "sensing", "weather")
-    processes = {name: server.fork(name, [name], join=JOIN, log=tmp_path / f"{name}.log") for name in names}
+    processes = {name: fork(server, name, log=tmp_path / f"{name}.log") for name in names}
     assert {name: process.wait(EVENT_S) for name, process in processes.items()} == dict.fromkeys(names, 3)
     assert len({process.pid for process in processes.values()}) == 3
     assert all("expected" in (tmp_path / f"{name}.log").read_text() for name in names)
@@ -54,33 +60,33 @@ def test_several_forks_are_distinguished(server, tmp_path):
 
 def test_the_server_has_one_thread(server, tmp_path):
     """A fork has the thread that forks and no other; whatever a lost one held would be held for ever."""
-    server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(EVENT_S)
+    fork(server, "world", log=tmp_path / "world.log").wait(EVENT_S)
     assert len(list(Path(f"/proc/{server.pid}/task").iterdir())) == 1
 
 
 def test_a_fork_compiles_the_kernels_of_a_scenario(server):
     """While the supervisor makes the environment; what it loads is in the cache afterwards, and it ends by itself."""
     loaded = load_scenario("tiny_room")
-    assert server.warm_up(loaded.scenario, loaded.directory).wait(PROCESS_S) == 0
+    assert fork_warmup(server, loaded.scenario, loaded.directory).wait(PROCESS_S) == 0
 
 
 def test_a_server_that_is_killed_takes_its_forks_along(tmp_path):
     with ForkServer() as server:
-        process = server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
+        process = fork(server, "world", log=tmp_path / "world.log")
         process.wait(EVENT_S)
-        waiting = server.fork("fields", ["fields"], join=JOIN, log=tmp_path / "fields.log")
+        waiting = fork(server, "fields", log=tmp_path / "fields.log")
         os.kill(server.pid, signal.SIGKILL)
         assert waiting.wait(EVENT_S) in (3, -signal.SIGKILL)
         server.wait_until_gone(EVENT_S)
         assert server.has_failed
         with pytest.raises(SimulationFault, match="fork server: expected it to run, it was killed by SIGKILL"):
-            server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
+            fork(server, "world", log=tmp_path / "world.log")
 
 
 def test_a_stopped_server_shows_the_ends_of_its_forks_when_it_is_woken(server, tmp_path):
     """And nobody has to wait for it to learn that a number is not known yet."""
     os.kill(server.pid, signal.SIGSTOP)
-    process = server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
+    process = fork(server, "world", log=tmp_path / "world.log")
     assert process.pid == 0
     server.wake()
     assert process.wait(EVENT_S) == 3
@@ -90,10 +96,10 @@ def test_a_stopped_server_shows_the_ends_of_its_forks_when_it_is_woken(server, t
 def test_a_run_ends_although_its_fork_server_is_stopped(tmp_path):
     """The end of its forks is not told; they end with the server, which is ended next."""
     with ForkServer() as server, ChildProcesses(lambda name, code, how: None) as children:
-        process = server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log")
+        process = fork(server, "world", log=tmp_path / "world.log")
         process.wait(EVENT_S)
         os.kill(server.pid, signal.SIGSTOP)
-        children.adopt("fields", server.fork("fields", ["fields"], join=JOIN, log=tmp_path / "fields.log"))
+        children.adopt("fields", fork(server, "fields", log=tmp_path / "fields.log"))
     assert not exists(server.pid)
     assert children.running == []
 
@@ -104,38 +110,38 @@ def children_of(pid):
 
 def test_who_imports_what_a_recorder_needs_becomes_the_recorder_once(tmp_path):
     with ForkServer() as server:
-        server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(EVENT_S)
-        (apprentice,) = children_of(server.pid)
+        fork(server, "world", log=tmp_path / "world.log").wait(EVENT_S)
+        (preforked,) = children_of(server.pid)
         pids = []
         for _ in range(2):
-            process = server.fork("recorder", ["recorder"], join=JOIN, log=tmp_path / "recorder.log")
+            process = fork(server, "recorder", log=tmp_path / "recorder.log")
             assert process.wait(EVENT_S) == 3
             pids.append(process.pid)
-    assert pids[0] == apprentice
-    assert pids[1] != apprentice
+    assert pids[0] == preforked
+    assert pids[1] != preforked
     assert (tmp_path / "recorder.log").read_text().count("expected run_dir in the join data") == 2
 
 
 def test_a_recorder_is_forked_where_who_should_become_it_was_killed(tmp_path):
     with ForkServer() as server:
-        server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(EVENT_S)
-        (apprentice,) = children_of(server.pid)
-        end = os.pidfd_open(apprentice)
-        os.kill(apprentice, signal.SIGKILL)
+        fork(server, "world", log=tmp_path / "world.log").wait(EVENT_S)
+        (preforked,) = children_of(server.pid)
+        end = os.pidfd_open(preforked)
+        os.kill(preforked, signal.SIGKILL)
         assert select.select([end], [], [], EVENT_S)[0]
         os.close(end)
-        process = server.fork("recorder", ["recorder"], join=JOIN, log=tmp_path / "recorder.log")
+        process = fork(server, "recorder", log=tmp_path / "recorder.log")
         assert process.wait(EVENT_S) == 3
-    assert process.pid != apprentice
+    assert process.pid != preforked
 
 
 def test_a_run_without_a_process_for_its_recorder_keeps_none_ready(tmp_path):
     with ForkServer() as server:
-        server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(EVENT_S)
-        (apprentice,) = children_of(server.pid)
+        fork(server, "world", log=tmp_path / "world.log").wait(EVENT_S)
+        (preforked,) = children_of(server.pid)
         server.release_unused()
-        server.fork("world", ["world"], join=JOIN, log=tmp_path / "world.log").wait(EVENT_S)
-        assert not exists(apprentice)
+        fork(server, "world", log=tmp_path / "world.log").wait(EVENT_S)
+        assert not exists(preforked)
 
 
 def test_a_closed_server_is_gone():

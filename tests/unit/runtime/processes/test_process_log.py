@@ -7,7 +7,7 @@ import pytest
 from deadlines import EVENT_S
 
 from gslcosim.base.errors import RunFolderError
-from gslcosim.runtime.processes.children import ProcessLog
+from gslcosim.runtime.processes.process_log import ProcessLog
 
 
 def written(log_path, program, **limits):

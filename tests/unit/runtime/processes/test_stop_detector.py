@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from deadlines import EVENT_S
 
-from gslcosim.runtime.processes.children import (
+from gslcosim.runtime.processes.stop_detection import (
     MIN_PAUSE_S,
     STOP_POLL_PERIOD_S,
     STOP_TIMEOUT_S,

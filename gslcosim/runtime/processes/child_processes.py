@@ -1,0 +1,203 @@
+"""Child processes of a run: started, logged, watched for stops, and ended, so that none is ever left over."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from io import FileIO
+from pathlib import Path
+from types import MappingProxyType
+from typing import cast
+
+from gslcosim.base.processes import describe_exit
+from gslcosim.base.spawn import ProcessHandle, Streams, build_short_environment, check_program, signal_group, spawn
+from gslcosim.bus.interface import JOIN_VARIABLES, JoinData
+from gslcosim.runtime.processes.process_log import ProcessLog
+from gslcosim.runtime.processes.sandbox.launcher_client import Confinement, Launch, is_launcher_possible
+
+EXIT_TIMEOUT_S = 3.0
+TERM_TIMEOUT_S = 2.0
+# A descendant that has left the process group may hold its output open for ever.
+LOG_TIMEOUT_S = 0.5
+
+
+@dataclass
+class ChildProcess:
+    """A process of the run. It leads its own process group, so that its descendants end with it."""
+
+    name: str
+    process: ProcessHandle
+
+    @property
+    def is_running(self) -> bool:
+        """True when the process has not ended yet."""
+        return self.process.poll() is None
+
+    def signal_group(self, number: int) -> None:
+        """Send a signal to the process and all its descendants."""
+        if self.process.pid:
+            signal_group(self.process.pid, number)
+
+
+class ChildProcesses:
+    """All processes that the supervisor has started; leaving the context ends them.
+
+    Args:
+        on_exit: Receives a process that has ended, its exit code, and in words how it ended, on a thread of its own.
+        are_foreign: Whether processes that have no confinement are programs of other people, which start in the short
+            environment of all agents; otherwise in that of this process.
+    """
+
+    def __init__(self, on_exit: Callable[[str, int, str], object], *, are_foreign: bool = False) -> None:
+        self._on_exit = on_exit
+        self._are_foreign = are_foreign
+        self._children: dict[str, ChildProcess] = {}
+        self._logs: list[ProcessLog] = []
+
+    def __enter__(self) -> "ChildProcesses":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+    def start(
+        self,
+        name: str,
+        command: Sequence[str],
+        *,
+        log: Path | None,
+        cwd: Path | None = None,
+        join: JoinData | None = None,
+        variables: Mapping[str, str] = MappingProxyType({}),
+        confinement: Confinement | None = None,
+    ) -> None:
+        """Start a process; its output goes to a log file, and its end is reported at once.
+
+        Args:
+            name: Of the process.
+            command: Its program and arguments.
+            log: Absent: it has the standard streams of this process.
+            cwd: The folder it starts in; absent: that of this process.
+            join: How it joins the bus, if it does.
+            variables: What is added to its environment.
+            confinement: How it is kept, if it is a program of other people.
+
+        Raises:
+            UsageError: the command cannot be started.
+            RunFolderError: the log cannot be written.
+        """
+        if log is None:
+            self._start(name, command, variables, cwd, Streams(None, None, None), confinement, join)
+            return
+        with self._log(log) as output:
+            self._start(name, command, variables, cwd, Streams(stdout=output.fileno()), confinement, join)
+
+    def start_piped(
+        self,
+        name: str,
+        command: Sequence[str],
+        *,
+        variables: Mapping[str, str],
+        log: Path,
+        cwd: Path,
+        confinement: Confinement | None = None,
+    ) -> tuple[FileIO, FileIO]:
+        """Start a process as `start`, but return its standard input and output; only its errors are logged.
+
+        Raises:
+            UsageError: the command cannot be started.
+            RunFolderError: the log cannot be written.
+        """
+        with self._log(log) as errors:
+            streams = Streams(subprocess.PIPE, subprocess.PIPE, errors.fileno())
+            process = self._start(name, command, variables, cwd, streams, confinement)
+        # Without buffers these are raw files.
+        return cast(FileIO, process.stdin), cast(FileIO, process.stdout)
+
+    def _start(
+        self,
+        name: str,
+        command: Sequence[str],
+        variables: Mapping[str, str],
+        cwd: Path | None,
+        streams: Streams,
+        confinement: Confinement | None,
+        join: JoinData | None = None,
+    ) -> "subprocess.Popen[bytes]":
+        check_program(name, command, cwd)
+        # Who starts a run from within another one must not hand its own place on.
+        around = self._surroundings(command) if confinement is None else confinement.environment
+        environment = {key: value for key, value in around.items() if not key.startswith(JOIN_VARIABLES)}
+        joining, inherited = ({}, ()) if join is None else join.hand_over()
+        environment |= {**joining, **variables}
+        launch = None
+        if confinement is not None and is_launcher_possible():
+            launch = Launch(confinement, command, has_pipes=streams.are_pipes, keep=inherited)
+            environment |= launch.variables
+            command, inherited = launch.command, launch.descriptors
+        process = spawn(
+            name,
+            command,
+            environment=environment,
+            cwd=cwd,
+            streams=streams,
+            inherited=inherited,
+            # The launcher itself ends with this process, and then its descendants with it.
+            ends_with_parent=launch is None,
+        )
+        self.adopt(name, process, launch)
+        return process
+
+    def _surroundings(self, command: Sequence[str]) -> Mapping[str, str]:
+        return build_short_environment(command) if self._are_foreign else os.environ
+
+    def adopt(self, name: str, process: ProcessHandle, launch: Launch | None = None) -> None:
+        """Watch a process that leads its own process group, and end it with the others."""
+        self._children[name] = ChildProcess(name, process)
+        threading.Thread(target=self._wait_for, args=(name, process, launch), daemon=True).start()
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """The numbers of the processes that have not ended, 0 where one has not begun."""
+        # A copy at once: processes are added while another thread asks.
+        return {child.name: child.process.pid for child in list(self._children.values()) if child.is_running}
+
+    @property
+    def running(self) -> list[str]:
+        """Names of the processes that have not ended."""
+        return [child.name for child in self._children.values() if child.is_running]
+
+    def wait(self, limit_s: float) -> None:
+        """Wait until all processes have ended, or until the limit."""
+        deadline = time.monotonic() + limit_s
+        for child in self._children.values():
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                child.process.wait(timeout=max(0.0, deadline - time.monotonic()))
+
+    def end(self) -> None:
+        """End whatever still runs: ask, wait a moment, then kill whole process groups."""
+        remaining = [child for child in self._children.values() if child.is_running]
+        for child in remaining:
+            child.signal_group(signal.SIGTERM)
+            child.signal_group(signal.SIGCONT)
+        if remaining:
+            self.wait(TERM_TIMEOUT_S)
+        for child in self._children.values():
+            child.signal_group(signal.SIGKILL)
+        # Who forked one may be stopped and not report its end; it is ended next, and Linux ends the forks with it.
+        self.wait(TERM_TIMEOUT_S)
+        for log in self._logs:
+            log.wait(LOG_TIMEOUT_S)
+        self._logs.clear()
+
+    def _log(self, path: Path) -> ProcessLog:
+        self._logs.append(ProcessLog(path))
+        return self._logs[-1]
+
+    def _wait_for(self, name: str, process: ProcessHandle, launch: Launch | None) -> None:
+        code = process.wait()
+        self._on_exit(name, code, (launch.log_tail() if launch is not None else "") or describe_exit(code))
