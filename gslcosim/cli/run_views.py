@@ -8,7 +8,8 @@ from gslcosim.base.ticks import seconds_from_ticks, ticks_from_seconds
 from gslcosim.cli.arguments import DIGEST
 from gslcosim.data.recording.derived_recordings import Divergence, RecordedRun, record_side_by_side
 from gslcosim.environment.store import load_environment
-from gslcosim.runtime.replay.past_run import PastRun, RunComparison, find_environment
+from gslcosim.runtime.replay.compare import RunComparison
+from gslcosim.runtime.replay.past_run import PastRun, find_environment
 
 
 def record_runs(recordings: Sequence[Path], path: Path, *, is_by_contact: bool = False) -> None:

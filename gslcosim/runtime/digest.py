@@ -14,7 +14,6 @@ import msgspec
 from gslcosim.base.errors import UsageError, build_machine_error
 from gslcosim.base.files import replace_file
 from gslcosim.base.untrusted_input import FROM_A_COPY, JsonObject, read_json, validate_value
-from gslcosim.runtime.services import get_upstream_rank
 
 SCHEMA = "gslcosim/digest/1"
 LINK_BYTES = 8
@@ -150,48 +149,3 @@ class RunDigest:
                 f"{path.name}: expected ticks with a link each, was {error}. {FROM_A_COPY}\nFile: {path}"
             ) from error
         return cls(content["final_tick"], {port: ports[port]["participant"] for port in ports}, trails)
-
-
-@dataclass(frozen=True)
-class Divergence:
-    """Where two runs differ first."""
-
-    tick: int
-    participant: str
-    port: str
-    text: str
-
-
-def find_first_divergence(a: RunDigest, b: RunDigest) -> Divergence | None:
-    """Return the earliest tick, and there the most upstream port, at which two runs differ; None when they are equal.
-
-    The most upstream one is the cause, the others are its consequences.
-    """
-    found: list[tuple[int, tuple[int, int], Divergence]] = []
-    for port in sorted({*a.trails, *b.trails}):
-        writer = a.writer_of.get(port) or b.writer_of[port]
-        divergence = _find_port_divergence(port, writer, a.trails.get(port), b.trails.get(port))
-        if divergence:
-            found.append((divergence.tick, get_upstream_rank(writer), divergence))
-    if found:
-        return min(found, key=lambda item: item[:2])[2]
-    if a.final_tick != b.final_tick:
-        tick = min(a.final_tick, b.final_tick)
-        return Divergence(tick, "referee", "referee/verdict", f"one run ends at tick {tick}, the other goes on")
-    return None
-
-
-def _find_port_divergence(port: str, writer: str, a: HashChain | None, b: HashChain | None) -> Divergence | None:
-    if a is None or b is None:
-        present = a or b
-        tick = present.ticks[0] if present and present.ticks else 0
-        return Divergence(tick, writer, port, "only one of the runs has this port")
-    n = min(len(a.ticks), len(b.ticks))
-    size = n * LINK_BYTES
-    if a.ticks[:n] != b.ticks[:n] or a.links[:size] != b.links[:size]:
-        i = next(i for i in range(n) if a.ticks[i] != b.ticks[i] or a.link(i) != b.link(i))
-        return Divergence(min(a.ticks[i], b.ticks[i]), writer, port, "the messages differ")
-    if len(a.ticks) != len(b.ticks):
-        longer = a if len(a.ticks) > n else b
-        return Divergence(longer.ticks[n], writer, port, "only one of the runs has a message here")
-    return None

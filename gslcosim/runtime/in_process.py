@@ -34,11 +34,10 @@ from gslcosim.runtime.outcome import RunOutcome, ServiceFault, build_ending
 from gslcosim.runtime.participant_status import ParticipantStatus, explain_stall
 from gslcosim.runtime.processes.child_processes import EXIT_TIMEOUT_S, ChildProcesses
 from gslcosim.runtime.processes.stop_detection import PauseDetector, StopMonitor
-from gslcosim.runtime.replay.snapshot_policy import SnapshotPolicy
 from gslcosim.runtime.services import build_core, build_dataflow, list_service_names
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunStatus
-from gslcosim.runtime.step_loop import StepLoop
+from gslcosim.runtime.step_loop import SnapshotPolicy, StepLoop
 from gslcosim.runtime.stepper import SentMessage, Stepper, build_clock_pace
 from gslcosim.scenario.models.scenario import AgentSpec
 

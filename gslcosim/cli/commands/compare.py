@@ -18,7 +18,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.runtime.replay.past_run import RunComparison
+    from gslcosim.runtime.replay.compare import RunComparison
 
     files = [find_in_run(run, runs_dir=arguments.runs_dir, file_name=DIGEST) for run in (arguments.a, arguments.b)]
     compared = RunComparison.of(*files)

@@ -19,8 +19,8 @@ from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.distributed.host import Host, report_fault
 from gslcosim.runtime.processes.current_process import keep_memory_private, set_process_title
 from gslcosim.runtime.processes.fork_server import ForkWork, serve_forks
-from gslcosim.runtime.replay.snapshot_policy import SnapshotPolicy
 from gslcosim.runtime.services import default_services
+from gslcosim.runtime.step_loop import SnapshotPolicy
 
 if TYPE_CHECKING:
     from gslcosim.runtime.stepper import ClockPace

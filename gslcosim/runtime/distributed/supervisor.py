@@ -35,10 +35,10 @@ from gslcosim.runtime.outcome import RunOutcome, ServiceFault, build_ending
 from gslcosim.runtime.participant_status import ParticipantState, ParticipantStatus
 from gslcosim.runtime.processes.fork_server import FORK_SERVER
 from gslcosim.runtime.processes.stop_detection import PauseDetector, describe_stop
-from gslcosim.runtime.replay.snapshot_policy import SnapshotPolicy
 from gslcosim.runtime.services import ServiceGroup, build_dataflow, list_service_names
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunStatus
+from gslcosim.runtime.step_loop import SnapshotPolicy
 
 STATUS_PERIOD_S = 0.1
 # Who has not joined by then is named in a log, too: before it is sure that one that is stopped will not come.

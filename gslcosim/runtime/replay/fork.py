@@ -9,13 +9,13 @@ from gslcosim.base.ticks import seconds_from_ticks, ticks_from_seconds
 from gslcosim.contract import keys
 from gslcosim.contract.environment_messages import EVENTS
 from gslcosim.runtime.agents.validator import RecordedCommands
-from gslcosim.runtime.digest import Divergence, RunDigest, find_first_divergence
+from gslcosim.runtime.digest import RunDigest
 from gslcosim.runtime.processes.fork_server import ForkServer
+from gslcosim.runtime.replay.compare import Divergence, find_repeated_divergence
 from gslcosim.runtime.replay.past_run import PastRun, find_environment, find_snapshot_before
 from gslcosim.runtime.replay.snapshot import Snapshot
 from gslcosim.runtime.run import PriorRun, run_scenario
 from gslcosim.runtime.run_dir import RunDir
-from gslcosim.runtime.services import build_dataflow
 from gslcosim.runtime.status import RunResult, RunStatus
 from gslcosim.scenario import LoadedScenario
 from gslcosim.scenario.fork_changes import check_changes, find_changed_paths
@@ -181,10 +181,10 @@ def _find_past_divergence(fork: Fork, run_dir: RunDir) -> Divergence | None:
     if fork.past.digest is None or not run_dir.digest.is_file():
         return None
     before, now = fork.past.digest, RunDigest.load(run_dir.digest)
+    scenarios = (fork.past.scenario, fork.loaded.scenario)
     other = {keys.briefing(agent.name) for agent in fork.past.scenario.agents}
-    if fork.past.scenario.recording != fork.loaded.scenario.recording:
-        other |= build_dataflow(fork.loaded.scenario).recording_ports
-    if fork.past.scenario.events != fork.loaded.scenario.events:
+    if scenarios[0].events != scenarios[1].events:
         other |= {EVENTS}
     last_tick = min(fork.at_tick - 1, now.final_tick)
-    return find_first_divergence(before.without(other, final_tick=last_tick), now.without(other, final_tick=last_tick))
+    now = now.without(other, final_tick=last_tick)
+    return find_repeated_divergence(before, now, last_tick=last_tick, scenarios=scenarios, other=other)

@@ -1,4 +1,4 @@
-"""Past run: files of a run directory, read back to repeat the run, and the comparison of two."""
+"""Past run: files of a run directory, read back to repeat the run."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -9,14 +9,13 @@ from gslcosim.base.errors import ContractError, EnvironmentDataError, UsageError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.untrusted_input import MalformedFileError, parse_json
 from gslcosim.contract import codec, keys
-from gslcosim.contract.environment_messages import EVENTS
 from gslcosim.contract.messages import Command
 from gslcosim.contract.schema import get_contract_hash
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.store import load_environment
-from gslcosim.runtime.digest import Divergence, HashChain, RunDigest, find_first_divergence
+from gslcosim.runtime.digest import HashChain, RunDigest
 from gslcosim.runtime.replay.snapshot import Snapshot, find_nearest_snapshot
-from gslcosim.runtime.run_dir import ForkOrigin, RunDir, RunResult
+from gslcosim.runtime.run_dir import RunDir, RunResult
 from gslcosim.runtime.services import build_dataflow, list_service_names
 from gslcosim.runtime.status import RunStatus
 from gslcosim.scenario import Scenario
@@ -169,76 +168,3 @@ def find_environment(past: PastRun, report: Callable[[RunStatus], None]) -> Path
             f"{environment.content_hash}. Bring back the files or the version of gslcosim that made it."
         )
     return folder.resolve()
-
-
-_BRIEFING_KEY_PARTS = keys.briefing("*").split("*")
-
-
-@dataclass(frozen=True, kw_only=True)
-class ForkRelation:
-    """Relation of two runs: `fork` names the run that leaves the other at `tick` ("both": a third)."""
-
-    fork: str
-    tick: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunComparison:
-    """Two digests and where they part first.
-
-    Runs that come from one another may brief their agents differently without being two runs before the fork: then
-    `changed_agents` has the agents, and `divergence` is what else differs first, if anything does.
-    """
-
-    a: RunDigest
-    b: RunDigest
-    divergence: Divergence | None
-    kinship: ForkRelation | None
-    changed_agents: tuple[str, ...]
-
-    @classmethod
-    def of(cls, a: Path, b: Path) -> "RunComparison":
-        """Compare the runs of two `digest.json`.
-
-        Raises:
-            UsageError: one is missing, or is no digest.
-        """
-        digests = RunDigest.load(a), RunDigest.load(b)
-        kinship = _find_fork_relation(a.parent, b.parent)
-        divergence = find_first_divergence(*digests)
-        if kinship is None or divergence is None:
-            return cls(a=digests[0], b=digests[1], divergence=divergence, kinship=kinship, changed_agents=())
-        briefings = {port for digest in digests for port in digest.trails if _find_briefed_agent(port)}
-        agents = tuple(sorted(_find_briefed_agent(port) for port in briefings if not _are_equal(port, *digests)))
-        # A fork that had no events and has some now is the same until one of them happens.
-        other = briefings | ({EVENTS} if len([1 for digest in digests if EVENTS in digest.trails]) == 1 else set[str]())
-        later = find_first_divergence(*(digest.without(other) for digest in digests))
-        return cls(a=digests[0], b=digests[1], divergence=later or divergence, kinship=kinship, changed_agents=agents)
-
-
-def _find_fork_relation(a: Path, b: Path) -> ForkRelation | None:
-    of_a, of_b = _read_origin(a), _read_origin(b)
-    if of_b is not None and of_b["run"] == a.name:
-        return ForkRelation(fork="b", tick=of_b["tick"])
-    if of_a is not None and of_a["run"] == b.name:
-        return ForkRelation(fork="a", tick=of_a["tick"])
-    if of_a is not None and of_b is not None and of_a["run"] == of_b["run"]:
-        return ForkRelation(fork="both", tick=min(of_a["tick"], of_b["tick"]))
-    return None
-
-
-# A digest may stand without its run.
-def _read_origin(folder: Path) -> ForkOrigin | None:
-    try:
-        return RunDir(folder).load_manifest().get("fork_of")
-    except MalformedFileError:
-        return None
-
-
-def _find_briefed_agent(port: str) -> str:
-    before, after = _BRIEFING_KEY_PARTS
-    return port[len(before) : -len(after)] if port.startswith(before) and port.endswith(after) else ""
-
-
-def _are_equal(port: str, a: RunDigest, b: RunDigest) -> bool:
-    return port in a.trails and port in b.trails and a.trails[port].links == b.trails[port].links

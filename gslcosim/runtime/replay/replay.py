@@ -23,9 +23,9 @@ from gslcosim.runtime.agents.session import (
     build_session,
 )
 from gslcosim.runtime.agents.validator import RecordedCommands
-from gslcosim.runtime.digest import Divergence, find_first_divergence
 from gslcosim.runtime.in_process import InProcessRun
 from gslcosim.runtime.outcome import RunOutcome
+from gslcosim.runtime.replay.compare import Divergence, find_repeated_divergence
 from gslcosim.runtime.replay.past_run import PastRun, find_environment, find_snapshot_before
 from gslcosim.runtime.replay.snapshot import Snapshot
 from gslcosim.runtime.run import run_into_directory
@@ -193,8 +193,8 @@ def _execute(past: PastRun, setup: RunSetup, until_tick: int | None, report: Cal
 def _compare(past: PastRun, scenario: Scenario, outcome: RunOutcome) -> tuple[Divergence | None, int]:
     if past.digest is None or outcome.digest is None:
         return None, 0
-    is_recorded_alike = past.scenario.recording == scenario.recording
-    other = frozenset[str]() if is_recorded_alike else build_dataflow(scenario).recording_ports
     final_tick = outcome.digest.final_tick if outcome.is_cut else past.digest.final_tick
-    before, now = past.digest.without(other, final_tick=final_tick), outcome.digest.without(other)
-    return find_first_divergence(before, now), final_tick + 1
+    scenarios = (past.scenario, scenario)
+    return find_repeated_divergence(
+        past.digest, outcome.digest, last_tick=final_tick, scenarios=scenarios
+    ), final_tick + 1

@@ -5,7 +5,8 @@ import re
 import pytest
 
 from gslcosim.base.errors import UsageError
-from gslcosim.runtime.digest import HashChain, RunDigest, find_first_divergence
+from gslcosim.runtime.digest import HashChain, RunDigest
+from gslcosim.runtime.replay.compare import find_first_divergence
 
 WRITERS = {"truth/bodies": "world", "referee/score": "referee", "command/beetle": "agent_beetle"}
 
