@@ -228,14 +228,8 @@ def write_tables(analysis: Analysis, folder: Path) -> None:
         path = folder / f"{name}.csv"
         with path.open("w", encoding="utf-8", newline="") as file:
             written = csv.writer(file)
-            written.writerows([_text(value) for value in row] for row in rows)
-
-
-# As Python writes numbers, which reads back to the bit.
-def _text(value: Any) -> Any:
-    if isinstance(value, float):
-        return "" if math.isnan(value) else repr(float(value))
-    return value
+            # Numbers are written as Python writes them, which reads back to the bit; nan is no text.
+            written.writerows(["" if value != value else value for value in row] for row in rows)
 
 
 def _heads(name: str) -> list[str]:

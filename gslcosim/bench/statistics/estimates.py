@@ -1,6 +1,8 @@
 """Estimates with intervals, the bootstrap samples behind them, and quantiles of distributions."""
 
+import hashlib
 import math
+from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sized
 from dataclasses import dataclass
 from functools import lru_cache
@@ -288,12 +290,15 @@ def iterate_row_draws(
     Source:
         McCarthy and Snowden 1985, The Bootstrap and Finite Population Sampling (k - 1 of k in each stratum).
     """
-    rng = make_generator(seed)
     groups = _groups(n, strata, clusters)
-    if all(len({len(rows) for rows in group}) == 1 for group in groups):
-        yield from _equal_clusters(groups, rng, n_draws)
+    if not all(len({len(rows) for rows in group}) == 1 for group in groups):
+        yield from _unequal_clusters(groups, make_generator(seed), n_draws)
+        return
+    tables = [np.asarray(group) for group in groups]
+    if isinstance(seed, np.random.Generator):
+        yield from _equal_clusters(tables, seed, n_draws)
     else:
-        yield from _unequal_clusters(groups, rng, n_draws)
+        yield from _drawn_once(tables, seed, n_draws)
 
 
 def degrees_of_freedom(n: int, *, strata: np.ndarray | None = None, clusters: np.ndarray | None = None) -> int:
@@ -334,10 +339,33 @@ def _groups(
     return [[rows_of[c] for c in np.unique(cluster[rows])] for rows in _members(stratum)]
 
 
-def _equal_clusters(
-    groups: list[np.ndarray] | list[list[np.ndarray]], rng: np.random.Generator, n_draws: int
-) -> Iterator[np.ndarray]:
-    tables = [np.asarray(group) for group in groups]
+# A report asks for the same draws hundreds of times: of each method, by each figure that has a value in each trial.
+_MOST_KEPT_BYTES = 128_000_000
+_kept: OrderedDict[bytes, list[np.ndarray]] = OrderedDict()
+
+
+def _drawn_once(tables: list[np.ndarray], seed: int, n_draws: int) -> Iterator[np.ndarray]:
+    n_rows = sum(table.size for table in tables)
+    dtype = np.min_scalar_type(max(n_rows - 1, 0))
+    if sum(_n_drawn(table) * table.shape[1] for table in tables) * n_draws * dtype.itemsize > _MOST_KEPT_BYTES:
+        yield from _equal_clusters(tables, make_generator(seed), n_draws)
+        return
+    asked = hashlib.blake2b(repr((seed, n_draws, [table.shape for table in tables])).encode(), digest_size=16)
+    for table in tables:
+        asked.update(np.ascontiguousarray(table, dtype=np.int64))
+    key = asked.digest()
+    if key in _kept:
+        _kept.move_to_end(key)
+    else:
+        drawn = [rows.astype(dtype) for rows in _equal_clusters(tables, make_generator(seed), n_draws)]
+        _kept[key] = drawn
+        while sum(rows.nbytes for chunks in _kept.values() for rows in chunks) > _MOST_KEPT_BYTES:
+            _kept.popitem(last=False)
+    for rows in list(_kept[key]):
+        yield rows.astype(np.intp)
+
+
+def _equal_clusters(tables: list[np.ndarray], rng: np.random.Generator, n_draws: int) -> Iterator[np.ndarray]:
     for d in _chunks(sum(table.size for table in tables), n_draws):
         picked = [table[rng.integers(0, len(table), (d, _n_drawn(table)))].reshape(d, -1) for table in tables]
         yield np.concatenate(picked, axis=1)

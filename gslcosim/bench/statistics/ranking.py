@@ -16,7 +16,6 @@ from gslcosim.bench.statistics.estimates import (
     check_same_length,
     degrees_of_freedom,
     draw_counts,
-    make_generator,
     percentile_interval,
 )
 from gslcosim.bench.statistics.pairs import N_FLIPS, holm, sign_flips
@@ -206,7 +205,7 @@ def _means(
     filled = np.where(known, columns, 0.0)
     draws = []
     with np.errstate(invalid="ignore"):
-        for counts in draw_counts(n, strata=strata, clusters=clusters, seed=make_generator(seed), n_draws=n_draws):
+        for counts in draw_counts(n, strata=strata, clusters=clusters, seed=seed, n_draws=n_draws):
             weight = counts.sum(axis=1, keepdims=True) if known.all() else counts @ known
             draws.append(counts @ filled / weight)
         values = filled.sum(axis=0) / n_known
