@@ -12,7 +12,7 @@ INSTALL = -m pip install --quiet --disable-pip-version-check $(if $(LOCK),--cons
 # The last commit of 0.1.0.
 BASE ?= 9693e5e
 
-.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers crossings plume-statistics soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check golden docs contract setup lock bench-training
+.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers bench-table crossings plume-statistics soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check golden docs contract setup lock bench-training
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -41,6 +41,9 @@ bench-agents: .venv/ready-test-all  # decisions per second and round trip, for e
 
 bench-against: .venv/ready-test-all  # today's speed beside another commit's, in turns; BASE=COMMIT, by default 0.1.0
 	$(BIN)/python tests/benchmarks/bench_against.py --base $(BASE)
+
+bench-table: .venv/ready-test-all .venv-peers/ready  # the table of speed beside its goals; BASE=COMMIT, by default 0.1.0
+	$(BIN)/python tests/benchmarks/speed_table.py --base $(BASE)
 
 bench-peers: .venv/ready-dev .venv-peers/ready  # ticks per second beside HELICS and mosaik, in turns
 	$(BIN)/python tests/benchmarks/bench_peers.py
