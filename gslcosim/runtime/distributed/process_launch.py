@@ -146,7 +146,7 @@ def run_distributed(
         if fork_server is not None and fork_server.has_failed:
             name = FORK_SERVER
         if not gateway.exited(name, exit_code, how):
-            events.put(ProcessEnded(name, how))
+            events.put(ProcessEnded(name, how, is_by_itself=exit_code > 0))
 
     # On the thread of the watch.
     def on_stopped(name: str) -> None:

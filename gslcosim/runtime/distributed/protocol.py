@@ -296,10 +296,11 @@ class LivelinessChanged:
 
 @dataclass(frozen=True)
 class ProcessEnded:
-    """A process that joins the bus has ended."""
+    """A process that joins the bus has ended: in words how, and whether by itself with an error, which it reports."""
 
     name: str
     how: str
+    is_by_itself: bool
 
 
 @dataclass(frozen=True)

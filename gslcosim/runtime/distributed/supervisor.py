@@ -308,7 +308,9 @@ class Supervisor:
                 self._on_message(key, payload)
             case LivelinessChanged(key, is_alive):
                 self._on_liveliness(key, is_alive=is_alive)
-            case ProcessEnded(name, how):
+            case ProcessEnded(name, how, is_by_itself):
+                if is_by_itself and self._watchdog.watches_process(name):
+                    self._take_last_messages()
                 self._on_end_of(name, how)
             case ProcessStopped(name) if not self._restarts.covers(name):
                 self._on_end_of(name, describe_stop())
@@ -316,6 +318,13 @@ class Supervisor:
                 return
             case _:
                 self._agent_hosts[event.agent].handle(event)
+
+    # A service that ends by itself reports why, but its end may be seen before that has come over the bus.
+    def _take_last_messages(self) -> None:
+        deadline_s = time.monotonic() + LOST_CONTACT_GRACE_S
+        while (left_s := deadline_s - time.monotonic()) > 0:
+            with suppress(queue.Empty):
+                self._handle(self._events.get(timeout=left_s))
 
     # A name that is none of the run's comes from a host that lies; it has no handler.
     def _on_message(self, key: str, payload: bytes) -> None:

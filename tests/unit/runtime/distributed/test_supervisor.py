@@ -1,0 +1,80 @@
+"""The supervisor of a run over processes: whose fault ends it, whatever order events come in."""
+
+import queue
+import threading
+
+import pytest
+from deadlines import EVENT_S
+
+from gslcosim.base.processes import Interruption
+from gslcosim.bus.interface import InMemoryBus, InMemoryHub
+from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.store import load_environment
+from gslcosim.runtime.agents.gateway_transport import GatewayAgents
+from gslcosim.runtime.distributed import protocol
+from gslcosim.runtime.distributed.protocol import MessageReceived, ProcessEnded
+from gslcosim.runtime.distributed.supervisor import RunEndedError, Supervisor
+from gslcosim.runtime.distributed.watchdog import RestartPolicy
+from gslcosim.runtime.network import Network
+from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.services import group_services, list_service_names
+from gslcosim.runtime.setup import RunSetup
+from gslcosim.scenario import load_scenario
+
+
+@pytest.fixture(scope="module")
+def loaded():
+    return load_scenario("tiny_room")
+
+
+@pytest.fixture(scope="module")
+def environment_dir(loaded):
+    return prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
+
+
+@pytest.fixture
+def events():
+    return queue.SimpleQueue()
+
+
+@pytest.fixture
+def supervisor(loaded, environment_dir, events, tmp_path):
+    scenario = loaded.scenario
+    setup = RunSetup(
+        run_dir=RunDir.create(tmp_path, name=scenario.name, seed=1),
+        scenario=scenario,
+        environment_dir=environment_dir,
+        environment=load_environment(environment_dir),
+    )
+    groups = group_services("separate", list_service_names(scenario))
+    gateway = GatewayAgents(setup, loaded.directory, Network(), events.put)
+    restarts = RestartPolicy(scenario, groups, lambda group, how: None)
+    return Supervisor(setup, InMemoryBus(InMemoryHub()), gateway, events, lambda status: None, groups, restarts)
+
+
+def fault_of(supervisor):
+    with pytest.raises(RunEndedError) as ended, Interruption() as interruption:
+        supervisor.await_all_ready(interruption)
+    return ended.value.fault
+
+
+def test_a_service_that_ends_by_itself_may_say_why_after_its_end_was_seen(supervisor, events):
+    """The operating system tells the end at once; the report comes over the bus, and may take longer on a busy machine.
+
+    It was lost in one of 770 tests: "ended with exit code 3", where the disk was full.
+    """
+    report = protocol.FaultReport(participant="recorder", tick=4, text="no space left on device")
+    late = threading.Timer(0.05, events.put, [MessageReceived(protocol.FAULT_KEY, report.to_bytes())])
+    events.put(ProcessEnded("recorder", "ended with exit code 3", is_by_itself=True))
+    late.start()
+    fault = fault_of(supervisor)
+    late.join(EVENT_S)
+    assert (fault.participant, fault.tick, fault.text) == ("recorder", 4, "no space left on device")
+
+
+@pytest.mark.parametrize(("how", "is_by_itself"), [("ended with exit code 3", True), ("was killed by SIGKILL", False)])
+def test_a_service_that_says_nothing_is_named_by_how_it_ended(supervisor, events, how, is_by_itself):
+    events.put(ProcessEnded("fields", how, is_by_itself=is_by_itself))
+    fault = fault_of(supervisor)
+    assert fault.participant == "fields"
+    assert fault.text.startswith(how)
