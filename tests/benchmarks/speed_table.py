@@ -29,6 +29,7 @@ FOLDER = Path(__file__).resolve().parent
 BLIND, ONE, QUIET, GROUPED = against.BLIND, against.ONE, against.QUIET, against.GROUPED
 TAPE = ["--set", "gas.tape=true"]
 N_AGENTS = 30
+N_CPU_TIMES = 3
 LIMITS = {"at least": lambda value, goal: value >= goal, "at most": lambda value, goal: value <= goal}
 
 
@@ -56,8 +57,9 @@ class Bench:
         return against.fly(code or self.today, self.runs_dir, [*BLIND, *arguments, *against.until(limit_s)]).speed
 
     def cpu_us(self, arguments: list[str], scenario: str = against.SCENARIO, code: against.Code | None = None) -> float:
-        """Return what a tick costs of the processors [us], start left out."""
-        return against.cpu_us_a_tick(code or self.today, self.runs_dir, [*BLIND, *arguments], scenario)[0]
+        """Return what a tick costs of the processors [us], start left out: the least of three, as others only add."""
+        flying = (code or self.today, self.runs_dir, [*BLIND, *arguments], scenario)
+        return min(against.cpu_us_a_tick(*flying)[0] for _ in range(N_CPU_TIMES))
 
     def swarm(self) -> str:
         """Return a scenario as the quickstart, with thirty of its agents."""
@@ -70,6 +72,7 @@ class Bench:
                 for i, start_m in enumerate([1.5 + 2 * (i % 6), 2.0 + 2.4 * (i // 6), 0.2] for i in range(N_AGENTS))
             ]
             found.write_text(yaml.safe_dump(tree))
+            against.fly(self.today, self.runs_dir, [*ONE, *against.until(against.SHORT_S)], str(found))
         return str(found)
 
 
@@ -274,8 +277,8 @@ def main() -> None:
         runs_dir = stack.enter_context(tempfile.TemporaryDirectory())
         today = against.Code(name="today", python=Path(sys.executable), folder=against.ROOT)
         bench = Bench(today, runs_dir, options.base, stack, options.peers_python)
-        for arguments in ([], ONE, GROUPED, [*ONE, *QUIET, *TAPE, *BLIND, *against.until(against.LONG_S)]):
-            against.fly(today, runs_dir, [*arguments, *against.until(against.SHORT_S)])  # fills the caches
+        for arguments in ([], ONE, GROUPED, [*ONE, *QUIET], [*ONE, *QUIET, *TAPE, *BLIND]):
+            against.fly(today, runs_dir, [*arguments, *against.until(against.LONG_S)])  # fills the caches
         if not options.json:
             print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, medians of {options.n}")  # noqa: T201
             print(f"{'':52}{'goal':>16}{'today':>9}{'':6}{'lowest-highest':>16}  foreign cores")  # noqa: T201

@@ -173,15 +173,20 @@ def load_report_data(results_dir: Path, mark: VerificationMark | None = None) ->
     table = folder.trial_table()
     mark = mark if mark is not None else find_mark(results_dir)
     entries = _entries(manifest, table, mark)
+    rows = _rows(table, entries)
+    tracks = folder.track_table(_TRACK_COLUMNS)
+    del table
+    # What decoding the files took goes back to the system.
+    pa.default_memory_pool().release_unused()
     return ReportData(
         folder=results_dir,
         name=str(manifest.get("suite") or results_dir.resolve().name),
         manifest=manifest,
         suite=_suite(folder.suite),
         entries=entries,
-        rows=_rows(table, entries),
+        rows=rows,
         maps=_maps(folder.read_json(folder.maps), folder.maps),
-        tracks=folder.track_table(_TRACK_COLUMNS),
+        tracks=tracks,
         mark=mark,
     )
 

@@ -340,14 +340,15 @@ def _groups(
 
 
 # A report asks for the same draws hundreds of times: of each method, by each figure that has a value in each trial.
-_MOST_KEPT_BYTES = 128_000_000
+_MOST_KEPT_BYTES = 80_000_000
 _kept: OrderedDict[bytes, list[np.ndarray]] = OrderedDict()
 
 
 def _drawn_once(tables: list[np.ndarray], seed: int, n_draws: int) -> Iterator[np.ndarray]:
     n_rows = sum(table.size for table in tables)
     dtype = np.min_scalar_type(max(n_rows - 1, 0))
-    if sum(_n_drawn(table) * table.shape[1] for table in tables) * n_draws * dtype.itemsize > _MOST_KEPT_BYTES:
+    n_bytes = sum(_n_drawn(table) * table.shape[1] for table in tables) * n_draws * dtype.itemsize
+    if n_bytes > _MOST_KEPT_BYTES:
         yield from _equal_clusters(tables, make_generator(seed), n_draws)
         return
     asked = hashlib.blake2b(repr((seed, n_draws, [table.shape for table in tables])).encode(), digest_size=16)
@@ -357,10 +358,9 @@ def _drawn_once(tables: list[np.ndarray], seed: int, n_draws: int) -> Iterator[n
     if key in _kept:
         _kept.move_to_end(key)
     else:
-        drawn = [rows.astype(dtype) for rows in _equal_clusters(tables, make_generator(seed), n_draws)]
-        _kept[key] = drawn
-        while sum(rows.nbytes for chunks in _kept.values() for rows in chunks) > _MOST_KEPT_BYTES:
+        while n_bytes + sum(rows.nbytes for chunks in _kept.values() for rows in chunks) > _MOST_KEPT_BYTES:
             _kept.popitem(last=False)
+        _kept[key] = [rows.astype(dtype) for rows in _equal_clusters(tables, make_generator(seed), n_draws)]
     for rows in list(_kept[key]):
         yield rows.astype(np.intp)
 

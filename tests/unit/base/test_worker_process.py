@@ -1,0 +1,84 @@
+"""Worker processes: tasks in any number of them, and what comes of one that dies."""
+
+import os
+import signal
+from pathlib import Path
+
+from gslcosim.base import worker_process
+from gslcosim.base.worker_process import WorkerProcess, list_descendants, run_tasks
+
+N_TASKS = 7
+
+
+def square(number):
+    return number * number, os.getpid()
+
+
+def die_at_three(number):
+    if number == 3:
+        print("no room for number 3", flush=True)  # noqa: T201
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def raise_at_one(number):
+    if number == 1:
+        raise RuntimeError("one is none")
+    return number
+
+
+def runs(pid):
+    """Whether a process is there and has not ended; who has ended may wait for its new parent to take note."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_every_task_has_a_result_of_a_worker():
+    results = {result.index: result for result in run_tasks(square, range(N_TASKS), 2)}
+    assert [results[i].value[0] for i in range(N_TASKS)] == [i * i for i in range(N_TASKS)]
+    workers = {result.value[1] for result in results.values()}
+    assert len(workers) == 2
+    assert os.getpid() not in workers
+
+
+def test_a_worker_that_dies_costs_its_task_and_is_replaced():
+    """With one worker the tasks after it need the next one."""
+    results = {result.index: result for result in run_tasks(die_at_three, range(N_TASKS), 1)}
+    assert {i for i, result in results.items() if result.failure} == {3}
+    assert results[3].failure == "its process was killed by SIGKILL. no room for number 3"
+    assert [results[i].value for i in range(N_TASKS) if i != 3] == [0, 1, 2, 4, 5, 6]
+
+
+def test_an_error_is_told_with_its_trace():
+    results = {result.index: result for result in run_tasks(raise_at_one, range(3), 2)}
+    assert "RuntimeError: one is none" in results[1].failure
+    assert results[2].value == 2
+
+
+def test_no_tasks_need_no_worker():
+    assert list(run_tasks(square, [], 2)) == []
+
+
+def test_workers_end_with_whoever_leaves_the_results():
+    results = run_tasks(square, range(N_TASKS), 1)
+    worker = next(results).value[1]
+    results.close()
+    assert not runs(worker)
+
+
+def test_a_worker_takes_what_it_has_started_along():
+    worker = WorkerProcess("worker_1", f"{worker_process.__name__}:_do_tasks")
+    worker.connection.send((_start_sleeper, None))
+    child = worker.connection.recv()
+    assert child in list_descendants(worker.pid)
+    worker.close()
+    assert not worker.is_running
+    assert not runs(child)
+
+
+def _start_sleeper(_):
+    import subprocess
+
+    return subprocess.Popen(["sleep", "600"]).pid
