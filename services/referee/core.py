@@ -108,10 +108,12 @@ class RefereeCore:
             # Here and not at the verdict: nobody waits for the referee now, at the end everybody does.
             starts_m = {name: bodies[name].position_world_m for name in self._names}
             self._run.shortest_m = {name: self._shortest_path_m(name, at_m) for name, at_m in starts_m.items()}
-        samples = cast(FieldSamples, inbox[keys.SAMPLES]).samples
+        samples: dict[str, list[MountSample]] = {case.name: [] for case in self._run.cases}
+        for sample in cast(FieldSamples, inbox[keys.SAMPLES]).samples:
+            samples.setdefault(sample.agent, []).append(sample)
         events = self._obey_events(tick, inbox)
         for case in self._run.cases:
-            events += self._judge(case, tick, bodies[case.name], samples, inbox)
+            events += self._judge(case, tick, bodies[case.name], samples[case.name], inbox)
         is_final = self._is_final(tick, events)
         score = _new_score(
             tick=tick,
@@ -169,8 +171,7 @@ class RefereeCore:
     ) -> list[RefereeEvent]:
         if case.outcome is not None:
             return []
-        own = [sample for sample in samples if sample.agent == case.name]
-        events = case.observe(tick, body, own, self._command_in_effect(case.name, tick, inbox))
+        events = case.observe(tick, body, samples, self._command_in_effect(case.name, tick, inbox))
         if case.outcome is not None:
             self._run.last_outcome = case.outcome
         return events

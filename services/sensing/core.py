@@ -148,6 +148,11 @@ class _AgentInstruments:
     def __post_init__(self) -> None:
         self.last = [None] * len(self.instruments)
 
+    @property
+    def sees_others(self) -> bool:
+        """True when an instrument measures by itself and not by samples of the fields: other vehicles may show in it."""
+        return any(instrument.is_on_board for instrument in self.instruments)
+
     def read(self, surroundings: Surroundings, samples: _Samples, tick: int) -> list[Reading]:
         readings = [instrument.look(surroundings, samples, tick) for instrument in self.instruments]
         if self.faults is not None:
@@ -242,7 +247,7 @@ class SensingCore:
         for agent, panel in self._panels.items():
             if agent not in bodies:
                 raise ModelError(f"sensing: expected a pose of vehicle {agent!r} in tick {tick}, was none.")
-            others = tuple(body for name, body in bodies.items() if name != agent)
+            others = tuple(body for name, body in bodies.items() if name != agent) if panel.sees_others else ()
             surroundings = Surroundings(bodies[agent], scene, others, images.get(agent, {}))
             readings = tuple(panel.read(surroundings, samples, tick))
             outbox[keys.observation(agent)] = self._observation(tick, bodies[agent], panel.pose, readings, traffic)

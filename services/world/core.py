@@ -323,6 +323,7 @@ class WorldCore:
         self._n_substeps = scenario.tick_ms // step_ms
         dt_s = step_ms * 1e-3
         self._scene = build_scene(environment, list(zip((a.name for a in self._agents), models, strict=True)), dt_s)
+        self._has_wheels = any(self._scene.is_rolling)
         self._data = mujoco.MjData(self._scene.model)
         self._constants = _build_constants(self._scene, self._agents, models, dt_s)
         self._door_geoms = DoorGeoms(environment, self._scene, doors)
@@ -401,7 +402,7 @@ class WorldCore:
         for vehicle in self._vehicles:
             vehicle.begin_tick()
         if tick == 0:
-            self._note_contacts()
+            self._note_contacts(b"")
             for vehicle in self._vehicles:
                 vehicle.stand()
         else:
@@ -467,7 +468,7 @@ class WorldCore:
     def _fly(self, tick: int) -> None:
         # As old as the gas: time 0 of the wind is when the sources open.
         frame = self._wind.at(self._warm_up_s + seconds_from_ticks(tick - 1, self._tick_ns))
-        i_substep = 0
+        i_substep, noted = 0, b""
         while i_substep < self._n_substeps:
             i_substep, i_unsound = run_substeps_inplace(
                 i_substep, self._n_substeps, tick, self._tick_ns / NS_PER_S, self._constants, self._states,
@@ -476,14 +477,19 @@ class WorldCore:
             if i_unsound >= 0:
                 raise ModelError(self._implausible_state_text(self._vehicles[i_unsound]))
             if self._data.ncon:
-                self._note_contacts()
+                noted = self._note_contacts(noted)
         for vehicle in self._vehicles:
             vehicle.end_tick(tick)
 
-    # What wheels stand on is no collision; what they run against is.
-    def _note_contacts(self) -> None:
+    # What wheels stand on is no collision; what they run against is. Whoever lies still touches the same things in each
+    # sub-step: without wheels it is enough to note them once in a tick.
+    def _note_contacts(self, noted: bytes) -> bytes:
         scene, contact = self._scene, self._data.contact
-        for i, (geom_a, geom_b) in enumerate(contact.geom.tolist()):
+        geoms = contact.geom
+        now = b"" if self._has_wheels else geoms.tobytes()
+        if now and now == noted:
+            return noted
+        for i, (geom_a, geom_b) in enumerate(geoms.tolist()):
             if (scene.is_rolling[geom_a] or scene.is_rolling[geom_b]) and abs(
                 contact.frame[i][2]
             ) > _MIN_SUPPORT_COSINE:
@@ -493,6 +499,7 @@ class WorldCore:
                 self._vehicles[agent_a].touch(scene.thing_of_geom[geom_b])
             if agent_b >= 0:
                 self._vehicles[agent_b].touch(scene.thing_of_geom[geom_a])
+        return now
 
     def _implausible_state_text(self, vehicle: SimulatedVehicle) -> str:
         return (

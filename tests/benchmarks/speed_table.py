@@ -33,6 +33,12 @@ N_CPU_TIMES = 3
 LIMITS = {"at least": lambda value, goal: value >= goal, "at most": lambda value, goal: value <= goal}
 
 
+def place_of(i: int) -> dict[str, object]:
+    """Return where one of thirty vehicles starts and searches, so that nearly all fly on to the end."""
+    start_m = [1.5 + 2 * (i % 6), 2.0 + 2.4 * (i // 6), 0.2]
+    return {"start_m": start_m, "search_height_m": round(0.8 + 0.22 * i, 2), "separation_m": 0.8}
+
+
 @dataclass
 class Bench:
     """What rows measure with: today's code, the base's where a row asks for it, and a folder for runs."""
@@ -68,8 +74,8 @@ class Bench:
             tree = yaml.safe_load((FOLDER.parents[1] / "scenarios" / f"{against.SCENARIO}.yaml").read_text())
             (agent,) = tree["agents"]
             tree["agents"] = [
-                {**agent, "name": f"beetle_{i}", "vehicle": {**agent["vehicle"], "start_m": start_m}}
-                for i, start_m in enumerate([1.5 + 2 * (i % 6), 2.0 + 2.4 * (i // 6), 0.2] for i in range(N_AGENTS))
+                {**agent, "name": f"beetle_{i}", "vehicle": {**agent["vehicle"], **place_of(i)}}
+                for i in range(N_AGENTS)
             ]
             found.write_text(yaml.safe_dump(tree))
             against.fly(self.today, self.runs_dir, [*ONE, *against.until(against.SHORT_S)], str(found))
