@@ -150,7 +150,7 @@ class _AgentInstruments:
 
     @property
     def sees_others(self) -> bool:
-        """True when an instrument measures by itself and not by samples of the fields: other vehicles may show in it."""
+        """True when an instrument measures by itself, not by samples of the fields: other vehicles may show in it."""
         return any(instrument.is_on_board for instrument in self.instruments)
 
     def read(self, surroundings: Surroundings, samples: _Samples, tick: int) -> list[Reading]:
