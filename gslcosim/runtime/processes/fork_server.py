@@ -4,7 +4,7 @@ It has one thread. It reads requests, one JSON object a line, from a socket that
 `{"started": name, "pid": n}` and `{"ended": name, "code": n}`. It holds nothing of a run: what a process is given comes
 with its request and exists in the fork alone. At the end of the requests it ends what is left.
 
-`ForkServer` starts one and asks it for processes; `serve_requests` is the server itself. What forks do is not known
+`ForkServer` starts one and asks it for processes; `serve_forks` is the server itself. What forks do is not known
 here: whoever serves hands it in.
 """
 
