@@ -105,7 +105,7 @@ def parse(parser: Parser, commands: Sequence[Command], words: Sequence[str]) -> 
         )
     arguments, unknown = parser.parse_known_args(_joined(words))
     if unknown:
-        raise UsageError(_unknown_words(parser, arguments.command, unknown))
+        raise UsageError(_unknown_words(parser, words, unknown))
     arguments.command_line = tuple(words)
     return arguments
 
@@ -136,19 +136,22 @@ def parse_positive_number(text: str) -> int:
     return number
 
 
-def _unknown_words(parser: Parser, command: str | None, unknown: list[str]) -> str:
-    program = f"{parser.prog} {command}" if command else parser.prog
+def _unknown_words(parser: Parser, words: Sequence[str], unknown: list[str]) -> str:
+    chosen = _parser_of(parser, words)
     option = next((word for word in unknown if word.startswith("-")), None)
     if option is None:
-        return f"{program}: expected no further words, was '{' '.join(unknown)}'. See {program} --help."
+        return f"{chosen.prog}: expected no further words, was '{' '.join(unknown)}'. See {chosen.prog} --help."
     name = option.partition("=")[0]
-    known = sorted(_options_of(parser, command))
-    return f"{program}: expected one of the options {', '.join(known)}, was '{name}'.{_hint(name, known)}"
+    known = sorted({text for action in chosen._actions for text in action.option_strings if text[:2] == "--"})
+    return f"{chosen.prog}: expected one of the options {', '.join(known)}, was '{name}'.{_hint(name, known)}"
 
 
-def _options_of(parser: Parser, command: str | None) -> set[str]:
-    chosen = command_parsers(parser)[command] if command else parser
-    return {text for action in collect_actions(chosen) for text in action.option_strings if text.startswith("--")}
+# The innermost command that the words name, such as `bench run`.
+def _parser_of(parser: argparse.ArgumentParser, words: Sequence[str]) -> argparse.ArgumentParser:
+    for word in words:
+        if word in (below := command_parsers(parser)):
+            parser = below[word]
+    return parser
 
 
 def collect_actions(parser: argparse.ArgumentParser) -> list[argparse.Action]:
@@ -159,9 +162,9 @@ def collect_actions(parser: argparse.ArgumentParser) -> list[argparse.Action]:
 
 
 def command_parsers(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    """Return the parsers of the commands by name."""
+    """Return the parsers of the commands that a parser has, by name."""
     actions = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
-    return dict(actions[0].choices)
+    return dict(actions[0].choices) if actions else {}
 
 
 def _hint(word: str, known: Sequence[str]) -> str:

@@ -34,6 +34,12 @@ def options_of(name):
         (["vladiate", "x"], f"gslcosim: expected one of the commands {ALL}, was "
          "'vladiate'. Did you mean validate?"),
         (["zzz"], f"gslcosim: expected one of the commands {ALL}, was 'zzz'."),
+        (
+            ["bench", "run", "smoke", "--out", "x"],
+            "gslcosim bench run: expected one of the options --filter, --help, --jobs, --json, --no-report, --only, "
+            "--ray, --results, --retry, --seed, was '--out'. Did you mean --results?",
+        ),
+        (["--foo"], "gslcosim: expected one of the options --help, --version, was '--foo'."),
         (["up", "x", "--sed", "3"], "gslcosim up: expected one of the options --elsewhere, --help, --in-process, "
          "--insecure, --join-dir, --json, --lease-s, "
          "--listen, --live, --no-services, --pace, --processes, --quiet, --runs-dir, --seed, --serve, --set, "
