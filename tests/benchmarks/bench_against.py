@@ -249,9 +249,9 @@ def until(limit_s: int) -> list[str]:
     return ["--set", f"referee.stop.time_limit_s={limit_s}"]
 
 
-def cpu_us_a_tick(code: Code, runs_dir: str, arguments: list[str], scenario: str = SCENARIO) -> tuple[float, Flown]:
+def cpu_us_a_tick(code: Code, runs_dir: str, arguments: list[str]) -> tuple[float, Flown]:
     """Return what a tick costs, and the long run."""
-    short, long = (fly(code, runs_dir, [*arguments, *until(limit_s)], scenario) for limit_s in (SHORT_S, LONG_S))
+    short, long = (fly(code, runs_dir, [*arguments, *until(limit_s)]) for limit_s in (SHORT_S, LONG_S))
     n_ticks = long.result["ticks"] - short.result["ticks"]
     return 1e6 * (long.cpu_s - short.cpu_s) / n_ticks, long
 
