@@ -1,4 +1,4 @@
-"""Two processes of a run pass 200 bytes to and fro over its bus, and two over a unix datagram; prints both as JSON.
+"""Two processes of a run send each other 200 bytes over its bus, and two by unix datagrams; prints both as JSON.
 
     python tests/benchmarks/peers/bare_hop.py --n 5000
 
