@@ -353,7 +353,7 @@ def _drawn_once(tables: list[np.ndarray], seed: int, n_draws: int) -> Iterator[n
         return
     asked = hashlib.blake2b(repr((seed, n_draws, [table.shape for table in tables])).encode(), digest_size=16)
     for table in tables:
-        asked.update(np.ascontiguousarray(table, dtype=np.int64))
+        asked.update(table.astype(np.int64).tobytes())
     key = asked.digest()
     if key in _kept:
         _kept.move_to_end(key)
