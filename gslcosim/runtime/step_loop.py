@@ -158,6 +158,10 @@ class StepLoop:
         self.steppers = tuple(
             Stepper(core, dataflow) if policy is None else policy.stepper(core, dataflow) for core in cores
         )
+        # Looked for once: it is asked for whenever a process waits, and looking takes longer than a step's bookkeeping.
+        self._prefetchers = tuple(
+            (stepper, stepper.core.prefetch) for stepper in self.steppers if isinstance(stepper.core, SupportsPrefetch)
+        )
         self.acting = self.steppers[0]
         self._readers = {
             port: [stepper for stepper in self.steppers if any(read.port == port for read in stepper.spec.reads)]
@@ -286,9 +290,9 @@ class StepLoop:
 
     def prefetch(self) -> bool:
         """Let one of the cores do what it can without its inputs; return whether there was anything to do."""
-        for stepper in self.steppers:
+        for stepper, prefetch in self._prefetchers:
             self.acting = stepper
-            if isinstance(stepper.core, SupportsPrefetch) and stepper.core.prefetch():
+            if prefetch():
                 return True
         return False
 
