@@ -1,4 +1,4 @@
-"""Start of a process: the one way in which programs of a run, workers and tools are started."""
+"""Start of a process: the one way in which programs of a run and workers are started."""
 
 import contextlib
 import os

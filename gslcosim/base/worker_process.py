@@ -113,7 +113,7 @@ class WorkerProcess:
 
 @dataclass(frozen=True, kw_only=True)
 class TaskResult:
-    """What came of a task: what the function returned, or why the worker ended before."""
+    """Result of a task: what the function returned, or why the worker ended before."""
 
     index: int
     value: Any = None

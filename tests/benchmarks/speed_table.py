@@ -41,7 +41,7 @@ def place_of(i: int) -> dict[str, object]:
 
 @dataclass
 class Bench:
-    """What rows measure with: today's code, the base's where a row asks for it, and a folder for runs."""
+    """Means of the rows: today's code, the base's where a row asks for it, and a folder for runs."""
 
     today: against.Code
     runs_dir: str

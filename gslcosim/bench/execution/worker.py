@@ -1,4 +1,4 @@
-"""What a worker process of a pool does: one job after the other."""
+"""Work of a worker process of a pool: one job after the other."""
 
 import time
 import traceback

@@ -298,7 +298,7 @@ def iterate_row_draws(
     if isinstance(seed, np.random.Generator):
         yield from _equal_clusters(tables, seed, n_draws)
     else:
-        yield from _drawn_once(tables, seed, n_draws)
+        yield from _draw_cached(tables, seed, n_draws)
 
 
 def degrees_of_freedom(n: int, *, strata: np.ndarray | None = None, clusters: np.ndarray | None = None) -> int:
@@ -340,28 +340,28 @@ def _groups(
 
 
 # A report asks for the same draws hundreds of times: of each method, by each figure that has a value in each trial.
-_MOST_KEPT_BYTES = 80_000_000
-_kept: OrderedDict[bytes, list[np.ndarray]] = OrderedDict()
+_MAX_CACHE_BYTES = 80_000_000
+_draw_cache: OrderedDict[bytes, list[np.ndarray]] = OrderedDict()
 
 
-def _drawn_once(tables: list[np.ndarray], seed: int, n_draws: int) -> Iterator[np.ndarray]:
+def _draw_cached(tables: list[np.ndarray], seed: int, n_draws: int) -> Iterator[np.ndarray]:
     n_rows = sum(table.size for table in tables)
     dtype = np.min_scalar_type(max(n_rows - 1, 0))
     n_bytes = sum(_n_drawn(table) * table.shape[1] for table in tables) * n_draws * dtype.itemsize
-    if n_bytes > _MOST_KEPT_BYTES:
+    if n_bytes > _MAX_CACHE_BYTES:
         yield from _equal_clusters(tables, make_generator(seed), n_draws)
         return
     asked = hashlib.blake2b(repr((seed, n_draws, [table.shape for table in tables])).encode(), digest_size=16)
     for table in tables:
         asked.update(table.astype(np.int64).tobytes())
     key = asked.digest()
-    if key in _kept:
-        _kept.move_to_end(key)
+    if key in _draw_cache:
+        _draw_cache.move_to_end(key)
     else:
-        while n_bytes + sum(rows.nbytes for chunks in _kept.values() for rows in chunks) > _MOST_KEPT_BYTES:
-            _kept.popitem(last=False)
-        _kept[key] = [rows.astype(dtype) for rows in _equal_clusters(tables, make_generator(seed), n_draws)]
-    for rows in list(_kept[key]):
+        while n_bytes + sum(rows.nbytes for chunks in _draw_cache.values() for rows in chunks) > _MAX_CACHE_BYTES:
+            _draw_cache.popitem(last=False)
+        _draw_cache[key] = [rows.astype(dtype) for rows in _equal_clusters(tables, make_generator(seed), n_draws)]
+    for rows in list(_draw_cache[key]):
         yield rows.astype(np.intp)
 
 

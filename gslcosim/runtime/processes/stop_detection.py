@@ -48,7 +48,7 @@ def is_stopped(pid: int) -> bool:
     It counts as stopped, too, when its only child is: a launcher, such as a sandbox, just waits for what it has
     started. A process that a debugger holds is not stopped.
     """
-    return any(_read_state(each) == _STOPPED_STATE for each in _read_stat(pid))
+    return any(_read_state(each) == _STOPPED_STATE for each in _follow_only_children(pid))
 
 
 def is_stopped_itself(pid: int) -> bool:
@@ -120,14 +120,14 @@ class StopMonitor:
 # A launcher's child that was stopped at its beginning may not have been told yet to end with the launcher, and a
 # process that has just begun leads no group.
 def _kill(pid: int) -> None:
-    for each in reversed(_read_stat(pid)):
+    for each in reversed(_follow_only_children(pid)):
         for kill in (os.killpg, os.kill):
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 kill(each, signal.SIGKILL)
 
 
 # A process, its only child, the only child of that.
-def _read_stat(pid: int) -> list[int]:
+def _follow_only_children(pid: int) -> list[int]:
     line = [pid]
     while len(line) <= _MAX_LAUNCHER_DEPTH and len(children := _list_children(line[-1])) == 1:
         line += children

@@ -4,6 +4,7 @@ import json
 import sys
 
 import pytest
+from deadlines import has_ended
 
 from gslcosim.base.errors import SimulationFault, UsageError
 from gslcosim.runtime.network import JoinFile
@@ -66,3 +67,12 @@ def test_tokens_of_the_user_do_not_reach_the_program(joined, monkeypatch, fields
     monkeypatch.setenv("LC_TIME", "C")
     reads = "import os; assert 'A_TOKEN' not in os.environ and os.environ['LC_TIME'] == 'C'"
     join_as_agent(joined(fields), [sys.executable, "-c", reads], say=lambda text: None)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the end of a process of others is seen on Linux")
+def test_what_a_program_has_started_ends_with_it(joined, tmp_path):
+    """It went on alone, on a host where nobody looked for it."""
+    number = tmp_path / "number"
+    starts = f"import subprocess; print(subprocess.Popen(['sleep', '600']).pid, file=open({str(number)!r}, 'w'))"
+    join_as_agent(joined(AGENT), [sys.executable, "-c", starts], say=lambda text: None)
+    assert has_ended(int(number.read_text()))

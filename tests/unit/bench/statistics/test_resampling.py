@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from gslcosim.bench.statistics import estimates
 from gslcosim.bench.statistics.estimates import bootstrap, iterate_row_draws
 
 
@@ -75,3 +76,16 @@ def test_one_row_of_each_stratum_gives_no_interval():
     assert (ours.value, ours.n) == (1.0, 3)
     assert np.isnan([ours.low, ours.high]).all()
     assert np.isnan(bootstrap(6, lambda rows: rows.mean(axis=1), clusters=np.zeros(6)).low)
+
+
+def test_draws_that_are_asked_for_again_are_those_of_the_first_time(monkeypatch):
+    """They are kept within a limit of memory; what is kept, dropped, or never kept is the same to the bit."""
+    asked = [{"n": 40}, {"n": 40, "strata": np.arange(40) % 4}, {"n": 300}, {"n": 40, "seed": 5}]
+    monkeypatch.setattr(estimates, "_MAX_CACHE_BYTES", 0)
+    alone = [drawn(**words) for words in asked]
+    # Room for one of the small ones, or for the large one.
+    monkeypatch.setattr(estimates, "_MAX_CACHE_BYTES", 200_000)
+    again = [[drawn(**words) for words in asked] for _ in range(2)]
+    assert len(estimates._draw_cache) > 0
+    assert all(np.array_equal(found, kept) for turn in again for found, kept in zip(alone, turn, strict=True))
+    assert len({found.tobytes() for found in alone}) == len(asked)
