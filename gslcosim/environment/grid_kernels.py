@@ -3,14 +3,14 @@
 """Occupancy of cells, and kernels on a grid: flood fill, rays from border to border, wind at a point."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.environment.model import LAYOUT_PATH, Cell, GeometryPlan, Grid, Opening, point_text
-from gslcosim.environment.openings import cells_at, voxelize
+from gslcosim.environment.openings import FACES, Face, cells_at, voxelize
 from gslcosim.scenario.problems import Problem
 
 SOLID = 1
@@ -266,6 +266,42 @@ def find_reachable_cells(is_open: NDArray[np.bool_], openings: Sequence[Opening]
     for opening in openings:
         is_seed[cells_at(opening, grid)] = True
     return reachable_cells(is_open, np.argwhere(is_seed & is_open))
+
+
+def group_opening_cells(occupancy: NDArray[np.uint8]) -> Iterator[tuple[NDArray[np.bool_], Face | None]]:
+    """Yield each connected group of opening cells, with the face of the grid that most of it touches, if any.
+
+    Args:
+        occupancy: (nx, ny, nz) of `Cell`.
+
+    Yields:
+        ((nx, ny, nz) True in the group, its face).
+    """
+    left = occupancy == Cell.OUTLET
+    while left.any():
+        group = reachable_cells(left, np.argwhere(left)[:1])
+        left &= ~group
+        areas = {face: int(np.take(group, -1 if face.is_upper else 0, axis=face.axis).sum()) for face in FACES}
+        face = max(areas, key=lambda face: areas[face])
+        yield group, face if areas[face] else None
+
+
+def find_air_cells(occupancy: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Return the cells that air passes through: (nx, ny, nz), all that are not solid, and what openings enclose.
+
+    GADEN's preprocessing marks the hull of an opening and leaves what the hull encloses solid, so that all air would
+    leave through the rim. Cells between an opening's own and the face that it lies on are therefore air.
+
+    Args:
+        occupancy: (nx, ny, nz) of `Cell`.
+    """
+    is_air = occupancy != Cell.SOLID
+    for group, face in group_opening_cells(occupancy):
+        if face is not None:
+            outward = slice(None) if face.is_upper else slice(None, None, -1)
+            lines = np.moveaxis(group, face.axis, 0)[outward]
+            is_air |= np.moveaxis(np.logical_or.accumulate(lines, axis=0)[outward], 0, face.axis)
+    return is_air
 
 
 def find_occupancy_problems(plan: GeometryPlan) -> list[Problem]:

@@ -329,8 +329,8 @@ def _load_header(folder: Path) -> _Header:
         text = read_regular_file(path, max_bytes=_MAX_HEADER_BYTES).decode()
         _check_nesting(text)
         values = yaml.load(text, Loader=_YAML_LOADER)
-    # Numbers of thousands of digits and dates that there are not are no YAMLError.
-    except (OSError, yaml.YAMLError, ValueError, RecursionError) as error:
+    # Numbers of thousands of digits, dates that there are not and empty numbers (`!!int ""`) are no YAMLError.
+    except (OSError, yaml.YAMLError, ValueError, LookupError, AttributeError, RecursionError) as error:
         raise EnvironmentDataError(f"{HEADER_FILE}: expected YAML, was {error}.\nFile: {path}") from error
     if not isinstance(values, dict) or values.get("format") != FORMAT:
         found = repr(values.get("format")) if isinstance(values, dict) else type(values).__name__

@@ -232,6 +232,9 @@ class FlowSolver:
         if initial_velocity is not None:
             speed = max(speed, *(float(np.abs(a).max()) for a in initial_velocity))
         self.reference_speed_m_s = speed or 1.0
+        # Of air at rest, which could take a step of any length. The speeds a flow begins with do not limit it later:
+        # one from larger cells may be many times too fast where few of these lead to an outlet.
+        self._least_speed_m_s = domain.reference_speed_m_s or self.reference_speed_m_s
         self._tolerance_m_s = tolerance * self.reference_speed_m_s
         self.project_tightly()
 
@@ -338,7 +341,7 @@ class FlowSolver:
     # would magnify what the pressure solve leaves.
     def _time_step(self, survey: _Survey, remaining_s: float) -> float:
         cell_m = self.domain.cell_m
-        limit_s = min(self.max_step_s, self.courant * cell_m / max(survey.speed_m_s, self.reference_speed_m_s))
+        limit_s = min(self.max_step_s, self.courant * cell_m / max(survey.speed_m_s, self._least_speed_m_s))
         if survey.viscosity_m2_s > 0:
             limit_s = min(limit_s, _VISCOUS_LIMIT * cell_m**2 / survey.viscosity_m2_s)
         return remaining_s / math.ceil(remaining_s / limit_s) if remaining_s < 2 * limit_s else limit_s

@@ -37,7 +37,7 @@ from gslcosim.environment.formats.data_files import (
     read_occupancy,
 )
 from gslcosim.environment.formats.wind_files import NoWindWarning, load_wind
-from gslcosim.environment.grid_kernels import reachable_cells
+from gslcosim.environment.grid_kernels import group_opening_cells
 from gslcosim.environment.model import (
     Cell,
     Environment,
@@ -48,7 +48,7 @@ from gslcosim.environment.model import (
     closing_boxes,
     with_wind,
 )
-from gslcosim.environment.openings import FACES, Face, boxes_from_solid
+from gslcosim.environment.openings import Face, boxes_from_solid
 
 # The walls are part of the grid or lie at its border; these close the openings, so that no vehicle leaves the room.
 _CLOSING_WALL_M = 0.2
@@ -74,7 +74,7 @@ def geometry_from_grid(
         grid=grid,
         occupancy=occupancy,
         boxes=(*closing_boxes(grid.origin_m, grid.max_m, _CLOSING_WALL_M), *solids),
-        openings=_openings_of(occupancy == Cell.OUTLET, grid, "x_min" if has_inlet_at_x_min else None),
+        openings=_find_openings(occupancy, grid, "x_min" if has_inlet_at_x_min else None),
         notices=(NOTICE,),
     )
 
@@ -99,25 +99,15 @@ def load_geometry_with_wind(
     return with_wind(room, WindFrames(velocity_m_s=still))
 
 
-# One opening per connected group of cells, laid on the face of the grid that most of it touches.
-def _openings_of(is_opening: NDArray[np.bool_], grid: Grid, inlet_face: str | None) -> tuple[Opening, ...]:
-    left = is_opening.copy()
+# One opening per connected group of cells that reaches a face.
+def _find_openings(occupancy: NDArray[np.uint8], grid: Grid, inlet_face: str | None) -> tuple[Opening, ...]:
     openings: list[Opening] = []
-    while left.any():
-        group = reachable_cells(left, np.argwhere(left)[:1])
-        left &= ~group
-        face = _face_of(group)
+    for group, face in group_opening_cells(occupancy):
         if face is not None:
             kind = "inlet" if face.name == inlet_face else "outlet"
             min_m, max_m = _rectangle(np.argwhere(group), grid, face)
             openings.append(Opening(name=f"{kind}_{len(openings)}", kind=kind, min_m=min_m, max_m=max_m))
     return tuple(openings)
-
-
-def _face_of(group: NDArray[np.bool_]) -> Face | None:
-    areas = {face: int(np.take(group, -1 if face.is_upper else 0, axis=face.axis).sum()) for face in FACES}
-    face = max(areas, key=lambda face: areas[face])
-    return face if areas[face] else None
 
 
 def _rectangle(cells: NDArray[np.int64], grid: Grid, face: Face) -> tuple[Vec3, Vec3]:

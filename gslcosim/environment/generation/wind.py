@@ -16,6 +16,7 @@ from gslcosim.base.errors import EnvironmentDataError, FlowError, ScenarioError
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.formats.wind_files import NoWindWarning, load_wind
 from gslcosim.environment.geometry_source import load_imported_environment, wind_file
+from gslcosim.environment.grid_kernels import find_air_cells
 from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid, Opening, WindFrames
 from gslcosim.flow.openfoam import solve_wind_openfoam
 from gslcosim.scenario.models.scenario import EnvironmentSpec
@@ -189,14 +190,14 @@ def _solved(room: EnvironmentGeometry, wind: WindSpec, progress: Progress) -> So
         save_from_s=wind.save_from_s,
     )
     notices = () if report.settling is None else (f"The wind has {report.settling}.",)
-    return SolvedWind(frames=_frames_of(report, wind), report=report, notices=notices)
+    return SolvedWind(frames=_frames_of(report, room, wind), report=report, notices=notices)
 
 
 def _by_openfoam(room: EnvironmentGeometry, wind: WindSpec, progress: Progress) -> SolvedWind:
     assert wind.end_time_s is not None, "the scenario's model asks for it"
     text = "Solving the wind with OpenFOAM"
     velocity_m_s = _posed(solve_wind_openfoam, room, wind, lambda fraction: progress(text, fraction))()
-    return SolvedWind(frames=WindFrames(velocity_m_s=velocity_m_s[np.newaxis]))
+    return SolvedWind(frames=WindFrames(velocity_m_s=_still_in_solids(velocity_m_s[np.newaxis], room)))
 
 
 # Inputs of both solvers.
@@ -205,7 +206,7 @@ def _posed(
 ) -> Callable[..., _Solution]:
     return partial(
         solve,
-        room.occupancy != Cell.SOLID,
+        find_air_cells(room.occupancy),
         room.grid.cell_m,
         build_patches(room, wind),
         end_time_s=wind.end_time_s,
@@ -216,7 +217,14 @@ def _posed(
     )
 
 
-def _frames_of(report: flow.WindReport, wind: WindSpec) -> WindFrames:
+def _frames_of(report: flow.WindReport, room: EnvironmentGeometry, wind: WindSpec) -> WindFrames:
     if report.frames_m_s is None or wind.save_every_s is None:
-        return WindFrames(velocity_m_s=report.velocity_m_s[np.newaxis])
-    return WindFrames(velocity_m_s=report.frames_m_s, period_s=wind.save_every_s, is_looping=wind.loops)
+        return WindFrames(velocity_m_s=_still_in_solids(report.velocity_m_s[np.newaxis], room))
+    frames_m_s = _still_in_solids(report.frames_m_s, room)
+    return WindFrames(velocity_m_s=frames_m_s, period_s=wind.save_every_s, is_looping=wind.loops)
+
+
+# Air leaves through cells that an opening encloses, but the room has them solid. In place.
+def _still_in_solids(frames_m_s: NDArray[np.float32], room: EnvironmentGeometry) -> NDArray[np.float32]:
+    frames_m_s[:, room.occupancy == Cell.SOLID] = 0
+    return frames_m_s

@@ -191,7 +191,10 @@ def test_a_header_of_another_format_is_named(saved):
     assert "expected format: gslcosim/environment/1, was 'gslcosim/environment/9'" in refusal(saved)
 
 
-@pytest.mark.parametrize("text", ["", "- 1\n", "a: [", "\tx: 1", "\x00", "a: 2001-99-99", f"a: {'9' * 5000}"])
+@pytest.mark.parametrize(
+    "text",
+    ["", "- 1\n", "a: [", "\tx: 1", "\x00", "a: 2001-99-99", f"a: {'9' * 5000}", 'a: !!int ""', 'a: !!timestamp ""'],
+)
 def test_a_header_that_is_no_mapping_is_named(saved, text):
     (saved / "environment.yaml").write_text(text)
     assert "environment.yaml: expected" in refusal(saved)

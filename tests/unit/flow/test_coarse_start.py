@@ -36,6 +36,33 @@ def test_a_room_on_coarse_cells_has_half_as_many_and_its_openings():
     assert (outlet.is_high, outlet.n_cells) == (True, 3)
 
 
+def test_an_inlet_that_loses_its_rim_on_coarse_cells_brings_the_same_momentum():
+    inlet = Inlet(min_m=(0, 0.25, 0), max_m=(0, 1.5, 0.5), velocity_m_s=(1, 0, 0))
+    room = AIR.copy()
+    room[0, :1] = room[0, 6:] = False  # the wall beside it, a cell thick
+    fine = build_domain(room, CELL_M, [inlet, OUTLET])
+    coarse = coarsen_domain(fine)
+    assert coarse.inlets[0].n_cells * 4 < fine.inlets[0].n_cells
+    before_m4_s2, after_m4_s2 = (
+        sum(p.n_cells * domain.cell_m**2 * p.inflow.typical_speed_m_s**2 for p in domain.inlets)
+        for domain in (fine, coarse)
+    )
+    assert after_m4_s2 == pytest.approx(before_m4_s2)
+
+
+def test_a_flow_that_was_too_fast_on_coarse_cells_does_not_shorten_the_steps_after_it():
+    domain = build_domain(AIR, CELL_M, [INLET, OUTLET])
+    calm, hasty = ([a.copy() for a in solver_on(domain, 1.0).velocity] for _ in range(2))
+    hasty[0][LOW + 7, LOW + 5, LOW + 3] = 40.0
+    steps_s = []
+    for velocity in (calm, hasty):
+        solver = FlowSolver(domain, make_model("k_epsilon", domain, 1.5e-5), initial_velocity=tuple(velocity))
+        while solver.time_s < 3.0:
+            record = solver.step(until_s=10.0)
+        steps_s.append(record.dt_s)
+    assert steps_s[1] == pytest.approx(steps_s[0], rel=0.2)
+
+
 def test_walls_one_cell_thick_stay_closed_and_doors_open():
     room = AIR.copy()
     room[7] = False

@@ -10,6 +10,7 @@ import pytest
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.environment.formats.environment_folders import import_gsl_bench, load_gsl_bench_geometry
 from gslcosim.environment.formats.wind_files import NoWindWarning
+from gslcosim.environment.grid_kernels import find_air_cells
 from gslcosim.environment.model import Cell
 from gslcosim.environment.openings import voxelize
 from gslcosim.environment.store import load_environment, save_environment
@@ -141,3 +142,16 @@ def test_a_room_among_others_is_named_by_its_head(folder):
     environment = import_gsl_bench(folder / "occupancy" / "other_head.txt")
     assert environment.name == "other"
     assert (environment.wind.velocity_m_s == 2.0).all()
+
+
+def test_air_leaves_through_what_the_hull_of_an_outlet_encloses():
+    """GADEN's preprocessing leaves the inside of a hull solid; the published rooms have such an outlet."""
+    codes = np.zeros((8, 7, 5), np.uint8)
+    codes[0] = codes[-1] = Cell.SOLID
+    codes[0, 2:4, :2] = codes[1, 2:4, :2] = Cell.OUTLET
+    codes[-2:, 2:6, :4] = Cell.OUTLET
+    codes[-1, 3:5, 1:3] = Cell.SOLID
+    is_air = find_air_cells(codes)
+    assert is_air[-1, 2:6, :4].all()
+    assert (is_air.sum(axis=(1, 2))[[0, -1]] == (4, 16)).all()
+    assert (is_air[1:-1] == (codes[1:-1] != Cell.SOLID)).all()
