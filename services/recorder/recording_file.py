@@ -8,6 +8,7 @@ import os
 import sys
 import threading
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -152,6 +153,16 @@ TICK_TIMELINE = "tick"
 TIME_TIMELINE = "sim_time"
 
 
+# Most entities have rows at the same ticks.
+@lru_cache(maxsize=8)
+def _time_columns(ticks: tuple[int, ...], tick_ns: int) -> tuple[rr.TimeColumn, rr.TimeColumn]:
+    tick_column = np.array(ticks, dtype=np.int64)
+    return (
+        rr.TimeColumn(TICK_TIMELINE, sequence=tick_column),
+        rr.TimeColumn(TIME_TIMELINE, duration=(tick_column * tick_ns).astype("timedelta64[ns]")),
+    )
+
+
 class RecordingFile:
     """A recording on disk with two timelines: `tick` (whole ticks) and `sim_time` (a duration).
 
@@ -218,12 +229,9 @@ class RecordingFile:
             columns: Columns of the same length.
         """
         self.check()
-        tick_column = np.array(ticks, dtype=np.int64)
-        times = (
-            rr.TimeColumn(TICK_TIMELINE, sequence=tick_column),
-            rr.TimeColumn(TIME_TIMELINE, duration=(tick_column * self._tick_ns).astype("timedelta64[ns]")),
+        rr.send_columns(
+            entity, _time_columns(tuple(ticks), self._tick_ns), columns, recording=self._stream, strict=True
         )
-        rr.send_columns(entity, times, columns, recording=self._stream, strict=True)
 
     def send_chunks(self, chunks: Iterable[Chunk]) -> None:
         """Write rows of other recordings as they are."""
