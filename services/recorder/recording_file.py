@@ -27,6 +27,8 @@ if sys.platform != "win32":
 # A writer that is ahead by more than this waits.
 _PIPE_BYTES = 1 << 20
 _CHUNK_BYTES = 1 << 18
+# Rerun writes a chunk in several pieces: woken for each, the copying thread would take longer than the copying.
+_GATHER_S = 0.01
 # Whoever opens a file of these folders opens the pipe of that descriptor.
 _DESCRIPTOR_FOLDER = next((folder for folder in ("/proc/self/fd", "/dev/fd") if Path(folder).is_dir()), None)
 _DISABLE_REMEDY = "Or do without the recording: --set recording.enabled=false."
@@ -50,6 +52,8 @@ class PipedFile:
         self._n_bytes = 0
         self._failure: str | None = None
         self._is_complete = False
+        # Set while somebody waits until all is in the file.
+        self._is_awaited = threading.Event()
         # Held while bytes are on their way from the pipe to the file.
         self._moved = threading.Condition()
         try:
@@ -89,8 +93,10 @@ class PipedFile:
         Raises:
             RecordingWriteError: the machine has refused to write.
         """
+        self._is_awaited.set()
         with self._moved:
             self._moved.wait_for(lambda: self._is_complete or self._failure is not None or self._n_waiting() == 0)
+        self._is_awaited.clear()
         self.check()
 
     def close(self) -> None:
@@ -99,6 +105,7 @@ class PipedFile:
         Raises:
             RecordingWriteError: the machine has refused to write.
         """
+        self._is_awaited.set()
         self._copier.join()
         self.check()
 
@@ -112,10 +119,14 @@ class PipedFile:
             return
         waiting = select.poll()
         waiting.register(self._pipe, select.POLLIN)
+        has_more = False
         while not self._is_complete:
             waiting.poll()
+            if not has_more:
+                self._is_awaited.wait(_GATHER_S)
             with self._moved:
                 data = os.read(self._pipe, _CHUNK_BYTES)
+                has_more = len(data) == _CHUNK_BYTES
                 self._is_complete = not data
                 if self._is_complete:
                     self._close()
