@@ -8,6 +8,7 @@ import os
 import sys
 import threading
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,8 @@ if sys.platform != "win32":
 # A writer that is ahead by more than this waits.
 _PIPE_BYTES = 1 << 20
 _CHUNK_BYTES = 1 << 18
+# Rerun writes a chunk in several pieces: woken for each, the copying thread would take longer than the copying.
+_GATHER_S = 0.01
 # Whoever opens a file of these folders opens the pipe of that descriptor.
 _DESCRIPTOR_FOLDER = next((folder for folder in ("/proc/self/fd", "/dev/fd") if Path(folder).is_dir()), None)
 _DISABLE_REMEDY = "Or do without the recording: --set recording.enabled=false."
@@ -49,6 +52,8 @@ class PipedFile:
         self._n_bytes = 0
         self._failure: str | None = None
         self._is_complete = False
+        # Set while somebody waits until all is in the file.
+        self._is_awaited = threading.Event()
         # Held while bytes are on their way from the pipe to the file.
         self._moved = threading.Condition()
         try:
@@ -88,8 +93,10 @@ class PipedFile:
         Raises:
             RecordingWriteError: the machine has refused to write.
         """
+        self._is_awaited.set()
         with self._moved:
             self._moved.wait_for(lambda: self._is_complete or self._failure is not None or self._n_waiting() == 0)
+        self._is_awaited.clear()
         self.check()
 
     def close(self) -> None:
@@ -98,6 +105,7 @@ class PipedFile:
         Raises:
             RecordingWriteError: the machine has refused to write.
         """
+        self._is_awaited.set()
         self._copier.join()
         self.check()
 
@@ -111,10 +119,14 @@ class PipedFile:
             return
         waiting = select.poll()
         waiting.register(self._pipe, select.POLLIN)
+        has_more = False
         while not self._is_complete:
             waiting.poll()
+            if not has_more:
+                self._is_awaited.wait(_GATHER_S)
             with self._moved:
                 data = os.read(self._pipe, _CHUNK_BYTES)
+                has_more = len(data) == _CHUNK_BYTES
                 self._is_complete = not data
                 if self._is_complete:
                     self._close()
@@ -150,6 +162,16 @@ def _format_size(n_bytes: int) -> str:
 APPLICATION_ID = "gslcosim"
 TICK_TIMELINE = "tick"
 TIME_TIMELINE = "sim_time"
+
+
+# Most entities have rows at the same ticks.
+@lru_cache(maxsize=8)
+def _time_columns(ticks: tuple[int, ...], tick_ns: int) -> tuple[rr.TimeColumn, rr.TimeColumn]:
+    tick_column = np.array(ticks, dtype=np.int64)
+    return (
+        rr.TimeColumn(TICK_TIMELINE, sequence=tick_column),
+        rr.TimeColumn(TIME_TIMELINE, duration=(tick_column * tick_ns).astype("timedelta64[ns]")),
+    )
 
 
 class RecordingFile:
@@ -218,12 +240,9 @@ class RecordingFile:
             columns: Columns of the same length.
         """
         self.check()
-        tick_column = np.array(ticks, dtype=np.int64)
-        times = (
-            rr.TimeColumn(TICK_TIMELINE, sequence=tick_column),
-            rr.TimeColumn(TIME_TIMELINE, duration=(tick_column * self._tick_ns).astype("timedelta64[ns]")),
+        rr.send_columns(
+            entity, _time_columns(tuple(ticks), self._tick_ns), columns, recording=self._stream, strict=True
         )
-        rr.send_columns(entity, times, columns, recording=self._stream, strict=True)
 
     def send_chunks(self, chunks: Iterable[Chunk]) -> None:
         """Write rows of other recordings as they are."""

@@ -1,8 +1,9 @@
 """Rows of one agent: its vehicle, waypoints, sensor readings and score, beliefs, and columns that no view draws."""
 
 import math
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from array import array
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,8 @@ from gslcosim_services.recorder.rows.columns import (
     Rows,
     ScalarRows,
     TrackRows,
+    scalar_columns,
+    split_columns,
 )
 from gslcosim_services.recorder.rows.onboard_sensors import ImageRows, LidarRows, PoseHistory, RayRows, RowTiming
 from gslcosim_services.recorder.scene import draw_vehicle, picture_format, slice_height_m
@@ -52,11 +55,11 @@ from gslcosim_services.sensing.models.range_finders import ray_directions_body
 NUMBERS_COMPONENT = "numbers"
 
 
-def encode_numbers(rows: Sequence[Sequence[float]]) -> Any:
-    """Return rows of numbers in single precision, little-endian, as bytes: a `pyarrow` array."""
-    numbers = np.array([number for row in rows for number in row], dtype="<f4")
-    ends = np.cumsum([0, *(numbers.itemsize * len(row) for row in rows)], dtype=np.int32)
-    return pa.Array.from_buffers(pa.binary(), len(rows), [None, pa.py_buffer(ends), pa.py_buffer(numbers)])
+def encode_numbers(numbers: "array[float]", lengths: Sequence[int]) -> Any:
+    """Return rows of so many numbers each in single precision, little-endian, as bytes: a `pyarrow` array."""
+    encoded = np.array(numbers, dtype="<f4")
+    ends = np.concatenate([[0], encoded.itemsize * np.cumsum(lengths)]).astype(np.int32)
+    return pa.Array.from_buffers(pa.binary(), len(lengths), [None, pa.py_buffer(ends), pa.py_buffer(encoded)])
 
 
 def decode_numbers(rows: Sequence[bytes]) -> NDArray[np.float64]:
@@ -70,22 +73,24 @@ class CurveWithHiddenColumns:
     def __init__(self, entity: str) -> None:
         self._entity = entity
         self._ticks: list[int] = []
-        self._drawn: list[float] = []
-        self._numbers: list[Sequence[float]] = []
+        self._drawn = array("d")
+        self._numbers = array("f")
+        self._lengths: list[int] = []
 
-    def add(self, tick: int, drawn: float, numbers: Sequence[float]) -> None:
-        """Append what is drawn at a tick, and what is not."""
-        self._ticks.append(tick)
-        self._drawn.append(drawn)
-        self._numbers.append(numbers)
+    def extend(self, ticks: Sequence[int], drawn: Sequence[float], numbers: Sequence[Sequence[float]]) -> None:
+        """Append what is drawn at ticks, and what is not."""
+        self._ticks += ticks
+        self._drawn.extend(drawn)
+        self._numbers.extend(chain.from_iterable(numbers))
+        self._lengths += map(len, numbers)
 
     def send(self, file: RecordingFile) -> None:
         """Write the waiting rows, if any, and forget them."""
         if self._ticks:
-            rows: Any = {NUMBERS_COMPONENT: encode_numbers(self._numbers)}
-            curve = rr.Scalars.columns(scalars=np.array(self._drawn))
-            file.send(self._entity, self._ticks, [*curve, *rr.AnyValues.columns(**rows)])
-            self._ticks, self._drawn, self._numbers = [], [], []
+            rows: Any = {NUMBERS_COMPONENT: encode_numbers(self._numbers, self._lengths)}
+            file.send(self._entity, self._ticks, [*scalar_columns(self._drawn), *rr.AnyValues.columns(**rows)])
+            self._ticks, self._lengths = [], []
+            self._drawn, self._numbers = array("d"), array("f")
 
 
 class AnemometerRows:
@@ -94,11 +99,10 @@ class AnemometerRows:
     def __init__(self, entity: str) -> None:
         self._rows = CurveWithHiddenColumns(entity)
 
-    def add(self, tick: int, reading: Reading) -> None:
-        """Append a reading, unless it means nothing yet."""
-        if not reading.is_warming_up:
-            (speed_m_s,) = wind_speed_m_s(reading)
-            self._rows.add(tick, speed_m_s, reading.values)
+    def extend(self, ticks: Sequence[int], readings: Sequence[Reading]) -> None:
+        """Append readings that mean something, at the ends of their ticks."""
+        speeds_m_s = [speed for reading in readings for speed in wind_speed_m_s(reading)]
+        self._rows.extend(ticks, speeds_m_s, [reading.values for reading in readings])
 
     def send(self, file: RecordingFile) -> None:
         """Write the waiting rows, if any, and forget them."""
@@ -165,9 +169,9 @@ class BeliefRows:
         self.has_any = True
         self.picture.add(tick, belief)
 
-    def note_score(self, tick: int, score: BeliefScore | None) -> None:
+    def note_score(self, tick: int, score: BeliefScore) -> None:
         """Take note of how good its last belief is, where that is news."""
-        if score is not None and score != self._last:
+        if score != self._last:
             self.mass_near.add(tick, score.mass_near_frac)
             self.expected_distance.add(tick, score.expected_distance_m)
             self._last = score
@@ -222,21 +226,7 @@ class AgentRows:
             sensor.name: rows for sensor, _ in names.on_board_sensors if (rows := self._space_rows(sensor))
         }
         self._readings = self._reading_rows()
-        # Curves are made of many readings at once, other rows of each when it comes, when the pose is still known.
-        self._curves = {
-            sensor: [rows for rows in sinks if isinstance(rows, CurveRows)] for sensor, sinks in self._readings.items()
-        }
-        self._one_by_one = {
-            sensor: others
-            for sensor, sinks in self._readings.items()
-            if (others := [rows for rows in sinks if not isinstance(rows, CurveRows)])
-        }
-        self._has_poses = bool(self._in_space or self._beams)
-        # What was noted since rows were made of it, with its ticks.
-        self._bodies: list[tuple[int, BodyState]] = []
-        self._amounts: dict[tuple[str, str], list[tuple[int, float]]] = {place: [] for place in self._gas}
-        self._reported: dict[str, list[tuple[int, Reading]]] = defaultdict(list)
-        self._distances: list[tuple[int, float]] = []
+        self.shows_space = bool(self._in_space or self._beams)
 
     def all(self) -> list[Rows]:
         """Return the rows of every entity."""
@@ -244,7 +234,8 @@ class AgentRows:
         own = (*own, self.decision)
         own = (*own, *self.belief.all())
         truth = (*self._gas.values(), *self._true_wind.values(), *self._beams.values())
-        return [*own, *truth, *(rows for sinks in self._readings.values() for rows in sinks)]
+        readings = (rows for all_rows in self._readings.values() for rows in all_rows)
+        return [*own, *truth, *readings, *self._in_space.values()]
 
     def draw(self, file: RecordingFile, *, label: str) -> None:
         """Draw the vehicle and say how lines and curves look; `label` precedes the names of curves."""
@@ -261,68 +252,66 @@ class AgentRows:
             labels, shades = zip(*names_and_colors, strict=True)
             file.draw(entity, rr.SeriesLines(names=labels, colors=shades, widths=[1.5] * len(labels)))
 
-    def note_body(self, tick: int, body: BodyState) -> None:
-        """Take note of where the vehicle is."""
-        self.position_m = body.position_world_m
-        self._bodies.append((tick, body))
-        if self._has_poses:
+    def note_space(
+        self, tick: int, body: BodyState | None, samples: Iterable[MountSample], observation: Observation | None
+    ) -> None:
+        """Take note of what sensors see around the vehicle, while the pose is known from which they have seen it.
+
+        Args:
+            tick: At whose end.
+            body: The vehicle.
+            samples: The truth at the sensors of all vehicles.
+            observation: What its sensors report.
+        """
+        if body is not None:
             self._poses.add(tick, body)
-
-    def note_sample(self, tick: int, sample: MountSample) -> None:
-        """Take note of the truth at a sensor."""
-        wind = self._true_wind.get(sample.sensor)
-        if wind is not None:
-            u, v, w = sample.wind_world_m_s
-            wind.add(tick, math.sqrt(u * u + v * v + w * w), sample.wind_world_m_s)
-            return
-        for gas in sample.gases:
-            amounts = self._amounts.get((sample.sensor, gas.gas))
-            if amounts is not None:
-                amounts.append((tick, gas.mixing_ratio_ppm))
-        if sample.beam_m is not None and sample.sensor in self._beams:
-            self._beams[sample.sensor].add_ranges(tick, (sample.beam_m,), tick)
-
-    def note_observation(self, tick: int, observation: Observation) -> None:
-        """Take note of what the sensors report."""
-        for reading in observation.readings:
-            self._reported[reading.sensor].append((tick, reading))
-            for rows in self._one_by_one.get(reading.sensor, ()):
+        for sample in samples if self._beams else ():
+            if sample.agent == self.names.agent.name and sample.beam_m is not None and sample.sensor in self._beams:
+                self._beams[sample.sensor].add_ranges(tick, (sample.beam_m,), tick)
+        for reading in observation.readings if observation else ():
+            rows = self._in_space.get(reading.sensor)
+            if rows is not None:
                 rows.add(tick, reading)
 
-    def note_score(self, tick: int, standing: AgentScore) -> None:
-        """Take note of the referee's score of it."""
-        self._distances.append((tick, standing.distance_to_source_m))
-        if standing.belief is not None:
-            self.belief.note_score(tick, standing.belief)
-
-    def take(self) -> None:
-        """Make rows of what was noted since the last call, column by column."""
-        self._take_bodies()
-        self.distance.extend(self._distances)
-        self._distances.clear()
-        for place, amounts in self._amounts.items():
-            self._gas[place].extend(amounts)
-            amounts.clear()
-        for sensor, reported in self._reported.items():
-            curves = self._curves.get(sensor, ())
-            meaningful = [noted for noted in reported if not noted[1].is_warming_up] if curves else []
-            for rows in curves:
-                rows.extend(meaningful)
-            reported.clear()
-
-    def _take_bodies(self) -> None:
-        noted, self._bodies = self._bodies, []
-        if not noted:
-            return
-        ticks, bodies = zip(*noted, strict=True)
+    def note_bodies(self, ticks: Sequence[int], bodies: Sequence[BodyState]) -> None:
+        """Take note of where the vehicle is at the ends of ticks."""
         positions_m = [body.position_world_m for body in bodies]
         self.pose.extend(ticks, positions_m, [body.quaternion_wxyz for body in bodies])
         self.track.extend(ticks, positions_m)
-        self.tracking_error.extend(
-            [(tick, body.tracking_error_m) for tick, body in noted if body.tracking_error_m is not None]
-        )
-        for tick, body in noted:
-            self.plan.add(tick, body.position_world_m, body.planned_path_world_m)
+        self.plan.extend(ticks, positions_m, [body.planned_path_world_m for body in bodies])
+        errors_m = [error_m for body in bodies if (error_m := body.tracking_error_m) is not None]
+        if len(errors_m) < len(bodies):
+            ticks = [tick for tick, body in zip(ticks, bodies, strict=True) if body.tracking_error_m is not None]
+        self.tracking_error.extend(ticks, errors_m)
+
+    def note_samples(self, sensor: str, ticks: Sequence[int], samples: Sequence[MountSample]) -> None:
+        """Take note of the truth at a sensor at the ends of ticks."""
+        rows = self._true_wind.get(sensor)
+        if rows is not None:
+            winds_m_s = [sample.wind_world_m_s for sample in samples]
+            rows.extend(ticks, [math.sqrt(u * u + v * v + w * w) for u, v, w in winds_m_s], winds_m_s)
+            return
+        for gas, (gas_ticks, amounts) in split_columns(ticks, [sample.gases for sample in samples], "gas"):
+            if (sensor, gas) in self._gas:
+                self._gas[sensor, gas].extend(gas_ticks, [amount.mixing_ratio_ppm for amount in amounts])
+
+    def note_readings(self, sensor: str, ticks: Sequence[int], readings: Sequence[Reading]) -> None:
+        """Take note of what a sensor reports at the ends of ticks, where it means something."""
+        all_rows = self._readings.get(sensor)
+        if not all_rows:
+            return
+        if any(reading.is_warming_up for reading in readings):
+            meaningful = [noted for noted in zip(ticks, readings, strict=True) if not noted[1].is_warming_up]
+            ticks, readings = [tick for tick, _ in meaningful], [reading for _, reading in meaningful]
+        for rows in all_rows:
+            rows.extend(ticks, readings)
+
+    def note_scores(self, ticks: Sequence[int], standings: Sequence[AgentScore]) -> None:
+        """Take note of the referee's scores of it at the ends of ticks."""
+        self.distance.extend(ticks, [standing.distance_to_source_m for standing in standings])
+        for tick, standing in zip(ticks, standings, strict=True):
+            if standing.belief is not None:
+                self.belief.note_score(tick, standing.belief)
 
     def note_command(self, tick: int, command: Command) -> None:
         """Take note of where the vehicle is sent, of declarations and beliefs."""
@@ -345,9 +334,7 @@ class AgentRows:
         for sensor in names.wind_sensors:
             rows[sensor.name] = (AnemometerRows(names.measured_wind(sensor.name)),)
         for sensor, curves in names.on_board_sensors:
-            in_space = self._in_space.get(sensor.name)
-            drawn = [CurveRows(names.on_board(sensor.name, item), item.values_of) for item in curves]
-            rows[sensor.name] = (*drawn, in_space) if in_space else tuple(drawn)
+            rows[sensor.name] = tuple(CurveRows(names.on_board(sensor.name, item), item.values_of) for item in curves)
         return rows
 
     # Names and colours of each entity's curves.
