@@ -93,32 +93,6 @@ def student_quantile(probability: float, freedom: float) -> float:
     return math.sqrt(freedom * (1.0 - x) / x)
 
 
-def chi_square_tail(value: float, freedom: int) -> float:
-    """Return the probability that chi-square with so many degrees of freedom is above a value.
-
-    Source:
-        DLMF 8.11.4 (series of the lower incomplete gamma function) and 8.9.2 (continued fraction of the upper one).
-    """
-    a, x = freedom / 2.0, value / 2.0
-    if x <= 0.0:
-        return 1.0
-    front = math.exp(a * math.log(x) - x - math.lgamma(a))
-    if x < a + 1.0:
-        return 1.0 - front * _lower_gamma_series(a, x)
-    return front / _fraction(lambda m: (-m * (m - a), x + 2 * m + 1.0 - a), x + 1.0 - a)
-
-
-# gamma(a, x) / (x^a e^-x)
-def _lower_gamma_series(a: float, x: float) -> float:
-    term = total = 1.0 / a
-    for k in range(1, _MANY):
-        term *= x / (a + k)
-        total += term
-        if term < total * _CLOSE:
-            break
-    return total
-
-
 # Where a function that rises from below to above zero is zero.
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
     for _ in range(200):

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gslcosim.base.errors import ShapeError
 from gslcosim.bench.statistics.estimates import (
     LEVEL,
     N_DRAWS,
@@ -16,16 +15,12 @@ from gslcosim.bench.statistics.estimates import (
     as_finite_row,
     bootstrap,
     check_same_length,
-    chi_square_tail,
     encode_labels,
     make_generator,
-    normal_tail,
 )
 
 # Up to here all patterns of signs are counted instead of drawn: 2^14 rows.
 _EXACT_SIGNS = 14
-# Up to here the signed-rank test is exact.
-_EXACT_RANKS = 50
 _TOSSES_AT_ONCE = 2_000_000
 
 N_FLIPS = 10_000
@@ -182,40 +177,6 @@ def sign_flips(
     return p
 
 
-def wilcoxon_signed_rank(a: np.ndarray, b: np.ndarray) -> float:
-    """Return the p value of the signed-rank test that differences are symmetric about zero.
-
-    W = sum of ranks of |a - b| where a > b; zeros are left out, equal ones share their mean rank. Up to 50 differences
-    the distribution of W over all patterns of signs is counted, ties included; beyond, normal with
-    mean = sum of ranks / 2, variance = sum of squared ranks / 4.
-
-    Args:
-        a: (n,) values of one entry.
-        b: (n,) values of the other in the same cases.
-
-    Returns:
-        Two-sided p; 1 where all differences are zero, nan without pairs.
-
-    Raises:
-        ShapeError: the lengths differ, or a value is not finite.
-
-    Source:
-        Wilcoxon 1945, doi:10.2307/3001968; Pratt and Gibbons 1981 for ties.
-    """
-    difference = _differences(a, b)
-    if difference.size == 0:
-        return math.nan
-    difference = difference[difference != 0.0]
-    if difference.size == 0:
-        return 1.0
-    ranks = mean_ranks(np.abs(difference))
-    above = float(ranks[difference > 0.0].sum())
-    if difference.size <= _EXACT_RANKS:
-        return _exact_rank_sum(ranks, above)
-    z = (above - ranks.sum() / 2.0) / math.sqrt(float(np.sum(ranks**2)) / 4.0)
-    return min(1.0, 2.0 * normal_tail(abs(z)))
-
-
 def probability_better(
     a: np.ndarray,
     b: np.ndarray,
@@ -272,47 +233,6 @@ def holm(p_values: Sequence[float] | np.ndarray) -> np.ndarray:
     return corrected
 
 
-@dataclass(frozen=True)
-class Friedman:
-    """Result of Friedman's test of whether several entries differ at all.
-
-    Attributes:
-        statistic: Friedman's chi-square, corrected for ties.
-        p: Its p value, chi-square with k - 1 degrees of freedom; nan where nothing differs.
-        mean_ranks: (k,) mean rank of each entry, 1 for the lowest value.
-    """
-
-    statistic: float
-    p: float
-    mean_ranks: np.ndarray
-
-
-def friedman(matrix: np.ndarray) -> Friedman:
-    """Test whether entries differ over the same cells.
-
-    Q = (k - 1) sum_j (R_j - n (k + 1) / 2)^2 / (sum_ij r_ij^2 - n k (k + 1)^2 / 4)      R_j = sum_i r_ij
-
-    Args:
-        matrix: (n, k) a value (mean of a cell) for each of n cells and k entries.
-
-    Raises:
-        ShapeError: not two dimensions, or fewer than one cell or two entries.
-
-    Source:
-        Friedman 1937; Conover 1999, Practical Nonparametric Statistics, section 5.8 (with ties).
-    """
-    matrix = np.asarray(matrix, dtype=np.float64)
-    if matrix.ndim != 2 or matrix.shape[0] < 1 or matrix.shape[1] < 2:
-        raise ShapeError(f"matrix: expected cells in rows and two or more entries in columns, was {matrix.shape}.")
-    n, k = matrix.shape
-    ranks = np.array([mean_ranks(row) for row in matrix])
-    spread = float(np.sum(ranks**2)) - n * k * (k + 1) ** 2 / 4.0
-    if spread <= 0.0:
-        return Friedman(math.nan, math.nan, ranks.mean(axis=0))
-    statistic = (k - 1) * float(np.sum((ranks.sum(axis=0) - n * (k + 1) / 2.0) ** 2)) / spread
-    return Friedman(statistic, chi_square_tail(statistic, k - 1), ranks.mean(axis=0))
-
-
 def mean_ranks(values: np.ndarray) -> np.ndarray:
     """Return ranks from 1 for the lowest value; equal values share the mean of their ranks, (n,)."""
     _, code, count = np.unique(values, return_inverse=True, return_counts=True)
@@ -349,15 +269,3 @@ def _tossed_sums(differences: np.ndarray, n_flips: int, seed: Seed) -> Iterator[
     for start in range(0, n_flips, at_once):
         tosses = rng.integers(0, 2, (min(at_once, n_flips - start), n), dtype=np.int8)
         yield (1.0 - 2.0 * tosses) @ differences
-
-
-# Two-sided p of a rank sum; doubled ranks are whole numbers also with ties.
-def _exact_rank_sum(ranks: np.ndarray, above: float) -> float:
-    doubled = np.rint(2.0 * ranks).astype(np.int64)
-    n_patterns = np.zeros(int(doubled.sum()) + 1)
-    n_patterns[0] = 1.0
-    for rank in doubled:
-        n_patterns[rank:] = n_patterns[rank:] + n_patterns[: n_patterns.size - rank]
-    n_patterns /= 2.0**ranks.size
-    seen = round(2.0 * above)
-    return min(1.0, 2.0 * min(float(n_patterns[: seen + 1].sum()), float(n_patterns[seen:].sum())))

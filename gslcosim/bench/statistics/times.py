@@ -2,7 +2,7 @@
 
 A trial has a time [s] and whether the source was reached then. A trial that did not reach it is *censored*: all that
 is known is that it would have taken longer. Failures that ended early (a collision) would not have gone on to find the
-source; every function here but `kaplan_meier` and `log_rank`, which take any censoring, counts them to the limit.
+source; every function here but `kaplan_meier`, which takes any censoring, counts them to the limit.
 """
 
 import math
@@ -21,7 +21,6 @@ from gslcosim.bench.statistics.estimates import (
     as_finite_row,
     bootstrap,
     check_same_length,
-    chi_square_tail,
     degrees_of_freedom,
     draw_counts,
     percentile_interval,
@@ -164,28 +163,6 @@ def restricted_mean(
     return _mean(counted_s, np.asarray(reached, dtype=bool), limit_s, clusters, level, seed, n_draws)
 
 
-def par2(
-    time_s: np.ndarray,
-    reached: np.ndarray,
-    limit_s: float | np.ndarray,
-    *,
-    clusters: np.ndarray | None = None,
-    level: float = LEVEL,
-    seed: Seed = SEED,
-    n_draws: int = N_DRAWS,
-) -> Estimate:
-    """Return the mean time in which failures count twice the limit [s].
-
-    Arguments and interval as for `restricted_mean`.
-
-    Source:
-        Penalised average runtime of the SAT competitions (PAR-2).
-    """
-    limits_s = np.asarray(limit_s, dtype=np.float64)
-    counted_s = np.where(reached, counted_times(time_s, reached, limits_s), 2.0 * limits_s)
-    return _mean(counted_s, np.asarray(reached, dtype=bool), 2.0 * limits_s, clusters, level, seed, n_draws)
-
-
 def median_time(
     time_s: np.ndarray,
     reached: np.ndarray,
@@ -267,37 +244,6 @@ def mean_of_successes(time_s: np.ndarray, reached: np.ndarray, level: float = LE
     time_s, reached = _trials(time_s, reached)
     found_s = time_s[reached]
     return Estimate(*_student(found_s, level), found_s.size) if found_s.size else UNDEFINED
-
-
-def log_rank(time_a_s: np.ndarray, reached_a: np.ndarray, time_b_s: np.ndarray, reached_b: np.ndarray) -> float:
-    """Return the p value of the log-rank test that two entries' times have one distribution.
-
-    Z^2 = (sum_i (d_ai - d_i Y_ai / Y_i))^2 / sum_i d_i (Y_ai / Y_i) (1 - Y_ai / Y_i) (Y_i - d_i) / (Y_i - 1)
-
-    Pairs are not used, and the test is weak where curves cross: an extra beside the paired difference.
-
-    Args:
-        time_a_s: (n_a,) time of reaching or of censoring of one entry [s]; give failures the limit.
-        reached_a: (n_a,) whether the source was reached.
-        time_b_s: (n_b,) the other entry's [s].
-        reached_b: (n_b,) likewise.
-
-    Returns:
-        p; nan where nothing was reached or an entry has no trials.
-
-    Source:
-        Mantel 1966; Klein and Moeschberger 2003, Survival Analysis, section 7.3.
-    """
-    a_s, a_reached = _trials(time_a_s, reached_a)
-    b_s, b_reached = _trials(time_b_s, reached_b)
-    event_s, deaths, at_risk = _events(np.concatenate([a_s, b_s]), np.concatenate([a_reached, b_reached]))
-    share_a = (a_s.size - np.searchsorted(np.sort(a_s), event_s)) / at_risk
-    found_s = np.sort(a_s[a_reached])
-    deaths_a = np.searchsorted(found_s, event_s, side="right") - np.searchsorted(found_s, event_s)
-    tied = (at_risk - deaths) / np.maximum(at_risk - 1, 1)
-    variance = float(np.sum(deaths * share_a * (1.0 - share_a) * tied))
-    excess = float(np.sum(deaths_a - deaths * share_a))
-    return chi_square_tail(excess**2 / variance, 1) if variance > 0.0 else math.nan
 
 
 # Mean of counted times; the limit is what a failure counts.

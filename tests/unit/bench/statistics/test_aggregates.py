@@ -9,8 +9,6 @@ from gslcosim.bench.statistics.aggregates import (
     bootstrap_cells,
     interquartile_mean,
     mean,
-    optimality_gap,
-    probability_of_improvement,
     stratified_bootstrap,
 )
 
@@ -23,10 +21,6 @@ def test_interquartile_mean_is_scipys_trimmed_mean(m):
 
 def test_interquartile_mean_does_not_see_the_extremes():
     assert interquartile_mean(np.array([-1e9, 1.0, 2.0, 1e9])) == pytest.approx(1.5)
-
-
-def test_optimality_gap_does_not_reward_what_is_beyond_the_target():
-    assert optimality_gap(np.array([0.2, 0.9, 1.7])) == pytest.approx((0.8 + 0.1) / 3)
 
 
 def test_bootstrap_of_a_mean_agrees_with_scipy():
@@ -74,24 +68,6 @@ def test_a_cell_that_a_draw_leaves_empty_is_left_out_of_it():
     ours = bootstrap_cells(values, cells, clusters=clusters)
     assert ours.value == pytest.approx(2.25)
     assert (ours.low, ours.high) == pytest.approx((1.0, 2.5))
-
-
-def test_probability_of_improvement_is_mann_whitneys():
-    rng = np.random.default_rng(4)
-    a, b = rng.integers(0, 9, 30).astype(float), rng.integers(2, 11, 40).astype(float)
-    ours = probability_of_improvement(a, b)
-    assert ours.value == pytest.approx(stats.mannwhitneyu(a, b).statistic / (30 * 40))
-    assert ours.low < ours.value < ours.high
-    assert probability_of_improvement(a, b, lower_is_better=True).value == pytest.approx(1.0 - ours.value)
-    assert ours.n == 70
-
-
-def test_probability_of_improvement_compares_inside_cells_only():
-    """a is better in both cells, though its values in the hard one are worse than those of b in the easy one."""
-    a, b, cells = np.array([10.0, 11.0, 1.0, 2.0]), np.array([8.0, 9.0, 0.0, 0.5]), np.array([0, 0, 1, 1])
-    assert probability_of_improvement(a, b, strata_a=cells, strata_b=cells).value == 1.0
-    assert probability_of_improvement(a, b).value == pytest.approx(12 / 16)
-    assert math.isnan(probability_of_improvement(a, b, strata_a=cells, strata_b=cells + 9).value)
 
 
 def test_what_is_undefined_or_refused():

@@ -6,14 +6,12 @@ from scipy import stats
 
 from gslcosim.base.errors import ShapeError
 from gslcosim.bench.statistics.pairs import (
-    friedman,
     holm,
     mcnemar,
     mean_ranks,
     paired_difference,
     probability_better,
     sign_flip,
-    wilcoxon_signed_rank,
 )
 
 # Heights of cross- and self-fertilised maize, Darwin 1876, differences in eighths of an inch.
@@ -74,29 +72,6 @@ def test_sign_flip_is_the_same_each_time():
     assert sign_flip(a, np.zeros(80)) == sign_flip(a, np.zeros(80))
 
 
-def test_wilcoxon_of_darwins_maize():
-    """Exact p of the signed ranks of the fifteen pairs, W- = 24: 0.0413."""
-    assert wilcoxon_signed_rank(DARWIN, NOTHING) == pytest.approx(0.0413, abs=5e-5)
-    assert wilcoxon_signed_rank(DARWIN, NOTHING) == pytest.approx(stats.wilcoxon(DARWIN, method="exact").pvalue)
-
-
-def test_wilcoxon_with_ties_counts_all_patterns_of_signs():
-    difference = np.array([1.0, 1, 1, -1, 2, 2, -3, 4, 0, 0])
-    left = difference[difference != 0]
-    ranks = stats.rankdata(np.abs(left))
-    patterns = np.array(np.meshgrid(*[[0, 1]] * 8)).reshape(8, -1).T @ ranks
-    seen = ranks[left > 0].sum()
-    expected = 2 * min(np.mean(patterns <= seen), np.mean(patterns >= seen))
-    assert wilcoxon_signed_rank(difference, np.zeros(10)) == pytest.approx(min(1.0, expected))
-
-
-def test_wilcoxon_of_many_pairs_agrees_with_scipy():
-    rng = np.random.default_rng(5)
-    a, b = rng.integers(0, 40, 200).astype(float), rng.integers(3, 43, 200).astype(float)
-    expected = stats.wilcoxon(a, b, method="approx", correction=False).pvalue
-    assert wilcoxon_signed_rank(a, b) == pytest.approx(expected, rel=1e-9)
-
-
 def test_paired_difference_is_narrow_where_cases_are_hard_for_both():
     rng = np.random.default_rng(3)
     case = rng.normal(0.0, 100.0, 200)
@@ -146,21 +121,6 @@ def test_holm_does_not_count_what_could_not_be_tested():
     assert corrected[[0, 2]] == pytest.approx([0.02, 0.02])
     assert math.isnan(corrected[1])
     assert holm([]).size == 0
-
-
-def test_friedman_agrees_with_scipy():
-    rng = np.random.default_rng(6)
-    matrix = rng.integers(0, 6, (12, 4)).astype(float) + np.array([0, 0, 1, 2])
-    ours = friedman(matrix)
-    theirs = stats.friedmanchisquare(*matrix.T)
-    assert (ours.statistic, ours.p) == pytest.approx((theirs.statistic, theirs.pvalue), rel=1e-9)
-    assert ours.mean_ranks.sum() == pytest.approx(10.0)
-
-
-def test_friedman_where_nothing_differs():
-    assert math.isnan(friedman(np.ones((4, 3))).p)
-    with pytest.raises(ShapeError, match="cells in rows"):
-        friedman(np.ones(4))
 
 
 def test_equal_values_share_their_rank():

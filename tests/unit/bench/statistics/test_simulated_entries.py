@@ -12,15 +12,14 @@ import pytest
 from scipy import stats
 
 from gslcosim.bench.statistics.aggregates import bootstrap_cells, interquartile_mean, stratified_bootstrap
-from gslcosim.bench.statistics.pairs import holm, mcnemar, paired_difference, sign_flips, wilcoxon_signed_rank
+from gslcosim.bench.statistics.pairs import holm, mcnemar, paired_difference, sign_flips
 from gslcosim.bench.statistics.ranking import pairs_matrix, ranks
-from gslcosim.bench.statistics.rates import clopper_pearson, lift, n_for_power, n_pairs_for_power, wilson
+from gslcosim.bench.statistics.rates import clopper_pearson, lift, wilson
 from gslcosim.bench.statistics.roc import roc
 from gslcosim.bench.statistics.times import (
     cumulative_success,
     expected_running_time,
     median_time,
-    par2,
     restricted_mean,
 )
 
@@ -70,13 +69,6 @@ def test_restricted_mean_covers_the_truth(n, mean_s):
     rng = np.random.default_rng([n, int(mean_s)])
     estimates = [restricted_mean(*fly(rng, mean_s, n), LIMIT_S) for _ in range(600)]
     assert within_error(coverage(estimates, true_rmst(mean_s)), 0.95, 600, more=0.04 if n == 20 else 0.005)
-
-
-def test_par2_covers_the_truth():
-    rng = np.random.default_rng(2)
-    truth = true_rmst(250.0) + LIMIT_S * math.exp(-LIMIT_S / 250.0)
-    estimates = [par2(*fly(rng, 250.0, 90), LIMIT_S) for _ in range(600)]
-    assert within_error(coverage(estimates, truth), 0.95, 600, more=0.005)
 
 
 def test_the_band_of_the_success_curve_covers_the_truth():
@@ -198,20 +190,21 @@ def test_mcnemar_finds_no_more_than_5_percent_where_nothing_is():
 
 
 def test_mcnemar_has_the_power_by_which_suites_are_planned():
-    """15 against 30 %, not correlated; the exact test finds some 3 points less than the formula's normal one."""
+    """15 against 30 %, not correlated, with the pairs that Connor's formula asks for a power of 0.8.
+
+    The exact test finds some 3 points less than the formula's normal one.
+    """
     rng = np.random.default_rng(13)
-    n = n_pairs_for_power(0.15 * 0.7, 0.30 * 0.85)
+    n = 124
     p = [mcnemar(rng.random(n) < 0.15, rng.random(n) < 0.30).p for _ in range(1500)]
     power = np.mean(np.array(p) < 0.05)
     assert 0.72 < power < 0.83
-    # Pairs that are not correlated save nothing.
-    assert n == pytest.approx(n_for_power(0.15, 0.30), rel=0.05)
 
 
 def test_pairs_of_alike_entries_need_fewer_trials():
     """The same rates, 15 and 30 %, where all fail in the same cases: half the pairs find more."""
     rng = np.random.default_rng(14)
-    n = n_for_power(0.15, 0.30) // 2
+    n = 60
 
     def found(*, alike):
         luck_a = rng.random(n)
@@ -233,12 +226,6 @@ def test_sign_flip_has_the_level_and_the_power_of_students_test(shift):
     far = shift * math.sqrt(n)
     expected = stats.nct.sf(reach, freedom, far) + stats.nct.cdf(-reach, freedom, far) if shift else 0.05
     assert within_error(found, expected, columns, more=0.01)
-
-
-def test_signed_ranks_have_their_level():
-    rng = np.random.default_rng(16)
-    p = [wilcoxon_signed_rank(rng.exponential(1.0, 60), rng.exponential(1.0, 60)) for _ in range(1000)]
-    assert within_error(np.mean(np.array(p) < 0.05), 0.05, 1000)
 
 
 def test_holm_keeps_false_findings_among_many_tests_at_5_percent():

@@ -9,10 +9,8 @@ from gslcosim.bench.statistics.times import (
     cumulative_success,
     expected_running_time,
     kaplan_meier,
-    log_rank,
     mean_of_successes,
     median_time,
-    par2,
     restricted_mean,
 )
 
@@ -20,7 +18,6 @@ LIMIT_S = 300.0
 # Weeks of remission under 6-MP and placebo, Freireich et al. 1963.
 MP_WEEKS = np.array([6, 6, 6, 6, 7, 9, 10, 10, 11, 13, 16, 17, 19, 20, 22, 23, 25, 32, 32, 34, 35.0])
 MP_ENDED = np.array([1, 1, 1, 0, 1, 0, 1, 0, 0, 1, 1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0], dtype=bool)
-PLACEBO_WEEKS = np.array([1, 1, 2, 2, 3, 4, 4, 5, 5, 8, 8, 8, 8, 11, 11, 12, 12, 15, 17, 22, 23.0])
 
 
 def flights(n=60, seed=0, mean_s=250.0):
@@ -103,7 +100,6 @@ def test_failures_count_the_limit_whenever_they_ended():
     early = restricted_mean(np.array([5.0, 100.0]), np.array([False, True]), LIMIT_S)
     assert early.value == pytest.approx((300.0 + 100.0) / 2)
     assert restricted_mean(np.array([math.nan, 100.0]), np.array([False, True]), LIMIT_S).value == early.value
-    assert par2(np.array([5.0, 100.0]), np.array([False, True]), LIMIT_S).value == pytest.approx(350.0)
 
 
 def test_each_trial_may_have_its_own_limit():
@@ -162,29 +158,6 @@ def test_mean_of_successes_leaves_failures_out():
     assert (ours.value, ours.n) == (20.0, 2)
     assert (ours.low, ours.high) == pytest.approx(expected)
     assert math.isnan(mean_of_successes(np.array([300.0]), np.array([False])).value)
-
-
-def test_log_rank_of_the_leukaemia_trial():
-    """Kleinbaum and Klein 2012: chi-square 16.79."""
-    ended = np.ones(21, dtype=bool)
-    p = log_rank(MP_WEEKS, MP_ENDED, PLACEBO_WEEKS, ended)
-    assert p == pytest.approx(stats.chi2.sf(16.79, 1), rel=5e-3)
-
-
-@pytest.mark.extras
-def test_log_rank_agrees_with_lifelines_on_patients_and_tied_runs():
-    from lifelines.statistics import logrank_test
-
-    ended = np.ones(21, dtype=bool)
-    p = log_rank(MP_WEEKS, MP_ENDED, PLACEBO_WEEKS, ended)
-    assert p == pytest.approx(logrank_test(MP_WEEKS, PLACEBO_WEEKS, MP_ENDED, ended).p_value, rel=1e-9)
-    a, b = flights(40, 1), flights(50, 2, 120.0)
-    assert log_rank(*a, *b) == pytest.approx(logrank_test(a[0], b[0], a[1], b[1]).p_value, rel=1e-9)
-
-
-def test_log_rank_without_successes_is_undefined():
-    nothing = np.array([300.0, 300.0]), np.array([False, False])
-    assert math.isnan(log_rank(*nothing, *nothing))
 
 
 def test_without_trials_all_is_undefined():
