@@ -7,37 +7,27 @@ import math
 
 import numpy as np
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.agent_kit import Briefing, run
 from gslcosim.search.method_settings import load_settings
-from gslcosim.search.swarms.particle_swarm import Charge, Sighting, SwarmWeights, charge_velocity
-from gslcosim.search.swarms.swarm_robot import Particle, Vector
+from gslcosim.search.swarms.particle_swarm import Charge, Sighting, charge_velocity
+from gslcosim.search.swarms.swarm_robot import ParticleAgent, Vector
 
 
-class CPso(Agent):
+class CPso(ParticleAgent):
     """One particle, charged or not by its place among the sorted names."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = load_settings(briefing, __file__)
-        self.robot = Particle(briefing, self.settings)
-        self.weights = SwarmWeights(inertia=self.settings.inertia, own=self.settings.own, swarm=self.settings.swarm)
+        super().__init__(briefing, load_settings(briefing, __file__))
         self.charge = Charge(
             squared_m3=self.settings.charge_squared_m3, core_m=self.settings.core_m, reach_m=self.settings.reach_m
         )
         members = self.robot.team.members
         self.charged = frozenset(members[: math.ceil(self.settings.charged_frac * len(members))])
 
-    def observe(self, observation: Observation) -> None:
-        """Measure and listen."""
-        self.robot.observe(observation)
-
-    def decide(self, observation: Observation) -> Command:
-        """Return the next leg: as in S-PSO, with what the other charged ones add."""
-        return self.robot.decide(observation, self.step)
-
     def step(self, best: Sighting | None) -> Vector:
         """Return the step of the equation of motion, with fresh random numbers, and the push of the charges."""
         push_m = self.push_m()
-        return self.robot.swarm_step(best, lambda best: self.robot.particle_step(best, self.weights) + push_m)
+        return self.robot.swarm_step(best, lambda best: self.track(best) + push_m)
 
     def push_m(self) -> Vector:
         """Return what the other charged robots add to a charged one's step; nothing for one without charge."""

@@ -3,19 +3,17 @@
 After Jatmiko et al. README.md beside this file has the rules.
 """
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.agent_kit import Briefing, Observation, run
 from gslcosim.search.method_settings import load_settings
-from gslcosim.search.swarms.particle_swarm import Sighting, Stagnation, SwarmWeights
-from gslcosim.search.swarms.swarm_robot import Particle, Vector
+from gslcosim.search.swarms.particle_swarm import Sighting, Stagnation
+from gslcosim.search.swarms.swarm_robot import ParticleAgent, Vector
 
 
-class DrPso(Agent):
+class DrPso(ParticleAgent):
     """One particle; it counts how often the swarm has begun again, and hears no bests of before."""
 
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = load_settings(briefing, __file__)
-        self.robot = Particle(briefing, self.settings)
-        self.weights = SwarmWeights(inertia=self.settings.inertia, own=self.settings.own, swarm=self.settings.swarm)
+        super().__init__(briefing, load_settings(briefing, __file__))
         self.stagnation = Stagnation(self.settings.patience)
         self.n_restarts = 0
         self.n_spreading = 0
@@ -31,10 +29,6 @@ class DrPso(Agent):
             elif n_restarts < self.n_restarts:
                 self.robot.forget_best_of(name)
 
-    def decide(self, observation: Observation) -> Command:
-        """Return the next leg: as in S-PSO, but for the legs after a change."""
-        return self.robot.decide(observation, self.step)
-
     def step(self, best: Sighting | None) -> Vector:
         """Return the next step; where the best has been the same for too long, begin again first."""
         if self.stagnation.note(best):
@@ -42,7 +36,7 @@ class DrPso(Agent):
         if self.n_spreading > 0:
             self.n_spreading -= 1
             return self.robot.random_step()
-        return self.robot.swarm_step(best, self.track)
+        return super().step(best)
 
     def respond(self, n_restarts: int) -> None:
         """Forget all bests; all robots, or every other one, spread."""
@@ -51,10 +45,6 @@ class DrPso(Agent):
         self.robot.forget()
         if self.settings.spreads == "all" or self.robot.team.index % 2 == 0:
             self.n_spreading = self.settings.spread_legs
-
-    def track(self, best: Sighting) -> Vector:
-        """Return the step of the equation of motion, with fresh random numbers."""
-        return self.robot.particle_step(best, self.weights)
 
 
 if __name__ == "__main__":

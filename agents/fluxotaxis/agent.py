@@ -5,8 +5,7 @@ After Zarzhitsky and Spears. README.md beside this file has the rules and the de
 
 import numpy as np
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method_settings import load_settings
+from gslcosim.agent_kit import Briefing, Command, Observation, run
 from gslcosim.search.motion.declaration import Estimate
 from gslcosim.search.swarms.fluxotaxis import (
     REACH,
@@ -17,39 +16,38 @@ from gslcosim.search.swarms.fluxotaxis import (
     relaxed_lattice,
     ring_flow,
 )
-from gslcosim.search.swarms.formations import FormationFlight, fit_plane, formation, mixed_direction, odour_offset_m
+from gslcosim.search.swarms.formations import FormationAgent, fit_plane, formation, mixed_direction, odour_offset_m
 from gslcosim.search.swarms.rounds import Round
 
 NO_FLOW = RingFlow(inward=0.0, outward=0.0)
 
 
-class Fluxotaxis(Agent):
+class Fluxotaxis(FormationAgent):
     """One robot of the lattice; besides what the flight remembers it counts rounds with outflow."""
 
+    program = __file__
+
     def __init__(self, briefing: Briefing) -> None:
-        s = self.settings = load_settings(briefing, __file__)
-        self.flight = FormationFlight(briefing, s)
+        super().__init__(briefing)
+        s = self.settings
         self.offsets_m = formation("hexagon", self.flight.n_members, s.spacing_m)
         self.lanes = {"lane_m": 2.0 * s.spacing_m + s.gap_m, "inset_m": s.spacing_m}
         self.rule = OutflowRule(least_frac=s.released_frac, least_flow=s.least_flow, n_rounds=s.n_rounds)
 
-    def observe(self, observation: Observation) -> None:
-        """Read and listen: reports come with any observation."""
-        self.flight.observe(observation)
-
-    def decide(self, observation: Observation) -> Command:
-        """Wait until all have read; then declare, or step with the lattice."""
-        now = self.flight.complete(observation)
-        if now is None:
-            return self.flight.wait(observation)
-        flux = now.amounts[:, None] * np.nan_to_num(now.winds_m_s)
-        flow = ring_flow(now.positions_m, flux)
+    def answer(self, observation: Observation, now: Round) -> Command:
+        """Declare where more gas flows out than in, or step with the lattice."""
+        flow = ring_flow(now.positions_m, flux_of(now))
         centre_m = now.positions_m.mean(axis=0)
         found = self.rule.declared(flow if self.is_bracketed(now) else NO_FLOW, centre_m)
         estimate = None if found is None else self.flight.new(Estimate(position_m=found[0], confidence=found[1]))
         if estimate is not None:
             return self.flight.declare(observation, estimate)
-        return self.flight.step(observation, self.place_m(now) + self.next_step_m(now, flux, flow))
+        return self.flight.step(observation, self.next_place_m(now))
+
+    def next_place_m(self, now: Round) -> np.ndarray:
+        """Return this robot's place in the lattice after the next step of all."""
+        flux = flux_of(now)
+        return self.place_m(now) + self.next_step_m(now, flux, ring_flow(now.positions_m, flux))
 
     def place_m(self, now: Round) -> np.ndarray:
         """Return where this robot belongs in the lattice: in its slot until all have formed up, then by the forces."""
@@ -85,6 +83,11 @@ class Fluxotaxis(Agent):
             return inflow
         gradient = fit_plane(now.positions_m, now.amounts).gradient_per_m
         return mixed_direction(gradient, self.flight.wind.upwind_rad, 0.5)
+
+
+def flux_of(now: Round) -> np.ndarray:
+    """Return the flux of gas at each robot, (n, 2): its amount times the wind, none where that was not felt."""
+    return now.amounts[:, None] * np.nan_to_num(now.winds_m_s)
 
 
 if __name__ == "__main__":

@@ -5,13 +5,14 @@ After Krishnanand and Ghose, and the odour version of their group. README.md bes
 
 import numpy as np
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.agent_kit import Briefing, run
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.swarms.glowworms import Glowworm, Vector
 from gslcosim.search.swarms.particle_swarm import Sighting
+from gslcosim.search.swarms.swarm_robot import SwarmAgent
 
 
-class Gso(Agent):
+class Gso(SwarmAgent[Glowworm]):
     """One glowworm."""
 
     def __init__(self, briefing: Briefing) -> None:
@@ -20,14 +21,6 @@ class Gso(Agent):
         self.is_odour = self.settings.version == "odour"
         if not self.is_odour:
             self.robot.luciferin = self.settings.start_luciferin
-
-    def observe(self, observation: Observation) -> None:
-        """Measure and listen."""
-        self.robot.observe(observation)
-
-    def decide(self, observation: Observation) -> Command:
-        """Return the next leg."""
-        return self.robot.decide(observation, self.step)
 
     def step(self, best: Sighting | None) -> Vector:
         """Glow, look round, and return the next step; one that leads out of the room is cut at its wall."""

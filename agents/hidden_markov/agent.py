@@ -5,9 +5,8 @@ After Farrell, Pang and Li 2003. README.md beside this file has the rules, metho
 
 import numpy as np
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.agent_kit import Briefing, Command, Observation, run
 from gslcosim.search.bayes import hidden_markov, puff_tracing
-from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettings
 from gslcosim.search.bayes.hidden_markov import (
     ParcelChain,
     compute_arrival_probabilities,
@@ -15,21 +14,21 @@ from gslcosim.search.bayes.hidden_markov import (
     likeliest_path,
     place_along_m,
 )
-from gslcosim.search.bayes.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
+from gslcosim.search.bayes.puff_tracing import PuffModel, displacements_m, footprint
+from gslcosim.search.bayes.source_map_agent import SourceBeliefAgent
 from gslcosim.search.beliefs import distances_m
-from gslcosim.search.method_settings import load_settings
 from gslcosim.search.senses.hit_detection import Finding
 
 
-class HiddenMarkov(Agent):
+class HiddenMarkov(SourceBeliefAgent):
     """Believes by the chain's backward pass; after gas it follows the chain's likeliest path back to the source."""
 
+    program = __file__
+
     def __init__(self, briefing: Briefing) -> None:
-        settings = self.settings = load_settings(briefing, __file__)
+        super().__init__(briefing)
         hidden_markov.warm_up()
-        puff_tracing.warm_up()
-        self.search = BeliefSearch(briefing, BeliefSearchSettings.of(settings))
-        self.map = SourceMap(self.search.grid, free=self.search.free, floor_frac=settings.floor_frac)
+        settings = self.settings
         # For plans, which look at the whole room at once and know no walls.
         self.open_air = PuffModel(
             step_s=settings.wind_step_s,
@@ -38,14 +37,6 @@ class HiddenMarkov(Agent):
             spread_m_sqrt_s=settings.spread_m_sqrt_s,
             detection_probability=settings.detection_probability,
         )
-
-    def observe(self, observation: Observation) -> None:
-        """Update the map by what was found, on the way or at a stop."""
-        if (rejected_m := self.search.take_rejected()) is not None:
-            self.map.reject(rejected_m, self.settings.visit_m)
-        finding = self.search.observe(observation)
-        if finding is not None:
-            self.learn(finding)
 
     def learn(self, finding: Finding) -> None:
         """Pull the finding back along the chain, from the sensor's cell to every cell and time of release."""
@@ -60,12 +51,6 @@ class HiddenMarkov(Agent):
             self.map.detect(mean_share)
         else:
             self.map.miss(log_share)
-
-    def decide(self, observation: Observation) -> Command:
-        """Return the next leg, or a declaration."""
-        self.observe(observation)
-        p = self.map.probability()
-        return self.search.answer(observation, p, self.search.drawn_together(p), lambda: self.next_leg(observation, p))
 
     def next_leg(self, observation: Observation, p: puff_tracing.Array) -> Command:
         """Return a leg back along the plume soon after gas, else one to where a finding tells most."""

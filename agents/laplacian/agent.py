@@ -5,10 +5,9 @@ After Soares, Aguiar, Pascoal and Martinoli. README.md beside this file has the 
 
 import numpy as np
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method_settings import load_settings
+from gslcosim.agent_kit import Briefing, run
 from gslcosim.search.swarms.formations import (
-    FormationFlight,
+    FormationAgent,
     formation,
     in_world,
     laplacian_leg_m,
@@ -20,31 +19,17 @@ from gslcosim.search.swarms.rounds import Round
 LEAST_WIDTH, MOST_WIDTH = 0.5, 2.0
 
 
-class Laplacian(Agent):
+class Laplacian(FormationAgent):
     """One robot of the formation; besides what the flight remembers it knows how wide the formation is."""
 
+    program = __file__
+
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = load_settings(briefing, __file__)
-        self.flight = FormationFlight(briefing, self.settings)
+        super().__init__(briefing)
         self.slots_m = formation(self.settings.shape, self.flight.n_members, self.settings.size_m)
         self.width = 1.0
         span_m = float(np.ptp(self.slots_m[:, 1]))
         self.lanes = {"lane_m": span_m + self.settings.gap_m, "inset_m": 0.5 * span_m}
-
-    def observe(self, observation: Observation) -> None:
-        """Read and listen: reports come with any observation."""
-        self.flight.observe(observation)
-
-    def decide(self, observation: Observation) -> Command:
-        """Wait until all have read; then declare, or step by the law."""
-        now = self.flight.complete(observation)
-        if now is None:
-            return self.flight.wait(observation)
-        target_m = self.next_place_m(now)
-        found = self.flight.found(now, observation.time_s)
-        if found is not None:
-            return self.flight.declare(observation, found)
-        return self.flight.step(observation, target_m)
 
     def next_place_m(self, now: Round) -> np.ndarray:
         """Return where this robot goes: by the law in gas, else with its slot to where gas was or may be."""

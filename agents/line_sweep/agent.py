@@ -7,10 +7,9 @@ import math
 
 import numpy as np
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method_settings import load_settings
+from gslcosim.agent_kit import Briefing, run
 from gslcosim.search.swarms.formations import (
-    FormationFlight,
+    FormationAgent,
     diagonal_line,
     find_lane_point,
     in_world,
@@ -23,12 +22,13 @@ from gslcosim.search.swarms.rounds import Round
 NOWHERE_M = (math.inf, math.inf)
 
 
-class LineSweep(Agent):
+class LineSweep(FormationAgent):
     """One robot of the line; it remembers how far the sweep came, how wide the line is, and where going on failed."""
 
+    program = __file__
+
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = load_settings(briefing, __file__)
-        self.flight = FormationFlight(briefing, self.settings)
+        super().__init__(briefing)
         self.line = diagonal_line(self.flight.n_members, 1.0)
         self.axis_rad = 0.0
         self.lanes_m: np.ndarray | None = None
@@ -38,20 +38,9 @@ class LineSweep(Agent):
         self.failed_s = 0.0
         self.n_blank = 0
 
-    def observe(self, observation: Observation) -> None:
-        """Read and listen: reports come with any observation."""
-        self.flight.observe(observation)
-
-    def decide(self, observation: Observation) -> Command:
-        """Wait until all have read; then declare, or step: sweep, or converge on the best place."""
-        now = self.flight.complete(observation, (self.n_swept,))
-        if now is None:
-            return self.flight.wait(observation)
-        target_m = self.next_place_m(now)
-        found = self.flight.found(now, observation.time_s)
-        if found is not None:
-            return self.flight.declare(observation, found)
-        return self.flight.step(observation, target_m)
+    def numbers(self) -> tuple[float, ...]:
+        """Return how far this robot has come with the sweep."""
+        return (self.n_swept,)
 
     def next_place_m(self, now: Round) -> np.ndarray:
         """Return where this robot goes: with the sweep while there is no gas, else about the best place."""

@@ -5,13 +5,14 @@ After Zhang et al., as described in the thesis on GSL-Bench. README.md beside th
 
 import math
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.agent_kit import Briefing, Command, Observation, run
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.swarms.glowworms import Glowworm, Vector, is_in_excluded_region
 from gslcosim.search.swarms.particle_swarm import Sighting, rotate, scale_to_length
+from gslcosim.search.swarms.swarm_robot import SwarmAgent
 
 
-class ModifiedGso(Agent):
+class ModifiedGso(SwarmAgent[Glowworm]):
     """One glowworm; it knows the places that have been declared, by itself or by others."""
 
     def __init__(self, briefing: Briefing) -> None:
@@ -33,7 +34,7 @@ class ModifiedGso(Agent):
 
     def decide(self, observation: Observation) -> Command:
         """Return the next leg, or the declaration; what is declared is forbidden from then on."""
-        command = self.robot.decide(observation, self.step)
+        command = super().decide(observation)
         if command.declaration is not None:
             x_m, y_m, _ = command.declaration.position_world_m
             self.forbid((x_m, y_m))

@@ -5,36 +5,25 @@ README.md beside this file has the rules and the deviations from the literature.
 
 import numpy as np
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.swarms.formations import FormationFlight, fit_plane, formation, mixed_direction
+from gslcosim.agent_kit import Briefing, run
+from gslcosim.search.swarms.formations import FormationAgent, fit_plane, formation, mixed_direction
 from gslcosim.search.swarms.rounds import Round
 
 
-class PlaneFit(Agent):
+class PlaneFit(FormationAgent):
     """One robot of a ring that reads in step with the others and moves with them up the slope and up the wind."""
 
+    program = __file__
+
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = load_settings(briefing, __file__)
-        self.flight = FormationFlight(briefing, self.settings)
+        super().__init__(briefing)
         radius_m = self.settings.radius_m
         self.offsets_m = formation("ring", self.flight.n_members, radius_m)
         self.lanes = {"lane_m": 2.0 * radius_m + self.settings.gap_m, "inset_m": radius_m}
 
-    def observe(self, observation: Observation) -> None:
-        """Read and listen: reports come with any observation."""
-        self.flight.observe(observation)
-
-    def decide(self, observation: Observation) -> Command:
-        """Wait until all have read; then declare, or step with the formation."""
-        now = self.flight.complete(observation)
-        if now is None:
-            return self.flight.wait(observation)
-        centre_m = self.next_centre_m(now)
-        found = self.flight.found(now, observation.time_s)
-        if found is not None:
-            return self.flight.declare(observation, found)
-        return self.flight.step(observation, centre_m + self.offsets_m[self.flight.index])
+    def next_place_m(self, now: Round) -> np.ndarray:
+        """Return this robot's place in the ring about the formation's next centre."""
+        return self.next_centre_m(now) + self.offsets_m[self.flight.index]
 
     def next_centre_m(self, now: Round) -> np.ndarray:
         """Return where the formation's centre goes: up the slope in gas, else to where gas was or may be."""

@@ -6,10 +6,8 @@ After Rando, James, Verri, Rosasco, Seminara 2025. README.md beside this file ha
 import math
 from pathlib import Path
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.random_stream import RandomStream
-from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
+from gslcosim.agent_kit import Briefing, Command, Observation, run
+from gslcosim.search.reactive.reactive_searcher import ReactiveAgent
 from gslcosim.search.reactive.silkmoth import TrueWind
 from gslcosim.search.reactive.temporal_memory import (
     N_GAS_STATES,
@@ -26,13 +24,14 @@ from gslcosim.search.senses.instruments import find_noses, find_vane
 POLICIES = Path(__file__).with_name("policies.json")
 
 
-class QMemory(Agent):
+class QMemory(ReactiveAgent):
     """Remembers the last seconds of gas, its moves since the last gas, and how a recovery goes on."""
 
+    program = __file__
+
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = s = load_settings(briefing, __file__)
-        self.draws = RandomStream(briefing.seed)
-        self.searcher = ReactiveSearcher(briefing, ReactiveSettings.of(s), self.draws)
+        super().__init__(briefing)
+        s = self.settings
         self.nose = find_noses(briefing)[0]
         self.hits = GasHits(self.nose, threshold_ppm=s.threshold_ppm)
         self.wind = TrueWind(find_vane(briefing), smoothing_s=s.wind_s, threshold_m_s=s.threshold_m_s)
@@ -46,7 +45,7 @@ class QMemory(Agent):
 
     def observe(self, observation: Observation) -> None:
         """Take note of gas and wind at every tick; a MOX sensor counts while it meets gas, not while it recovers."""
-        self.searcher.observe(observation)
+        super().observe(observation)
         self.wind.add(observation)
         is_hit = self.hits.add(observation)
         if self.nose.is_ready(observation):

@@ -7,14 +7,11 @@ import math
 
 import numpy as np
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.beliefs import BeliefPublisher
+from gslcosim.agent_kit import Briefing, Command, Observation, run
 from gslcosim.search.maps.gr_gsl import GrGsl, GrGslSettings, warm_up
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import declaration
-from gslcosim.search.motion.declaration import DeclarationGuard, by_variance
-from gslcosim.search.motion.map_navigation import MapNavigator, StopRecorder
-from gslcosim.search.random_stream import RandomStream
+from gslcosim.search.maps.map_agents import MapAgent
+from gslcosim.search.motion.declaration import by_variance
+from gslcosim.search.motion.map_navigation import StopRecorder
 from gslcosim.search.senses.instruments import find_noses, find_vane
 from gslcosim.search.senses.stop_and_measure import Measurement
 from gslcosim.search.swarms.rounds import Round, Rounds
@@ -31,17 +28,15 @@ HIT, CLEAN, UNCLEAR = 1.0, 0.0, -1.0
 N_REDRAWS = 20
 
 
-class SniffySquad(Agent):
+class SniffySquad(MapAgent):
     """One robot of the squad: its belief is that of all, its role is a rung on the ladder of temperatures."""
 
+    program = __file__
+
     def __init__(self, briefing: Briefing) -> None:
-        s = self.settings = load_settings(briefing, __file__)
         warm_up()
-        self.draws = RandomStream(briefing.seed)
-        self.flights = MapNavigator(
-            briefing, self.draws, cell_m=s.cell_m, max_cells=s.max_cells, clearance_m=s.clearance_m,
-            margin_m=s.wall_margin_m,
-        )  # fmt: skip
+        super().__init__(briefing)
+        s = self.settings
         self.watch = StopRecorder(briefing, threshold_ppm=s.gas_threshold_ppm, every_s=s.finding_s)
         nose, vane = find_noses(briefing)[0], find_vane(briefing)
         self.rounds = Rounds(briefing, nose, vane, amount=self.verdict, timeout_s=s.timeout_s)
@@ -49,8 +44,7 @@ class SniffySquad(Agent):
         self.method = GrGsl(self.flights.free, self.flights.grid, figures, flyable=self.flights.flyable)
         self.ladder = temperature_ladder(self.rounds.n_members, s.coldest, s.hottest)
         self.role = self.rounds.index
-        self.name, self.height_m = briefing.agent, briefing.search_height_m
-        self.publisher, self.declared = BeliefPublisher(), DeclarationGuard()
+        self.name = briefing.agent
         self.asked: Observation | None = None
 
     def observe(self, observation: Observation) -> None:
@@ -72,13 +66,10 @@ class SniffySquad(Agent):
             return self.rounds.wait(observation)
         self.learn(now)
         self.role = self.roles(now)[self.name]
-        belief = self.publisher.message(observation, self.method.p, flights.grid, height_m=self.height_m)
-        limit_m2 = self.settings.declare_variance_m2
-        found = self.declared.passes(by_variance(self.method.p, flights.grid, limit_m2=limit_m2))
-        if found is not None and self.settings.declares:
-            said = declaration(observation, (*found.position_m, self.height_m), found.confidence, belief=belief)
-            return said.model_copy(update={"outgoing": self.rounds.call()})
-        return self.step(observation, now).model_copy(update={"outgoing": self.rounds.call(), "belief": belief})
+        p, limit_m2 = self.method.p, self.settings.declare_variance_m2
+        found = by_variance(p, flights.grid, limit_m2=limit_m2) if self.settings.declares else None
+        command = self.answer(observation, p, found, lambda: self.step(observation, now))
+        return command.model_copy(update={"outgoing": self.rounds.call()})
 
     def verdict(self, _: Measurement) -> float:
         """Return what the reports say of the gas at a stop: there was some, none, or the sensor cannot tell."""

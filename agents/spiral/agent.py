@@ -3,22 +3,20 @@
 After Ferri et al. 2009. README.md beside this file has the rules.
 """
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.random_stream import RandomStream
-from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
+from gslcosim.agent_kit import Briefing, Command, Observation, run
+from gslcosim.search.reactive.reactive_searcher import ReactiveAgent
 from gslcosim.search.reactive.spirals import SpiralPath, SquareSpiral, random_side
 from gslcosim.search.senses.instruments import find_noses
 from gslcosim.search.senses.stop_and_measure import BestProximity, proximity_index
 
 
-class Spiral(Agent):
+class Spiral(ReactiveAgent):
     """Remembers the best proximity index, the samples of this stop, and how far a spiral has come."""
 
+    program = __file__
+
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = load_settings(briefing, __file__)
-        self.draws = RandomStream(briefing.seed)
-        self.searcher = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
+        super().__init__(briefing)
         self.nose = find_noses(briefing)[0]
         self.tick_s = briefing.tick_ns / 1e9
         self.best = BestProximity(n_misses=self.settings.n_misses)
@@ -28,7 +26,7 @@ class Spiral(Agent):
 
     def observe(self, observation: Observation) -> None:
         """Watch for gas on the way, and collect the samples of a stop."""
-        self.searcher.observe(observation)
+        super().observe(observation)
         is_new, self.last_tick = observation.tick != self.last_tick, observation.tick
         if observation.status != "holding":
             self.samples.clear()

@@ -3,84 +3,42 @@
 After Rahbar et al. 2017. README.md beside this file has the rules.
 """
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.random_stream import RandomStream
+from gslcosim.agent_kit import Briefing, Command, Observation, run
 from gslcosim.search.reactive.cast_and_surge import PlaneCastSequence, side_or_random, surge_end_m
-from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
+from gslcosim.search.reactive.plume_tracking import PlumeTrackingAgent, Recovery
 from gslcosim.search.senses.stop_and_measure import Contact
 
-LEAST_LEG_M = 0.1
-Vec3 = tuple[float, float, float]
 
-
-class SurgeCast3d(Agent):
+class SurgeCast3d(PlumeTrackingAgent):
     """Remembers where gas was met last, the wind there, how far a cast has come, and at which height it explores."""
 
+    program = __file__
+
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = load_settings(briefing, __file__)
-        self.draws = RandomStream(briefing.seed)
-        self.searcher = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
+        super().__init__(briefing)
         self.height_m = briefing.search_height_m  # of the exploration
         self.n_layers = 0
-        self.upwind_rad = 0.0
-        self.is_surging = False
-        self.cast: PlaneCastSequence | None = None
-        self.n_returns_left = 0
 
-    def observe(self, observation: Observation) -> None:
-        """Watch for gas on the way too."""
-        self.searcher.observe(observation)
-
-    def decide(self, observation: Observation) -> Command:
-        """Return the next leg: surge, cast or explore."""
-        contact = self.searcher.ask(observation, aborts=not self.is_surging)
-        if isinstance(contact, Command):
-            return contact
-        if contact.upwind_rad is None or self.searcher.is_away:
-            self.is_surging, self.cast = False, None
-            return self.explore(observation)
-        if contact.has_gas:
-            self.is_surging, self.cast, self.upwind_rad = True, None, contact.upwind_rad
-        left_m = contact.remaining_m(observation.position_world_m, self.settings.lost_m)
-        if self.is_surging and left_m > LEAST_LEG_M:
-            return self.surge(observation, contact, min(self.settings.step_m, left_m))
-        if self.is_surging:
-            self.is_surging, self.n_returns_left = False, self.settings.n_returns
-            self.cast = self.new_cast(observation.position_world_m, contact)
-            answer = self.searcher.lose(observation, contact, self.upwind_rad)
-            if answer is not None:
-                return answer
-        return self.cast_or_explore(observation, contact)
-
-    def surge(self, observation: Observation, contact: Contact, step_m: float) -> Command:
+    def track(self, observation: Observation, contact: Contact, *, is_regained: bool) -> Command:
         """Return a level leg upwind, on the line and at the height of the gas of the last leg."""
+        del is_regained
         here_m = observation.position_world_m
+        step_m = min(self.settings.step_m, contact.remaining_m(here_m, self.settings.lost_m))
         x_m, y_m = surge_end_m(here_m, contact.gas_m, self.upwind_rad, step_m)
         return self.searcher.fly_to(observation, (x_m, y_m, here_m[2] if contact.gas_m is None else contact.gas_m[2]))
 
-    def cast_or_explore(self, observation: Observation, contact: Contact) -> Command:
-        """Return the next leg of the cast; after it go back to the last gas and cast there; then explore."""
-        while self.cast is not None:
-            command = self.searcher.follow(observation, self.cast.next_turn_m)
-            if command is not None:
-                return command
-            self.cast = self.new_cast(contact.last_m, contact) if self.n_returns_left > 0 and contact.last_m else None
-            self.n_returns_left -= 1
-        return self.explore(observation)
-
-    def new_cast(self, here_m: Vec3, contact: Contact) -> PlaneCastSequence:
-        """Return a cast from a place that begins on the side, and above or below, where gas was met last."""
-        last_m = contact.last_m or here_m
+    def start_recovery(self, here_m: tuple[float, ...], contact: Contact) -> Recovery:
+        """Return the turns of a cast that begins on the side, and above or below, where gas was met last."""
+        last_m, (x_m, y_m, z_m) = contact.last_m or here_m, here_m
         return PlaneCastSequence(
-            anchor_m=here_m,
+            anchor_m=(x_m, y_m, z_m),
             upwind_rad=self.upwind_rad,
             side=side_or_random(last_m, here_m, self.upwind_rad, self.draws),
-            lift=1 if last_m[2] >= here_m[2] else -1,
+            lift=1 if last_m[2] >= z_m else -1,
             width_m=self.settings.cast_m,
             height_m=self.settings.cast_height_m,
             n_legs=self.settings.n_casts,
-        )
+        ).next_turn_m
 
     def explore(self, observation: Observation) -> Command:
         """Return a leg without gas; when all of a height is seen the next one comes: above, below, farther above."""

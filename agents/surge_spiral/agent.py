@@ -3,60 +3,38 @@
 After Lochmatter and Martinoli 2008. README.md beside this file has the rules.
 """
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.random_stream import RandomStream
+from gslcosim.agent_kit import Briefing, Command, Observation, run
 from gslcosim.search.reactive.cast_and_surge import surge_end_m
-from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
+from gslcosim.search.reactive.plume_tracking import PlumeTrackingAgent, Recovery
 from gslcosim.search.reactive.spirals import ArchimedeanSpiral, SpiralPath, SquareSpiral, random_side
 from gslcosim.search.senses.stop_and_measure import Contact
 
-LEAST_LEG_M = 0.1
 
-
-class SurgeSpiral(Agent):
+class SurgeSpiral(PlumeTrackingAgent):
     """Remembers where gas was met last, the wind there, and how far a spiral has come."""
 
+    program = __file__
+
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = load_settings(briefing, __file__)
-        self.draws = RandomStream(briefing.seed)
-        self.searcher = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
-        self.upwind_rad = 0.0
-        self.is_surging = False
+        super().__init__(briefing)
         self.spiral: SpiralPath | None = None
         self.n_restarts_left = 0
-        self.n_returns_left = 0
 
-    def observe(self, observation: Observation) -> None:
-        """Watch for gas on the way too."""
-        self.searcher.observe(observation)
+    def track(self, observation: Observation, contact: Contact, *, is_regained: bool) -> Command:
+        """Return a leg upwind, in line with the gas of the last leg."""
+        del is_regained
+        here_m = observation.position_world_m
+        step_m = min(self.settings.step_m, contact.remaining_m(here_m, self.settings.lost_m))
+        return self.searcher.fly_to(observation, surge_end_m(here_m, contact.gas_m, self.upwind_rad, step_m))
 
-    def decide(self, observation: Observation) -> Command:
-        """Return the next leg: surge, spiral or explore."""
-        contact = self.searcher.ask(observation, aborts=not self.is_surging)
-        if isinstance(contact, Command):
-            return contact
-        if contact.upwind_rad is None or self.searcher.is_away:
-            self.is_surging, self.spiral = False, None
-            return self.searcher.explore(observation)
-        if contact.has_gas:
-            self.is_surging, self.spiral, self.upwind_rad = True, None, contact.upwind_rad
-        left_m = contact.remaining_m(observation.position_world_m, self.settings.lost_m)
-        if self.is_surging and left_m > LEAST_LEG_M:
-            step_m = min(self.settings.step_m, left_m)
-            place_m = surge_end_m(observation.position_world_m, contact.gas_m, self.upwind_rad, step_m)
-            return self.searcher.fly_to(observation, place_m)
-        if self.is_surging:
-            self.is_surging = False
-            self.n_restarts_left, self.n_returns_left = self.settings.n_restarts, self.settings.n_returns
-            self.spiral = self.start_spiral(observation.position_world_m)
-            answer = self.searcher.lose(observation, contact, self.upwind_rad)
-            if answer is not None:
-                return answer
-        return self.wind_out(observation, contact)
+    def start_recovery(self, here_m: tuple[float, ...], contact: Contact) -> Recovery:
+        """Return the places of a spiral about a place."""
+        del contact
+        self.n_restarts_left = self.settings.n_restarts
+        return self.start_spiral(here_m)
 
-    def start_spiral(self, centre_m: tuple[float, ...]) -> SpiralPath:
-        """Return a spiral about a place, upwind first."""
+    def start_spiral(self, centre_m: tuple[float, ...]) -> Recovery:
+        """Return the places of a spiral about a place, upwind first."""
         s, side = self.settings, random_side(self.draws)
         if s.shape == "archimedean":
             spiral = ArchimedeanSpiral(
@@ -67,22 +45,23 @@ class SurgeSpiral(Agent):
                 side_m=s.side_m, growth_m=s.growth_m, heading_rad=self.upwind_rad, side=side, n_sides=s.n_sides
             )
         room = self.searcher.pilot.room
-        return SpiralPath(spiral, centre_m, is_free=room.contains, n_skips=s.n_skips)
+        self.spiral = SpiralPath(spiral, centre_m, is_free=room.contains, n_skips=s.n_skips)
+        return self.spiral.next_place_m
 
-    def wind_out(self, observation: Observation, contact: Contact) -> Command:
+    def recover(self, observation: Observation, contact: Contact) -> Command:
         """Return the next leg of the spiral; where it is blocked begin again; after it wind out from the last gas."""
-        while self.spiral is not None:
-            place_m = self.spiral.next_place_m()
+        while self.recovery is not None:
+            place_m = self.recovery()
             if place_m is not None:
                 return self.searcher.cast_to(observation, place_m)
-            is_blocked, self.spiral = self.spiral.is_blocked, None
-            if is_blocked and self.n_restarts_left > 0:
+            self.recovery = None
+            if self.spiral is not None and self.spiral.is_blocked and self.n_restarts_left > 0:
                 self.n_restarts_left -= 1
-                self.spiral = self.start_spiral(observation.position_world_m)
+                self.recovery = self.start_spiral(observation.position_world_m)
             elif self.n_returns_left > 0 and contact.last_m is not None:
                 self.n_returns_left -= 1
-                self.spiral = self.start_spiral(contact.last_m)
-        return self.searcher.explore(observation)
+                self.recovery = self.start_spiral(contact.last_m)
+        return self.explore(observation)
 
 
 if __name__ == "__main__":

@@ -5,21 +5,20 @@ After Chasing Ghosts (2026), with its known faults mended. README.md beside this
 
 import math
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.random_stream import RandomStream
-from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
+from gslcosim.agent_kit import Briefing, Command, Observation, run
+from gslcosim.search.reactive.reactive_searcher import ReactiveAgent
 from gslcosim.search.reactive.spirals import random_side
 from gslcosim.search.reactive.taxis import TwoNoses, bearing_rad, turn_rad
 
 
-class TwoNosesAgent(Agent):
+class TwoNosesAgent(ReactiveAgent):
     """Remembers its heading, the side of the last gas, and for how many steps there was none."""
 
+    program = __file__
+
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = s = load_settings(briefing, __file__)
-        self.draws = RandomStream(briefing.seed)
-        self.searcher = ReactiveSearcher(briefing, ReactiveSettings.of(s), self.draws)
+        super().__init__(briefing)
+        s = self.settings
         self.noses = TwoNoses(briefing, sample_s=s.sample_s, window_s=s.window_s, threshold_ppm=s.threshold_ppm)
         self.straight_rad, self.half_rad = math.radians(s.straight_deg), math.radians(s.half_deg)
         self.heading_rad = 0.0
@@ -29,7 +28,7 @@ class TwoNosesAgent(Agent):
 
     def observe(self, observation: Observation) -> None:
         """Watch both noses at every tick."""
-        self.searcher.observe(observation)
+        super().observe(observation)
         self.noses.add(observation)
 
     def decide(self, observation: Observation) -> Command:

@@ -7,36 +7,24 @@ import math
 
 import numpy as np
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.bayes import puff_tracing
-from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettings
-from gslcosim.search.bayes.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
+from gslcosim.agent_kit import Briefing, Command, Observation, run
+from gslcosim.search.bayes.source_map_agent import PuffTracingAgent
 from gslcosim.search.beliefs import normalised_from_log
-from gslcosim.search.method_settings import load_settings
 from gslcosim.search.senses.instruments import find_cameras
 from gslcosim.search.senses.vision import SeenObjects, Viewpoint, prior_from_objects, seen_objects
 
 N_POSES = 100  # so many ticks a picture may be late
 
 
-class VisionPrior(Agent):
+class VisionPrior(PuffTracingAgent):
     """Looks around, believes in what is blue, and searches as a source map does; its camera faces the way."""
 
+    program = __file__
+
     def __init__(self, briefing: Briefing) -> None:
-        settings = self.settings = load_settings(briefing, __file__)
-        puff_tracing.warm_up()
-        self.search = BeliefSearch(briefing, BeliefSearchSettings.of(settings))
+        super().__init__(briefing)
         self.camera = find_cameras(briefing)[0]
         self.floor_m = briefing.bounds.min_m[2]
-        self.model = PuffModel(
-            step_s=settings.wind_step_s,
-            window_s=settings.window_s,
-            initial_sigma_m=settings.initial_sigma_m,
-            spread_m_sqrt_s=settings.spread_m_sqrt_s,
-            detection_probability=settings.detection_probability,
-            sensed_m2=settings.sensed_m2,
-        )
-        self.map = SourceMap(self.search.grid, free=self.search.free, floor_frac=settings.floor_frac)
         self.log_prior = np.zeros(self.search.grid.shape)
         self.seen = SeenObjects()
         self.poses: dict[int, Viewpoint] = {}
@@ -46,12 +34,7 @@ class VisionPrior(Agent):
     def observe(self, observation: Observation) -> None:
         """Look at new pictures, and update the map by what was found."""
         self.look(observation)
-        if (rejected_m := self.search.take_rejected()) is not None:
-            self.map.reject(rejected_m, self.settings.visit_m)
-        finding = self.search.observe(observation)
-        if finding is not None:
-            travelled_m = displacements_m(self.search.winds, self.model, finding.sensor_m, field=self.search.field)
-            puff_tracing.update(self.map, self.model, finding.sensor_m, travelled_m, is_hit=finding.is_hit)
+        super().observe(observation)
 
     def look(self, observation: Observation) -> None:
         """Make a prior of what a new picture shows, from where the vehicle was when it was taken."""
@@ -82,12 +65,7 @@ class VisionPrior(Agent):
         p = normalised_from_log(self.map.log_p + self.log_prior)
         if self.n_looks < self.settings.looks and not self.search.flights.pilot.is_busy(observation):
             return self.turn(observation)
-        command = self.search.answer(
-            observation,
-            p,
-            self.search.drawn_together(p),
-            lambda: self.search.next_leg(observation, p, self.chance(observation)),
-        )
+        command = self.answer(observation, p)
         return command.model_copy(update={"faces_path": command.kind == "waypoint"})
 
     def turn(self, observation: Observation) -> Command:
@@ -95,12 +73,6 @@ class VisionPrior(Agent):
         yaw_rad = math.remainder(2.0 * math.pi * self.n_looks / self.settings.looks, 2.0 * math.pi)
         self.n_looks += 1
         return Command(tick=observation.tick, kind="hold", hold_s=self.settings.look_s, yaw_rad=yaw_rad)
-
-    def chance(self, observation: Observation) -> puff_tracing.Array:
-        """Return the chance to detect gas of a source at each offset, in the wind of late."""
-        plan_grid = self.search.plan_grid
-        travelled_m = displacements_m(self.search.winds, self.model, observation.position_world_m)
-        return footprint(self.model, travelled_m, plan_grid.cell_m, plan_grid.shape)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, cast
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
@@ -66,6 +66,8 @@ def count_instruments(kind: str, sensors: Iterable[SensorDescription]) -> int:
 
 
 CARD_FILE = "method.yaml"
+# Parameters that several methods have, a file each; a card takes them over by `includes`.
+SHARED_PARAMETERS = Path(__file__).with_name("parameters")
 FAMILIES = ("anchor", "reactive", "swarm", "bayesian", "information", "map", "learned", "vision")
 Family = Literal["anchor", "reactive", "swarm", "bayesian", "information", "map", "learned", "vision"]
 Knowledge = Literal["map", "plume", "source"]
@@ -187,7 +189,8 @@ class MethodCard(_CardPart):
     """A search method: what it is, what it needs, and what it can be set to.
 
     `robots` is how many fly it together: a number, or the least and the most. `decision_limit_ms` is how long a
-    decision may take at the 95th percentile.
+    decision may take at the 95th percentile. In a file, `includes` names files of `SHARED_PARAMETERS` whose parameters
+    the method has as well.
     """
 
     schema_: Literal["gslcosim/method/1"] = Field(alias="schema")
@@ -249,13 +252,30 @@ def _loaded(path: Path, changed_ns: int, n_bytes: int) -> MethodCard:
     if not isinstance(fields, dict):
         raise MethodError(f"expected a method card (a YAML map), was {type(fields).__name__}.\nFile: {path}")
     try:
-        return MethodCard.model_validate(fields)
+        return MethodCard.model_validate(_with_included(cast(dict[str, Any], fields), path))
     except ValidationError as error:
         lines = [
             f"{'.'.join(str(part) for part in problem['loc'])}: {problem['msg'][:1].lower()}{problem['msg'][1:]}"
             for problem in error.errors(include_url=False)
         ]
         raise MethodError("the method card is wrong: " + "; ".join(lines) + f".\nFile: {path}") from error
+
+
+# A card's own parameters replace included ones of their name, in their place, and the others follow.
+def _with_included(fields: dict[str, Any], path: Path) -> dict[str, Any]:
+    included, own = fields.get("includes"), fields.get("parameters", {})
+    if included is None or not isinstance(own, dict):
+        return fields
+    known = sorted(file.stem for file in SHARED_PARAMETERS.glob("*.yaml"))
+    if not isinstance(included, list) or any(name not in known for name in cast(list[object], included)):
+        raise MethodError(
+            f"the method card is wrong: includes: expected a list of {', '.join(known)}, was {included!r}."
+            f"\nFile: {path}"
+        )
+    parameters: dict[str, Any] = {}
+    for name in cast(list[str], included):
+        parameters |= yaml.load((SHARED_PARAMETERS / f"{name}.yaml").read_text(encoding="utf-8"), Loader=CoreLoader)
+    return {key: value for key, value in fields.items() if key != "includes"} | {"parameters": parameters | own}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.search.beliefs import CellGrid, normalised_from_log
-from gslcosim.search.motion.grid_paths import STEP_UNITS, UNITS_PER_CELL, Free, nearest_free, path_tree
+from gslcosim.search.maps.goal_cells import Cell, GoalCells
+from gslcosim.search.motion.grid_paths import STEP_UNITS, Free
 
 # A way of more than three steps to a cell of the window leads around something.
 _WINDOW_UNITS = 3 * STEP_UNITS[1]
@@ -135,10 +136,7 @@ def _divergence(q, p):
 
 
 Array = NDArray[np.float64]
-Cell = tuple[int, ...]
 _NO_DIRECTION = math.nan
-# Trees of paths that are kept: those to places that were looked at lately.
-_KEPT_TREES = 600
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,7 +154,7 @@ class GrGslSettings:
         return cls(**{item.name: getattr(settings, item.name) for item in fields(cls)})
 
 
-class GrGsl:
+class GrGsl(GoalCells):
     """Believes where the source is, cell by cell, from hits and misses with the wind at the robot.
 
     1. A hit favours the cells upwind of the robot, a miss those back towards the last hit; before the first hit a miss
@@ -190,13 +188,10 @@ class GrGsl:
             settings: Its figures.
             flyable: Those of them that the robot can be sent to; absent: all.
         """
-        self.free, self.grid = np.ascontiguousarray(free), grid
         self.settings = settings or GrGslSettings()
+        super().__init__(free, grid, reach_cells=self.settings.reach_cells, flyable=flyable)
         self.last_hit_m: tuple[float, ...] | None = None
         self._log_p = np.where(free, 0.0, -np.inf)
-        self._is_open = np.zeros(free.shape, np.bool_)
-        self._is_closed = np.zeros(free.shape, np.bool_) if flyable is None else ~flyable
-        self._trees: dict[Cell, tuple[NDArray[np.int64], NDArray[np.int32]]] = {}
 
     @property
     def p(self) -> Array:
@@ -215,18 +210,6 @@ class GrGsl:
         self._log_p -= self._log_p.max()
         if is_hit:
             self.last_hit_m = self.grid.centre_m(cell)
-
-    def visit(self, point_m: Sequence[float]) -> None:
-        """Take note of a place where the robot was: cells near it come into reach, and it is no goal any more."""
-        cell = self._cell(point_m)
-        length, _ = self._tree(cell)
-        reach = self.settings.reach_cells * UNITS_PER_CELL
-        self._is_open |= ((length >= 0) & (length <= reach)).reshape(self.free.shape)
-        self._is_closed[cell] = True
-
-    def give_up(self, point_m: Sequence[float]) -> None:
-        """Leave the cell of a place out from now on: it cannot be flown to."""
-        self._is_closed[self._cell(point_m)] = True
 
     def candidates(self) -> list[Cell]:
         """Return the cells that are in reach and not visited, at most `candidates`, the most probable ones first."""
@@ -273,19 +256,6 @@ class GrGsl:
         if self.last_hit_m is None or math.dist(point_m, self.last_hit_m) < 0.5 * self.grid.cell_m:
             return _NO_DIRECTION
         return math.atan2(point_m[1] - self.last_hit_m[1], point_m[0] - self.last_hit_m[0])
-
-    def _tree(self, cell: Cell) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-        if cell not in self._trees:
-            if len(self._trees) >= _KEPT_TREES:
-                self._trees.pop(next(iter(self._trees)))
-            length, _, order = path_tree(self.free[:, :, None], int(np.ravel_multi_index(cell, self.free.shape)))
-            self._trees[cell] = (length, order)
-        return self._trees[cell]
-
-    def _cell(self, point_m: Sequence[float]) -> Cell:
-        cell = nearest_free(self.free, self.grid, point_m)
-        assert cell is not None, "a room without a free cell is refused before"
-        return cell
 
 
 def warm_up() -> None:

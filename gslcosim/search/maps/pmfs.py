@@ -12,14 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.search.beliefs import CellGrid, normalised_from_log
+from gslcosim.search.maps.goal_cells import Cell, GoalCells
 from gslcosim.search.maps.wind_map import factorise_lu_inplace, solve_transposed_lu_inplace
 from gslcosim.search.motion.grid_paths import (
     STEP_UNITS,
     UNITS_PER_CELL,
     Free,
     is_line_free,
-    nearest_free,
-    path_tree,
     visible_cells,
 )
 from gslcosim.search.random_stream import RandomStream
@@ -322,7 +321,6 @@ def disagreement(shares, p):
     return variance
 
 
-Cell = tuple[int, int]
 _LEAST_P, _MOST_P = 0.001, 0.999
 # Sources are never ruled out by one cell alone.
 _LEAST_FACTOR = 0.01
@@ -365,7 +363,7 @@ class PmfsSettings:
         return cls(plume=plume, **{name: getattr(settings, name) for name in names})
 
 
-class Pmfs:
+class Pmfs(GoalCells):
     """Maps how likely gas is met in each cell, and believes in the sources whose plume would explain that map.
 
     1. Hit map: log odds of a hit in each cell. A measurement moves a cell's probability from the prior to its target
@@ -402,13 +400,12 @@ class Pmfs:
             settings: Its figures.
             flyable: Those of them that the robot can be sent to; absent: all.
         """
-        self.free, self.grid, self.settings = np.ascontiguousarray(free), grid, settings or PmfsSettings()
+        self.settings = settings or PmfsSettings()
+        super().__init__(free, grid, reach_cells=self.settings.reach_cells, flyable=flyable)
         self._log_odds = np.full(free.shape, _logit(self.settings.prior))
         self._omega = np.zeros(free.shape)
         self.p = np.where(free, 1.0 / free.sum(), 0.0)
         self._plume: BackwardPlume | None = None
-        self._is_open = np.zeros(free.shape, np.bool_)
-        self._is_closed = np.zeros(free.shape, np.bool_) if flyable is None else ~flyable
         self._n_goals = 0
 
     @property
@@ -435,18 +432,6 @@ class Pmfs:
             self._log_odds += np.log(p / (1.0 - p)) - _logit(s.prior)
             trust_inplace(self._omega.reshape(-1), length, order, s.trust_reach_cells)
         self._log_odds = np.clip(self._log_odds, _logit(_LEAST_P), _logit(_MOST_P))
-
-    def visit(self, point_m: Sequence[float]) -> None:
-        """Take note of a place where the robot was: cells near it come into reach, and it is no goal any more."""
-        cell = self._cell(point_m)
-        length, _ = self._tree(cell)
-        reach = self.settings.reach_cells * UNITS_PER_CELL
-        self._is_open |= ((length >= 0) & (length <= reach)).reshape(self.free.shape)
-        self._is_closed[cell] = True
-
-    def give_up(self, point_m: Sequence[float]) -> None:
-        """Leave the cell of a place out from now on: it cannot be flown to."""
-        self._is_closed[self._cell(point_m)] = True
 
     def score(self, wind_m_s: Array) -> None:
         """Believe again, in a wind.
@@ -501,15 +486,6 @@ class Pmfs:
         seen = np.argwhere(visible_cells(self.free, cell, _VIEW_CELLS))
         away = np.hypot(seen[:, 0] - cell[0], seen[:, 1] - cell[1])
         return float(((1.0 - self.confidence[tuple(seen.T)]) * np.exp(-away)).sum())
-
-    def _tree(self, cell: Cell) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-        length, _, order = path_tree(self.free[:, :, None], cell[0] * self.free.shape[1] + cell[1])
-        return length, order
-
-    def _cell(self, point_m: Sequence[float]) -> Cell:
-        cell = nearest_free(self.free, self.grid, point_m)
-        assert cell is not None, "a room without a free cell is refused before"
-        return cell[0], cell[1]
 
 
 def warm_up() -> None:

@@ -3,9 +3,12 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
+from gslcosim.agent_kit import Agent
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import Briefing, Command, Observation
+from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.commands import declaration
 from gslcosim.search.motion.coverage import CoverageGrid
 from gslcosim.search.motion.declaration import DeclarationGuard, Estimate, ReactiveRule
@@ -210,3 +213,23 @@ class ReactiveSearcher:
         command = self.cast_to(observation, goal_m if z_m is None else (*goal_m, z_m))
         self._goal_m = goal_m
         return command
+
+
+class ReactiveAgent(Agent):
+    """An agent built on a `ReactiveSearcher`: a subclass names its `program` (`__file__`, with its card beside it)."""
+
+    program: ClassVar[str]
+
+    def __init__(self, briefing: Briefing) -> None:
+        """Begin without gas, wind, or anything seen.
+
+        Raises:
+            MethodError: the agent lacks something that its card asks for, or a parameter is wrong.
+        """
+        self.settings = load_settings(briefing, self.program)
+        self.draws = RandomStream(briefing.seed)
+        self.searcher = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
+
+    def observe(self, observation: Observation) -> None:
+        """Watch for gas on the way too."""
+        self.searcher.observe(observation)

@@ -4,14 +4,18 @@ Slots are given in the frame of the formation: x upwind, y to the left of upwind
 """
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.agent_kit import Agent
 from gslcosim.contract.messages import Briefing, Command, Observation
+from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.commands import declaration
 from gslcosim.search.motion.declaration import DeclarationGuard, Estimate, SwarmRule
 from gslcosim.search.motion.legs import LegPlanner, LegSpace
@@ -477,13 +481,7 @@ class FormationFlight:
     `near_s`, `unchanged_s` and `declare_factor` (how many times the floor the best place must have); for `met_gas` and
     `searching_centre_m` also `search_step_m`, `cast_m` and `n_casts`.
 
-    Use `observe` with every observation, and in `decide`:
-
-        now = self.flight.complete(observation)
-        if now is None:
-            return self.flight.wait(observation)
-        ...
-        return self.flight.step(observation, target_m)
+    Use `observe` with every observation; `FormationAgent.decide` shows the rest.
 
     State: the rounds, the pilot, the team's wind, its best place, the plume's memory, and what was declared.
 
@@ -612,6 +610,50 @@ class FormationFlight:
 
 
 # What a report says of gas at places: its own reading, and the best place that it knows of.
+class FormationAgent(Agent):
+    """One robot of a formation that reads in rounds: all wait until all have read, and then step together.
+
+    A method is a subclass that names its `program` (`__file__`, with its card beside it) and says where its robot goes
+    next. Its settings: those of a `FormationFlight`.
+    """
+
+    program: ClassVar[str]
+
+    def __init__(self, briefing: Briefing) -> None:
+        """Begin before the first round.
+
+        Raises:
+            MethodError: the agent lacks something that its card asks for, or a parameter is wrong.
+        """
+        self.settings = load_settings(briefing, self.program)
+        self.flight = FormationFlight(briefing, self.settings)
+
+    def observe(self, observation: Observation) -> None:
+        """Read and listen: reports come with any observation."""
+        self.flight.observe(observation)
+
+    def decide(self, observation: Observation) -> Command:
+        """Wait until all have read; then declare, or step with the others."""
+        now = self.flight.complete(observation, self.numbers())
+        return self.flight.wait(observation) if now is None else self.answer(observation, now)
+
+    def answer(self, observation: Observation, now: Round) -> Command:
+        """Return the step, or the declaration, that answers a round."""
+        target_m = self.next_place_m(now)
+        found = self.flight.found(now, observation.time_s)
+        if found is not None:
+            return self.flight.declare(observation, found)
+        return self.flight.step(observation, target_m)
+
+    def numbers(self) -> tuple[float, ...]:
+        """Return the method's own numbers that go with this robot's report."""
+        return ()
+
+    @abstractmethod
+    def next_place_m(self, now: Round) -> Floats:
+        """Return where this robot goes after a round, (2,), world frame [m]."""
+
+
 def _sightings(report: Report) -> list[Sighting]:
     sightings = [Sighting((report.position_m[0], report.position_m[1]), report.amount, report.time_s)]
     best = report.best

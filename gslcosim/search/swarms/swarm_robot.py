@@ -1,9 +1,11 @@
 """Swarm robot: a nose, bests that fade, reports of the others, legs, and a declaration; particles among them."""
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -329,7 +331,28 @@ class Particle(SwarmRobot):
         )
 
 
-class ParticleAgent(Agent):
+RobotT = TypeVar("RobotT", bound=SwarmRobot)
+
+
+class SwarmAgent(Agent, Generic[RobotT]):
+    """An agent whose robot goes by legs and knows the others by radio only; a method is its `step`."""
+
+    robot: RobotT
+
+    def observe(self, observation: Observation) -> None:
+        """Measure and listen."""
+        self.robot.observe(observation)
+
+    def decide(self, observation: Observation) -> Command:
+        """Return the next leg, or a declaration."""
+        return self.robot.decide(observation, self.step)
+
+    @abstractmethod
+    def step(self, best: Sighting | None) -> Vector:
+        """Return the next step [m], given the swarm's best if there is any."""
+
+
+class ParticleAgent(SwarmAgent[Particle]):
     """One particle; it knows the others by radio only.
 
     Its settings: those of a `Particle`, `inertia`, `own` and `swarm`.
@@ -344,13 +367,9 @@ class ParticleAgent(Agent):
         self.robot = Particle(briefing, settings)
         self.weights = SwarmWeights(inertia=settings.inertia, own=settings.own, swarm=settings.swarm)
 
-    def observe(self, observation: Observation) -> None:
-        """Measure and listen."""
-        self.robot.observe(observation)
-
-    def decide(self, observation: Observation) -> Command:
-        """Return the next leg: away from who is near, to a random waypoint before any gas, else the swarm's step."""
-        return self.robot.decide(observation, lambda best: self.robot.swarm_step(best, self.track))
+    def step(self, best: Sighting | None) -> Vector:
+        """Return the next step: away from who is near, to a random waypoint before any gas, else the swarm's."""
+        return self.robot.swarm_step(best, self.track)
 
     def track(self, best: Sighting) -> Vector:
         """Return the step of the equation of motion, with fresh random numbers."""

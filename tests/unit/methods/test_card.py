@@ -138,3 +138,17 @@ def test_every_bundled_agent_has_a_right_card(name):
     card = find_card_beside(bundled_agents()[name])
     assert card is not None
     assert card.title
+
+
+def test_a_card_takes_over_included_parameters_and_replaces_some_in_their_place(card):
+    own = {"n_headings": {**CARD["parameters"]["n_legs"], "default": 4}, "extra": CARD["parameters"]["step_m"]}
+    whole, changed = card(includes=["information"], parameters={}), card(includes=["information"], parameters=own)
+    assert [*whole.parameters, "extra"] == list(changed.parameters)
+    assert changed.parameters["n_headings"].default == 4
+    assert changed.parameters["cell_m"] == whole.parameters["cell_m"]
+
+
+@pytest.mark.parametrize("included", [["luck"], "information"])
+def test_an_unknown_inclusion_is_named(card, included):
+    with pytest.raises(MethodError, match="includes: expected a list of information, was "):
+        card(includes=included)
