@@ -18,9 +18,9 @@ from gslcosim.contract.messages import Verdict
 from gslcosim.runtime.agents.bus_transport import AgentHost, BusTransport, replay_observations
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents, describe_absence
 from gslcosim.runtime.agents.session import AgentJoined, AgentLost, AgentSession, build_agent_statuses, build_session
-from gslcosim.runtime.agents.validator import get_agent_participant
+from gslcosim.runtime.agents.validator import collect_faults, get_agent_participant
+from gslcosim.runtime.digest import HashChain, RunDigest
 from gslcosim.runtime.distributed import protocol
-from gslcosim.runtime.distributed.outcome_collection import collect_outcome
 from gslcosim.runtime.distributed.protocol import (
     Interrupted,
     LivelinessChanged,
@@ -67,13 +67,10 @@ class StatusReporter:
 
     def report_awaited(self, names: Sequence[str], waited_s: float) -> None:
         """Report who has not joined yet, and after a while for how long."""
-        text = f"waiting for {', '.join(names)}"
-        if waited_s <= LATE_AFTER_S:
-            self._report_status(RunStatus(state="starting", text=text))
-        else:
-            self._report_status(
-                RunStatus(state="starting", text=f"{text}, not here after {waited_s:.0f} s", is_late=True)
-            )
+        text, is_late = f"waiting for {', '.join(names)}", waited_s > LATE_AFTER_S
+        if is_late:
+            text = f"{text}, not here after {waited_s:.0f} s"
+        self._report_status(RunStatus(state="starting", text=text, is_late=is_late))
 
     def report_run(self, state: str, tick: int, wall_s: float, text: str = "") -> None:
         """Report how far the run has come, and notes besides."""
@@ -116,8 +113,15 @@ class ParticipantInspector:
         asked = [name for name in self._services if name not in self._watchdog.final_reports]
         for name in asked:
             self._bus.ask(protocol.build_inspection_key(name), b"", lambda _, payload: answers.put(payload))
-        came = _collect_answers(answers, len(asked))
-        return [self._service(name, came.get(name)) for name in self._services] + build_agent_statuses(self._sessions)
+        came: dict[str, ParticipantStatus] = {}
+        deadline_s = time.monotonic() + INSPECTION_TIMEOUT_S
+        with suppress(queue.Empty):
+            while len(came) < len(asked):
+                payload = answers.get(timeout=max(0.0, deadline_s - time.monotonic()))
+                inspection: protocol.ParticipantInspection = protocol.ParticipantInspection.from_bytes(payload)
+                came[inspection.name] = inspection.as_status()
+        services = [came.get(name) or self._describe_silent(name) for name in self._services]
+        return services + build_agent_statuses(self._sessions)
 
     def look_twice(self) -> list[ParticipantStatus]:
         """Return one moment of all participants; a service is silent only where it answers neither of two questions."""
@@ -127,23 +131,9 @@ class ParticipantInspector:
         second = self.look()
         return [then if now.state == "silent" else now for then, now in zip(first, second, strict=True)]
 
-    def _service(self, name: str, inspection: protocol.ParticipantInspection | None) -> ParticipantStatus:
-        if inspection is None:
-            state: ParticipantState = "done" if name in self._watchdog.final_reports else "silent"
-            return ParticipantStatus(name=name, state=state, tick=self._watchdog.tick_of(name))
-        return inspection.as_status()
-
-
-def _collect_answers(answers: "queue.SimpleQueue[bytes]", n_asked: int) -> dict[str, protocol.ParticipantInspection]:
-    came: dict[str, protocol.ParticipantInspection] = {}
-    deadline_s = time.monotonic() + INSPECTION_TIMEOUT_S
-    with suppress(queue.Empty):
-        while len(came) < n_asked:
-            inspection: protocol.ParticipantInspection = protocol.ParticipantInspection.from_bytes(
-                answers.get(timeout=max(0.0, deadline_s - time.monotonic()))
-            )
-            came[inspection.name] = inspection
-    return came
+    def _describe_silent(self, name: str) -> ParticipantStatus:
+        state: ParticipantState = "done" if name in self._watchdog.final_reports else "silent"
+        return ParticipantStatus(name=name, state=state, tick=self._watchdog.tick_of(name))
 
 
 POLL_PERIOD_S = 0.1
@@ -179,7 +169,6 @@ class Supervisor:
         self._bus = bus
         self._gateway = gateway
         self._events = events
-        self._dataflow = build_dataflow(setup.scenario)
         self._services = list_service_names(setup.scenario)
         self._watchdog = Watchdog(groups, setup.run_dir)
         self._restarts = restarts
@@ -278,10 +267,24 @@ class Supervisor:
         self._bus.publish(protocol.CLOSE_KEY, b"", urgent=True)
 
     def complete(self, outcome: RunOutcome) -> None:
-        """Add to the outcome what the run has brought in."""
+        """Add to the outcome what services and agents have left: verdict, faults, timing, digest."""
         if self._started_at_s is not None and self._ended_at_s is not None:
             outcome.flight_wall_s = self._ended_at_s - self._started_at_s
-        collect_outcome(outcome, self._watchdog, self._agent_hosts, self._verdict, self._dataflow, self._restarts)
+        reports, verdict = self._watchdog.final_reports, self._verdict
+        outcome.verdict = verdict
+        outcome.agent_faults = collect_faults(host.session.validator for host in self._agent_hosts.values())
+        outcome.timing = {name: report.timing for name, report in sorted(reports.items())}
+        accounts = (*(report.summary for report in reports.values()), self._restarts.summary)
+        outcome.summary = {key: value for account in accounts for key, value in account.items()}
+        outcome.ticks_flown = verdict.tick if verdict else self._watchdog.finished_tick
+        if verdict is None or not self._watchdog.is_finished:
+            return
+        trails: dict[str, HashChain] = {}
+        for report in reports.values():
+            trails |= {port: HashChain.from_fields(fields) for port, fields in report.trails.items()}
+        for name, host in self._agent_hosts.items():
+            trails[keys.command(name)] = host.session.trail
+        outcome.digest = RunDigest.of(trails, build_dataflow(self._setup.scenario).writer_of, verdict.tick)
 
     def _build_agent_host(self, name: str) -> AgentHost:
         agent = next(agent for agent in self._setup.scenario.agents if agent.name == name)
