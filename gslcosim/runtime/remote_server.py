@@ -226,7 +226,7 @@ class RunServer:
 
     def _piece(self, question: bytes) -> list[bytes]:
         try:
-            request: ChunkRequest = ChunkRequest.from_bytes(question)
+            request = ChunkRequest.from_bytes(question)
         except ContractError:
             return []
         if request.room >= len(self._rooms):

@@ -128,12 +128,19 @@ class ParticipantLink:
 
     def flush(self) -> None:
         """Send what waits."""
-        bundled = [(sent.port, sent.payload) for sent in self._bundle if protocol.fits_in_bundle(sent)]
+        # A large message would only burden those who do not read it: it travels on its own key, as do those to agents.
+        bundled: list[tuple[str, bytes]] = []
+        alone: list[SentMessage] = []
+        for sent in self._bundle:
+            is_large, is_to_agent = len(sent.payload) > protocol.LARGE_BYTES, protocol.is_read_by_agents(sent.port)
+            if is_to_agent or not is_large:
+                bundled.append((sent.port, sent.payload))
+            if is_to_agent or is_large:
+                alone.append(sent)
         if bundled:
             self._bus.publish(self._bundle_key, protocol.pack_bundle(bundled))
-        for sent in self._bundle:
-            if protocol.is_sent_alone(sent):
-                self._publish_alone(sent)
+        for sent in alone:
+            self._publish_alone(sent)
         self._bundle.clear()
         self._bundled_from = self.gate.next_tick
 
@@ -443,7 +450,7 @@ class Host:
             )
 
     def _on_reader_report(self, payload: bytes) -> None:
-        report: protocol.ReaderReport = protocol.ReaderReport.from_bytes(payload)
+        report = protocol.ReaderReport.from_bytes(payload)
         self._loop.grant(report.name, report.tick)
 
     def _report(self, error: Exception) -> None:

@@ -118,7 +118,7 @@ class ParticipantInspector:
         with suppress(queue.Empty):
             while len(came) < len(asked):
                 payload = answers.get(timeout=max(0.0, deadline_s - time.monotonic()))
-                inspection: protocol.ParticipantInspection = protocol.ParticipantInspection.from_bytes(payload)
+                inspection = protocol.ParticipantInspection.from_bytes(payload)
                 came[inspection.name] = inspection.as_status()
         services = [came.get(name) or self._describe_silent(name) for name in self._services]
         return services + build_agent_statuses(self._sessions)
@@ -356,7 +356,7 @@ class Supervisor:
         self._watchdog.record_progress(name, protocol.TickReport.from_bytes(payload), time.monotonic())
 
     def _on_fault(self, payload: bytes) -> None:
-        report: protocol.FaultReport = protocol.FaultReport.from_bytes(payload)
+        report = protocol.FaultReport.from_bytes(payload)
         if not self._restarts.absorbs_fault(report):
             raise RunEndedError(
                 ServiceFault(participant=report.participant, tick=report.tick, text=report.text.strip())
@@ -382,7 +382,7 @@ class Supervisor:
             self._watchdog.record_contact_lost(name, time.monotonic())
 
     def _on_description(self, payload: bytes) -> None:
-        description: protocol.ParticipantDescription = protocol.ParticipantDescription.from_bytes(payload)
+        description = protocol.ParticipantDescription.from_bytes(payload)
         if text := description.difference:
             raise RunEndedError(self._watchdog.fault(description.name, text))
         self._described.add(description.name)
@@ -399,7 +399,7 @@ class Supervisor:
             self._bus.publish(protocol.STOP_KEY, protocol.TickReport(tick=self._verdict.tick).to_bytes(), urgent=True)
 
     def _on_final_report(self, payload: bytes) -> None:
-        report: protocol.FinalReport = protocol.FinalReport.from_bytes(payload)
+        report = protocol.FinalReport.from_bytes(payload)
         self._watchdog.record_final_report(report, time.monotonic())
         if report.name == "referee" and self._verdict is None:
             # It has ended the run, so its verdict got lost on the way.
