@@ -112,10 +112,6 @@ class ParticipantLink:
             if sent.port in self._ports_that_leave:
                 self.kept.keep(sent)
 
-    def missing_external_inputs(self) -> list[MissingInput]:
-        """Return what the next step needs from other processes."""
-        return [missing for missing in self.gate.missing() if missing.port in self.outer_ports_read]
-
     # While a participant runs ahead its outputs travel in bundles; before it waits for anything they are on their way.
     def publish(self, outputs: list[SentMessage]) -> None:
         """Send messages to other processes, at the latest with the next `flush`."""
@@ -436,7 +432,8 @@ class Host:
 
     # What later messages of the same port have overtaken is lost for sure; after a while anything may be.
     def _ask_again(self, link: ParticipantLink, *, only_lost: bool) -> None:
-        for missing in link.missing_external_inputs():
+        # What other processes write.
+        for missing in (each for each in link.gate.missing() if each.port in link.outer_ports_read):
             if missing in self._asked or (only_lost and not link.gate.has_later(missing)):
                 continue
             # Once in a while: each answer brings many messages, and each of them would ask again.

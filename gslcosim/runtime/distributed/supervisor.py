@@ -2,7 +2,7 @@
 
 import queue
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -11,13 +11,12 @@ from itertools import takewhile
 from gslcosim.base.errors import ExitCode
 from gslcosim.base.processes import Interruption
 from gslcosim.base.ticks import seconds_from_ticks
-from gslcosim.bus.interface import Bus
 from gslcosim.bus.zenoh_bus import ZenohBus
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Verdict
 from gslcosim.runtime.agents.bus_transport import AgentHost, BusTransport, replay_observations
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents, describe_absence
-from gslcosim.runtime.agents.session import AgentJoined, AgentLost, AgentSession, build_agent_statuses, build_session
+from gslcosim.runtime.agents.session import AgentJoined, AgentLost, build_agent_statuses, build_session
 from gslcosim.runtime.agents.validator import collect_faults, get_agent_participant
 from gslcosim.runtime.digest import HashChain, RunDigest
 from gslcosim.runtime.distributed import protocol
@@ -89,53 +88,6 @@ class StatusReporter:
 INSPECTION_TIMEOUT_S = 0.5
 
 
-class ParticipantInspector:
-    """Inspector of a run's services, which asks them only when a client wants to see them.
-
-    Args:
-        bus: The supervisor's connection.
-        services: Those of the run.
-        watchdog: Knows which services have sent their final reports.
-        sessions: Of the agents.
-    """
-
-    def __init__(
-        self, bus: Bus, services: Sequence[str], watchdog: Watchdog, sessions: Mapping[str, AgentSession]
-    ) -> None:
-        self._bus = bus
-        self._services = services
-        self._watchdog = watchdog
-        self._sessions = sessions
-
-    def look(self) -> list[ParticipantStatus]:
-        """Return one moment of all participants; may be called on any thread."""
-        answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-        asked = [name for name in self._services if name not in self._watchdog.final_reports]
-        for name in asked:
-            self._bus.ask(protocol.build_inspection_key(name), b"", lambda _, payload: answers.put(payload))
-        came: dict[str, ParticipantStatus] = {}
-        deadline_s = time.monotonic() + INSPECTION_TIMEOUT_S
-        with suppress(queue.Empty):
-            while len(came) < len(asked):
-                payload = answers.get(timeout=max(0.0, deadline_s - time.monotonic()))
-                inspection = protocol.ParticipantInspection.from_bytes(payload)
-                came[inspection.name] = inspection.as_status()
-        services = [came.get(name) or self._describe_silent(name) for name in self._services]
-        return services + build_agent_statuses(self._sessions)
-
-    def look_twice(self) -> list[ParticipantStatus]:
-        """Return one moment of all participants; a service is silent only where it answers neither of two questions."""
-        first = self.look()
-        if not any(participant.state == "silent" for participant in first):
-            return first
-        second = self.look()
-        return [then if now.state == "silent" else now for then, now in zip(first, second, strict=True)]
-
-    def _describe_silent(self, name: str) -> ParticipantStatus:
-        state: ParticipantState = "done" if name in self._watchdog.final_reports else "silent"
-        return ParticipantStatus(name=name, state=state, tick=self._watchdog.tick_of(name))
-
-
 POLL_PERIOD_S = 0.1
 # Between two looks at the clock, however many messages an agent sends.
 MAX_EVENTS_AT_ONCE = 256
@@ -178,9 +130,7 @@ class Supervisor:
             if agent.name not in gateway
         }
         self._agent_hosts = {agent.name: self._build_agent_host(agent.name) for agent in setup.scenario.agents}
-        sessions = {name: host.session for name, host in self._agent_hosts.items()}
-        self._inspector = ParticipantInspector(bus, self._services, self._watchdog, sessions)
-        self._status_reporter = StatusReporter(report, setup.scenario.tick_ns, self._inspector.look)
+        self._status_reporter = StatusReporter(report, setup.scenario.tick_ns, self._look)
         self._handlers = self._build_handlers()
         self._described: set[str] = set()
         self._departed_at_s: dict[str, float] = {}
@@ -292,6 +242,33 @@ class Supervisor:
         session = build_session(agent, self._setup, link)
         more_ticks = SnapshotPolicy.of(self._setup).extra_retained_ticks
         return AgentHost(session, self._bus, lambda got: self._put(keys.observation(name), got), more_ticks)
+
+    # Services are asked only when a client wants to see them; on any thread.
+    def _look(self) -> list[ParticipantStatus]:
+        answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        asked = [name for name in self._services if name not in self._watchdog.final_reports]
+        for name in asked:
+            self._bus.ask(protocol.build_inspection_key(name), b"", lambda _, payload: answers.put(payload))
+        came: dict[str, ParticipantStatus] = {}
+        deadline_s = time.monotonic() + INSPECTION_TIMEOUT_S
+        with suppress(queue.Empty):
+            while len(came) < len(asked):
+                payload = answers.get(timeout=max(0.0, deadline_s - time.monotonic()))
+                inspection = protocol.ParticipantInspection.from_bytes(payload)
+                came[inspection.name] = inspection.as_status()
+        services = [came.get(name) or self._describe_silent(name) for name in self._services]
+        return services + build_agent_statuses({name: host.session for name, host in self._agent_hosts.items()})
+
+    # A service is silent only where it answers neither of two questions.
+    def _look_twice(self) -> list[ParticipantStatus]:
+        first = self._look()
+        if not any(participant.state == "silent" for participant in first):
+            return first
+        return [then if now.state == "silent" else now for then, now in zip(first, self._look(), strict=True)]
+
+    def _describe_silent(self, name: str) -> ParticipantStatus:
+        state: ParticipantState = "done" if name in self._watchdog.final_reports else "silent"
+        return ParticipantStatus(name=name, state=state, tick=self._watchdog.tick_of(name))
 
     # ------------------------------------------------------------ what it hears
 
@@ -456,7 +433,7 @@ class Supervisor:
                 # An agent that owes an answer is not a stall of the run; it has its own deadline.
                 self._watchdog.moved(now_s)
                 host.check_deadline()
-        fault = self._watchdog.check(now_s, is_judged=self._verdict is not None, look=self._inspector.look_twice)
+        fault = self._watchdog.check(now_s, is_judged=self._verdict is not None, look=self._look_twice)
         if fault is not None:
             raise RunEndedError(fault)
 

@@ -135,14 +135,14 @@ class ParticipantProgram:
             pipes = self._children.start_piped(
                 name, command, variables=variables, log=log, cwd=cwd, confinement=confinement
             )
-            self._open(PipeStream(*pipes))
+            self._exchange = BlockingConnection(PipeStream(*pipes), own.start.format)
             return
         connected: queue.SimpleQueue[Stream] = queue.SimpleQueue()
         refused: list[str] = []
         listener.admit(own.start.format, lambda stream, _: connected.put(stream), refused.append)
         variables |= {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token}
         self._children.start(name, command, variables=variables, log=log, cwd=cwd, confinement=confinement)
-        self._open(self._awaited(connected, refused))
+        self._exchange = BlockingConnection(self._awaited(connected, refused), own.start.format)
 
     def send(self, name: str, payload: bytes) -> None:
         """Send the canonical bytes of a message, named by its type.
@@ -217,16 +217,12 @@ class ParticipantProgram:
             raise SimulationFault(f"{self._own.name}: expected a program that has been started.")
         return self._exchange
 
-    def _open(self, stream: Stream) -> None:
-        self._exchange = BlockingConnection(stream, self._own.start.format)
-
     def _ended(self, error: Exception) -> str:
         if self._has_exited.wait(_LOG_TAIL_WAIT_S):
             return f"but its process {self._how}"
         return str(error)
 
-    def _exited(self, name: str, code: int, how: str) -> None:
-        del name, code
+    def _exited(self, _name: str, _code: int, how: str) -> None:
         self._how = how
         self._has_exited.set()
 

@@ -267,7 +267,10 @@ class _Daemon:
         try:
             request = _adopt_caller(connection, self._secret)
             if differing := find_differences(self._imported, request["identity"]):
-                raise UsageError(_describe_stale(differing, os.getppid()))
+                raise UsageError(
+                    f"up --warm: expected a server that has imported what is there now, found one with another "
+                    f"{', '.join(differing)}. Start it again: kill {os.getppid()}; gslcosim serve"
+                )
         except UsageError as error:
             _send_answer(connection, {"refused": str(error)})
             sys.exit(ExitCode.FAULT)
@@ -275,13 +278,6 @@ class _Daemon:
         # Whoever has called is gone as soon as it knows.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         _send_answer(connection, {"code": code})
-
-
-def _describe_stale(differing: Sequence[str], pid: int) -> str:
-    return (
-        f"up --warm: expected a server that has imported what is there now, found one with another "
-        f"{', '.join(differing)}. Start it again: kill {pid}; gslcosim serve"
-    )
 
 
 def _run_command(connection: socket.socket, words: Sequence[str], fly: CommandRunner, work: ForkWork) -> int:
@@ -406,15 +402,12 @@ def _connect() -> socket.socket:
             connection.connect(address)
     except OSError as error:
         connection.close()
-        if isinstance(error, FileNotFoundError):
-            raise UsageError(f"up --warm: expected a server, found none. {_START_REMEDY}") from error
-        if isinstance(error, ConnectionRefusedError):
-            raise UsageError(
-                f"up --warm: expected a server that runs, found one that was killed. {_START_REMEDY}"
-            ) from error
-        raise UsageError(
-            f"up --warm: expected a server at {path}, found none that can be reached ({error})."
-        ) from error
+        texts: dict[type[OSError], str] = {
+            FileNotFoundError: f"a server, found none. {_START_REMEDY}",
+            ConnectionRefusedError: f"a server that runs, found one that was killed. {_START_REMEDY}",
+        }
+        other = f"a server at {path}, found none that can be reached ({error})."
+        raise UsageError(f"up --warm: expected {texts.get(type(error), other)}") from error
     return connection
 
 
