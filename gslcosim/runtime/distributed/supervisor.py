@@ -38,6 +38,7 @@ from gslcosim.runtime.services import ServiceGroup, build_dataflow, list_service
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunStatus
 from gslcosim.runtime.step_loop import SnapshotPolicy
+from gslcosim.scenario.models.scenario import AgentSpec
 
 STATUS_PERIOD_S = 0.1
 # Who has not joined by then is named in a log, too: before it is sure that one that is stopped will not come.
@@ -129,7 +130,7 @@ class Supervisor:
             for agent in setup.scenario.agents
             if agent.name not in gateway
         }
-        self._agent_hosts = {agent.name: self._build_agent_host(agent.name) for agent in setup.scenario.agents}
+        self._agent_hosts = {agent.name: self._build_agent_host(agent) for agent in setup.scenario.agents}
         self._status_reporter = StatusReporter(report, setup.scenario.tick_ns, self._look)
         self._handlers = self._build_handlers()
         self._described: set[str] = set()
@@ -236,12 +237,11 @@ class Supervisor:
             trails[keys.command(name)] = host.session.trail
         outcome.digest = RunDigest.of(trails, build_dataflow(self._setup.scenario).writer_of, verdict.tick)
 
-    def _build_agent_host(self, name: str) -> AgentHost:
-        agent = next(agent for agent in self._setup.scenario.agents if agent.name == name)
-        link = self._bus_links.get(name) or self._gateway.get_transport(name)
+    def _build_agent_host(self, agent: AgentSpec) -> AgentHost:
+        link = self._bus_links.get(agent.name) or self._gateway.get_transport(agent.name)
         session = build_session(agent, self._setup, link)
         more_ticks = SnapshotPolicy.of(self._setup).extra_retained_ticks
-        return AgentHost(session, self._bus, lambda got: self._put(keys.observation(name), got), more_ticks)
+        return AgentHost(session, self._bus, lambda got: self._put(keys.observation(agent.name), got), more_ticks)
 
     # Services are asked only when a client wants to see them; on any thread.
     def _look(self) -> list[ParticipantStatus]:

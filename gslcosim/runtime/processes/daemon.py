@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import gslcosim
-from gslcosim.base.errors import ExitCode, SimulationFault, UsageError, build_machine_error
+from gslcosim.base.errors import SimulationFault, UsageError, build_machine_error
 from gslcosim.base.kernel_cache import get_cache_root, get_code_roots
 from gslcosim.base.sockets import check_peer, read_peer_pid, short_socket_address
 from gslcosim.runtime.processes.current_process import get_user_id, keep_memory_private, set_process_title
@@ -271,13 +271,12 @@ class _Daemon:
                     f"up --warm: expected a server that has imported what is there now, found one with another "
                     f"{', '.join(differing)}. Start it again: kill {os.getppid()}; gslcosim serve"
                 )
+            code = _run_command(connection, request["words"], self._fly, self._work)
+            # Whoever has called is gone as soon as it knows.
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+            _send_answer(connection, {"code": code})
         except UsageError as error:
             _send_answer(connection, {"refused": str(error)})
-            sys.exit(ExitCode.FAULT)
-        code = _run_command(connection, request["words"], self._fly, self._work)
-        # Whoever has called is gone as soon as it knows.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        _send_answer(connection, {"code": code})
 
 
 def _run_command(connection: socket.socket, words: Sequence[str], fly: CommandRunner, work: ForkWork) -> int:
