@@ -9,7 +9,6 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from gslcosim.base.errors import RESOURCE_ERRNOS, UsageError, build_machine_error
 from gslcosim.base.processes import build_parent_death_prefix
@@ -61,23 +60,6 @@ class Streams:
     def are_pipes(self) -> bool:
         """True when the process speaks by its standard input and output."""
         return self.stdin == subprocess.PIPE
-
-
-class ProcessHandle(Protocol):
-    """A process that can be asked whether and how it has ended; `subprocess.Popen` is one."""
-
-    @property
-    def pid(self) -> int:
-        """Its number, 0 where it has not begun."""
-        ...
-
-    def poll(self) -> int | None:
-        """Return how it has ended; None while it runs."""
-        ...
-
-    def wait(self, timeout: float | None = None) -> int:
-        """Wait for its end and return how it has ended, or raise `subprocess.TimeoutExpired`."""
-        ...
 
 
 def spawn(
@@ -140,9 +122,10 @@ def check_program(name: str, command: Sequence[str], cwd: Path | None) -> None:
 
 
 def signal_group(pid: int, number: int) -> None:
-    """Send a signal to a process that leads its own session, and to all its descendants in it."""
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(pid, number)
+    """Send a signal to a process that leads its own session, and to all its descendants in it; 0 stands for none."""
+    if pid:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(pid, number)
 
 
 def open_memory_file(data: bytes) -> int:

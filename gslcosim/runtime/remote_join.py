@@ -153,7 +153,8 @@ def join_as_services(
         at_fault = names[0]
         try:
             cores: list[Core] = []
-            for at_fault in _sort_upstream(offer, names):
+            # From upstream to downstream.
+            for at_fault in (name for name in offer.expected if name in names):
                 if (check_host := find_service(at_fault, setup.scenario).check_host) is not None:
                     check_host(setup)
                 cores.append(build_core(at_fault, setup))
@@ -194,15 +195,6 @@ def check_offer(offer: RunOffer, names: Sequence[str], here: SoftwareVersions) -
         raise UsageError(f"this host: {refusal} Install the same on both.")
 
 
-def _read_scenario(offer: RunOffer) -> Scenario:
-    try:
-        return read_resolved(offer.scenario, source=f"{offer.run_id}: scenario")
-    except ScenarioError as error:
-        raise SimulationFault(
-            f"the run's offer: expected a scenario as resolved, was another text.\n{error}"
-        ) from error
-
-
 # Also where a model of the run's own has the name of one of our services.
 def _check_no_program(scenario: Scenario, names: Sequence[str]) -> None:
     for own in scenario.participants:
@@ -241,7 +233,12 @@ def build_joined_setup(
         RunTimeoutError: a piece of a room does not come.
         SimulationFault: what is offered, or comes, is no run.
     """
-    scenario = _read_scenario(offer)
+    try:
+        scenario = read_resolved(offer.scenario, source=f"{offer.run_id}: scenario")
+    except ScenarioError as error:
+        raise SimulationFault(
+            f"the run's offer: expected a scenario as resolved, was another text.\n{error}"
+        ) from error
     if not is_trusted:
         _check_no_program(scenario, names)
     situations = find_variants(scenario)[1:]
@@ -296,10 +293,6 @@ def _is_run_dir(path: Path, offer: RunOffer) -> bool:
         return is_open and run_dir.scenario.read_text() == offer.scenario
     except OSError:
         return False
-
-
-def _sort_upstream(offer: RunOffer, names: Sequence[str]) -> list[str]:
-    return [name for name in offer.expected if name in names]
 
 
 def _host_services(

@@ -188,7 +188,12 @@ class RunServer:
         later = [(setup.environment.later_rooms[each].content_hash, at) for each, at in setup.later_rooms.items()]
         self._rooms = [
             OfferedEnvironment(
-                room=i, environment_dir=str(folder), environment_hash=content, room_files=_list_files(folder)
+                room=i,
+                environment_dir=str(folder),
+                environment_hash=content,
+                room_files={
+                    name: (folder / name).stat().st_size for name in ENVIRONMENT_FILES if (folder / name).is_file()
+                },
             )
             for i, (content, folder) in enumerate([(setup.environment.content_hash, setup.environment_dir), *later])
         ]
@@ -226,7 +231,7 @@ class RunServer:
 
     def _piece(self, question: bytes) -> list[bytes]:
         try:
-            request: ChunkRequest = ChunkRequest.from_bytes(question)
+            request = ChunkRequest.from_bytes(question)
         except ContractError:
             return []
         if request.room >= len(self._rooms):
@@ -237,10 +242,6 @@ class RunServer:
         with (Path(room.environment_dir) / request.file).open("rb") as file:
             file.seek(request.offset)
             return [file.read(CHUNK_BYTES)]
-
-
-def _list_files(folder: Path) -> dict[EnvironmentFile, int]:
-    return {name: (folder / name).stat().st_size for name in ENVIRONMENT_FILES if (folder / name).is_file()}
 
 
 ANSWER_TIMEOUT_S = 15.0

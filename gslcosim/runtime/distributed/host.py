@@ -6,7 +6,7 @@ import queue
 import socket
 import time
 import traceback
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict
 from functools import partial
 from typing import Any
@@ -35,43 +35,6 @@ def report_fault(bus: Bus, participant: str, error: Exception, *, tick: int) -> 
 # Links between services may come up later than those to the router. Who is not there by then asks again for what it has
 # missed.
 SUBSCRIBER_TIMEOUT_S = 5.0
-
-
-class SubscriberBarrier:
-    """Barrier before the first tick: readers in other processes that are not connected yet.
-
-    Args:
-        readers: All who read what it writes, in other processes.
-        dataflow: Of the whole run.
-    """
-
-    def __init__(self, readers: Iterable[str], dataflow: Dataflow) -> None:
-        # Agents get messages from their sessions, which are there already.
-        self._names = {name for name in readers if not _is_agent(name, dataflow)}
-        self._deadline_s: float | None = None
-
-    def watch(self, bus: Bus, on_came: Callable[[str], None]) -> None:
-        """Let `on_came` be called, on any thread, for each one that is there."""
-        for name in self._names:
-            bus.watch_alive(
-                protocol.build_liveliness_key(name), lambda _, is_alive, name=name: on_came(name) if is_alive else None
-            )
-
-    def mark_connected(self, name: str) -> None:
-        """Take note that a reader is there."""
-        self._names.discard(name)
-
-    def left_s(self, now_s: float) -> float:
-        """Return for how long the rest is still to be waited for [s], from the first call on."""
-        if self._deadline_s is None:
-            self._deadline_s = now_s + SUBSCRIBER_TIMEOUT_S
-        return max(self._deadline_s - now_s, 0.0) if self._names else 0.0
-
-
-def _is_agent(name: str, dataflow: Dataflow) -> bool:
-    return all(protocol.is_read_by_agents(read.port) for read in dataflow.by_name[name].reads)
-
-
 # And far less than the window of credit, so that nobody ever waits for a note that is not sent yet.
 PROGRESS_PERIOD_TICKS = 64
 _PROGRESS_WINDOW_DIVISOR = 4
@@ -149,10 +112,6 @@ class ParticipantLink:
             if sent.port in self._ports_that_leave:
                 self.kept.keep(sent)
 
-    def missing_external_inputs(self) -> list[MissingInput]:
-        """Return what the next step needs from other processes."""
-        return [missing for missing in self.gate.missing() if missing.port in self.outer_ports_read]
-
     # While a participant runs ahead its outputs travel in bundles; before it waits for anything they are on their way.
     def publish(self, outputs: list[SentMessage]) -> None:
         """Send messages to other processes, at the latest with the next `flush`."""
@@ -165,12 +124,19 @@ class ParticipantLink:
 
     def flush(self) -> None:
         """Send what waits."""
-        bundled = [(sent.port, sent.payload) for sent in self._bundle if protocol.fits_in_bundle(sent)]
+        # A large message would only burden those who do not read it: it travels on its own key, as do those to agents.
+        bundled: list[tuple[str, bytes]] = []
+        alone: list[SentMessage] = []
+        for sent in self._bundle:
+            is_large, is_to_agent = len(sent.payload) > protocol.LARGE_BYTES, protocol.is_read_by_agents(sent.port)
+            if is_to_agent or not is_large:
+                bundled.append((sent.port, sent.payload))
+            if is_to_agent or is_large:
+                alone.append(sent)
         if bundled:
             self._bus.publish(self._bundle_key, protocol.pack_bundle(bundled))
-        for sent in self._bundle:
-            if protocol.is_sent_alone(sent):
-                self._publish_alone(sent)
+        for sent in alone:
+            self._publish_alone(sent)
         self._bundle.clear()
         self._bundled_from = self.gate.next_tick
 
@@ -286,15 +252,20 @@ class Host:
         # Receiving and waiting are the process's: they are counted for its first participant.
         self._timing = self._links[0].stepper.timing
         self._handlers: dict[str, Callable[[bytes], object]] = {
-            protocol.START_KEY: lambda _: self._set_started(),
+            protocol.START_KEY: self._on_start,
             protocol.STOP_KEY: self._on_stop,
-            protocol.CLOSE_KEY: lambda _: self._set_dismissed(),
-            _LINK_LOST: lambda _: self._on_lost_link(),
+            protocol.CLOSE_KEY: self._on_close,
+            _LINK_LOST: self._on_lost_link,
             _READER_REPORTED: self._on_reader_report,
-            _READER_CONNECTED: lambda payload: self._absent.mark_connected(payload.decode()),
+            _READER_CONNECTED: lambda payload: self._absent.discard(payload.decode()),
         }
         self._outer_readers = set[str]().union(*(link.outer_readers for link in self._links))
-        self._absent = SubscriberBarrier(self._outer_readers, dataflow)
+        # Readers that are not connected yet; agents get messages from their sessions, which are there already.
+        self._absent = {
+            name
+            for name in self._outer_readers
+            if not all(protocol.is_read_by_agents(read.port) for read in dataflow.by_name[name].reads)
+        }
         self._is_started = False
         self._is_dismissed = False
         self._has_said_goodbye = False
@@ -320,7 +291,8 @@ class Host:
             self._listen(
                 protocol.build_progress_key(reader), lambda payload, name=reader: self._on_progress(name, payload)
             )
-        self._absent.watch(self._bus, lambda name: self._events.put(_READER_CONNECTED, name.encode()))
+        for name in sorted(self._absent):
+            self._bus.watch_alive(protocol.build_liveliness_key(name), partial(self._on_liveliness, name))
         for key in (protocol.START_KEY, protocol.STOP_KEY, protocol.CLOSE_KEY):
             self._listen(key, self._handlers[key])
         for link in self._links:
@@ -333,6 +305,11 @@ class Host:
         if not is_awaited:
             self._reset()
 
+    # On any thread.
+    def _on_liveliness(self, reader: str, _: str, is_alive: bool) -> None:  # noqa: FBT001 - the interface of the bus
+        if is_alive:
+            self._events.put(_READER_CONNECTED, reader.encode())
+
     def on_link_lost(self) -> None:
         """Notify the host, from any thread, that the link to the router is gone."""
         self._events.put(_LINK_LOST, b"")
@@ -342,7 +319,8 @@ class Host:
         try:
             while not self._is_started and not self._is_dismissed:
                 self._handle(self._events.get())
-            while not self._is_dismissed and (left_s := self._absent.left_s(time.monotonic())) > 0:
+            deadline_s = time.monotonic() + SUBSCRIBER_TIMEOUT_S
+            while not self._is_dismissed and self._absent and (left_s := deadline_s - time.monotonic()) > 0:
                 with contextlib.suppress(queue.Empty):
                     self._handle(self._events.get(left_s))
             if self._is_started:
@@ -454,7 +432,8 @@ class Host:
 
     # What later messages of the same port have overtaken is lost for sure; after a while anything may be.
     def _ask_again(self, link: ParticipantLink, *, only_lost: bool) -> None:
-        for missing in link.missing_external_inputs():
+        # What other processes write.
+        for missing in (each for each in link.gate.missing() if each.port in link.outer_ports_read):
             if missing in self._asked or (only_lost and not link.gate.has_later(missing)):
                 continue
             # Once in a while: each answer brings many messages, and each of them would ask again.
@@ -464,15 +443,12 @@ class Host:
             self._bus.ask(
                 protocol.build_resend_key(writer),
                 question,
-                lambda _, payload, port=missing.port: self._on_resent(port, payload),
+                lambda _, payload, port=missing.port: self._events.put(f"resent:{port}", payload),
             )
 
     def _on_reader_report(self, payload: bytes) -> None:
-        report: protocol.ReaderReport = protocol.ReaderReport.from_bytes(payload)
+        report = protocol.ReaderReport.from_bytes(payload)
         self._loop.grant(report.name, report.tick)
-
-    def _on_resent(self, port: str, payload: bytes) -> None:
-        self._events.put(f"resent:{port}", payload)
 
     def _report(self, error: Exception) -> None:
         acting = self._loop.acting
@@ -523,17 +499,17 @@ class Host:
     def _on_stop(self, payload: bytes) -> None:
         self._loop.end_at(protocol.TickReport.from_bytes(payload).tick)
 
-    def _on_lost_link(self) -> None:
+    def _on_lost_link(self, _: bytes) -> None:
         if self._has_said_goodbye:
             # On a bad link the last word may come too late; nobody needs us any more.
-            self._set_dismissed()
+            self._is_dismissed = True
             return
         raise RunTimeoutError(
             f"{self._loop.acting.spec.name}: the link to the run's router was lost; the supervisor may have ended."
         )
 
-    def _set_started(self) -> None:
+    def _on_start(self, _: bytes) -> None:
         self._is_started = True
 
-    def _set_dismissed(self) -> None:
+    def _on_close(self, _: bytes) -> None:
         self._is_dismissed = True

@@ -2,9 +2,9 @@
 
 import queue
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import takewhile
 from pathlib import Path
 
@@ -167,13 +167,8 @@ def run_distributed(
         router = RunRouter(setup.run_dir, network, socket_dir, crews, mesh=here)
         bus = stack.enter_context(router.open())
 
-        def start_again(group: ServiceGroup, how: str) -> None:
-            log = setup.run_dir.log(get_process_name(group))
-            with suppress(OSError):
-                append_bytes(log.parent, log.name, f"The process {how}; it is started again.\n".encode())
-            _start_services(setup, network, router, children, [group], fork_server)
-
-        restarts = RestartPolicy(setup.scenario, groups, start_again)
+        launcher = _Launcher(setup, directory, network, router, children, fork_server)
+        restarts = RestartPolicy(setup.scenario, groups, launcher.restart_services)
         supervisor = Supervisor(setup, bus, gateway, events, report, groups, restarts)
         expected = [group[0] for group in groups if network.is_remote(group[0])]
         offering = RunServer(setup, expected) if expected else None
@@ -181,16 +176,18 @@ def run_distributed(
             supervisor.listen()
             if offering is not None:
                 offering.serve_on(bus)
-            _start_services(setup, network, router, children, groups, fork_server)
+            launcher.start_services(groups)
             if fork_server is not None:
                 fork_server.release_unused()
-            _start_agents(setup, directory, network, router, children, tuple(crews), socket_dir)
+            launcher.start_agents(crews, socket_dir)
             gateway.start(children, socket_dir)
             supervisor.await_all_ready(interruption)
             outcome.start_up_s = time.perf_counter() - began
             supervisor.fly(interruption)
         except RunEndedError as ended:
-            outcome.fault = _append_log_tail(ended.fault, fork_server)
+            outcome.fault = ended.fault
+            if fork_server is not None and ended.fault.participant == FORK_SERVER:
+                outcome.fault = replace(ended.fault, text=f"{ended.fault.text}{fork_server.log_tail()}")
         except MachineError as error:
             outcome.fault = supervisor.fault(str(error))
         outcome.is_interrupted = interruption.is_set() and outcome.fault is None
@@ -205,70 +202,63 @@ def run_distributed(
     return outcome
 
 
-def _append_log_tail(fault: ServiceFault, fork_server: ForkServer | None) -> ServiceFault:
-    if fork_server is None or fault.participant != FORK_SERVER:
-        return fault
-    return replace(fault, text=f"{fault.text}{fork_server.log_tail()}")
-
-
 def _list_pids(children: ChildProcesses, fork_server: ForkServer | None) -> dict[str, int]:
     # First, since nothing is known of its forks while it is stopped.
     server = {FORK_SERVER: fork_server.pid} if fork_server is not None else {}
     return server | children.pids
 
 
-def _start_services(
-    setup: RunSetup,
-    network: Network,
-    router: RunRouter,
-    children: ChildProcesses,
-    groups: Sequence[ServiceGroup],
-    fork_server: ForkServer | None,
-) -> None:
-    run_dir = setup.run_dir
-    # The last has most to import.
-    for group in reversed(groups):
-        name = get_process_name(group)
-        is_elsewhere = network.is_remote(group[0])
-        join = router.join_of_service(name, is_watched=not is_elsewhere and can_detect_stops())
-        if is_elsewhere:
-            network.write_join("services", join, run_dir.path)
-        elif fork_server is not None:
-            try:
-                forked = fork_server.fork(name, build_fork_request(group, join), log=run_dir.log(name))
-                children.adopt(name, forked)
-            except SimulationFault as error:
-                raise RunEndedError(ServiceFault(participant=FORK_SERVER, tick=0, text=str(error))) from error
-        else:
-            command = build_python_command("-m", "gslcosim_services", *group)
-            children.start(name, command, join=join, log=run_dir.log(name))
+@dataclass(frozen=True)
+class _Launcher:
+    """Starts the processes that join the bus, or writes the join files of those that are started elsewhere."""
 
+    setup: RunSetup
+    directory: Path
+    network: Network
+    router: RunRouter
+    children: ChildProcesses
+    fork_server: ForkServer | None
 
-def _start_agents(
-    setup: RunSetup,
-    directory: Path,
-    network: Network,
-    router: RunRouter,
-    children: ChildProcesses,
-    processes: tuple[str, ...],
-    private_dir: Path,
-) -> None:
-    run_dir, specs = setup.run_dir, {agent.name: agent for agent in setup.scenario.agents}
-    for process in processes:
-        command = build_start_command(specs[process], directory)
-        join = router.join_of_process(process, is_watched=command is not None and can_detect_stops())
-        if command is None:
-            network.write_join("agents", join, run_dir.path)
-            continue
-        confinement = build_confinement(
-            specs[process],
-            command,
-            setup,
-            directory=directory,
-            private_dir=private_dir,
-            sockets=[router.socket],
-        )
-        log = run_dir.log(get_agent_participant(process))
-        children.start(
-            get_agent_participant(process), command, join=join, log=log, cwd=directory, confinement=confinement
-        )
+    def restart_services(self, group: ServiceGroup, how: str) -> None:
+        log = self.setup.run_dir.log(get_process_name(group))
+        with suppress(OSError):
+            append_bytes(log.parent, log.name, f"The process {how}; it is started again.\n".encode())
+        self.start_services([group])
+
+    def start_services(self, groups: Sequence[ServiceGroup]) -> None:
+        # The last has most to import.
+        for group in reversed(groups):
+            name, log = get_process_name(group), self.setup.run_dir.log(get_process_name(group))
+            is_elsewhere = self.network.is_remote(group[0])
+            join = self.router.join_of_service(name, is_watched=not is_elsewhere and can_detect_stops())
+            if is_elsewhere:
+                self.network.write_join("services", join, self.setup.run_dir.path)
+            elif self.fork_server is None:
+                command = build_python_command("-m", "gslcosim_services", *group)
+                self.children.start(name, command, join=join, log=log)
+            else:
+                try:
+                    self.children.adopt(name, self.fork_server.fork(name, build_fork_request(group, join), log=log))
+                except SimulationFault as error:
+                    raise RunEndedError(ServiceFault(participant=FORK_SERVER, tick=0, text=str(error))) from error
+
+    def start_agents(self, processes: Iterable[str], private_dir: Path) -> None:
+        run_dir, specs = self.setup.run_dir, {agent.name: agent for agent in self.setup.scenario.agents}
+        for process in processes:
+            command = build_start_command(specs[process], self.directory)
+            join = self.router.join_of_process(process, is_watched=command is not None and can_detect_stops())
+            if command is None:
+                self.network.write_join("agents", join, run_dir.path)
+                continue
+            confinement = build_confinement(
+                specs[process],
+                command,
+                self.setup,
+                directory=self.directory,
+                private_dir=private_dir,
+                sockets=[self.router.socket],
+            )
+            name = get_agent_participant(process)
+            self.children.start(
+                name, command, join=join, log=run_dir.log(name), cwd=self.directory, confinement=confinement
+            )

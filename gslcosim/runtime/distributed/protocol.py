@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
@@ -13,7 +13,6 @@ from gslcosim.contract import keys
 from gslcosim.contract.schema import get_contract_hash
 from gslcosim.runtime.agents.session import AgentEvent
 from gslcosim.runtime.participant_status import MissingMessage, ParticipantStatus
-from gslcosim.runtime.stepper import SentMessage
 
 START_KEY = "ctl/start"
 STOP_KEY = "ctl/stop"
@@ -89,19 +88,9 @@ def is_always_published(port: str) -> bool:
     return is_read_by_agents(port) or port == keys.VERDICT
 
 
-def fits_in_bundle(sent: SentMessage) -> bool:
-    """Return whether a message travels in a bundle; a large one would only burden those who do not read it."""
-    return len(sent.payload) <= LARGE_BYTES or is_read_by_agents(sent.port)
-
-
 def build_question_key(port: str) -> str:
     """Return the key on which a question to the agent of this port is asked beside the port's own."""
     return keys.question(port.split("/")[1])
-
-
-def is_sent_alone(sent: SentMessage) -> bool:
-    """Return whether a message travels on its own key."""
-    return len(sent.payload) > LARGE_BYTES or is_read_by_agents(sent.port)
 
 
 def pack_bundle(messages: list[tuple[str, bytes]]) -> bytes:
@@ -152,7 +141,7 @@ class ControlMessage(BaseModel):
         return _msgpack.packb(self.model_dump())
 
     @classmethod
-    def from_bytes(cls, payload: bytes) -> Any:
+    def from_bytes(cls, payload: bytes) -> Self:
         """Return the message in a payload.
 
         Raises:

@@ -1,6 +1,5 @@
 """Main program of a service process, from the environment variable to the exit code."""
 
-import contextlib
 import faulthandler
 import importlib
 import logging
@@ -8,7 +7,7 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -67,27 +66,20 @@ def _become_service(request: Mapping[str, Any]) -> None:
 def import_shared_modules() -> None:
     """Import what several services need, and load the compiler of their kernels; starts no thread."""
     # Otherwise MuJoCo imports what opens windows, which starts a process to look for it; pictures need none of it.
-    with _environment_variable("MUJOCO_GL", "disable"):
+    chosen = os.environ.get("MUJOCO_GL")
+    os.environ["MUJOCO_GL"] = chosen or "disable"
+    try:
         for module in ("gslcosim.bus.zenoh_bus", "gslcosim.runtime.services", "gslcosim.runtime.distributed.host"):
             importlib.import_module(module)
-        for kind in default_services():
-            for module in kind.preloads:
-                importlib.import_module(module)
+        for module in (module for kind in default_services() for module in kind.preloads):
+            importlib.import_module(module)
+    finally:
+        if chosen is None:
+            del os.environ["MUJOCO_GL"]
     # The first kernel that a process calls loads numba's compiler, a fifth of a second: once here, not in each fork.
     importlib.import_module("gslcosim.environment.grid_kernels").to_next_border(0.5, 0, 1.0)
     # Each service states it; it is made from the descriptions of all messages.
     importlib.import_module("gslcosim.contract.schema").get_contract_hash()
-
-
-@contextlib.contextmanager
-def _environment_variable(name: str, value: str) -> Generator[None]:
-    before = os.environ.get(name)
-    os.environ[name] = before or value
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ[name]
 
 
 def serve(names: Sequence[str], join: JoinData | None = None) -> None:
@@ -127,17 +119,13 @@ def _build_and_host(names: Sequence[str], join: JoinData | None) -> None:
             cores.append(build_core(at_fault, setup))
         dataflow = build_dataflow(setup.scenario, window_ticks=join.window_ticks)
     except Exception as error:
-        _report_start_fault(join, at_fault, error)
+        from gslcosim.bus.zenoh_bus import ZenohBus
+
+        # The log says it too, but where a disk is full there is none.
+        with ZenohBus.open_member(join) as bus:
+            report_fault(bus, at_fault, error, tick=0)
         raise
     host_cores(join, cores, dataflow, setup.episode, build_clock_pace(setup), SnapshotPolicy.of(setup))
-
-
-# The log says it too, but where a disk is full there is none.
-def _report_start_fault(join: JoinData, name: str, error: Exception) -> None:
-    from gslcosim.bus.zenoh_bus import ZenohBus
-
-    with ZenohBus.open_member(join) as bus:
-        report_fault(bus, name, error, tick=0)
 
 
 def host_cores(

@@ -2,7 +2,7 @@
 
 import queue
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -11,16 +11,15 @@ from itertools import takewhile
 from gslcosim.base.errors import ExitCode
 from gslcosim.base.processes import Interruption
 from gslcosim.base.ticks import seconds_from_ticks
-from gslcosim.bus.interface import Bus
 from gslcosim.bus.zenoh_bus import ZenohBus
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Verdict
 from gslcosim.runtime.agents.bus_transport import AgentHost, BusTransport, replay_observations
 from gslcosim.runtime.agents.gateway_transport import GatewayAgents, describe_absence
-from gslcosim.runtime.agents.session import AgentJoined, AgentLost, AgentSession, build_agent_statuses, build_session
-from gslcosim.runtime.agents.validator import get_agent_participant
+from gslcosim.runtime.agents.session import AgentJoined, AgentLost, build_agent_statuses, build_session
+from gslcosim.runtime.agents.validator import collect_faults, get_agent_participant
+from gslcosim.runtime.digest import HashChain, RunDigest
 from gslcosim.runtime.distributed import protocol
-from gslcosim.runtime.distributed.outcome_collection import collect_outcome
 from gslcosim.runtime.distributed.protocol import (
     Interrupted,
     LivelinessChanged,
@@ -39,6 +38,7 @@ from gslcosim.runtime.services import ServiceGroup, build_dataflow, list_service
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunStatus
 from gslcosim.runtime.step_loop import SnapshotPolicy
+from gslcosim.scenario.models.scenario import AgentSpec
 
 STATUS_PERIOD_S = 0.1
 # Who has not joined by then is named in a log, too: before it is sure that one that is stopped will not come.
@@ -67,13 +67,10 @@ class StatusReporter:
 
     def report_awaited(self, names: Sequence[str], waited_s: float) -> None:
         """Report who has not joined yet, and after a while for how long."""
-        text = f"waiting for {', '.join(names)}"
-        if waited_s <= LATE_AFTER_S:
-            self._report_status(RunStatus(state="starting", text=text))
-        else:
-            self._report_status(
-                RunStatus(state="starting", text=f"{text}, not here after {waited_s:.0f} s", is_late=True)
-            )
+        text, is_late = f"waiting for {', '.join(names)}", waited_s > LATE_AFTER_S
+        if is_late:
+            text = f"{text}, not here after {waited_s:.0f} s"
+        self._report_status(RunStatus(state="starting", text=text, is_late=is_late))
 
     def report_run(self, state: str, tick: int, wall_s: float, text: str = "") -> None:
         """Report how far the run has come, and notes besides."""
@@ -90,60 +87,6 @@ class StatusReporter:
 
 # Who has not answered by then is silent: it is stopped, or its process has too much to do.
 INSPECTION_TIMEOUT_S = 0.5
-
-
-class ParticipantInspector:
-    """Inspector of a run's services, which asks them only when a client wants to see them.
-
-    Args:
-        bus: The supervisor's connection.
-        services: Those of the run.
-        watchdog: Knows which services have sent their final reports.
-        sessions: Of the agents.
-    """
-
-    def __init__(
-        self, bus: Bus, services: Sequence[str], watchdog: Watchdog, sessions: Mapping[str, AgentSession]
-    ) -> None:
-        self._bus = bus
-        self._services = services
-        self._watchdog = watchdog
-        self._sessions = sessions
-
-    def look(self) -> list[ParticipantStatus]:
-        """Return one moment of all participants; may be called on any thread."""
-        answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-        asked = [name for name in self._services if name not in self._watchdog.final_reports]
-        for name in asked:
-            self._bus.ask(protocol.build_inspection_key(name), b"", lambda _, payload: answers.put(payload))
-        came = _collect_answers(answers, len(asked))
-        return [self._service(name, came.get(name)) for name in self._services] + build_agent_statuses(self._sessions)
-
-    def look_twice(self) -> list[ParticipantStatus]:
-        """Return one moment of all participants; a service is silent only where it answers neither of two questions."""
-        first = self.look()
-        if not any(participant.state == "silent" for participant in first):
-            return first
-        second = self.look()
-        return [then if now.state == "silent" else now for then, now in zip(first, second, strict=True)]
-
-    def _service(self, name: str, inspection: protocol.ParticipantInspection | None) -> ParticipantStatus:
-        if inspection is None:
-            state: ParticipantState = "done" if name in self._watchdog.final_reports else "silent"
-            return ParticipantStatus(name=name, state=state, tick=self._watchdog.tick_of(name))
-        return inspection.as_status()
-
-
-def _collect_answers(answers: "queue.SimpleQueue[bytes]", n_asked: int) -> dict[str, protocol.ParticipantInspection]:
-    came: dict[str, protocol.ParticipantInspection] = {}
-    deadline_s = time.monotonic() + INSPECTION_TIMEOUT_S
-    with suppress(queue.Empty):
-        while len(came) < n_asked:
-            inspection: protocol.ParticipantInspection = protocol.ParticipantInspection.from_bytes(
-                answers.get(timeout=max(0.0, deadline_s - time.monotonic()))
-            )
-            came[inspection.name] = inspection
-    return came
 
 
 POLL_PERIOD_S = 0.1
@@ -179,7 +122,6 @@ class Supervisor:
         self._bus = bus
         self._gateway = gateway
         self._events = events
-        self._dataflow = build_dataflow(setup.scenario)
         self._services = list_service_names(setup.scenario)
         self._watchdog = Watchdog(groups, setup.run_dir)
         self._restarts = restarts
@@ -188,10 +130,8 @@ class Supervisor:
             for agent in setup.scenario.agents
             if agent.name not in gateway
         }
-        self._agent_hosts = {agent.name: self._build_agent_host(agent.name) for agent in setup.scenario.agents}
-        sessions = {name: host.session for name, host in self._agent_hosts.items()}
-        self._inspector = ParticipantInspector(bus, self._services, self._watchdog, sessions)
-        self._status_reporter = StatusReporter(report, setup.scenario.tick_ns, self._inspector.look)
+        self._agent_hosts = {agent.name: self._build_agent_host(agent) for agent in setup.scenario.agents}
+        self._status_reporter = StatusReporter(report, setup.scenario.tick_ns, self._look)
         self._handlers = self._build_handlers()
         self._described: set[str] = set()
         self._departed_at_s: dict[str, float] = {}
@@ -278,17 +218,57 @@ class Supervisor:
         self._bus.publish(protocol.CLOSE_KEY, b"", urgent=True)
 
     def complete(self, outcome: RunOutcome) -> None:
-        """Add to the outcome what the run has brought in."""
+        """Add to the outcome what services and agents have left: verdict, faults, timing, digest."""
         if self._started_at_s is not None and self._ended_at_s is not None:
             outcome.flight_wall_s = self._ended_at_s - self._started_at_s
-        collect_outcome(outcome, self._watchdog, self._agent_hosts, self._verdict, self._dataflow, self._restarts)
+        reports, verdict = self._watchdog.final_reports, self._verdict
+        outcome.verdict = verdict
+        outcome.agent_faults = collect_faults(host.session.validator for host in self._agent_hosts.values())
+        outcome.timing = {name: report.timing for name, report in sorted(reports.items())}
+        accounts = (*(report.summary for report in reports.values()), self._restarts.summary)
+        outcome.summary = {key: value for account in accounts for key, value in account.items()}
+        outcome.ticks_flown = verdict.tick if verdict else self._watchdog.finished_tick
+        if verdict is None or not self._watchdog.is_finished:
+            return
+        trails: dict[str, HashChain] = {}
+        for report in reports.values():
+            trails |= {port: HashChain.from_fields(fields) for port, fields in report.trails.items()}
+        for name, host in self._agent_hosts.items():
+            trails[keys.command(name)] = host.session.trail
+        outcome.digest = RunDigest.of(trails, build_dataflow(self._setup.scenario).writer_of, verdict.tick)
 
-    def _build_agent_host(self, name: str) -> AgentHost:
-        agent = next(agent for agent in self._setup.scenario.agents if agent.name == name)
-        link = self._bus_links.get(name) or self._gateway.get_transport(name)
+    def _build_agent_host(self, agent: AgentSpec) -> AgentHost:
+        link = self._bus_links.get(agent.name) or self._gateway.get_transport(agent.name)
         session = build_session(agent, self._setup, link)
         more_ticks = SnapshotPolicy.of(self._setup).extra_retained_ticks
-        return AgentHost(session, self._bus, lambda got: self._put(keys.observation(name), got), more_ticks)
+        return AgentHost(session, self._bus, lambda got: self._put(keys.observation(agent.name), got), more_ticks)
+
+    # Services are asked only when a client wants to see them; on any thread.
+    def _look(self) -> list[ParticipantStatus]:
+        answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        asked = [name for name in self._services if name not in self._watchdog.final_reports]
+        for name in asked:
+            self._bus.ask(protocol.build_inspection_key(name), b"", lambda _, payload: answers.put(payload))
+        came: dict[str, ParticipantStatus] = {}
+        deadline_s = time.monotonic() + INSPECTION_TIMEOUT_S
+        with suppress(queue.Empty):
+            while len(came) < len(asked):
+                payload = answers.get(timeout=max(0.0, deadline_s - time.monotonic()))
+                inspection = protocol.ParticipantInspection.from_bytes(payload)
+                came[inspection.name] = inspection.as_status()
+        services = [came.get(name) or self._describe_silent(name) for name in self._services]
+        return services + build_agent_statuses({name: host.session for name, host in self._agent_hosts.items()})
+
+    # A service is silent only where it answers neither of two questions.
+    def _look_twice(self) -> list[ParticipantStatus]:
+        first = self._look()
+        if not any(participant.state == "silent" for participant in first):
+            return first
+        return [then if now.state == "silent" else now for then, now in zip(first, self._look(), strict=True)]
+
+    def _describe_silent(self, name: str) -> ParticipantStatus:
+        state: ParticipantState = "done" if name in self._watchdog.final_reports else "silent"
+        return ParticipantStatus(name=name, state=state, tick=self._watchdog.tick_of(name))
 
     # ------------------------------------------------------------ what it hears
 
@@ -353,7 +333,7 @@ class Supervisor:
         self._watchdog.record_progress(name, protocol.TickReport.from_bytes(payload), time.monotonic())
 
     def _on_fault(self, payload: bytes) -> None:
-        report: protocol.FaultReport = protocol.FaultReport.from_bytes(payload)
+        report = protocol.FaultReport.from_bytes(payload)
         if not self._restarts.absorbs_fault(report):
             raise RunEndedError(
                 ServiceFault(participant=report.participant, tick=report.tick, text=report.text.strip())
@@ -379,7 +359,7 @@ class Supervisor:
             self._watchdog.record_contact_lost(name, time.monotonic())
 
     def _on_description(self, payload: bytes) -> None:
-        description: protocol.ParticipantDescription = protocol.ParticipantDescription.from_bytes(payload)
+        description = protocol.ParticipantDescription.from_bytes(payload)
         if text := description.difference:
             raise RunEndedError(self._watchdog.fault(description.name, text))
         self._described.add(description.name)
@@ -396,7 +376,7 @@ class Supervisor:
             self._bus.publish(protocol.STOP_KEY, protocol.TickReport(tick=self._verdict.tick).to_bytes(), urgent=True)
 
     def _on_final_report(self, payload: bytes) -> None:
-        report: protocol.FinalReport = protocol.FinalReport.from_bytes(payload)
+        report = protocol.FinalReport.from_bytes(payload)
         self._watchdog.record_final_report(report, time.monotonic())
         if report.name == "referee" and self._verdict is None:
             # It has ended the run, so its verdict got lost on the way.
@@ -453,7 +433,7 @@ class Supervisor:
                 # An agent that owes an answer is not a stall of the run; it has its own deadline.
                 self._watchdog.moved(now_s)
                 host.check_deadline()
-        fault = self._watchdog.check(now_s, is_judged=self._verdict is not None, look=self._inspector.look_twice)
+        fault = self._watchdog.check(now_s, is_judged=self._verdict is not None, look=self._look_twice)
         if fault is not None:
             raise RunEndedError(fault)
 

@@ -27,7 +27,8 @@ class Watchdog:
         self._process_of = {name: get_process_name(group) for group in groups for name in group}
         self._run_dir = run_dir
         self._progress = dict.fromkeys(self._services, -1)
-        self._byes: dict[str, FinalReport] = {}
+        # Of services that have finished.
+        self.final_reports: dict[str, FinalReport] = {}
         self._lost_since_s: dict[str, float] = {}
         self._moved_at_s = 0.0
         self._missed_s = 0.0
@@ -48,7 +49,7 @@ class Watchdog:
             begin: Receives the last tick that all its services have finished, and starts it where that is wanted.
         """
         services = [name for name, its in self._process_of.items() if its == process]
-        if all(name in self._byes for name in services):
+        if all(name in self.final_reports for name in services):
             return True
         # Before simulated time begins there is nothing to go on with.
         if not self._moved_at_s or not begin(min(self.tick_of(name) for name in services)):
@@ -59,14 +60,9 @@ class Watchdog:
         return True
 
     @property
-    def final_reports(self) -> dict[str, FinalReport]:
-        """Final reports of services that have finished."""
-        return self._byes
-
-    @property
     def is_finished(self) -> bool:
         """True when all services have sent their final report."""
-        return len(self._byes) == len(self._services)
+        return len(self.final_reports) == len(self._services)
 
     @property
     def finished_tick(self) -> int:
@@ -89,8 +85,8 @@ class Watchdog:
 
     def record_final_report(self, report: FinalReport, now_s: float) -> None:
         """Take note that a service is done."""
-        if report.name not in self._byes:
-            self._byes[report.name] = report
+        if report.name not in self.final_reports:
+            self.final_reports[report.name] = report
             self._moved_at_s = now_s
 
     def record_contact_lost(self, name: str, now_s: float) -> None:
@@ -157,14 +153,6 @@ class Watchdog:
 
 
 @dataclass
-class _FailureCount:
-    """Number of times that a process has died without progress, and where it was then."""
-
-    tick: int = -1
-    n: int = 0
-
-
-@dataclass
 class RestartPolicy:
     """Decides whether a process that has died is started again. It waits for nothing and reads no clock.
 
@@ -182,13 +170,16 @@ class RestartPolicy:
     groups: Sequence[ServiceGroup]
     start: Callable[[ServiceGroup, str], object]
     restarts: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
-    _deaths: dict[str, _FailureCount] = field(default_factory=dict[str, _FailureCount])
+    # How often a process has died without progress, and at which tick.
+    _deaths: dict[str, tuple[int, int]] = field(default_factory=dict[str, tuple[int, int]])
     _faults: dict[str, protocol.FaultReport] = field(default_factory=dict[str, protocol.FaultReport])
     _awaited: set[str] = field(default_factory=set[str])
 
     def covers(self, process: str) -> bool:
         """Return whether a process would be started again; then one that is stopped counts once it is killed."""
-        return self.scenario.restart is not None and all(self._has_state(name) for name in self._group(process))
+        return self.scenario.restart is not None and all(
+            find_service(name, self.scenario).build_spec(self.scenario).writes for name in self._group(process)
+        )
 
     def absorbs_fault(self, note: protocol.FaultReport) -> bool:
         """Take what a service says of its own failure; return whether its end is waited for, to start it again."""
@@ -213,10 +204,10 @@ class RestartPolicy:
         fault = self._faults.get(process)
         if fault is not None:
             tick = max(tick, fault.tick)
-        deaths = self._deaths.setdefault(process, _FailureCount())
-        deaths.n = 1 if tick > deaths.tick else deaths.n + 1
-        deaths.tick = max(tick, deaths.tick)
-        if deaths.n > spec.tries:
+        n_deaths, last_tick = self._deaths.get(process, (0, -1))
+        n_deaths = 1 if tick > last_tick else n_deaths + 1
+        self._deaths[process] = (n_deaths, max(tick, last_tick))
+        if n_deaths > spec.tries:
             return False
         self._faults.pop(process, None)
         self._awaited |= set(self._group(process))
@@ -260,6 +251,3 @@ class RestartPolicy:
 
     def _group(self, process: str) -> ServiceGroup:
         return next((group for group in self.groups if get_process_name(group) == process), ())
-
-    def _has_state(self, service: str) -> bool:
-        return bool(find_service(service, self.scenario).build_spec(self.scenario).writes)

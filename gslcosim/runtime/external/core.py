@@ -5,8 +5,8 @@ import queue
 import shutil
 import threading
 import time
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Generator, Iterable, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -135,14 +135,14 @@ class ParticipantProgram:
             pipes = self._children.start_piped(
                 name, command, variables=variables, log=log, cwd=cwd, confinement=confinement
             )
-            self._open(PipeStream(*pipes))
+            self._exchange = BlockingConnection(PipeStream(*pipes), own.start.format)
             return
         connected: queue.SimpleQueue[Stream] = queue.SimpleQueue()
         refused: list[str] = []
         listener.admit(own.start.format, lambda stream, _: connected.put(stream), refused.append)
         variables |= {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token}
         self._children.start(name, command, variables=variables, log=log, cwd=cwd, confinement=confinement)
-        self._open(self._awaited(connected, refused))
+        self._exchange = BlockingConnection(self._awaited(connected, refused), own.start.format)
 
     def send(self, name: str, payload: bytes) -> None:
         """Send the canonical bytes of a message, named by its type.
@@ -150,12 +150,8 @@ class ParticipantProgram:
         Raises:
             SimulationFault: the program does not read it.
         """
-        try:
+        with self._expecting(f"a program that reads {name}"):
             self._opened.send(name, payload, within_s=self._own.answer_within_s)
-        except StreamEndedError as error:
-            raise self.fault(f"expected a program that reads {name}, {self._ended(error)}.") from error
-        except AnswerTimeoutError as error:
-            raise self.fault(f"expected a program that reads {name}, {error}.") from error
 
     def receive(self, message_type: type[Message], what: str, *, within_s: float) -> bytes:
         """Return what the program says next, as msgpack.
@@ -168,10 +164,17 @@ class ParticipantProgram:
         Raises:
             SimulationFault: nothing comes, or no frame.
         """
-        try:
+        with self._expecting(what):
             return self._opened.receive(message_type, within_s=within_s)
+
+    @contextmanager
+    def _expecting(self, what: str) -> Generator[None]:
+        try:
+            yield
         except StreamEndedError as error:
-            raise self.fault(f"expected {what}, {self._ended(error)}.") from error
+            # Its process may have ended too; that says more.
+            ended = f"but its process {self._how}" if self._has_exited.wait(_LOG_TAIL_WAIT_S) else str(error)
+            raise self.fault(f"expected {what}, {ended}.") from error
         except (AnswerTimeoutError, ContractError) as error:
             raise self.fault(f"expected {what}, {error}") from error
 
@@ -217,16 +220,7 @@ class ParticipantProgram:
             raise SimulationFault(f"{self._own.name}: expected a program that has been started.")
         return self._exchange
 
-    def _open(self, stream: Stream) -> None:
-        self._exchange = BlockingConnection(stream, self._own.start.format)
-
-    def _ended(self, error: Exception) -> str:
-        if self._has_exited.wait(_LOG_TAIL_WAIT_S):
-            return f"but its process {self._how}"
-        return str(error)
-
-    def _exited(self, name: str, code: int, how: str) -> None:
-        del name, code
+    def _exited(self, _name: str, _code: int, how: str) -> None:
         self._how = how
         self._has_exited.set()
 

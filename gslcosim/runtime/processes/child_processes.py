@@ -7,15 +7,15 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from io import FileIO
 from pathlib import Path
 from types import MappingProxyType
 from typing import cast
 
 from gslcosim.base.processes import describe_exit
-from gslcosim.base.spawn import ProcessHandle, Streams, build_short_environment, check_program, signal_group, spawn
+from gslcosim.base.spawn import Streams, build_short_environment, check_program, signal_group, spawn
 from gslcosim.bus.interface import JOIN_VARIABLES, JoinData
+from gslcosim.runtime.processes.fork_server import ForkedProcess
 from gslcosim.runtime.processes.process_log import ProcessLog
 from gslcosim.runtime.processes.sandbox.launcher_client import Confinement, Launch, is_launcher_possible
 
@@ -25,22 +25,8 @@ TERM_TIMEOUT_S = 2.0
 LOG_TIMEOUT_S = 0.5
 
 
-@dataclass
-class ChildProcess:
-    """A process of the run. It leads its own process group, so that its descendants end with it."""
-
-    name: str
-    process: ProcessHandle
-
-    @property
-    def is_running(self) -> bool:
-        """True when the process has not ended yet."""
-        return self.process.poll() is None
-
-    def signal_group(self, number: int) -> None:
-        """Send a signal to the process and all its descendants."""
-        if self.process.pid:
-            signal_group(self.process.pid, number)
+# It leads its own process group, so that its descendants end with it.
+ChildProcess = subprocess.Popen[bytes] | ForkedProcess
 
 
 class ChildProcesses:
@@ -130,7 +116,8 @@ class ChildProcesses:
     ) -> "subprocess.Popen[bytes]":
         check_program(name, command, cwd)
         # Who starts a run from within another one must not hand its own place on.
-        around = self._surroundings(command) if confinement is None else confinement.environment
+        around = build_short_environment(command) if self._are_foreign else os.environ
+        around = around if confinement is None else confinement.environment
         environment = {key: value for key, value in around.items() if not key.startswith(JOIN_VARIABLES)}
         joining, inherited = ({}, ()) if join is None else join.hand_over()
         environment |= {**joining, **variables}
@@ -152,42 +139,38 @@ class ChildProcesses:
         self.adopt(name, process, launch)
         return process
 
-    def _surroundings(self, command: Sequence[str]) -> Mapping[str, str]:
-        return build_short_environment(command) if self._are_foreign else os.environ
-
-    def adopt(self, name: str, process: ProcessHandle, launch: Launch | None = None) -> None:
+    def adopt(self, name: str, process: ChildProcess, launch: Launch | None = None) -> None:
         """Watch a process that leads its own process group, and end it with the others."""
-        self._children[name] = ChildProcess(name, process)
+        self._children[name] = process
         threading.Thread(target=self._wait_for, args=(name, process, launch), daemon=True).start()
 
     @property
     def pids(self) -> dict[str, int]:
         """The numbers of the processes that have not ended, 0 where one has not begun."""
         # A copy at once: processes are added while another thread asks.
-        return {child.name: child.process.pid for child in list(self._children.values()) if child.is_running}
+        return {name: process.pid for name, process in list(self._children.items()) if process.poll() is None}
 
     @property
     def running(self) -> list[str]:
         """Names of the processes that have not ended."""
-        return [child.name for child in self._children.values() if child.is_running]
+        return list(self.pids)
 
     def wait(self, limit_s: float) -> None:
         """Wait until all processes have ended, or until the limit."""
         deadline = time.monotonic() + limit_s
-        for child in self._children.values():
+        for process in self._children.values():
             with contextlib.suppress(subprocess.TimeoutExpired):
-                child.process.wait(timeout=max(0.0, deadline - time.monotonic()))
+                process.wait(timeout=max(0.0, deadline - time.monotonic()))
 
     def end(self) -> None:
         """End whatever still runs: ask, wait a moment, then kill whole process groups."""
-        remaining = [child for child in self._children.values() if child.is_running]
-        for child in remaining:
-            child.signal_group(signal.SIGTERM)
-            child.signal_group(signal.SIGCONT)
-        if remaining:
+        if remaining := self.pids.values():
+            for pid in remaining:
+                signal_group(pid, signal.SIGTERM)
+                signal_group(pid, signal.SIGCONT)
             self.wait(TERM_TIMEOUT_S)
-        for child in self._children.values():
-            child.signal_group(signal.SIGKILL)
+        for process in self._children.values():
+            signal_group(process.pid, signal.SIGKILL)
         # Who forked one may be stopped and not report its end; it is ended next, and Linux ends the forks with it.
         self.wait(TERM_TIMEOUT_S)
         for log in self._logs:
@@ -198,6 +181,6 @@ class ChildProcesses:
         self._logs.append(ProcessLog(path))
         return self._logs[-1]
 
-    def _wait_for(self, name: str, process: ProcessHandle, launch: Launch | None) -> None:
+    def _wait_for(self, name: str, process: ChildProcess, launch: Launch | None) -> None:
         code = process.wait()
         self._on_exit(name, code, (launch.log_tail() if launch is not None else "") or describe_exit(code))

@@ -27,7 +27,6 @@ def set_process_title(title: str) -> None:
         ctypes.memmove(start, words.ljust(end - start, b"\0"), end - start)
 
 
-_PR_GET_DUMPABLE = 3
 _PR_SET_DUMPABLE = 4
 
 
@@ -39,11 +38,6 @@ def keep_memory_private() -> None:
     """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_DUMPABLE, 0)
-
-
-def is_memory_private() -> bool:
-    """Return whether `keep_memory_private` is in force."""
-    return sys.platform == "linux" and ctypes.CDLL(None).prctl(_PR_GET_DUMPABLE) == 0
 
 
 _KIB = 1024

@@ -10,10 +10,8 @@ warm is what was imported, and nothing else differs from a run without a server.
 import contextlib
 import gc
 import hashlib
-import json
 import os
 import secrets
-import selectors
 import signal
 import socket
 import stat
@@ -21,17 +19,16 @@ import sys
 import tempfile
 import threading
 import time
-import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import gslcosim
-from gslcosim.base.errors import ExitCode, SimulationFault, UsageError, build_machine_error
+from gslcosim.base.errors import SimulationFault, UsageError, build_machine_error
 from gslcosim.base.kernel_cache import get_cache_root, get_code_roots
 from gslcosim.base.sockets import check_peer, read_peer_pid, short_socket_address
 from gslcosim.runtime.processes.current_process import get_user_id, keep_memory_private, set_process_title
-from gslcosim.runtime.processes.fork_server import ForkServer, ForkWork, exit_fork
+from gslcosim.runtime.processes.fork_server import ForkMonitor, ForkServer, ForkWork, JsonLines, fork_child
 
 # What libraries read once, when they are imported.
 _IMPORT_VARIABLES = ("NUMBA_", "PYTHON")
@@ -221,25 +218,16 @@ class _Daemon:
         self._fly = fly
         self._work = work
         self._flights: set[int] = set()
-        self._woken, self._waker = os.pipe()
+        self._monitor = ForkMonitor(listener)
         self._is_ended = False
 
     def serve(self) -> None:
-        os.set_blocking(self._waker, False)
-        signal.set_wakeup_fd(self._waker, warn_on_full_buffer=False)
-        signal.signal(signal.SIGCHLD, lambda number, frame: None)
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._end)
-        with selectors.DefaultSelector() as selector:
-            selector.register(self._listener, selectors.EVENT_READ)
-            selector.register(self._woken, selectors.EVENT_READ)
-            while not self._is_ended:
-                for key, _ in selector.select():
-                    if key.fileobj is self._listener:
-                        self._accept(selector)
-                    else:
-                        os.read(self._woken, MAX_REQUEST_BYTES)
-                self._reap()
+        while not self._is_ended:
+            if self._monitor.wait():
+                self._accept()
+            self._reap()
 
     def end_flights(self) -> None:
         """Interrupt all runs, wait for their ends in order, and kill what is left."""
@@ -257,61 +245,38 @@ class _Daemon:
         self._is_ended = True
 
     def _reap(self) -> None:
-        with contextlib.suppress(ChildProcessError):
-            while self._flights and (pid := os.waitpid(-1, os.WNOHANG)[0]):
-                self._flights.discard(pid)
+        self._flights -= {pid for pid, _ in self._monitor.reap()}
 
-    def _accept(self, selector: selectors.BaseSelector) -> None:
+    def _accept(self) -> None:
         connection, _ = self._listener.accept()
         with connection:
             try:
                 check_peer(connection, place="caller")
                 check_one_thread()
-                pid = os.fork()
+                self._flights.add(
+                    fork_child(
+                        lambda: self._become(connection), unwanted=self._monitor.descriptors, ends_with_parent=False
+                    )
+                )
             except (UsageError, OSError) as error:
                 _send_answer(connection, {"refused": f"warm server: {error}"})
-                return
-            if pid == 0:
-                try:
-                    selector.close()
-                    self._become(connection)
-                finally:
-                    os._exit(int(ExitCode.FAULT))
-            self._flights.add(pid)
 
-    # Never returns, whatever happens: there must be one server.
     def _become(self, connection: socket.socket) -> None:
-        code = int(ExitCode.FAULT)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         try:
-            os.setsid()
-            signal.set_wakeup_fd(-1)
-            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
-            signal.signal(signal.SIGINT, signal.default_int_handler)
-            for fd in (self._woken, self._waker, self._listener.fileno()):
-                os.close(fd)
             request = _adopt_caller(connection, self._secret)
             if differing := find_differences(self._imported, request["identity"]):
-                pid = os.getppid()
-                _send_answer(connection, {"refused": _describe_stale(differing, pid)})
-            else:
-                code = _run_command(connection, request["words"], self._fly, self._work)
-                # Whoever has called is gone as soon as it knows.
-                signal.signal(signal.SIGINT, signal.SIG_IGN)
-                _send_answer(connection, {"code": code})
+                raise UsageError(
+                    f"up --warm: expected a server that has imported what is there now, found one with another "
+                    f"{', '.join(differing)}. Start it again: kill {os.getppid()}; gslcosim serve"
+                )
+            code = _run_command(connection, request["words"], self._fly, self._work)
+            # Whoever has called is gone as soon as it knows.
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+            _send_answer(connection, {"code": code})
         except UsageError as error:
             _send_answer(connection, {"refused": str(error)})
-        except BaseException:  # told where the caller looks, as by an interpreter that ends
-            traceback.print_exc()
-        finally:
-            exit_fork(code)
-
-
-def _describe_stale(differing: Sequence[str], pid: int) -> str:
-    return (
-        f"up --warm: expected a server that has imported what is there now, found one with another "
-        f"{', '.join(differing)}. Start it again: kill {pid}; gslcosim serve"
-    )
 
 
 def _run_command(connection: socket.socket, words: Sequence[str], fly: CommandRunner, work: ForkWork) -> int:
@@ -336,7 +301,9 @@ def _forward_interrupts(connection: socket.socket) -> None:
 def _adopt_caller(connection: socket.socket, secret: str) -> dict[str, Any]:
     connection.settimeout(REQUEST_TIMEOUT_S)
     _, streams, _, _ = socket.recv_fds(connection, len(GREETING), N_STREAMS)
-    request = json.loads(_read_line(connection))
+    request = next(iter(JsonLines(connection, max_bytes=MAX_REQUEST_BYTES)), None)
+    if request is None:
+        raise ConnectionError("warm server: expected a whole request, the caller is gone.")
     if not secrets.compare_digest(str(request["secret"]).encode(), secret.encode()):
         raise UsageError(f"warm server: expected the secret in {get_daemon_secret_file()}, the caller has another.")
     for fd, stream in enumerate(streams):
@@ -354,19 +321,9 @@ def _adopt_caller(connection: socket.socket, secret: str) -> dict[str, Any]:
     return request
 
 
-def _read_line(connection: socket.socket) -> bytes:
-    received = b""
-    while not received.endswith(b"\n"):
-        part = connection.recv(1 << 16)
-        if not part or len(received) > MAX_REQUEST_BYTES:
-            raise ConnectionError("warm server: expected a whole request, the caller is gone.")
-        received += part
-    return received
-
-
 def _send_answer(connection: socket.socket, answer: dict[str, Any]) -> None:
     with contextlib.suppress(OSError):
-        connection.sendall(json.dumps(answer).encode() + b"\n")
+        JsonLines(connection).send(answer)
 
 
 ANSWER_TIMEOUT_S = 15.0
@@ -391,8 +348,9 @@ def run_on_daemon(words: Sequence[str]) -> int:
         check_peer(connection, place="up --warm")
         pid = read_peer_pid(connection)
         socket.send_fds(connection, [GREETING], [0, 1, 2])
-        connection.sendall(json.dumps(_build_request(words)).encode() + b"\n")
-        answers = _iter_answers(connection)
+        lines = JsonLines(connection)
+        lines.send(_build_request(words))
+        answers = iter(lines)
         try:
             first = next(answers, {"refused": f"up --warm: expected an answer of the server, process {pid}, got none."})
         except TimeoutError as error:
@@ -443,27 +401,17 @@ def _connect() -> socket.socket:
             connection.connect(address)
     except OSError as error:
         connection.close()
-        if isinstance(error, FileNotFoundError):
-            raise UsageError(f"up --warm: expected a server, found none. {_START_REMEDY}") from error
-        if isinstance(error, ConnectionRefusedError):
-            raise UsageError(
-                f"up --warm: expected a server that runs, found one that was killed. {_START_REMEDY}"
-            ) from error
-        raise UsageError(
-            f"up --warm: expected a server at {path}, found none that can be reached ({error})."
-        ) from error
+        texts: dict[type[OSError], str] = {
+            FileNotFoundError: f"a server, found none. {_START_REMEDY}",
+            ConnectionRefusedError: f"a server that runs, found one that was killed. {_START_REMEDY}",
+        }
+        other = f"a server at {path}, found none that can be reached ({error})."
+        raise UsageError(f"up --warm: expected {texts.get(type(error), other)}") from error
     return connection
 
 
-def _iter_answers(connection: socket.socket) -> Iterator[dict[str, Any]]:
-    unread = b""
-    while received := connection.recv(1 << 16):
-        *lines, unread = (unread + received).split(b"\n")
-        yield from (json.loads(line) for line in lines)
-
-
 # A signal reaches this process only: the run is in a session of its own.
-def _read_result(connection: socket.socket, answers: Iterator[dict[str, Any]]) -> dict[str, Any] | None:
+def _read_result(connection: socket.socket, answers: Iterator[Any]) -> dict[str, Any] | None:
     def interrupt(number: int, frame: object) -> None:
         del number, frame
         with contextlib.suppress(OSError):

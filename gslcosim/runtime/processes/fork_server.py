@@ -1,8 +1,9 @@
 """Fork server: a process that imports once what others share, then becomes each of them by a fork.
 
 It has one thread. It reads requests, one JSON object a line, from a socket that it inherits, and answers
-`{"started": name, "pid": n}` and `{"ended": name, "code": n}`. It holds nothing of a run: what a process is given comes
-with its request and exists in the fork alone. At the end of the requests it ends what is left.
+`{"name": name, "pid": n}` when one has started and `{"name": name, "code": n}` when it has ended. It holds nothing of a
+run: what a process is given comes with its request and exists in the fork alone. At the end of the requests it ends
+what is left.
 
 `ForkServer` starts one and asks it for processes; `serve_forks` is the server itself. What forks do is not known
 here: whoever serves hands it in.
@@ -12,26 +13,25 @@ import contextlib
 import ctypes
 import gc
 import json
-import math
 import os
-import selectors
+import select
 import signal
 import socket
 import subprocess
 import sys
 import tempfile
 import threading
-import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import IO, Any, NoReturn, Self
+from typing import IO, Any, Self
 
 from gslcosim.base.errors import ExitCode, SimulationFault, format_machine_error
 from gslcosim.base.files import append_bytes, build_temporary_directory_error, open_for_writing
 from gslcosim.base.processes import build_python_command, describe_exit
-from gslcosim.base.spawn import ProcessHandle, Streams, spawn
+from gslcosim.base.spawn import Streams, spawn
 from gslcosim.runtime.processes.current_process import keep_memory_private, set_process_title
 
 FORK_SERVER = "fork_server"
@@ -42,7 +42,109 @@ SINGLE_THREAD_VARIABLES = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREAD
     "MALLOC_ARENA_MAX": "2"
 }
 TITLE_PADDING = "." * 200
-_POLL_PERIOD_S = 0.005
+_READ_BYTES = 1 << 16
+_PR_SET_PDEATHSIG = 1
+
+
+class JsonLines:
+    """Objects over a socket, one JSON a line.
+
+    Args:
+        connection: The socket; it stays its owner's.
+        max_bytes: How long a line may be.
+    """
+
+    def __init__(self, connection: socket.socket, *, max_bytes: int | None = None) -> None:
+        self.connection = connection
+        self._max_bytes = max_bytes
+        self._unread = b""
+
+    def send(self, message: object) -> None:
+        """Send an object."""
+        self.connection.sendall(json.dumps(message).encode() + b"\n")
+
+    def receive(self) -> list[Any] | None:
+        """Read once; return the objects that are whole now, None where the other end is closed."""
+        received = self.connection.recv(_READ_BYTES)
+        *lines, self._unread = (self._unread + received).split(b"\n")
+        if not received or (self._max_bytes is not None and len(self._unread) > self._max_bytes):
+            return None
+        return [json.loads(line) for line in lines]
+
+    def __iter__(self) -> Iterator[Any]:
+        while (messages := self.receive()) is not None:
+            yield from messages
+
+
+def fork_child(main: Callable[[], object], *, unwanted: Sequence[int] = (), ends_with_parent: bool = True) -> int:
+    """Fork this process, which must have one thread; return the number of the fork, which leads a session of its own.
+
+    Args:
+        main: What the fork does. It never returns from here: it ends with 0 when that returns, as `SystemExit` says, or
+            with 1 after an error, which it prints.
+        unwanted: Descriptors that are none of the fork's business.
+        ends_with_parent: Whether Linux kills it when this process ends.
+
+    Raises:
+        OSError: there is no room for a process more.
+    """
+    parent = os.getpid()
+    if pid := os.fork():
+        return pid
+    code = 1
+    try:
+        if ends_with_parent:
+            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+            if os.getppid() != parent:
+                os._exit(1)
+        os.setsid()
+        signal.set_wakeup_fd(-1)
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+        for fd in unwanted:
+            os.close(fd)
+        main()
+        code = 0
+    except SystemExit as ended:
+        code = ended.code if isinstance(ended.code, int) else 1
+    except BaseException:  # told in the log, as by an interpreter that ends
+        traceback.print_exc()
+    finally:
+        # With what it has written, and without what its parent would do at its end.
+        with contextlib.suppress(OSError, ValueError):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(code)
+
+
+class ForkMonitor:
+    """Wait of a process that forks, in its one thread, for what a socket brings and for ends of its forks.
+
+    Args:
+        source: The socket.
+    """
+
+    def __init__(self, source: socket.socket) -> None:
+        self._source = source
+        self._woken, waker = os.pipe()
+        self.descriptors = (source.fileno(), self._woken, waker)
+        os.set_blocking(waker, False)
+        signal.set_wakeup_fd(waker, warn_on_full_buffer=False)
+        # With a handler of its own the signal writes to the descriptor; by default it would be discarded.
+        signal.signal(signal.SIGCHLD, lambda number, frame: None)
+
+    def wait(self) -> bool:
+        """Return when a signal has come, or the socket can be read from: whether that is so."""
+        readable, _, _ = select.select([self._source, self._woken], [], [])
+        if self._woken in readable:
+            os.read(self._woken, _READ_BYTES)
+        return self._source in readable
+
+    @staticmethod
+    def reap() -> Iterator[tuple[int, int]]:
+        """Yield the number and the exit code of each fork that has ended."""
+        with contextlib.suppress(ChildProcessError):
+            while (ended := os.waitpid(-1, os.WNOHANG))[0]:
+                yield ended[0], os.waitstatus_to_exitcode(ended[1])
 
 
 class ForkedProcess:
@@ -50,14 +152,10 @@ class ForkedProcess:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self._pid = 0
+        # Its number, 0 until the server has sent it.
+        self.pid = 0
         self._code: int | None = None
         self._has_ended = threading.Event()
-
-    @property
-    def pid(self) -> int:
-        """Its number, 0 until the server has sent it."""
-        return self._pid
 
     def poll(self) -> int | None:
         """Return how it has ended; None while it runs."""
@@ -74,85 +172,23 @@ class ForkedProcess:
         assert self._code is not None
         return self._code
 
-    def mark_started(self, pid: int) -> None:
-        """Take note of its number."""
-        self._pid = pid
-
     def mark_ended(self, code: int) -> None:
         """Take note of its end."""
         self._code = code
         self._has_ended.set()
 
 
-def _open_temporary_log() -> IO[bytes]:
-    try:
-        return tempfile.TemporaryFile()
-    except OSError as error:
-        raise build_temporary_directory_error(error) from error
-
-
-def _start_server(theirs: socket.socket, log: IO[bytes]) -> ProcessHandle:
+def _start_server(theirs: socket.socket, log: IO[bytes]) -> "tuple[int, Callable[[], int]]":
     inherited = {key: value for key, value in os.environ.items() if not key.startswith("GSLCOSIM_JOIN")}
     number = os.dup(theirs.fileno())
-    return spawn(
+    process = spawn(
         FORK_SERVER,
         build_python_command("-m", "gslcosim_services", "--fork-server", str(number), TITLE_PADDING),
         environment={**inherited, **SINGLE_THREAD_VARIABLES},
         streams=Streams(stdout=log.fileno()),
         inherited=[number],
     )
-
-
-class _SelfFork:
-    """A fork server that was forked, as `subprocess.Popen` shows one that was started."""
-
-    def __init__(self, work: "ForkWork", theirs: socket.socket, log: IO[bytes], unwanted: Sequence[int]) -> None:
-        self._code: int | None = None
-        parent = os.getpid()
-        self.pid = os.fork()
-        if self.pid == 0:
-            _become_server(work, parent, theirs, log, unwanted)
-
-    def poll(self) -> int | None:
-        """Return how it has ended; None while it runs."""
-        if self._code is None and (status := os.waitpid(self.pid, os.WNOHANG))[0]:
-            self._code = os.waitstatus_to_exitcode(status[1])
-        return self._code
-
-    def wait(self, timeout: float | None = None) -> int:
-        """Wait for its end and return how it has ended.
-
-        Raises:
-            subprocess.TimeoutExpired: it has not ended within the time.
-        """
-        deadline_s = math.inf if timeout is None else time.monotonic() + timeout
-        while (code := self.poll()) is None:
-            if time.monotonic() > deadline_s:
-                raise subprocess.TimeoutExpired(FORK_SERVER, timeout or 0.0)
-            time.sleep(_POLL_PERIOD_S)
-        return code
-
-
-# Never returns, whatever happens: what follows is its parent's.
-def _become_server(
-    work: "ForkWork", parent: int, theirs: socket.socket, log: IO[bytes], unwanted: Sequence[int]
-) -> NoReturn:
-    code = 1
-    try:
-        end_with_parent(parent)
-        os.setsid()
-        nothing = os.open(os.devnull, os.O_RDONLY)
-        for fd, target in ((nothing, 0), (log.fileno(), 1), (log.fileno(), 2)):
-            os.dup2(fd, target)
-        for fd in (nothing, *unwanted):
-            os.close(fd)
-        set_process_title(f"{sys.executable} -P -m gslcosim_services --fork-server {theirs.fileno()}")
-        _serve_requests(theirs, work, _prefork(work, theirs.fileno()))
-        code = 0
-    except BaseException:  # told in the log, as by an interpreter that ends
-        traceback.print_exc()
-    finally:
-        os._exit(code)
+    return process.pid, process.wait
 
 
 class ForkServer:
@@ -161,20 +197,28 @@ class ForkServer:
     It starts to import when it is made, so it is made before anything else is prepared.
 
     Args:
-        start: Starts its process, given its end of the socket and its log; by default a process of its own.
+        start: Starts its process, given its end of the socket and its log, and returns its number and what waits for
+            its end; by default a process of its own.
 
     Raises:
         MachineError: it cannot be started.
     """
 
-    def __init__(self, start: Callable[[socket.socket, IO[bytes]], ProcessHandle] | None = None) -> None:
-        self._log = _open_temporary_log()
+    def __init__(
+        self, start: Callable[[socket.socket, IO[bytes]], tuple[int, Callable[[], int]]] = _start_server
+    ) -> None:
+        try:
+            self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - `close` does
+        except OSError as error:
+            raise build_temporary_directory_error(error) from error
         self._socket, theirs = socket.socketpair()
+        self._lines = JsonLines(self._socket)
         self._lock = threading.Lock()
         self._forked: dict[str, ForkedProcess] = {}
         self._is_gone = self._is_closing = False
+        self._code: int | None = None
         with theirs:
-            self._process = (start or _start_server)(theirs, self._log)
+            self.pid, self._wait = start(theirs, self._log)
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
@@ -188,7 +232,17 @@ class ForkServer:
             work: What its forks do.
             unwanted: Descriptors that are none of the fork's business.
         """
-        return cls(lambda theirs, log: _SelfFork(work, theirs, log, unwanted))
+
+        def start(theirs: socket.socket, log: IO[bytes]) -> tuple[int, Callable[[], int]]:
+            pid = fork_child(lambda: serve(theirs, log), unwanted=unwanted)
+            return pid, lambda: os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+
+        def serve(requests: socket.socket, log: IO[bytes]) -> None:
+            _redirect_streams(os.open(os.devnull, os.O_RDONLY), os.dup(log.fileno()))
+            set_process_title(f"{sys.executable} -P -m gslcosim_services --fork-server {requests.fileno()}")
+            _Server(requests, work).serve()
+
+        return cls(start)
 
     @staticmethod
     def is_possible() -> bool:
@@ -200,11 +254,6 @@ class ForkServer:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    @property
-    def pid(self) -> int:
-        """Its number."""
-        return self._process.pid
 
     @property
     def has_failed(self) -> bool:
@@ -223,22 +272,21 @@ class ForkServer:
             SimulationFault: the fork server has ended.
         """
         process = ForkedProcess(name)
-        line = json.dumps({"name": name, "log": str(log.resolve()), "request": request}).encode() + b"\n"
         with self._lock:
-            if self._is_gone:
-                raise SimulationFault(self._end_text())
-            self._forked[name] = process
-            try:
-                self._socket.sendall(line)
-            except OSError as error:
+            if not self._is_gone:
+                self._forked[name] = process
+                with contextlib.suppress(OSError):
+                    self._lines.send({"name": name, "log": str(log.resolve()), "request": request})
+                    return process
                 del self._forked[name]
-                raise SimulationFault(self._end_text()) from error
-        return process
+        self._reader.join(CLOSE_TIMEOUT_S)
+        how = "closed its socket" if self._code is None else describe_exit(self._code)
+        raise SimulationFault(f"fork server: expected it to run, it {how}.")
 
     def release_unused(self) -> None:
         """Let the server end what it keeps ready for processes that nobody has asked for."""
         with contextlib.suppress(OSError), self._lock:
-            self._socket.sendall(b"{}\n")
+            self._lines.send({})
 
     def log_tail(self) -> str:
         """Return the last lines that it has written, each on a line of its own; empty when there are none."""
@@ -249,7 +297,7 @@ class ForkServer:
     def wake(self) -> None:
         """Let the server go on where it has been stopped: it reports how its forks end."""
         with contextlib.suppress(ProcessLookupError):
-            os.kill(self._process.pid, signal.SIGCONT)
+            os.kill(self.pid, signal.SIGCONT)
 
     def wait_until_gone(self, limit_s: float) -> None:
         """Return when it has ended and all its forks with it, or after the limit."""
@@ -260,50 +308,29 @@ class ForkServer:
         self._is_closing = True
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
-        try:
-            self._process.wait(CLOSE_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
+        self._reader.join(CLOSE_TIMEOUT_S)
+        if self._reader.is_alive():
             with contextlib.suppress(ProcessLookupError):
-                os.killpg(self._process.pid, signal.SIGKILL)
-            self._process.wait()
-        self._reader.join()
+                os.killpg(self.pid, signal.SIGKILL)
+            self._reader.join()
         self._socket.close()
         self._log.close()
 
     def _read(self) -> None:
-        unread = b""
         with contextlib.suppress(OSError):
-            while received := self._socket.recv(1 << 16):
-                *lines, unread = (unread + received).split(b"\n")
-                for line in lines:
-                    self._receive(json.loads(line))
+            for answer in self._lines:
+                process = self._forked.get(answer["name"])
+                if process is not None and "pid" in answer:
+                    process.pid = answer["pid"]
+                elif process is not None:
+                    process.mark_ended(answer["code"])
         with self._lock:
             self._is_gone = True
         # Linux has killed them with it.
         for process in self._forked.values():
             if process.poll() is None:
                 process.mark_ended(-signal.SIGKILL)
-
-    def _receive(self, answer: dict[str, str | int]) -> None:
-        name = str(answer.get("started") or answer.get("ended"))
-        process = self._forked.get(name)
-        if process is None:
-            return
-        if "started" in answer:
-            process.mark_started(int(answer["pid"]))
-        else:
-            process.mark_ended(int(answer["code"]))
-
-    def _end_text(self) -> str:
-        try:
-            how = describe_exit(self._process.wait(CLOSE_TIMEOUT_S))
-        except subprocess.TimeoutExpired:
-            how = "closed its socket"
-        return f"fork server: expected it to run, it {how}."
-
-
-_PR_SET_PDEATHSIG = 1
-_MAX_REQUEST_BYTES = 1 << 16
+        self._code = self._wait()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -330,161 +357,70 @@ def serve_forks(fd: int, work: ForkWork) -> None:
     keep_memory_private()
     # What is imported stays; looking through it for garbage would take a fifth of the start.
     gc.disable()
-    children = _prefork(work, fd)
+    server = _Server(socket.socket(fileno=fd), work)
     work.preload()
     gc.freeze()
-    _serve_requests(socket.socket(fileno=fd), work, children)
-
-
-# Where there is no room for a process more, it is forked when it is asked for.
-def _prefork(work: ForkWork, fd: int) -> "dict[str, _PreforkedChild]":
-    children: dict[str, _PreforkedChild] = {}
-    with contextlib.suppress(OSError):
-        for name in work.early:
-            children[name] = _PreforkedChild(name, work, [fd, *(child.fd for child in children.values())])
-    return children
-
-
-def _serve_requests(requests: socket.socket, work: ForkWork, children: "dict[str, _PreforkedChild]") -> None:
-    # Ctrl-C is the supervisor's to handle.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _Server(requests, work, children).serve()
-
-
-def end_with_parent(parent: int) -> None:
-    """Let Linux end this process when the one that has forked it ends."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:
-        os._exit(1)
-
-
-# Never returns, whatever happens: there must be one server. `unwanted` are descriptors that are none of its business.
-def _child_main(work: ForkWork, order: dict[str, Any], parent: int, unwanted: Sequence[int]) -> NoReturn:
-    code = 1
-    try:
-        end_with_parent(parent)
-        with contextlib.suppress(PermissionError):  # it leads a session already
-            os.setsid()
-        signal.set_wakeup_fd(-1)
-        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-        for fd in unwanted:
-            os.close(fd)
-        _redirect_output(order["log"])
-        gc.enable()
-        work.become(order["request"])
-        code = 0
-    except SystemExit as ended:
-        code = ended.code if isinstance(ended.code, int) else 1
-    except BaseException:  # told in the log, as by an interpreter that ends
-        traceback.print_exc()
-    finally:
-        exit_fork(code)
-
-
-def exit_fork(code: int) -> NoReturn:
-    """End a process that was forked, with what it has written, and without what its parent would do at its end."""
-    with contextlib.suppress(OSError, ValueError):
-        sys.stdout.flush()
-        sys.stderr.flush()
-    os._exit(code)
+    server.serve()
 
 
 # A service without a log can fly; what ends it is reported over the bus.
-def _redirect_output(log: str) -> None:
-    nothing = os.open(os.devnull, os.O_RDWR)
+def _open_log(log: Path) -> int:
     try:
-        output = open_for_writing(Path(log).parent, Path(log).name, is_appended=True)
+        return open_for_writing(log.parent, log.name, is_appended=True)
     except OSError:
-        output = os.dup(nothing)
-    for fd, target in ((nothing, 0), (output, 1), (output, 2)):
+        return os.open(os.devnull, os.O_RDWR)
+
+
+def _redirect_streams(source: int, output: int) -> None:
+    for fd, target in ((source, 0), (output, 1), (output, 2)):
         os.dup2(fd, target)
-    os.close(nothing)
+    os.close(source)
     os.close(output)
 
 
-class _PreforkedChild:
-    # Fork that becomes what it is asked to be; until then it imports and waits. Raises OSError where there is no room.
-    def __init__(self, name: str, work: ForkWork, unwanted: Sequence[int]) -> None:
-        self._socket, theirs = socket.socketpair()
-        server = os.getpid()
-        with theirs:
-            self.pid = os.fork()
-            if self.pid == 0:
-                self._socket.close()
-                _preforked_main(name, work, server, theirs, unwanted)
-
-    @property
-    def fd(self) -> int:
-        """The server's descriptor of it."""
-        return self._socket.fileno()
-
-    def take(self, order: dict[str, Any]) -> bool:
-        """Hand it what it shall become; return whether it lives."""
-        with self._socket:
-            try:
-                self._socket.sendall(json.dumps(order).encode() + b"\n")
-            except OSError:
-                return False
-        return True
-
-    def shut_down(self) -> None:
-        """End it: nobody needs it."""
-        self._socket.close()
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(self.pid, signal.SIGKILL)
+def _become(work: ForkWork, order: dict[str, Any]) -> None:
+    _redirect_streams(os.open(os.devnull, os.O_RDWR), _open_log(Path(order["log"])))
+    gc.enable()
+    work.become(order["request"])
 
 
-# Never returns, whatever happens: there must be one server.
-def _preforked_main(
-    name: str, work: ForkWork, server: int, requests: socket.socket, unwanted: Sequence[int]
-) -> NoReturn:
-    try:
-        end_with_parent(server)
-        os.setsid()
-        # Ctrl-C is the supervisor's to handle.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        for fd in unwanted:
-            os.close(fd)
-        # What cannot be imported is reported by the service that needs it, in its log.
-        with contextlib.suppress(Exception):
-            work.early[name]()
-        request = b""
-        while not request.endswith(b"\n"):
-            received = requests.recv(_MAX_REQUEST_BYTES)
-            if not received:
-                os._exit(0)
-            request += received
-        _child_main(work, json.loads(request), server, [requests.fileno()])
-    finally:
-        os._exit(1)
+# Imports, then waits for what it shall become.
+def _await_order(work: ForkWork, name: str, requests: socket.socket) -> None:
+    # What cannot be imported is reported by the service that needs it, in its log.
+    with contextlib.suppress(Exception):
+        work.early[name]()
+    order = next(iter(JsonLines(requests)), None)
+    if order is not None:
+        requests.close()
+        _become(work, order)
 
 
 class _Server:
-    def __init__(self, requests: socket.socket, work: ForkWork, children: dict[str, _PreforkedChild]) -> None:
+    def __init__(self, requests: socket.socket, work: ForkWork) -> None:
+        # Ctrl-C is the supervisor's to handle.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
         self._work = work
-        self._requests = requests
-        self._preforked = children
-        self._unread = b""
+        self._lines = JsonLines(requests)
+        self._monitor = ForkMonitor(requests)
         self._names: dict[int, str] = {}
-        self._woken, self._waker = os.pipe()
-        self._pid = os.getpid()
+        # Those that wait for what they shall become, with the sockets by which they learn it.
+        self._preforked: dict[str, tuple[int, socket.socket]] = {}
+        # Where there is no room for a process more, it is forked when it is asked for.
+        with contextlib.suppress(OSError):
+            for name in work.early:
+                ours, theirs = socket.socketpair()
+                with theirs:
+                    unwanted = [*self._open_descriptors, ours.fileno()]
+                    pid = fork_child(partial(_await_order, work, name, theirs), unwanted=unwanted)
+                self._preforked[name] = (pid, ours)
 
     def serve(self) -> None:
-        os.set_blocking(self._waker, False)
-        signal.set_wakeup_fd(self._waker, warn_on_full_buffer=False)
-        # With a handler of its own the signal writes to the descriptor; by default it would be discarded.
-        signal.signal(signal.SIGCHLD, _ignore_signal)
-        with selectors.DefaultSelector() as selector:
-            selector.register(self._requests, selectors.EVENT_READ)
-            selector.register(self._woken, selectors.EVENT_READ)
-            is_open = True
-            while is_open:
-                for key, _ in selector.select():
-                    if key.fileobj is self._requests:
-                        is_open = self._take_requests()
-                    else:
-                        os.read(self._woken, _MAX_REQUEST_BYTES)
-                self._report_ended_children()
+        is_open = True
+        while is_open:
+            if self._monitor.wait():
+                is_open = self._take_requests()
+            for pid, code in self._monitor.reap():
+                self._send({"name": self._names.pop(pid, ""), "code": code})
         self._dismiss_preforked()
         for pid in self._names:
             # One that has just begun leads no group yet.
@@ -496,67 +432,53 @@ class _Server:
 
     def _take_requests(self) -> bool:
         try:
-            received = self._requests.recv(_MAX_REQUEST_BYTES)
+            orders = self._lines.receive()
         except ConnectionError:
             return False
-        *lines, self._unread = (self._unread + received).split(b"\n")
-        for line in lines:
-            order = json.loads(line)
+        for order in orders or ():
             if order:
                 self._start(order)
             else:
                 self._dismiss_preforked()
-        return bool(received)
+        return orders is not None
 
     def _start(self, order: dict[str, Any]) -> None:
         name = str(order["name"])
-        child = self._preforked.pop(name, None)
-        if child is not None and child.take(order):
-            self._has_started(name, child.pid)
-        else:
-            self._fork(name, order)
-
-    def _fork(self, name: str, order: dict[str, Any]) -> None:
-        try:
-            pid = os.fork()
-        except OSError as error:
-            text, log = format_machine_error(error, name, "one process more"), Path(order["log"])
-            with contextlib.suppress(OSError):
-                append_bytes(log.parent, log.name, f"{text}\n".encode())
-            self._send({"ended": name, "code": int(ExitCode.FAULT)})
-            return
-        if pid == 0:
-            _child_main(self._work, order, self._pid, self._open_descriptors)
-        self._has_started(name, pid)
-
-    def _has_started(self, name: str, pid: int) -> None:
+        pid = self._hand_over(name, order)
+        if not pid:
+            try:
+                pid = fork_child(lambda: _become(self._work, order), unwanted=self._open_descriptors)
+            except OSError as error:
+                text, log = format_machine_error(error, name, "one process more"), Path(order["log"])
+                with contextlib.suppress(OSError):
+                    append_bytes(log.parent, log.name, f"{text}\n".encode())
+                self._send({"name": name, "code": int(ExitCode.FAULT)})
+                return
         self._names[pid] = name
-        self._send({"started": name, "pid": pid})
+        self._send({"name": name, "pid": pid})
+
+    # To the fork that has imported what the order needs; 0 where there is none, or it has ended.
+    def _hand_over(self, name: str, order: dict[str, Any]) -> int:
+        if name not in self._preforked:
+            return 0
+        pid, connection = self._preforked.pop(name)
+        with connection, contextlib.suppress(OSError):
+            JsonLines(connection).send(order)
+            return pid
+        return 0
 
     @property
     def _open_descriptors(self) -> list[int]:
-        children = [child.fd for child in self._preforked.values()]
-        return [self._requests.fileno(), self._woken, self._waker, *children]
+        return [*self._monitor.descriptors, *(connection.fileno() for _, connection in self._preforked.values())]
 
     def _dismiss_preforked(self) -> None:
-        for child in self._preforked.values():
-            child.shut_down()
-            with contextlib.suppress(ChildProcessError):
-                os.waitpid(child.pid, 0)
+        for pid, connection in self._preforked.values():
+            connection.close()
+            with contextlib.suppress(ProcessLookupError, ChildProcessError):
+                os.kill(pid, signal.SIGKILL)
+                os.waitpid(pid, 0)
         self._preforked.clear()
-
-    def _report_ended_children(self) -> None:
-        with contextlib.suppress(ChildProcessError):
-            while self._names:
-                pid, status = os.waitpid(-1, os.WNOHANG)
-                if pid == 0:
-                    return
-                self._send({"ended": self._names.pop(pid, ""), "code": os.waitstatus_to_exitcode(status)})
 
     def _send(self, answer: dict[str, Any]) -> None:
         with contextlib.suppress(OSError):
-            self._requests.sendall(json.dumps(answer).encode() + b"\n")
-
-
-def _ignore_signal(number: int, frame: object) -> None:
-    del number, frame
+            self._lines.send(answer)

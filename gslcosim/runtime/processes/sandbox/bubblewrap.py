@@ -25,17 +25,8 @@ def find_bubblewrap_failure() -> str:
     program = shutil.which("bwrap")
     if sys.platform != "linux" or program is None:
         return "bubblewrap is not installed"
-    call = [
-        program,
-        *_BASE_OPTIONS,
-        "--unshare-net",
-        "--ro-bind",
-        "/usr",
-        "/usr",
-        *_list_system_links(),
-        "/usr/bin/env",
-        "true",
-    ]
+    call = [program, *_BASE_OPTIONS, "--unshare-net", "--ro-bind", "/usr", "/usr", *_list_system_links()]
+    call += ["/usr/bin/env", "true"]
     try:
         tried = subprocess.run(
             call, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PROBE_TIMEOUT_S, check=False

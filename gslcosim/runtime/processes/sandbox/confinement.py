@@ -15,6 +15,7 @@ import os
 import struct
 import sys
 from collections.abc import Iterable
+from typing import NamedTuple
 
 # Those that a shell can name by one digit, above its own.
 PIPES_AT = (8, 9)
@@ -38,9 +39,7 @@ def give_up_capabilities() -> None:
     library.prctl(_PR_SET_SECUREBITS, _SECURE_BITS, 0, 0, 0)
     for capability in range(_MAX_CAPABILITIES):
         library.prctl(_PR_CAPBSET_DROP, capability, 0, 0, 0)
-    if library.capset(struct.pack("<Ii", _VERSION, 0), bytes(24)) < 0:
-        number = ctypes.get_errno()
-        raise OSError(number, f"capabilities: {os.strerror(number)}")
+    _check_result(library.capset(struct.pack("<Ii", _VERSION, 0), bytes(24)), "capabilities")
 
 
 _CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
@@ -153,10 +152,10 @@ def _syscall(number: int, *arguments: object) -> int:
     return library.syscall(ctypes.c_long(number), *words)
 
 
-def _check_result(result: int) -> int:
+def _check_result(result: int, what: str = "Landlock") -> int:
     if result < 0:
         code = ctypes.get_errno()
-        raise OSError(code, f"Landlock: {os.strerror(code)}")
+        raise OSError(code, f"{what}: {os.strerror(code)}")
     return result
 
 
@@ -172,31 +171,19 @@ _X32 = 0x40000000
 _WATCHING_COMMANDS = (1024, 1026)
 
 
-class _Numbers:
+class _Numbers(NamedTuple):
     # The numbers of system calls of one kind of machine.
-
-    def __init__(
-        self,
-        *,
-        architecture: int,
-        socket: int,
-        fcntl: int,
-        always: tuple[int, ...],
-        shared: tuple[int, ...],
-        of_others: tuple[int, ...],
-        only_self: tuple[int, ...],
-    ) -> None:
-        self.architecture = architecture
-        self.socket = socket
-        self.fcntl = fcntl
-        # Refused in each sandbox.
-        self.always = always
-        # Memory, queues and semaphores that last beyond their processes: bubblewrap has a namespace of them.
-        self.shared = shared
-        # Changes of what belongs to others.
-        self.of_others = of_others
-        # May only be about the caller itself (0).
-        self.only_self = only_self
+    architecture: int
+    socket: int
+    fcntl: int
+    # Refused in each sandbox.
+    always: tuple[int, ...]
+    # Memory, queues and semaphores that last beyond their processes: bubblewrap has a namespace of them.
+    shared: tuple[int, ...]
+    # Changes of what belongs to others.
+    of_others: tuple[int, ...]
+    # May only be about the caller itself (0).
+    only_self: tuple[int, ...]
 
 
 _CALL_NUMBERS = {
@@ -260,9 +247,8 @@ def filter_calls(*, allows_unix: bool, allows_tcp: bool) -> None:
     give_up_new_privileges()
     instructions = ctypes.create_string_buffer(code, len(code))
     described = struct.pack("<HxxxxxxQ", len(code) // 8, ctypes.addressof(instructions))
-    if ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_SECCOMP, _MODE_FILTER, described, 0, 0) < 0:
-        number = ctypes.get_errno()
-        raise OSError(number, f"seccomp: {os.strerror(number)}")
+    library = ctypes.CDLL(None, use_errno=True)
+    _check_result(library.prctl(_PR_SET_SECCOMP, _MODE_FILTER, described, 0, 0), "seccomp")
 
 
 def build_filter_program(
@@ -283,59 +269,30 @@ def build_filter_program(
         has_own_network: Whether the network is a namespace of its own, in which internet sockets reach nobody.
     """
     numbers = _CALL_NUMBERS[machine]
-    code = [
-        _pack_instruction(_LOAD, _ARCHITECTURE),
-        _pack_instruction(_EQUAL, numbers.architecture, 1, 0),
-        _pack_instruction(_RETURN, _REFUSE),
-        _pack_instruction(_LOAD, _NUMBER),
-        _pack_instruction(_AT_LEAST, _X32, 0, 1),
-        _pack_instruction(_RETURN, _REFUSE),
-    ]
+    # Of each instruction the code, the value, and over how many a comparison jumps where it is true, or false.
+    refuse, allow = (_RETURN, _REFUSE, 0, 0), (_RETURN, _ALLOW, 0, 0)
+    code = [(_LOAD, _ARCHITECTURE, 0, 0), (_EQUAL, numbers.architecture, 1, 0), refuse]
+    code += [(_LOAD, _NUMBER, 0, 0), (_AT_LEAST, _X32, 0, 1), refuse]
     for number in (*numbers.always, *(() if is_beside_namespaces else (*numbers.shared, *numbers.of_others))):
-        code += [_pack_instruction(_EQUAL, number, 0, 1), _pack_instruction(_RETURN, _REFUSE)]
+        code += [(_EQUAL, number, 0, 1), refuse]
     # Not this one: over the next ones.
-    code += [
-        _pack_instruction(_EQUAL, numbers.fcntl, 0, 2 + 2 * len(_WATCHING_COMMANDS)),
-        _pack_instruction(_LOAD, _SECOND),
-    ]
+    code += [(_EQUAL, numbers.fcntl, 0, 2 + 2 * len(_WATCHING_COMMANDS)), (_LOAD, _SECOND, 0, 0)]
     for command in _WATCHING_COMMANDS:
-        code += [_pack_instruction(_EQUAL, command, 0, 1), _pack_instruction(_RETURN, _REFUSE)]
-    code += [_pack_instruction(_RETURN, _ALLOW)]
+        code += [(_EQUAL, command, 0, 1), refuse]
+    code += [allow]
     for number in () if is_beside_namespaces else numbers.only_self:
-        code += [
-            _pack_instruction(_EQUAL, number, 0, 4),
-            _pack_instruction(_LOAD, _FIRST),
-            _pack_instruction(_EQUAL, 0, 1, 0),
-        ]
-        code += [_pack_instruction(_RETURN, _REFUSE), _pack_instruction(_RETURN, _ALLOW)]
-    code += [
-        _pack_instruction(_EQUAL, numbers.socket, 1, 0),
-        _pack_instruction(_RETURN, _ALLOW),
-        _pack_instruction(_LOAD, _FIRST),
-    ]
+        code += [(_EQUAL, number, 0, 4), (_LOAD, _FIRST, 0, 0), (_EQUAL, 0, 1, 0), refuse, allow]
+    code += [(_EQUAL, numbers.socket, 1, 0), allow, (_LOAD, _FIRST, 0, 0)]
     families = [_UNIX] if allows_unix else []
     if has_own_network:
         # There are none in which others could be reached, as those to the machine that runs a virtual one.
         families += [_INTERNET, _INTERNET_6, _NETLINK]
     for family in families:
-        code += [_pack_instruction(_EQUAL, family, 0, 1), _pack_instruction(_RETURN, _ALLOW)]
+        code += [(_EQUAL, family, 0, 1), allow]
     if allows_tcp:
         # Each jump that fails ends at the last instruction of all. Landlock knows TCP, but no other kind of stream.
-        code += [_pack_instruction(_EQUAL, _INTERNET, 1, 0), _pack_instruction(_EQUAL, _INTERNET_6, 0, 7)]
-        code += [
-            _pack_instruction(_LOAD, _SECOND),
-            _pack_instruction(_AND, _KIND_OF_SOCKET),
-            _pack_instruction(_EQUAL, _STREAM, 0, 4),
-        ]
-        code += [
-            _pack_instruction(_LOAD, _THIRD),
-            _pack_instruction(_EQUAL, 0, 1, 0),
-            _pack_instruction(_EQUAL, _TCP, 0, 1),
-            _pack_instruction(_RETURN, _ALLOW),
-        ]
-    code += [_pack_instruction(_RETURN, _REFUSE)]
-    return b"".join(code)
-
-
-def _pack_instruction(code: int, value: int, if_true: int = 0, if_false: int = 0) -> bytes:
-    return struct.pack("<HBBI", code, if_true, if_false, value)
+        code += [(_EQUAL, _INTERNET, 1, 0), (_EQUAL, _INTERNET_6, 0, 7)]
+        code += [(_LOAD, _SECOND, 0, 0), (_AND, _KIND_OF_SOCKET, 0, 0), (_EQUAL, _STREAM, 0, 4)]
+        code += [(_LOAD, _THIRD, 0, 0), (_EQUAL, 0, 1, 0), (_EQUAL, _TCP, 0, 1), allow]
+    code += [refuse]
+    return b"".join(struct.pack("<HBBI", kind, if_true, if_false, value) for kind, value, if_true, if_false in code)

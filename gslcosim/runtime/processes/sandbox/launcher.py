@@ -136,14 +136,15 @@ class _ProcessTreeMonitor:
         self._kill_all()
         _exit_like(self._ended_as if self._ended_as is not None else signal.SIGKILL, self._plan["is_bubblewrap"])
 
-    def _reap(self) -> None:
+    # Returns whether any of its children is left.
+    def _reap(self) -> bool:
         while True:
             try:
                 pid, status, used = os.wait4(-1, os.WNOHANG)
             except ChildProcessError:
-                return
+                return False
             if pid == 0:
-                return
+                return True
             self._reaped_cpu_s += used.ru_utime + used.ru_stime
             if pid == self._child:
                 self._ended_as = status
@@ -183,14 +184,7 @@ class _ProcessTreeMonitor:
             for number in (signal.SIGSTOP, signal.SIGKILL):
                 for pid in _list_descendants(os.getpid()):
                     _send_signal(pid, number)
-            try:
-                while True:
-                    pid, status, _ = os.wait4(-1, os.WNOHANG)
-                    if pid == 0:
-                        break
-                    if pid == self._child and self._ended_as is None:
-                        self._ended_as = status
-            except ChildProcessError:
+            if not self._reap():
                 return
             signal.sigtimedwait((signal.SIGCHLD,), 0.01)
 

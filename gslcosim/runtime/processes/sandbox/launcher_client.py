@@ -68,10 +68,25 @@ class Launch:
     def __init__(
         self, confinement: Confinement, command: Sequence[str], *, has_pipes: bool, keep: Sequence[int] = ()
     ) -> None:
-        self._confinement = confinement
+        self._limits = confinement.limits
         self._status, theirs = os.pipe()
-        is_bubblewrap = confinement.kind == "bubblewrap" and confinement.policy is not None
-        calls = _write_call_filter(confinement.policy) if is_bubblewrap and confinement.policy is not None else []
+        cell, is_bubblewrap = confinement.policy, confinement.kind == "bubblewrap"
+        # Those of its environment that change.
+        self.variables = {NUMBA_VARIABLE: os.environ.get(NUMBA_VARIABLE, "/")}
+        calls: list[int] = []
+        confined: Mapping[str, Any] = {}
+        if cell is not None:
+            kernels = _prepare_kernels(cell)
+            # It has links to what is compiled, and not the key by which that is checked.
+            self.variables[UNCHECKED_VARIABLE] = "1"
+            if is_bubblewrap:
+                calls = _write_call_filter(cell)
+                confined = _plan_bubblewrap(cell, command, has_pipes=has_pipes, kernels=kernels, calls=calls)
+                self.variables |= build_bubblewrap_variables(cell)
+            else:
+                confined = _plan_landlock(cell, has_pipes=has_pipes)
+                self.variables |= {"HOME": str(cell.scratch), "TMPDIR": str(cell.scratch)}
+                self.variables |= {} if kernels is None else {NUMBA_VARIABLE: str(kernels)}
         keep = [*keep, *calls]
         plan = {
             "command": list(command),
@@ -83,13 +98,8 @@ class Launch:
             "pipes_apart": is_bubblewrap and has_pipes,
             "landlock": None,
             "seccomp": None,
+            **confined,
         }
-        if confinement.policy is not None:
-            plan |= (
-                _plan_bubblewrap(confinement.policy, command, has_pipes=has_pipes, calls=next(iter(calls), None))
-                if is_bubblewrap
-                else _plan_landlock(confinement.policy, has_pipes=has_pipes)
-            )
         self._theirs = [theirs, *keep, open_memory_file(json.dumps(plan).encode())]
 
     @property
@@ -103,19 +113,6 @@ class Launch:
         """Descriptors that the launcher inherits, `keep` among them."""
         return tuple(self._theirs)
 
-    @property
-    def variables(self) -> dict[str, str]:
-        """Environment variables that change."""
-        kind, cell = self._confinement.kind, self._confinement.policy
-        variables = {NUMBA_VARIABLE: os.environ.get(NUMBA_VARIABLE, "/")}
-        if cell is None:
-            return variables
-        # It has links to what is compiled, and not the key by which that is checked.
-        variables[UNCHECKED_VARIABLE] = "1"
-        if kind == "bubblewrap":
-            return variables | build_bubblewrap_variables(cell)
-        return variables | _build_landlock_variables(cell)
-
     def log_tail(self) -> str:
         """Return what the launcher has to say of the end, once it has ended; empty when nothing."""
         with os.fdopen(self._status, "rb") as status:
@@ -124,7 +121,7 @@ class Launch:
             return ""
         words: dict[str, str] = json.loads(lines[0])
         if (key := words.get("reached")) is not None:
-            bound = _LIMIT_TEXTS[key].format(getattr(self._confinement.limits, key))
+            bound = _LIMIT_TEXTS[key].format(getattr(self._limits, key))
             return f"used more than its limits.{bound}"
         return f"could not be started ({words.get('could_not_start')})"
 
@@ -145,19 +142,19 @@ def _write_call_filter(cell: SandboxPolicy) -> list[int]:
 
 
 def _plan_bubblewrap(
-    cell: SandboxPolicy, command: Sequence[str], *, has_pipes: bool, calls: int | None
+    cell: SandboxPolicy, command: Sequence[str], *, has_pipes: bool, kernels: Path | None, calls: Sequence[int]
 ) -> Mapping[str, Any]:
     # It has its own network, but for one that joins by TCP.
     ports = [cell.tcp_port] if cell.tcp_port is not None else []
-    kernels = _prepare_kernels(cell)
     return {
-        "command": build_bubblewrap_command(cell, command, has_pipes=has_pipes, kernels=kernels, calls=calls),
+        "command": build_bubblewrap_command(
+            cell, command, has_pipes=has_pipes, kernels=kernels, calls=next(iter(calls), None)
+        ),
         "landlock": {"tcp_ports": ports, "is_about_files": False} if ports else None,
     }
 
 
 def _plan_landlock(cell: SandboxPolicy, *, has_pipes: bool) -> Mapping[str, Any]:
-    _prepare_kernels(cell)
     reads, lists = split_readable_paths(cell)
     return {
         "landlock": {
@@ -173,12 +170,6 @@ def _plan_landlock(cell: SandboxPolicy, *, has_pipes: bool) -> Mapping[str, Any]
             "allows_tcp": cell.tcp_port is not None,
         },
     }
-
-
-def _build_landlock_variables(cell: SandboxPolicy) -> dict[str, str]:
-    variables = {"HOME": str(cell.scratch), "TMPDIR": str(cell.scratch)}
-    own = cell.scratch / _KERNELS
-    return {**variables, NUMBA_VARIABLE: str(own)} if own.is_dir() else variables
 
 
 # Kernels that are compiled already are read where they are, and cannot be changed; others the agent compiles into a

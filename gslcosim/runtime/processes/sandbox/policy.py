@@ -47,7 +47,6 @@ class SandboxPolicy:
     hidden: tuple[Path, ...] = ()
     writes: tuple[Path, ...] = ()
     sockets: tuple[Path, ...] = ()
-    has_unix_door: bool = False
     tcp_port: int | None = None
     kernels: Path | None = None
     scratch: Path

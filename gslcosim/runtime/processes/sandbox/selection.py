@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import open_regular_file
@@ -29,7 +29,7 @@ from gslcosim.runtime.processes.sandbox.policy import (
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.loader import list_input_files
-from gslcosim.scenario.models.participants import AgentLimitsSpec, SandboxChoice
+from gslcosim.scenario.models.participants import ParticipantProgramSpec
 from gslcosim.scenario.models.scenario import AgentSpec
 
 # More than that is not searched: the run is refused.
@@ -202,43 +202,8 @@ NONE_IN_THIS_PROCESS = "none: in this process"
 NONE_STARTED_ELSEWHERE = "none: started elsewhere"
 
 
-class ConfinementSpec(Protocol):
-    """Settings of a scenario for how the process of an agent or participant is confined; `place` is for errors."""
-
-    @property
-    def name(self) -> str:
-        """Name of the agent or participant."""
-        ...
-
-    @property
-    def place(self) -> str:
-        """Where it is in the scenario."""
-        ...
-
-    @property
-    def sandbox(self) -> SandboxChoice:
-        """Sandbox that its process is started in."""
-        ...
-
-    @property
-    def limits(self) -> AgentLimitsSpec:
-        """The bounds of what its processes use."""
-        ...
-
-    @property
-    def may_read(self) -> tuple[str, ...]:
-        """Folders that it sees besides its own."""
-        ...
-
-    @property
-    def may_write(self) -> tuple[str, ...]:
-        """Folders that it may change."""
-        ...
-
-    @property
-    def environment(self) -> dict[str, str | None] | None:
-        """Variables of its environment beside those that every program needs."""
-        ...
+# Whose process is confined; `place` is its place in the scenario, for errors.
+ConfinementSpec = AgentSpec | ParticipantProgramSpec
 
 
 def unavailable_reason(kind: SandboxKind) -> str:
@@ -365,19 +330,15 @@ def build_environment_variables(
         UsageError: the scenario passes on a variable that is not set.
     """
     around = os.environ if surroundings is None else surroundings
-    passed_on = build_short_environment(command, around)
-    return passed_on | {name: _value(agent, name, value, around) for name, value in (agent.environment or {}).items()}
-
-
-def _value(agent: ConfinementSpec, name: str, value: str | None, around: Mapping[str, str]) -> str:
-    if value is not None:
-        return value
-    if name not in around:
-        raise UsageError(
-            f"{agent.place}.environment.{name}: expected a variable that is set where gslcosim starts, since it has "
-            "no value here, was unset. Set it, or write its value."
-        )
-    return around[name]
+    variables = build_short_environment(command, around)
+    for name, value in (agent.environment or {}).items():
+        if value is None and name not in around:
+            raise UsageError(
+                f"{agent.place}.environment.{name}: expected a variable that is set where gslcosim starts, since it "
+                "has no value here, was unset. Set it, or write its value."
+            )
+        variables[name] = around[name] if value is None else value
+    return variables
 
 
 def build_confinement(
