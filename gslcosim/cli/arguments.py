@@ -2,8 +2,10 @@
 
 import argparse
 import difflib
+import shutil
 import subprocess
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,18 +29,39 @@ _SORT = "--sort"
 
 @dataclass(frozen=True, kw_only=True)
 class Command:
-    """One command: its name, what it does, examples, its arguments, and the call that returns the exit code."""
+    """One command: its name, what it does, examples, its arguments, and the call that returns the exit code.
+
+    Attributes:
+        old_name: What is still understood in place of its name and its family's, such as `sweep`.
+        is_computing: Whether it loads all that a run needs.
+    """
 
     name: str
     summary: str
     examples: str
     add_arguments: Callable[[argparse.ArgumentParser], None]
     run: Callable[[argparse.Namespace], int]
+    old_name: str = ""
+    is_computing: bool = False
 
 
-def run_action(arguments: argparse.Namespace) -> int:
-    """Run the action of a command that has several, each with its own `act`; return the exit code."""
-    return int(arguments.act(arguments))
+@dataclass(frozen=True, kw_only=True)
+class CommandFamily:
+    """Commands that are called by two words, such as `bench run`."""
+
+    name: str
+    summary: str
+    examples: str
+    parts: tuple[Command, ...]
+    is_computing: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandGroup:
+    """Commands that the help shows under one title."""
+
+    title: str
+    commands: tuple[Command | CommandFamily, ...]
 
 
 class Parser(argparse.ArgumentParser):
@@ -64,49 +87,93 @@ class Parser(argparse.ArgumentParser):
         tell(message.removesuffix("\n"))
 
 
-def build_parser(commands: Sequence[Command], *, version: str) -> Parser:
+def build_parser(groups: Sequence[CommandGroup], *, version: str) -> Parser:
     """Return the parser of `gslcosim` with all its commands."""
     parser = Parser(
         prog="gslcosim",
+        usage="gslcosim [-h] [--version] COMMAND ...",
         description="Co-simulation for gas source localization: wind, gas, robots and agents in any language.",
-        epilog=_examples("  gslcosim up warehouse_empty\n  gslcosim view\n  gslcosim doctor")
+        epilog=f"{_listing(groups)}\n"
+        + _examples("  gslcosim up warehouse_empty\n  gslcosim view\n  gslcosim doctor")
         + "\nexit codes:\n  0 success   1 the agent failed   2 wrong call or scenario   3 simulation fault"
         "\n  4 timeout   5 runs differ   130 interrupted",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
     parser.add_argument("--version", action="version", version=f"gslcosim {version}", help="print the version and exit")
-    choices = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands", parser_class=Parser)
-    for command in commands:
-        one = choices.add_parser(
-            command.name,
-            help=command.summary,
-            description=f"{command.summary[:1].upper()}{command.summary[1:]}.",
-            epilog=_examples(command.examples),
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-            allow_abbrev=False,
-        )
-        command.add_arguments(one)
-        one.set_defaults(call=command.run)
+    # The epilog lists them, in groups.
+    choices = parser.add_subparsers(
+        dest="command", metavar="COMMAND", prog="gslcosim", parser_class=Parser, help=argparse.SUPPRESS
+    )
+    for group in groups:
+        for command in group.commands:
+            _add_command(choices, command)
     return parser
 
 
-def parse(parser: Parser, commands: Sequence[Command], words: Sequence[str]) -> argparse.Namespace:
-    """Return the parsed words of a command line, and these as `command_line`.
+def _add_command(choices: "argparse._SubParsersAction[Parser]", command: Command | CommandFamily) -> None:
+    parser = choices.add_parser(
+        command.name,
+        help=command.summary,
+        description=f"{command.summary[:1].upper()}{command.summary[1:]}.",
+        epilog=_examples(command.examples),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    if command.is_computing:
+        parser.set_defaults(is_computing=True)
+    if isinstance(command, CommandFamily):
+        below = parser.add_subparsers(dest="action", metavar="ACTION", required=True, title="actions")
+        for part in command.parts:
+            _add_command(below, part)
+    else:
+        command.add_arguments(parser)
+        parser.set_defaults(call=command.run)
+
+
+def _listing(groups: Sequence[CommandGroup]) -> str:
+    # As argparse does; its help of a command begins in column 24.
+    width = max(shutil.get_terminal_size().columns - 2, 40)
+    lines = ["commands:"]
+    for group in groups:
+        lines.append(f"  {group.title}:")
+        for command in group.commands:
+            first = f"    {command.name:<12}  "
+            lines.append(textwrap.fill(command.summary, width, initial_indent=first, subsequent_indent=" " * 18))
+    return "\n".join(lines) + "\n"
+
+
+def iterate_commands(groups: Iterable[CommandGroup]) -> "Iterator[tuple[tuple[str, ...], Command]]":
+    """Yield all commands, those of families too, each with the words that call it."""
+    for each in (command for group in groups for command in group.commands):
+        if isinstance(each, CommandFamily):
+            yield from (((each.name, part.name), part) for part in each.parts)
+        else:
+            yield (each.name,), each
+
+
+def parse(parser: Parser, groups: Sequence[CommandGroup], words: Sequence[str]) -> argparse.Namespace:
+    """Return the parsed words of a command line, and these as `command_line`; an old name is told to stderr.
 
     Raises:
         UsageError: an unknown command or option, or a wrong value; names the nearest known one.
     """
-    names = [command.name for command in commands]
+    given = tuple(words)
+    names = [command.name for group in groups for command in group.commands]
+    moved = {command.old_name: path for path, command in iterate_commands(groups) if command.old_name}
     first = next((word for word in words if not word.startswith("-")), None)
-    if first is not None and first not in names and words[0] == first:
-        raise UsageError(
-            f"gslcosim: expected one of the commands {', '.join(names)}, was '{first}'.{_hint(first, names)}"
-        )
+    if first in moved and words[0] == first:
+        path = moved[first]
+        write_note(f"gslcosim {first}: is gslcosim {' '.join(path)} now; the old name ends with the next release.")
+        words = [*path, *words[1:]]
+        _parser_of(parser, path).prog = f"gslcosim {first}"
+    elif first is not None and first not in names and words[0] == first:
+        hint = _hint(first, {**{name: name for name in names}, **{old: " ".join(path) for old, path in moved.items()}})
+        raise UsageError(f"gslcosim: expected one of the commands {', '.join(names)}, was '{first}'.{hint}")
     arguments, unknown = parser.parse_known_args(_joined(words))
     if unknown:
         raise UsageError(_unknown_words(parser, words, unknown))
-    arguments.command_line = tuple(words)
+    arguments.command_line = given
     return arguments
 
 
@@ -143,7 +210,8 @@ def _unknown_words(parser: Parser, words: Sequence[str], unknown: list[str]) -> 
         return f"{chosen.prog}: expected no further words, was '{' '.join(unknown)}'. See {chosen.prog} --help."
     name = option.partition("=")[0]
     known = sorted({text for action in chosen._actions for text in action.option_strings if text[:2] == "--"})
-    return f"{chosen.prog}: expected one of the options {', '.join(known)}, was '{name}'.{_hint(name, known)}"
+    hint = _hint(name, {text: text for text in known})
+    return f"{chosen.prog}: expected one of the options {', '.join(known)}, was '{name}'.{hint}"
 
 
 # The innermost command that the words name, such as `bench run`.
@@ -167,9 +235,10 @@ def command_parsers(parser: argparse.ArgumentParser) -> dict[str, argparse.Argum
     return dict(actions[0].choices) if actions else {}
 
 
-def _hint(word: str, known: Sequence[str]) -> str:
+# From what may be written to what is to be written for it.
+def _hint(word: str, known: Mapping[str, str]) -> str:
     matches = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
-    return f" Did you mean {matches[0]}?" if matches else ""
+    return f" Did you mean {known[matches[0]]}?" if matches else ""
 
 
 def _examples(text: str) -> str:
@@ -294,6 +363,24 @@ def add_pace_option(parser: argparse.ArgumentParser, default: str = "as fast as 
         metavar="FACTOR",
         help=f"simulated seconds in a second, the same as --set pace=FACTOR (default: {default})",
     )
+
+
+def add_template_arguments(languages: str, name: str) -> Callable[[argparse.ArgumentParser], None]:
+    """Return what adds the arguments of a command that writes a program to begin with.
+
+    Args:
+        languages: Help on the language.
+        name: Help on the program's name.
+    """
+
+    def add_arguments(parser: argparse.ArgumentParser) -> None:
+        parser.add_argument("language", metavar="LANGUAGE", help=languages)
+        parser.add_argument("name", metavar="NAME", help=name)
+        parser.add_argument(
+            "--dir", type=Path, metavar="DIR", help="the folder to write (default: NAME in this folder)"
+        )
+
+    return add_arguments
 
 
 def load_checked(arguments: argparse.Namespace) -> "LoadedScenario":

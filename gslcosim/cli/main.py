@@ -20,7 +20,7 @@ from gslcosim.base.errors import (
 )
 from gslcosim.base.processes import is_asked_to_end
 from gslcosim.base.thread_limit import check_thread_limit
-from gslcosim.cli.arguments import build_parser, parse
+from gslcosim.cli.arguments import CommandFamily, CommandGroup, build_parser, parse
 from gslcosim.cli.commands import (
     agent,
     bench,
@@ -44,9 +44,7 @@ from gslcosim.cli.commands import (
     runs,
     sample,
     schema,
-    sweep,
     train,
-    tune,
     up,
     view,
 )
@@ -62,41 +60,42 @@ from gslcosim.cli.terminal import (
 _COLLECT_EVERY = 50_000
 _BUG = "This is a mistake in gslcosim: please report it with the lines above."
 
-COMMANDS = (
-    up.UP,
-    fly.COMMAND,
-    bench.COMMAND,
-    sweep.COMMAND,
-    tune.COMMAND,
-    train.COMMAND,
-    up.VALIDATE,
-    list_.COMMAND,
-    generate.COMMAND,
-    import_.COMMAND,
-    export.COMMAND,
-    view.COMMAND,
-    runs.COMMAND,
-    cache.COMMAND,
-    plot.COMMAND,
-    compare.COMMAND,
-    replay.COMMAND,
-    fork.COMMAND,
-    extract.COMMAND,
-    film.COMMAND,
-    import_flight.COMMAND,
-    join.COMMAND,
-    monitor.PS,
-    monitor.TOP,
-    monitor.STOP,
-    up.SERVE,
-    sample.COMMAND,
-    agent.COMMAND,
-    participant.COMMAND,
-    schema.COMMAND,
-    doctor.COMMAND,
+ENVIRONMENT = CommandFamily(
+    name="environment",
+    summary="generate, import and export environments (rooms with their wind); sample gas or wind in them",
+    examples="  gslcosim environment generate warehouse_complex\n"
+    "  gslcosim environment import environments/001 --out gsl_bench_001\n"
+    "  gslcosim environment export hall --to gaden --out hall_gaden",
+    parts=(generate.COMMAND, import_.COMMAND, export.COMMAND, sample.COMMAND),
 )
-# What loads all that a run needs.
-_COMPUTING = ("up", "fork", "replay", "bench", "sweep", "tune", "train", "generate", "sample")
+FLIGHTS = CommandFamily(
+    name="flights",
+    summary="list, watch and stop the flights that go on now; serve new ones from a warm server; import real ones",
+    examples="  gslcosim flights list\n  gslcosim flights top\n  gslcosim flights stop",
+    parts=(monitor.LIST, monitor.TOP, monitor.STOP, up.SERVE, import_flight.COMMAND),
+)
+GROUPS = (
+    CommandGroup(
+        title="run",
+        commands=(up.UP, fly.COMMAND, join.COMMAND, up.VALIDATE, FLIGHTS, replay.COMMAND, fork.COMMAND),
+    ),
+    CommandGroup(
+        title="look",
+        commands=(
+            list_.COMMAND,
+            runs.COMMAND,
+            view.COMMAND,
+            plot.COMMAND,
+            film.COMMAND,
+            extract.COMMAND,
+            compare.COMMAND,
+        ),
+    ),
+    CommandGroup(title="compare methods", commands=(bench.COMMAND, train.COMMAND)),
+    CommandGroup(title="environments", commands=(ENVIRONMENT,)),
+    CommandGroup(title="extend", commands=(agent.COMMAND, participant.COMMAND, schema.COMMAND)),
+    CommandGroup(title="machine", commands=(cache.COMMAND, doctor.COMMAND)),
+)
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -140,13 +139,13 @@ def run_command(words: Sequence[str], call: Callable[[argparse.Namespace], int] 
 
 
 def _exit_code_of(words: Sequence[str], call: Callable[[argparse.Namespace], int] | None) -> int:
-    parser = build_parser(COMMANDS, version=__version__)
+    parser = build_parser(GROUPS, version=__version__)
     try:
         if not words:
             parser.print_help(sys.stderr)
             return ExitCode.USAGE
-        arguments = parse(parser, COMMANDS, words)
-        if words[0] in _COMPUTING:
+        arguments = parse(parser, GROUPS, words)
+        if "is_computing" in arguments:
             check_address_space()
             check_working_directory()
             check_thread_limit()

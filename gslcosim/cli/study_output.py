@@ -1,4 +1,4 @@
-"""Output and shared options of `gslcosim sweep` and `gslcosim tune`."""
+"""Output and shared options of `gslcosim bench sweep` and `gslcosim bench tune`."""
 
 import argparse
 import contextlib

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gslcosim.cli.arguments import build_parser, parse
-from gslcosim.cli.main import COMMANDS
+from gslcosim.cli.main import GROUPS
 from gslcosim.conformance.rules import RULES, Failure, Finding
 from gslcosim.conformance.scripted_world import QUESTION_TICKS, iter_ticks
 from gslcosim.conformance.session import SessionScript
@@ -49,4 +49,4 @@ def test_the_numbers_of_the_first_session_are_right():
 @pytest.mark.parametrize("line", [line for line in PAGE.splitlines() if line.startswith("gslcosim ")])
 def test_every_command_is_a_call_that_can_be_parsed(line):
     _, *words = shlex.split(line)
-    assert parse(build_parser(COMMANDS, version="0"), COMMANDS, words).command == "agent"
+    assert parse(build_parser(GROUPS, version="0"), GROUPS, words).command == "agent"

@@ -7,20 +7,14 @@ from pathlib import Path
 import pytest
 
 from gslcosim.base.errors import UsageError
-from gslcosim.cli.arguments import build_parser, collect_actions, command_parsers, parse
-from gslcosim.cli.main import COMMANDS
+from gslcosim.cli.arguments import build_parser, iterate_commands, parse
+from gslcosim.cli.main import GROUPS
 
-PARSER = build_parser(COMMANDS, version="")
-
-
-def parts_of(command):
-    actions = collect_actions(command_parsers(PARSER)[command.name])
-    return [name for action in actions if isinstance(action.choices, dict) for name in action.choices]
+PARSER = build_parser(GROUPS, version="")
 
 
-NAMES = {
-    name for command in COMMANDS for name in [(command.name,), *((command.name, part) for part in parts_of(command))]
-}
+NAMES = {path[:n] for path, _ in iterate_commands(GROUPS) for n in (1, 2)}
+MOVED = {command.old_name: path for path, command in iterate_commands(GROUPS) if command.old_name}
 ROOT = Path(__file__).parents[2]
 PAGES = [
     ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md")),
@@ -48,8 +42,9 @@ def test_a_command_on_a_page_is_understood(page, line):
     # A page may name a command without its arguments, such as `gslcosim agent check`.
     if tuple(words[1:end]) in NAMES or words[1:end] == ["up", "--set"]:
         return
+    assert words[1] not in MOVED, f"{page}: {line}: is gslcosim {' '.join(MOVED[words[1]])} now"
     try:
-        parse(PARSER, COMMANDS, words[1:end])
+        parse(PARSER, GROUPS, words[1:end])
     except UsageError as error:
         pytest.fail(f"{page}: {line}\n{error}")
     # `--version` and `--help` end here, and well.

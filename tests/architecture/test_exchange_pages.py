@@ -38,8 +38,8 @@ def test_a_folder_as_described_is_read(hall):
 
 
 def test_every_key_of_a_folder_is_described(hall, tmp_path):
-    main(["export", str(hall), "--to", "gaden", "--out", str(tmp_path / "gaden")])
-    main(["import", str(tmp_path / "gaden"), "--out", str(tmp_path / "again")])
+    main(["environment", "export", str(hall), "--to", "gaden", "--out", str(tmp_path / "gaden")])
+    main(["environment", "import", str(tmp_path / "gaden"), "--out", str(tmp_path / "again")])
     keys = re.findall(r"^(\w+):", (tmp_path / "again" / HEADER_FILE).read_text(), re.MULTILINE)
     assert keys == re.findall(r"^(\w+):", block(FOLDER_PAGE, "yaml"), re.MULTILINE)
     assert keys == re.findall(r"^\| `(\w+)` \|", FOLDER_PAGE.read_text(), re.MULTILINE)

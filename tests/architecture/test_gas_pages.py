@@ -90,5 +90,5 @@ def test_pieces_of_scenarios_run_and_have_gas(page, piece, tmp_path, monkeypatch
     (run,) = (tmp_path / "runs").iterdir()
     assert json.loads((run / "result.json").read_text())["valid"]
     out = tmp_path / "gas.npz"
-    assert main(["sample", str(run), "--time", "3", "--grid", "0.25", "--out", str(out)]) == 0
+    assert main(["environment", "sample", str(run), "--time", "3", "--grid", "0.25", "--out", str(out)]) == 0
     assert np.load(out)["mixing_ratio_ppm"].max() > 0.01

@@ -249,8 +249,8 @@ def test_a_suite_whose_recordings_do_not_fit_reports_it(tmp_path):
 @pytest.mark.parametrize(
     "words",
     [
-        ["generate", "tiny_room", "--out", "{place}/room"],
-        ["export", "tiny_room", "--to", "vtk", "--out", "{place}/vtk"],
+        ["environment", "generate", "tiny_room", "--out", "{place}/room"],
+        ["environment", "export", "tiny_room", "--to", "vtk", "--out", "{place}/vtk"],
         ["schema", "export", "{place}/contract"],
         ["bench", "run", "smoke", "--results", "{place}/results"],
     ],

@@ -12,11 +12,11 @@ KINDS = {
     "scenario": ("up", "{pipe}.yaml"),
     "validated scenario": ("validate", "{pipe}.yaml"),
     "suite": ("bench", "run", "{pipe}.yaml"),
-    "tuned suite": ("tune", "{pipe}.yaml", "--entry", "dung_beetle", "--budget", "1", "--parameter",
+    "tuned suite": ("bench", "tune", "{pipe}.yaml", "--entry", "dung_beetle", "--budget", "1", "--parameter",
                     "agents[0].vehicle.hold_s=0..1"),
     "family": ("train", "{pipe}.yaml"),
     "join file": ("join", "{pipe}.json"),
-    "layout": ("generate", "{pipe}.yaml"),
+    "layout": ("environment", "generate", "{pipe}.yaml"),
     "geometry": ("up", "tiny_room", "--set", "environment={geometry: {files: [{pipe}.stl]}}"),
     "wind": ("up", "tiny_room", "--set", "wind={solver: {file: {pipe}.csv}}"),
     "stored gas": ("up", "tiny_room", "--set", "gas={model: playback, playback: {folder: {pipe}.npz}, sources: "
@@ -26,8 +26,8 @@ KINDS = {
         "up", "tiny_room", "--listen", "tls/127.0.0.1:0", "--tls-certificate", "{pipe}.pem", "--tls-key", "{pipe}.pem",
         "--elsewhere", "all",
     ),
-    "log of a robot": ("import-flight", "{pipe}.mcap", "--scenario", "tiny_room"),
-    "points": ("sample", "tiny_room", "--points", "{pipe}.csv", "--out", "out.csv", "--time", "0"),
+    "log of a robot": ("flights", "import", "{pipe}.mcap", "--scenario", "tiny_room"),
+    "points": ("environment", "sample", "tiny_room", "--points", "{pipe}.csv", "--out", "out.csv", "--time", "0"),
     "run": ("view", "{pipe}.rrd"),
 }  # fmt: skip
 

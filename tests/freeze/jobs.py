@@ -252,7 +252,7 @@ class _Restart:
 
     def _pid(self) -> int | None:
         (run,) = Path("runs").iterdir()
-        ended = gslcosim("top", run.resolve(), "--once", "--every", "0.2", "--json")
+        ended = gslcosim("flights", "top", run.resolve(), "--once", "--every", "0.2", "--json")
         of = {each["name"]: each["pid"] for each in ended.fields["participants"]}
         return of.get(self.service)
 
@@ -315,7 +315,7 @@ class _Environment:
     words: tuple[str, ...] = ()
 
     def __call__(self) -> Entry:
-        (made,) = gslcosim("generate", self.source, *self.words, "--out", "room", "--json").fields
+        (made,) = gslcosim("environment", "generate", self.source, *self.words, "--out", "room", "--json").fields
         entry: Entry = {"notices": hash_of_fields(made["notices"])}
         for path in sorted(Path("room").rglob("*")):
             if path.name == "environment.yaml":

@@ -42,7 +42,7 @@ def test_a_layout_is_two_files():
 @pytest.mark.slow
 def test_the_steps_give_a_room_with_its_columns(copy):
     assert '"columns"' in gslcosim(copy, "list", "layouts", "--json").stdout
-    made = gslcosim(copy, "generate", "columns", "--out", "hall", "--set", "wind.solver=uniform")
+    made = gslcosim(copy, "environment", "generate", "columns", "--out", "hall", "--set", "wind.solver=uniform")
     assert made.returncode == 0, made.stderr
     scene = (copy / "hall" / "scene.xml").read_text()
     assert {f"column_{i}" for i in range(6)} <= set(re.findall(r'name="(column_\d)"', scene))
@@ -50,7 +50,7 @@ def test_the_steps_give_a_room_with_its_columns(copy):
 
 @pytest.mark.slow
 def test_what_cannot_be_is_reported_with_its_place(copy):
-    shown = gslcosim(copy, "generate", "columns", "--out", "no", "--set", "layout.column_m=6")
+    shown = gslcosim(copy, "environment", "generate", "columns", "--out", "no", "--set", "layout.column_m=6")
     assert shown.returncode == 2
     assert "layout" in shown.stderr, json.dumps(shown.stderr)
     assert "Traceback" not in shown.stderr

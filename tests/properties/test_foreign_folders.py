@@ -4,7 +4,6 @@ Files are damaged in the ways of hosts that lie, disks that lose bytes and peopl
 line that reads folders is called with each of them, and none ends in a traceback.
 """
 
-import argparse
 import contextlib
 import copy
 import io
@@ -25,8 +24,8 @@ from hypothesis import strategies as st
 from gslcosim.base.errors import ExitCode
 from gslcosim.base.yaml_core import CoreLoader
 from gslcosim.bench.store import Journal, ResultsFolder
-from gslcosim.cli.arguments import build_parser, command_parsers
-from gslcosim.cli.main import COMMANDS, main
+from gslcosim.cli.arguments import iterate_commands
+from gslcosim.cli.main import GROUPS, main
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.runtime.status import get_status_folder
 from gslcosim.scenario import load_scenario
@@ -61,22 +60,22 @@ CALLS = {
     "view": ["view", "RUN", "--at", "0.2"],
     "view of several": ["view", "RUN", "OTHER"],
     "view of an environment": ["view", "ENVIRONMENT"],
-    "sample": ["sample", "RUN", "--time", "0.2", "--grid", "1.0", "--out", "OUT.csv"],
-    "sample of an environment": ["sample", "ENVIRONMENT", "--quantity", "wind", "--time", "0", "--grid", "1.0",
-                                 "--out", "OUT.csv"],
-    "export": ["export", "ENVIRONMENT", "--to", "stl", "--out", "OUT"],
+    "sample": ["environment", "sample", "RUN", "--time", "0.2", "--grid", "1.0", "--out", "OUT.csv"],
+    "sample of an environment": ["environment", "sample", "ENVIRONMENT", "--quantity", "wind", "--time", "0",
+                                 "--grid", "1.0", "--out", "OUT.csv"],
+    "export": ["environment", "export", "ENVIRONMENT", "--to", "stl", "--out", "OUT"],
     "bench report": ["bench", "report", "RESULTS"],
     "bench show": ["bench", "show", "RESULTS", "--trial", "TRIAL", "--no-view", "--trusted"],
     "bench verify": ["bench", "verify", "RESULTS", "--sample", "1", "--jobs", "1", "--trusted"],
     "bench rank": ["bench", "rank", "RESULTS"],
     "bench run": ["bench", "run", "smoke", "--results", "RESULTS", "--only", "trial=none"],
-    "import": ["import", "ENVIRONMENT", "--out", "OUT"],
-    "import-flight": ["import-flight", "RUN", "--scenario", "tiny_room", "--runs-dir", "OUT"],
+    "import": ["environment", "import", "ENVIRONMENT", "--out", "OUT"],
+    "import-flight": ["flights", "import", "RUN", "--scenario", "tiny_room", "--runs-dir", "OUT"],
     "join": ["join", "JOIN/fields.json", "--quiet"],
     "join as an agent": ["join", "--quiet", "JOIN/beetle.json", "agent", "true"],
     "join at the gateway": ["join", "--quiet", "JOIN/ant.json", "agent", "true"],
-    "sweep": ["sweep", *VARIED, "--repetitions", "1", "--vary", "leg_m=0.4,0.8", "--results", "SWEEP"],
-    "tune": ["tune", *VARIED, "--range", "leg_m=0.2:2.0", "--budget", "4", "--flights-per-setting", "1",
+    "sweep": ["bench", "sweep", *VARIED, "--repetitions", "1", "--vary", "leg_m=0.4,0.8", "--results", "SWEEP"],
+    "tune": ["bench", "tune", *VARIED, "--range", "leg_m=0.2:2.0", "--budget", "4", "--flights-per-setting", "1",
              "--results", "TUNING"],
     "train --resume": ["train", "TRAIN_FILE", "--out", "TRAINING", "--resume", "--record", "0", "--json"],
 }  # fmt: skip
@@ -106,17 +105,19 @@ OTHERS = {
     "up": "reads a scenario: tests/properties/test_scenario_problems.py",
     "fly": "the same, and demands a terminal",
     "validate": "the same",
-    "generate": "the same",
-    "serve": "reads nothing",
+    "environment generate": "the same",
+    "flights serve": "reads nothing",
     "list": "reads what is installed",
     "schema": "writes files of the contract",
     "doctor": "looks at the machine",
     "cache": "lists a folder of our own by names and sizes",
-    "agent": "starts a program; new writes a folder",
-    "participant": "the same",
-    "ps": "asks sockets: test_active_runs_report_anything",
-    "top": "the same",
-    "stop": "the same",
+    "agent check": "starts a program",
+    "agent new": "writes a folder",
+    "participant check": "starts a program",
+    "participant new": "writes a folder",
+    "flights list": "asks sockets: test_active_runs_report_anything",
+    "flights top": "the same",
+    "flights stop": "the same",
     "bench list": "reads what is installed",
     "bench plan": "reads a suite",
 }
@@ -344,18 +345,12 @@ def test_whole_files_are_read(whole, tmp_path_factory, call):
         assert code in (ExitCode.SUCCESS, ExitCode.AGENT_FAILED, ExitCode.DIVERGENCE), err
 
 
-def leaves_of(parser, name):
-    """Return the names of a command, or of the actions below it."""
-    nested = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
-    return [f"{name} {action}" for action in nested[0].choices] if nested else [name]
-
-
 def test_each_command_reads_no_folder_or_is_called_here():
     """Whoever adds a command says here how it is called with a folder, or why it reads none."""
-    parsers = command_parsers(build_parser(COMMANDS, version="0"))
-    leaves = {leaf for name, parser in parsers.items() for leaf in leaves_of(parser, name)}
-    called = {" ".join(words[:2]) if words[0] == "bench" else words[0] for words in CALLS.values()}
-    text = called | {leaf for leaf in leaves if leaf in OTHERS or leaf.split()[0] in OTHERS}
+    paths = dict(iterate_commands(GROUPS))
+    leaves = {" ".join(path) for path in paths}
+    called = {" ".join(words[:2] if tuple(words[:2]) in paths else words[:1]) for words in CALLS.values()}
+    text = called | OTHERS.keys()
     assert leaves == text
     assert not called & OTHERS.keys()
 
@@ -379,7 +374,12 @@ def test_active_runs_report_anything(status_socket, data):
     status_socket.answer = (
         data.draw(st.sampled_from(WHOLE)) if kind == "whole" else json.dumps(changed(data, STATUS)).encode()
     )
-    for words in (["ps"], ["ps", "--json"], ["top", "--once", "--every", "0.1"], ["stop", "none_of_them"]):
+    for words in (
+        ["flights", "list"],
+        ["flights", "list", "--json"],
+        ["flights", "top", "--once", "--every", "0.1"],
+        ["flights", "stop", "none_of_them"],
+    ):
         code, out, err = answer_to(words)
         check_answer(words, code, out, err)
 

@@ -16,7 +16,8 @@ import pytest
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.base.rng import stream
-from gslcosim.cli.main import COMMANDS, run_command
+from gslcosim.cli.arguments import iterate_commands
+from gslcosim.cli.main import GROUPS, run_command
 from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.serialization import read_yaml
 
@@ -37,7 +38,7 @@ VALUES = (
 
 def examples():
     """Return the calls in the examples of all commands, as words without the program's name."""
-    lines = [line.strip() for command in COMMANDS for line in command.examples.splitlines()]
+    lines = [line.strip() for _, command in iterate_commands(GROUPS) for line in command.examples.splitlines()]
     calls = [shlex.split(line.partition(" | ")[0].partition("  ")[0], comments=True) for line in lines]
     return [words[1:] for words in calls if words[:1] == ["gslcosim"]]
 

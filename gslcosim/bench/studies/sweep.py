@@ -166,7 +166,7 @@ class SweepPlan:
         if len(self.settings) > MAX_SETTINGS:
             raise UsageError(
                 f"--vary: expected at most {MAX_SETTINGS} combinations, was {len(self.settings)}. "
-                "Vary less at a time, or search: gslcosim tune."
+                "Vary less at a time, or search: gslcosim bench tune."
             )
         self.name = f"sweep_{subject.loaded.suite.name}_{subject.entry.name}"
 

@@ -490,7 +490,7 @@ def _numeric(option: str, name: str, ends: tuple[float, float], card: MethodCard
     if parameter is not None and (parameter.kind not in ("float", "int") or parameter.choices):
         raise UsageError(
             f"{option} {name}: expected a parameter that is a number, was one that is not. "
-            f"Compare its values with: gslcosim sweep SUITE --entry NAME --vary {name}=..."
+            f"Compare its values with: gslcosim bench sweep SUITE --entry NAME --vary {name}=..."
         )
     for end in ends:
         check_value(option, name, end, card)

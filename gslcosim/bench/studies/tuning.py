@@ -467,7 +467,7 @@ class TuningProgress:
 
 
 class Tuner:
-    """One call of `gslcosim tune`: asks, runs, reports; then validates.
+    """One call of `gslcosim bench tune`: asks, runs, reports; then validates.
 
     It always begins at the first batch. The search is drawn again by its seed, and runs that are in the folder are
     not run again, so that an interrupted call goes on where it stopped and ends as if it had not been interrupted.

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from gslcosim.base.errors import ExitCode
-from gslcosim.cli.arguments import Command, run_action
+from gslcosim.cli.arguments import Command, CommandFamily, add_template_arguments
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 EXAMPLES = """  gslcosim agent new python my_agent
@@ -12,22 +12,6 @@ EXAMPLES = """  gslcosim agent new python my_agent
   gslcosim agent check --door stdio --format json -- ./my-agent --verbose"""
 
 DEFAULT_TIMEOUT_S = 30.0
-
-
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True, title="actions")
-    check = actions.add_parser(
-        "check", help="play scripted sessions with an agent and judge every rule of the contract", allow_abbrev=False
-    )
-    _add_check_arguments(check)
-    check.set_defaults(act=_check)
-    new = actions.add_parser("new", help="write a working agent to begin with", allow_abbrev=False)
-    new.add_argument("language", metavar="LANGUAGE", help="python, or another language that has a template")
-    new.add_argument("name", metavar="NAME", help="the agent's name, such as my_agent")
-    new.add_argument(
-        "--dir", type=Path, default=None, metavar="DIR", help="the folder to write (default: NAME in this folder)"
-    )
-    new.set_defaults(act=_new)
 
 
 def _add_check_arguments(parser: argparse.ArgumentParser) -> None:
@@ -96,10 +80,27 @@ def _seconds(text: str) -> float:
     return seconds
 
 
-COMMAND = Command(
+COMMAND = CommandFamily(
     name="agent",
     summary="check an agent in any language against the contract, or begin a new one",
     examples=EXAMPLES,
-    add_arguments=_add_arguments,
-    run=run_action,
+    parts=(
+        Command(
+            name="check",
+            summary="play scripted sessions with an agent and judge every rule of the contract",
+            examples="  gslcosim agent check -- python my_agent/agent.py\n"
+            "  gslcosim agent check --door stdio --format json -- ./my-agent --verbose",
+            add_arguments=_add_check_arguments,
+            run=_check,
+        ),
+        Command(
+            name="new",
+            summary="write a working agent to begin with",
+            examples="  gslcosim agent new python my_agent",
+            add_arguments=add_template_arguments(
+                "python, or another language that has a template", "the agent's name, such as my_agent"
+            ),
+            run=_new,
+        ),
+    ),
 )

@@ -3,10 +3,11 @@
 import argparse
 import secrets
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import ExitCode, UsageError
-from gslcosim.cli.arguments import RECORDING, Command, parse_positive_number, parse_whole_number, run_action
+from gslcosim.cli.arguments import RECORDING, Command, CommandFamily, parse_positive_number, parse_whole_number
+from gslcosim.cli.commands import sweep, tune
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
 
 if TYPE_CHECKING:
@@ -19,102 +20,57 @@ EXAMPLES = """  gslcosim bench list
   gslcosim bench run smoke
   gslcosim bench run methods --only entry=surge_cast,infotaxis --jobs 2
   gslcosim bench report results/smoke
-  gslcosim bench verify results/smoke --sample 5"""
+  gslcosim bench verify results/smoke --sample 5
+  gslcosim bench sweep tiny_room --entry dung_beetle --vary leg_m=0.4,0.8,1.6"""
 
 RESULTS_DIR = Path("results")
 
 
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True, title="actions")
-
-    def action(name: str, summary: str, examples: str, act: Any) -> argparse.ArgumentParser:
-        one = actions.add_parser(
-            name,
-            help=summary,
-            description=f"{summary[:1].upper()}{summary[1:]}.",
-            epilog=f"examples:\n{examples}",
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-            allow_abbrev=False,
-        )
-        one.set_defaults(act=act)
-        add_json_option(one)
-        return one
-
-    action("list", "list the bundled suites", "  gslcosim bench list", _list)
-    plan = action(
-        "plan",
-        "say what a suite would fly, and how long that would take, without flying",
-        "  gslcosim bench plan gsl_bench_2023\n  gslcosim bench plan my_suite.yaml --json",
-        _plan,
-    )
-    run = action(
-        "run",
-        "fly a suite; the same command goes on where it stopped",
-        "  gslcosim bench run smoke\n  gslcosim bench run my_suite.yaml --jobs 4 --results results/mine\n"
-        "  gslcosim bench run methods --only entry=surge_cast --filter meander\n"
-        "  gslcosim bench run gsl_bench_2023 --ray auto",
-        _run_suite,
-    )
-    for one in (plan, run):
-        one.add_argument("suite", metavar="SUITE", help="a suite file, or the name of a bundled suite")
-        one.add_argument("--seed", type=parse_whole_number, metavar="N", help="replace the suite's seed")
-        _add_selection(one)
-    _add_workers(run)
-    run.add_argument("--results", type=Path, metavar="DIR", help="where results go (default: results/NAME)")
-    run.add_argument("--retry", action="store_true", help="fly trials without a result again")
-    run.add_argument("--no-report", action="store_true", help="make no report at the end")
-    _add_report(action)
-    _add_trust(action)
+def _add_suite(parser: argparse.ArgumentParser) -> None:
+    add_json_option(parser)
+    parser.add_argument("suite", metavar="SUITE", help="a suite file, or the name of a bundled suite")
+    parser.add_argument("--seed", type=parse_whole_number, metavar="N", help="replace the suite's seed")
+    _add_selection(parser)
 
 
-def _add_report(action: Any) -> None:
-    report = action(
-        "report",
-        "make report, tables and leaderboard of results",
-        "  gslcosim bench report results/smoke\n  gslcosim bench report results/smoke --figures",
-        _report,
-    )
-    _add_results(report)
-    report.add_argument("--figures", action="store_true", help="write figures as SVG and PDF too, for papers")
-    show = action(
-        "show",
-        "fly a trial again, check that it comes out the same, and open its recording",
-        "  gslcosim bench show results/smoke --trial b89dbc2f",
-        _show,
-    )
-    _add_results(show)
-    show.add_argument("--trial", required=True, metavar="ID", help="the trial's id, or the beginning of it")
-    _add_trusted(show)
-    show.add_argument("--no-view", action="store_true", help="do not open the recording")
+def _add_run_arguments(parser: argparse.ArgumentParser) -> None:
+    _add_suite(parser)
+    _add_workers(parser)
+    parser.add_argument("--results", type=Path, metavar="DIR", help="where results go (default: results/NAME)")
+    parser.add_argument("--retry", action="store_true", help="fly trials without a result again")
+    parser.add_argument("--no-report", action="store_true", help="make no report at the end")
 
 
-def _add_trust(action: Any) -> None:
-    verify = action(
-        "verify",
-        "fly a sample of the trials again and compare all figures with the rows",
-        "  gslcosim bench verify results/smoke --sample 5\n  gslcosim bench verify submissions/delft --seed 7",
-        _verify,
-    )
-    _add_results(verify)
-    verify.add_argument("--sample", type=parse_positive_number, default=20, metavar="N", help="how many (default: 20)")
-    verify.add_argument(
+def _add_report_arguments(parser: argparse.ArgumentParser) -> None:
+    _add_results(parser)
+    parser.add_argument("--figures", action="store_true", help="write figures as SVG and PDF too, for papers")
+
+
+def _add_show_arguments(parser: argparse.ArgumentParser) -> None:
+    _add_results(parser)
+    parser.add_argument("--trial", required=True, metavar="ID", help="the trial's id, or the beginning of it")
+    _add_trusted(parser)
+    parser.add_argument("--no-view", action="store_true", help="do not open the recording")
+
+
+def _add_verify_arguments(parser: argparse.ArgumentParser) -> None:
+    _add_results(parser)
+    parser.add_argument("--sample", type=parse_positive_number, default=20, metavar="N", help="how many (default: 20)")
+    parser.add_argument(
         "--seed",
         type=parse_whole_number,
         metavar="N",
         help="of the lot (default: a new one, which nobody knows before)",
     )
-    _add_trusted(verify)
-    _add_workers(verify)
-    rank = action(
-        "rank",
-        "merge the results of several authors into one table",
-        "  gslcosim bench rank results/mine submissions/delft\n"
-        "  gslcosim bench rank submissions/* --out results/merged",
-        _rank,
-    )
-    rank.add_argument("results", nargs="+", type=Path, metavar="RESULTS", help="folders of results of one suite")
-    rank.add_argument("--sandboxed", action="store_true", help="refuse flights whose agents were not in a sandbox")
-    rank.add_argument("--out", type=Path, metavar="DIR", help="write merged results, with a report, to this folder")
+    _add_trusted(parser)
+    _add_workers(parser)
+
+
+def _add_rank_arguments(parser: argparse.ArgumentParser) -> None:
+    add_json_option(parser)
+    parser.add_argument("results", nargs="+", type=Path, metavar="RESULTS", help="folders of results of one suite")
+    parser.add_argument("--sandboxed", action="store_true", help="refuse flights whose agents were not in a sandbox")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="write merged results, with a report, to this folder")
 
 
 def _add_trusted(parser: argparse.ArgumentParser) -> None:
@@ -154,6 +110,7 @@ def _add_workers(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_results(parser: argparse.ArgumentParser) -> None:
+    add_json_option(parser)
     parser.add_argument("results", type=Path, metavar="RESULTS", help="a folder of results, for example results/smoke")
 
 
@@ -337,10 +294,67 @@ def _pool(arguments: argparse.Namespace, limits: "LimitsSpec") -> "Pool":
     return LocalPool(n_jobs, limits)
 
 
-COMMAND = Command(
+COMMAND = CommandFamily(
     name="bench",
     summary="fly suites of many trials, with statistics and a report that says how sure it is",
     examples=EXAMPLES,
-    add_arguments=_add_arguments,
-    run=run_action,
+    is_computing=True,
+    parts=(
+        Command(
+            name="list",
+            summary="list the bundled suites",
+            examples="  gslcosim bench list",
+            add_arguments=add_json_option,
+            run=_list,
+        ),
+        Command(
+            name="plan",
+            summary="say what a suite would fly, and how long that would take, without flying",
+            examples="  gslcosim bench plan gsl_bench_2023\n  gslcosim bench plan my_suite.yaml --json",
+            add_arguments=_add_suite,
+            run=_plan,
+        ),
+        Command(
+            name="run",
+            summary="fly a suite; the same command goes on where it stopped",
+            examples="  gslcosim bench run smoke\n"
+            "  gslcosim bench run my_suite.yaml --jobs 4 --results results/mine\n"
+            "  gslcosim bench run methods --only entry=surge_cast --filter meander\n"
+            "  gslcosim bench run gsl_bench_2023 --ray auto",
+            add_arguments=_add_run_arguments,
+            run=_run_suite,
+        ),
+        Command(
+            name="report",
+            summary="make report, tables and leaderboard of results",
+            examples="  gslcosim bench report results/smoke\n  gslcosim bench report results/smoke --figures",
+            add_arguments=_add_report_arguments,
+            run=_report,
+        ),
+        Command(
+            name="show",
+            summary="fly a trial again, check that it comes out the same, and open its recording",
+            examples="  gslcosim bench show results/smoke --trial b89dbc2f",
+            add_arguments=_add_show_arguments,
+            run=_show,
+        ),
+        Command(
+            name="verify",
+            summary="fly a sample of the trials again and compare all figures with the rows",
+            examples="  gslcosim bench verify results/smoke --sample 5\n"
+            "  gslcosim bench verify submissions/delft --seed 7",
+            add_arguments=_add_verify_arguments,
+            run=_verify,
+        ),
+        Command(
+            name="rank",
+            summary="merge the results of several authors into one table",
+            examples="  gslcosim bench rank results/mine submissions/delft\n"
+            "  gslcosim bench rank submissions/* --out results/merged",
+            add_arguments=_add_rank_arguments,
+            run=_rank,
+        ),
+        sweep.COMMAND,
+        tune.COMMAND,
+    ),
 )

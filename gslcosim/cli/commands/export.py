@@ -1,4 +1,4 @@
-"""`gslcosim export`: an environment in the format of another program."""
+"""`gslcosim environment export`: an environment in the format of another program."""
 
 import argparse
 from pathlib import Path
@@ -11,9 +11,9 @@ from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 if TYPE_CHECKING:
     from gslcosim.environment.model import Environment
 
-EXAMPLES = """  gslcosim export hall --to gaden --out hall_gaden
-  gslcosim export warehouse_empty --to vtk --out warehouse_vtk
-  gslcosim export hall --to gaden --gaden-wind points --out hall_points"""
+EXAMPLES = """  gslcosim environment export hall --to gaden --out hall_gaden
+  gslcosim environment export warehouse_empty --to vtk --out warehouse_vtk
+  gslcosim environment export hall --to gaden --gaden-wind points --out hall_points"""
 
 FORMATS = ("gaden", "gsl_bench", "vtk", "stl", "openfoam_points", "mjcf")
 GADEN_WINDS = ("components", "components_text", "points", "iterations")
@@ -65,6 +65,7 @@ def _environment_of(source: str) -> "Environment":
 
 COMMAND = Command(
     name="export",
+    old_name="export",
     summary="write an environment in the format of GADEN, GSL-Bench, VTK, STL, OpenFOAM points or MJCF",
     examples=EXAMPLES,
     add_arguments=_add_arguments,

@@ -193,6 +193,7 @@ def _start_block(program: str) -> str:
 
 COMMAND = Command(
     name="fork",
+    is_computing=True,
     summary="repeat a run up to some time, and go on from there with another agent, parameters or seed",
     examples=EXAMPLES,
     add_arguments=_add_arguments,

@@ -1,4 +1,4 @@
-"""`gslcosim generate`: environments from a layout, one or many."""
+"""`gslcosim environment generate`: environments from a layout, one or many."""
 
 import argparse
 import contextlib
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from gslcosim.environment.generation import GenerationResult
     from gslcosim.scenario.loader import Recipe
 
-EXAMPLES = """  gslcosim generate warehouse_complex
-  gslcosim generate my_layout.yaml --out halls --count 20 --jobs 2
-  gslcosim generate gsl_bench_3 --out hall --set wind.cell_m=0.25 --json
-  gslcosim generate gsl_bench_3 --out both --compare-solvers
-  gslcosim generate gsl_bench_3 --out study --mesh-study 0.4,0.3,0.2,0.15 --probe 5,3,2"""
+EXAMPLES = """  gslcosim environment generate warehouse_complex
+  gslcosim environment generate my_layout.yaml --out halls --count 20 --jobs 2
+  gslcosim environment generate gsl_bench_3 --out hall --set wind.cell_m=0.25 --json
+  gslcosim environment generate gsl_bench_3 --out both --compare-solvers
+  gslcosim environment generate gsl_bench_3 --out study --mesh-study 0.4,0.3,0.2,0.15 --probe 5,3,2"""
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -202,6 +202,8 @@ def _progress_bar(*, is_quiet: bool) -> Iterator[Callable[[str, float], None]]:
 
 COMMAND = Command(
     name="generate",
+    old_name="generate",
+    is_computing=True,
     summary="make environments from a layout: geometry, occupancy, wind, scene and a picture from above",
     examples=EXAMPLES,
     add_arguments=_add_arguments,

@@ -1,4 +1,4 @@
-"""`gslcosim import`: a room of another program, with its wind, as an environment folder of ours."""
+"""`gslcosim environment import`: a room of another program, with its wind, as an environment folder of ours."""
 
 import argparse
 import math
@@ -13,9 +13,9 @@ from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 if TYPE_CHECKING:
     from gslcosim.environment.model import Environment
 
-EXAMPLES = """  gslcosim import environments/001 --out gsl_bench_001
-  gslcosim import scenarios/10x6_empty_room --wind wind_simulations/fast --out room
-  gslcosim import OccupancyGrid3D.csv --wind case/postProcessing/points_U.csv --out room --json"""
+EXAMPLES = """  gslcosim environment import environments/001 --out gsl_bench_001
+  gslcosim environment import scenarios/10x6_empty_room --wind wind_simulations/fast --out room
+  gslcosim environment import OccupancyGrid3D.csv --wind case/postProcessing/points_U.csv --out room --json"""
 
 FORMATS = ("gaden", "gsl_bench")
 
@@ -127,6 +127,7 @@ def _write_summary(arguments: argparse.Namespace, environment: "Environment", no
 
 COMMAND = Command(
     name="import",
+    old_name="import",
     summary="read a room of GADEN or GSL-Bench, with its wind, into an environment folder of ours",
     examples=EXAMPLES,
     add_arguments=_add_arguments,

@@ -1,4 +1,4 @@
-"""`gslcosim import-flight`: the log of a real robot as a run."""
+"""`gslcosim flights import`: the log of a real robot as a run."""
 
 import argparse
 from pathlib import Path
@@ -7,8 +7,8 @@ from gslcosim.base.errors import ExitCode, UsageError
 from gslcosim.cli.arguments import Command, add_runs_dir_option
 from gslcosim.cli.terminal import add_json_option, write, write_json
 
-EXAMPLES = """  gslcosim import-flight hall.csv --scenario hall.yaml
-  gslcosim import-flight bag_2026_05_01 --scenario hall.yaml --pose /odom --topic nose=/pid/reading"""
+EXAMPLES = """  gslcosim flights import hall.csv --scenario hall.yaml
+  gslcosim flights import bag_2026_05_01 --scenario hall.yaml --pose /odom --topic nose=/pid/reading"""
 
 _BAG_ENDINGS = (".bag", ".mcap")
 
@@ -67,7 +67,8 @@ def _topic(text: str) -> tuple[str, str]:
 
 
 COMMAND = Command(
-    name="import-flight",
+    name="import",
+    old_name="import-flight",
     summary="make a run of the log of a real robot: judged by the referee, recorded with our views",
     examples=EXAMPLES,
     add_arguments=_add_arguments,

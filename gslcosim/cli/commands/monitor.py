@@ -1,4 +1,4 @@
-"""`gslcosim ps`, `top` and `stop`: runs that go on now."""
+"""`gslcosim flights list`, `top` and `stop`: runs that go on now."""
 
 import argparse
 import sys
@@ -11,14 +11,14 @@ from gslcosim.cli.terminal import add_json_option, table, write, write_json, wri
 if TYPE_CHECKING:
     from gslcosim.runtime.status import ActiveRun
 
-PS_EXAMPLES = """  gslcosim ps
-  gslcosim ps --json | jq -r '.[].run_id'"""
-TOP_EXAMPLES = """  gslcosim top                     the only flight that goes on
-  gslcosim top warehouse_empty-seed7
-  gslcosim top --once --json"""
-STOP_EXAMPLES = """  gslcosim stop                    the only flight that goes on
-  gslcosim stop warehouse_empty-seed7
-  gslcosim stop --all"""
+LIST_EXAMPLES = """  gslcosim flights list
+  gslcosim flights list --json | jq -r '.[].run_id'"""
+TOP_EXAMPLES = """  gslcosim flights top             the only flight that goes on
+  gslcosim flights top warehouse_empty-seed7
+  gslcosim flights top --once --json"""
+STOP_EXAMPLES = """  gslcosim flights stop            the only flight that goes on
+  gslcosim flights stop warehouse_empty-seed7
+  gslcosim flights stop --all"""
 _RUN_HELP = "the id of a run or the beginning of it, or its folder (default: the only flight that goes on)"
 _NONE = "No flight goes on."
 
@@ -47,7 +47,7 @@ def _interval_s(text: str) -> float:
     return interval_s
 
 
-def _ps(arguments: argparse.Namespace) -> int:
+def _list(arguments: argparse.Namespace) -> int:
     from gslcosim.runtime.status import list_active_runs
 
     flights = list_active_runs()
@@ -152,7 +152,7 @@ def _stop(arguments: argparse.Namespace) -> int:
     from gslcosim.runtime.status import find_active_run, list_active_runs, stop_run
 
     if arguments.all and arguments.run is not None:
-        raise UsageError("gslcosim stop: expected RUN or --all, was both.")
+        raise UsageError("gslcosim flights stop: expected RUN or --all, was both.")
     flights = list_active_runs() if arguments.all else [find_active_run(arguments.run)]
     for flight in flights:
         stop_run(flight)
@@ -162,15 +162,17 @@ def _stop(arguments: argparse.Namespace) -> int:
     return 0
 
 
-PS = Command(
-    name="ps",
+LIST = Command(
+    name="list",
+    old_name="ps",
     summary="list the flights that go on now",
-    examples=PS_EXAMPLES,
+    examples=LIST_EXAMPLES,
     add_arguments=add_json_option,
-    run=_ps,
+    run=_list,
 )
 TOP = Command(
     name="top",
+    old_name="top",
     summary="show the participants of a flight while it goes on: tick, rate, load, memory, and who waits for whom",
     examples=TOP_EXAMPLES,
     add_arguments=_add_top_arguments,
@@ -178,6 +180,7 @@ TOP = Command(
 )
 STOP = Command(
     name="stop",
+    old_name="stop",
     summary="end a flight that goes on, in order, as Ctrl-C does",
     examples=STOP_EXAMPLES,
     add_arguments=_add_stop_arguments,

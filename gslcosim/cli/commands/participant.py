@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.base.errors import ExitCode, UsageError
-from gslcosim.cli.arguments import Command, run_action
+from gslcosim.cli.arguments import Command, CommandFamily, add_template_arguments
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 EXAMPLES = """  gslcosim participant new c my_model
@@ -15,40 +15,28 @@ EXAMPLES = """  gslcosim participant new c my_model
 DEFAULT_TIMEOUT_S = 10.0
 
 
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True, title="actions")
-    check = actions.add_parser(
-        "check", help="play scripted sessions with a program and judge every rule of the contract", allow_abbrev=False
-    )
-    check.add_argument("words", nargs="+", metavar="COMMAND", help="the command that starts the program, after --")
-    check.add_argument(
+def _add_check_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("words", nargs="+", metavar="COMMAND", help="the command that starts the program, after --")
+    parser.add_argument(
         "--door",
         choices=("stdio", "tcp", "unix"),
         default="stdio",
         help="how the program joins the gateway (default: stdio)",
     )
-    check.add_argument(
+    parser.add_argument(
         "--format", choices=("msgpack", "json"), default="msgpack", help="the format of frames (default: msgpack)"
     )
-    check.add_argument(
+    parser.add_argument(
         "--parameters", default="{}", metavar="YAML", help="settings that its briefing hands to it, as in a scenario"
     )
-    check.add_argument(
+    parser.add_argument(
         "--timeout",
         type=float,
         default=DEFAULT_TIMEOUT_S,
         metavar="S",
         help=f"how long the program may take for an answer, in seconds (default: {DEFAULT_TIMEOUT_S:g})",
     )
-    add_json_option(check)
-    check.set_defaults(act=_check)
-    new = actions.add_parser("new", help="write a working program to begin with", allow_abbrev=False)
-    new.add_argument("language", metavar="LANGUAGE", help="c, python or rust")
-    new.add_argument("name", metavar="NAME", help="the participant's name, such as my_model")
-    new.add_argument(
-        "--dir", type=Path, default=None, metavar="DIR", help="the folder to write (default: NAME in this folder)"
-    )
-    new.set_defaults(act=_new)
+    add_json_option(parser)
 
 
 def _check(arguments: argparse.Namespace) -> int:
@@ -91,10 +79,25 @@ def _parameters(text: str) -> dict[str, Any]:
         raise UsageError(f"--parameters: expected {expected}, was {text!r}.") from error
 
 
-COMMAND = Command(
+COMMAND = CommandFamily(
     name="participant",
     summary="check a model of one's own in any language against its contract, or begin a new one",
     examples=EXAMPLES,
-    add_arguments=_add_arguments,
-    run=run_action,
+    parts=(
+        Command(
+            name="check",
+            summary="play scripted sessions with a program and judge every rule of the contract",
+            examples="  gslcosim participant check -- ./my_model\n"
+            "  gslcosim participant check --format json --parameters '{above_ppm: 0.5}' -- python3 my_model.py",
+            add_arguments=_add_check_arguments,
+            run=_check,
+        ),
+        Command(
+            name="new",
+            summary="write a working program to begin with",
+            examples="  gslcosim participant new c my_model",
+            add_arguments=add_template_arguments("c, python or rust", "the participant's name, such as my_model"),
+            run=_new,
+        ),
+    ),
 )

@@ -91,6 +91,7 @@ def _recording(arguments: argparse.Namespace) -> dict[str, float | bool]:
 
 COMMAND = Command(
     name="replay",
+    is_computing=True,
     summary="fly a run again from its inputs, without its agents, compare it to the bit, and record it anew",
     examples=EXAMPLES,
     add_arguments=_add_arguments,

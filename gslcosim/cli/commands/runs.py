@@ -261,7 +261,7 @@ def _why_kept(row: Mapping[str, Any]) -> str:
     if row["state"] == "foreign":
         return "not a run"
     if row["state"] == "running":
-        return "it goes on; gslcosim stop ends it"
+        return "it goes on; gslcosim flights stop ends it"
     if row["size_mb"] is None:
         return f"a trial of results ({row['run']})"
     if row["state"] == "broken" and row["age_h"] < _QUIET_H:

@@ -1,4 +1,4 @@
-"""`gslcosim sample`: gas or wind at any points, into a file."""
+"""`gslcosim environment sample`: gas or wind at any points, into a file."""
 
 import argparse
 import math
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from gslcosim_services.fields.gas_field import PointGrid
     from gslcosim_services.fields.offline import FieldSampler, Instant, ViewOptions
 
-EXAMPLES = """  gslcosim sample environments/001 --frame 400 --points points.csv --out ppm.csv
-  gslcosim sample runs/my_run --time 60 --grid 0.25 --out ppm.npz
-  gslcosim sample my_environment --quantity wind --time 0 --points points.csv --out wind.csv
-  gslcosim sample my_environment --scenario warehouse_empty --time 60 --points points.csv --out ppm.csv"""
+EXAMPLES = """  gslcosim environment sample environments/001 --frame 400 --points points.csv --out ppm.csv
+  gslcosim environment sample runs/my_run --time 60 --grid 0.25 --out ppm.npz
+  gslcosim environment sample my_environment --quantity wind --time 0 --points points.csv --out wind.csv
+  gslcosim environment sample my_environment --scenario warehouse_empty --time 60 --points points.csv --out ppm.csv"""
 
 GAS_COLUMNS = ("mixing_ratio_ppm",)
 WIND_COLUMNS = ("wind_x_m_s", "wind_y_m_s", "wind_z_m_s", "wind_speed_m_s")
@@ -276,6 +276,8 @@ def _number(text: str, *, least: float, expected: str) -> float:
 
 COMMAND = Command(
     name="sample",
+    old_name="sample",
+    is_computing=True,
     summary="sample gas or wind at points or on a grid, at a time, into a file",
     examples=EXAMPLES,
     add_arguments=_add_arguments,

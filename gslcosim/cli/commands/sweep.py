@@ -1,4 +1,4 @@
-"""`gslcosim sweep`: a method with several values of its parameters, and its response curve."""
+"""`gslcosim bench sweep`: a method with several values of its parameters, and its response curve."""
 
 import argparse
 from pathlib import Path
@@ -12,9 +12,9 @@ from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 if TYPE_CHECKING:
     from gslcosim.bench.studies.sweep import SweepResult
 
-EXAMPLES = """  gslcosim sweep tiny_room --entry dung_beetle --vary leg_m=0.4,0.8,1.6
-  gslcosim sweep smoke --entry dung_beetle --vary leg_m=0.4,0.8 --vary zigzag_rad=0.5,1.0 --repetitions 5
-  gslcosim sweep my_suite.yaml --entry surge_cast --vary growth=growing,fixed,doubling --results results/growth"""
+EXAMPLES = """  gslcosim bench sweep tiny_room --entry dung_beetle --vary leg_m=0.4,0.8,1.6
+  gslcosim bench sweep smoke --entry dung_beetle --vary leg_m=0.4,0.8 --vary zigzag_rad=0.5,1.0 --repetitions 5
+  gslcosim bench sweep my_suite.yaml --entry surge_cast --vary growth=growing,fixed,doubling --results results/growth"""
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -82,6 +82,7 @@ def _write(sweep: "SweepResult", folder: Path, *, is_json: bool) -> None:
 
 COMMAND = Command(
     name="sweep",
+    old_name="sweep",
     summary="fly a method with several values of its parameters, and draw the response curve",
     examples=EXAMPLES,
     add_arguments=_add_arguments,

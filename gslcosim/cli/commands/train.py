@@ -157,6 +157,7 @@ def _text(trained: "TrainingResult", fields: dict[str, Any], file: str) -> str:
 
 COMMAND = Command(
     name="train",
+    is_computing=True,
     summary="let a search method learn in a family of cases, with checkpoints, curves and flights to look at",
     examples=EXAMPLES,
     add_arguments=_add_arguments,

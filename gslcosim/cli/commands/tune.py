@@ -1,4 +1,4 @@
-"""`gslcosim tune`: a search for good parameters of a method, within a budget of runs."""
+"""`gslcosim bench tune`: a search for good parameters of a method, within a budget of runs."""
 
 import argparse
 
@@ -7,9 +7,9 @@ from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_n
 from gslcosim.cli.study_output import RESULTS_DIR, add_target_arguments, format_tuning, show_tuning_progress, start_pool
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
-EXAMPLES = """  gslcosim tune tiny_room --entry dung_beetle --range leg_m=0.2:2.0 --budget 60
-  gslcosim tune smoke --entry dung_beetle --range leg_m=0.2:2.0:log --range zigzag_rad=0.3:1.4 --budget 400 --jobs 2
-  gslcosim tune my_suite.yaml --entry surge_cast --range n_casts=1:8 --budget 1000 --flights-per-setting 20 --seed 7"""
+EXAMPLES = """  gslcosim bench tune tiny_room --entry dung_beetle --range leg_m=0.2:2.0 --budget 60
+  gslcosim bench tune smoke --entry dung_beetle --range leg_m=0.2:2.0:log --range zigzag_rad=0.3:1.4 --budget 400
+  gslcosim bench tune my_suite.yaml --entry surge_cast --range n_casts=1:8 --budget 1000 --seed 7"""
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -82,6 +82,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 COMMAND = Command(
     name="tune",
+    old_name="tune",
     summary="search good parameters of a method within a budget of flights, on seeds that no suite has",
     examples=EXAMPLES,
     add_arguments=_add_arguments,

@@ -3,7 +3,7 @@
 Layouts hold what Tables 9.1 and 9.2 of the GSL-Bench thesis have for warehouses, and the like for other rooms: `kind`
 is env_type, `size_m` env_size, `inlet_size_m` and `outlet_size_m` inlet_size and outlet_size, `filled_least_frac`
 emptyfullrackdiv, `walls` white_walls. inlet_vel, the cell of Table 9.3 and the times of Table 9.5 are in the scenario's
-`wind`, the source of Table 9.6 in its `gas`; env_amount is `gslcosim generate --count`.
+`wind`, the source of Table 9.6 in its `gas`; env_amount is `gslcosim environment generate --count`.
 """
 
 from typing import Annotated, Any, Literal, Self, cast

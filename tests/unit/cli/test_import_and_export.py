@@ -1,4 +1,4 @@
-"""`gslcosim import` and `gslcosim export`: what they write and tell, and what is a wrong call."""
+"""`gslcosim environment import` and `export`: what they write and tell, and what is a wrong call."""
 
 import json
 import os
@@ -38,7 +38,12 @@ def scenario(tmp_path):
 def test_a_room_with_its_wind_becomes_an_environment(scenario, tmp_path, capsys):
     out = tmp_path / "env"
     wind = str(tmp_path / "wind.npy")
-    assert main(["import", str(scenario), "--wind", wind, "--period", "0.5", "--no-loop", "--out", str(out)]) == 0
+    assert (
+        main(
+            ["environment", "import", str(scenario), "--wind", wind, "--period", "0.5", "--no-loop", "--out", str(out)]
+        )
+        == 0
+    )
     output = capsys.readouterr()
     assert output.out == (
         f"{out}: shed, 4 x 3 x 2 cells of 0.5 m (20 free, 2 solid, 2 at outlets), 1 openings, frames of wind: 2.\n"
@@ -52,7 +57,7 @@ def test_a_room_with_its_wind_becomes_an_environment(scenario, tmp_path, capsys)
 
 
 def test_json_has_all_that_is_reported(scenario, tmp_path, capsys):
-    assert main(["import", str(scenario), "--out", str(tmp_path / "env"), "--json"]) == 0
+    assert main(["environment", "import", str(scenario), "--out", str(tmp_path / "env"), "--json"]) == 0
     output = capsys.readouterr()
     printed = json.loads(output.out)
     assert output.err == ""
@@ -65,21 +70,21 @@ def test_json_has_all_that_is_reported(scenario, tmp_path, capsys):
 
 def test_an_environment_goes_out_and_comes_back(scenario, tmp_path, capsys):
     first, again = tmp_path / "env", tmp_path / "again"
-    main(["import", str(scenario), "--wind", str(tmp_path / "wind.npy"), "--out", str(first)])
+    main(["environment", "import", str(scenario), "--wind", str(tmp_path / "wind.npy"), "--out", str(first)])
     for to in ("gaden", "gsl_bench"):
         out = tmp_path / to / "shed"
         capsys.readouterr()
-        assert main(["export", str(first), "--to", to, "--out", str(out), "--json"]) == 0
+        assert main(["environment", "export", str(first), "--to", to, "--out", str(out), "--json"]) == 0
         printed = json.loads(capsys.readouterr().out)
         assert all(Path(path).is_file() for path in printed["files"])
-        assert main(["import", str(out), "--out", str(again)]) == 0
+        assert main(["environment", "import", str(out), "--out", str(again)]) == 0
         one, other = load_environment(first), load_environment(again)
         np.testing.assert_array_equal(one.occupancy, other.occupancy)
         np.testing.assert_array_equal(one.wind.velocity_m_s, other.wind.velocity_m_s)
 
 
 def test_the_environment_of_a_scenario_is_exported(tmp_path, capsys):
-    assert main(["export", "tiny_room", "--to", "vtk", "--out", str(tmp_path / "out")]) == 0
+    assert main(["environment", "export", "tiny_room", "--to", "vtk", "--out", str(tmp_path / "out")]) == 0
     assert [Path(line).suffix for line in capsys.readouterr().out.splitlines()] == [".vti", ".pvd"]
 
 
@@ -90,14 +95,35 @@ def test_formats_of_the_command_are_those_that_there_are():
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["import", "{here}/nothing", "--out", "env"], "expected a scenario of GADEN (OccupancyGrid3D.csv) or an"),
-        (["import", "{here}", "--out", "env"], "was a folder or file without any of them"),
-        (["import", "{here}/shed", "--wind", "{here}/no", "--out", "env"], "no: expected a file, a folder"),
-        (["import", "{here}/shed", "--from", "gsl_bench", "--out", "env"], "expected one file *_head.txt, was none"),
-        (["import", "{here}/shed", "--period", "0", "--out", "env"], "expected a number of seconds greater than 0"),
-        (["export", "{here}/shed", "--to", "vtk", "--out", "{here}/out"], "expected an environment folder"),
-        (["export", "tiny_room", "--to", "vtk", "--out", "{here}/shed"], "expected a new folder or an empty one"),
-        (["export", "tiny_room", "--to", "vtk", "--out", "{here}/wind.npy"], "expected a folder that can be written"),
+        (
+            ["environment", "import", "{here}/nothing", "--out", "env"],
+            "expected a scenario of GADEN (OccupancyGrid3D.csv) or an",
+        ),
+        (["environment", "import", "{here}", "--out", "env"], "was a folder or file without any of them"),
+        (
+            ["environment", "import", "{here}/shed", "--wind", "{here}/no", "--out", "env"],
+            "no: expected a file, a folder",
+        ),
+        (
+            ["environment", "import", "{here}/shed", "--from", "gsl_bench", "--out", "env"],
+            "expected one file *_head.txt, was none",
+        ),
+        (
+            ["environment", "import", "{here}/shed", "--period", "0", "--out", "env"],
+            "expected a number of seconds greater than 0",
+        ),
+        (
+            ["environment", "export", "{here}/shed", "--to", "vtk", "--out", "{here}/out"],
+            "expected an environment folder",
+        ),
+        (
+            ["environment", "export", "tiny_room", "--to", "vtk", "--out", "{here}/shed"],
+            "expected a new folder or an empty one",
+        ),
+        (
+            ["environment", "export", "tiny_room", "--to", "vtk", "--out", "{here}/wind.npy"],
+            "expected a folder that can be written",
+        ),
     ],
 )
 def test_wrong_calls_are_reported(scenario, capsys, words, expected):
@@ -112,7 +138,7 @@ def test_wrong_calls_are_reported(scenario, capsys, words, expected):
     [("001", (218936, 17859, 365)), ("003", (203238, 33557, 365)), ("005", (191563, 45232, 365))],
 )
 def test_published_environments_are_imported(tmp_path, capsys, name, counts):
-    assert main(["import", str(ENVIRONMENTS_DIR / name), "--out", str(tmp_path / "env"), "--json"]) == 0
+    assert main(["environment", "import", str(ENVIRONMENTS_DIR / name), "--out", str(tmp_path / "env"), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert (printed["n_free_cells"], printed["n_solid_cells"], printed["n_outlet_cells"]) == counts
     assert "all 237160 cells are still air" in printed["notices"][0]

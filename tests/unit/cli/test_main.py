@@ -11,18 +11,23 @@ import pytest
 
 from gslcosim import __version__
 from gslcosim.base import errors
-from gslcosim.cli.arguments import build_parser, collect_actions, command_parsers, parse
-from gslcosim.cli.main import COMMANDS, main
+from gslcosim.cli.arguments import build_parser, collect_actions, command_parsers, iterate_commands, parse
+from gslcosim.cli.main import GROUPS, main
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs" / "commands.md"
-NAMES = [command.name for command in COMMANDS]
+NAMES = [command.name for group in GROUPS for command in group.commands]
+COMMANDS = dict(iterate_commands(GROUPS))
+MOVED = {command.old_name: path for path, command in COMMANDS.items() if command.old_name}
 ALL = ", ".join(NAMES)
 
 
-def options_of(name):
+def options_of(path):
     """Return the long options of a command with their help."""
-    actions = collect_actions(command_parsers(build_parser(COMMANDS, version="0"))[name])
+    parser = build_parser(GROUPS, version="0")
+    for word in path:
+        parser = command_parsers(parser)[word]
+    actions = collect_actions(parser)
     return {text: action.help for action in actions for text in action.option_strings if text.startswith("--")}
 
 
@@ -74,7 +79,9 @@ def test_without_words_the_help_is_shown(capsys):
     assert "commands:" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("words", [["--help"], *([name, "--help"] for name in NAMES)])
+@pytest.mark.parametrize(
+    "words", [["--help"], *([name, "--help"] for name in NAMES), *([*path, "--help"] for path in COMMANDS)]
+)
 def test_help_has_examples(capsys, words):
     with pytest.raises(SystemExit) as ended:
         main(words)
@@ -83,32 +90,74 @@ def test_help_has_examples(capsys, words):
     assert "examples:\n  gslcosim " in text
 
 
+def test_the_help_lists_each_command_once_under_its_group_and_no_old_name(capsys):
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    text = capsys.readouterr().out.partition("commands:")[2].partition("examples:")[0]
+    assert re.findall(r"^    (\S+)", text, re.MULTILINE) == NAMES
+    assert re.findall(r"^  (\S.*):$", text, re.MULTILINE) == [group.title for group in GROUPS]
+
+
+@pytest.mark.parametrize("old", MOVED)
+def test_an_old_name_is_understood_and_says_the_new_one(capsys, old):
+    with pytest.raises(SystemExit) as ended:
+        main([old, "--help"])
+    assert ended.value.code == 0
+    output = capsys.readouterr()
+    new = " ".join(MOVED[old])
+    assert output.err == f"gslcosim {old}: is gslcosim {new} now; the old name ends with the next release.\n"
+    assert output.out.startswith(f"usage: gslcosim {old} ")
+
+
+def test_an_old_name_takes_the_same_options_and_gives_the_same_answer(capsys):
+    assert main(["stop", "some_run", "--all"]) == main(["flights", "stop", "some_run", "--all"]) == 2
+    told = capsys.readouterr().err.splitlines()
+    assert told[1] == told[2]
+    assert main(["sweep", "x", "--foo"]) == 2
+    assert capsys.readouterr().err.splitlines()[1].startswith("gslcosim sweep: the following arguments are required")
+
+
+def test_an_old_name_that_is_misspelled_leads_to_the_new_one(capsys):
+    assert main(["exprt"]) == 2
+    assert capsys.readouterr().err.endswith("was 'exprt'. Did you mean environment export?\n")
+
+
 def test_the_version_is_printed(capsys):
     with pytest.raises(SystemExit):
         main(["--version"])
     assert capsys.readouterr().out == f"gslcosim {__version__}\n"
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_every_option_has_help_and_is_documented(name):
-    section = PAGE.read_text().partition(f"## gslcosim {name}")[2].partition("\n## ")[0]
-    assert section
-    for option, help_text in options_of(name).items():
+def section_of(path):
+    """Return what the page says about a command, or about its family where it has no section of its own."""
+    page = PAGE.read_text()
+    own, family = (re.search(rf"^## gslcosim {name}\b", page, re.MULTILINE) for name in (" ".join(path), path[0]))
+    found = own or family
+    assert found, path
+    return page[found.start() :].partition("\n## ")[0]
+
+
+@pytest.mark.parametrize("path", COMMANDS)
+def test_every_option_has_help_and_is_documented(path):
+    section = section_of(path)
+    for option, help_text in options_of(path).items():
         assert help_text, option
         if help_text == argparse.SUPPRESS:
             # For processes that gslcosim starts itself.
             continue
-        assert option == "--help" or f"`{option}" in section, f"{option} of {name} is missing in {PAGE.name}"
+        assert option == "--help" or f"`{option}" in section, f"{option} of {path} is missing in {PAGE.name}"
 
 
 def test_no_option_is_documented_that_there_is_not():
-    for name in NAMES:
-        section = PAGE.read_text().partition(f"## gslcosim {name}")[2].partition("\n## ")[0]
-        assert set(re.findall(r"^\| `(--[a-z-]+)", section, re.MULTILINE)) <= set(options_of(name))
+    sections = {}
+    for path in COMMANDS:
+        sections.setdefault(section_of(path), set()).update(options_of(path))
+    for section, options in sections.items():
+        assert set(re.findall(r"^\| `(--[a-z-]+)", section, re.MULTILINE)) <= options
 
 
 def example_lines():
-    lines = [line for command in COMMANDS for line in command.examples.splitlines()]
+    lines = [line for command in COMMANDS.values() for line in command.examples.splitlines()]
     lines += [line for line in PAGE.read_text().splitlines() if line.startswith("gslcosim ")]
     return [re.split(r" \||  +| > ", line.strip())[0] for line in lines]
 
@@ -117,7 +166,7 @@ def example_lines():
 def test_every_example_is_a_call_that_can_be_parsed(line):
     program, *words = shlex.split(line)
     assert program == "gslcosim"
-    assert parse(build_parser(COMMANDS, version="0"), COMMANDS, words).command in NAMES
+    assert parse(build_parser(GROUPS, version="0"), GROUPS, words).command in NAMES
 
 
 @pytest.mark.parametrize(

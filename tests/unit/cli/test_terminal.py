@@ -198,7 +198,11 @@ def test_runs_of_others_are_listed(monkeypatch, tmp_path, capsys):
                     connection.close()
 
         threading.Thread(target=answer, daemon=True).start()
-        for words in (["ps"], ["ps", "--json"], ["top", "--once", "--every", "0.1"]):
+        for words in (
+            ["flights", "list"],
+            ["flights", "list", "--json"],
+            ["flights", "top", "--once", "--every", "0.1"],
+        ):
             assert main(words) == 0
             text = capsys.readouterr().out
             assert "owned" in text

@@ -85,6 +85,8 @@ def test_without_optuna_one_sentence_says_what_to_install(tmp_path, monkeypatch,
     with pytest.raises(UsageError, match=r"^tune: expected Optuna .* pip install 'gslcosim\[tune\]'$"):
         OptunaSearch(RANGES, seed=0, log=tmp_path / "a.log")
     folder = tmp_path / "results"
-    assert main(["tune", "tiny_room", "--entry", "dung_beetle", "--budget", "12", "--results", str(folder)]) == 2
+    assert (
+        main(["bench", "tune", "tiny_room", "--entry", "dung_beetle", "--budget", "12", "--results", str(folder)]) == 2
+    )
     assert "pip install 'gslcosim[tune]'" in capsys.readouterr().err
     assert not folder.exists()

@@ -1,4 +1,4 @@
-"""`gslcosim generate`: from scenarios, layout files and kinds; many at a time; failures told, the others made."""
+"""`gslcosim environment generate`: from scenarios, layout files and kinds; many at a time; failures are told."""
 
 import json
 
@@ -24,7 +24,7 @@ def layout_file(tmp_path):
 
 
 def generate(*words):
-    return main(["generate", *words])
+    return main(["environment", "generate", *words])
 
 
 def test_a_scenario_becomes_a_folder_with_a_picture(tmp_path, capsys):

@@ -1,4 +1,4 @@
-"""`gslcosim sample`"""
+"""`gslcosim environment sample`"""
 
 import csv
 import json
@@ -54,7 +54,7 @@ def test_published_mixing_ratios_come_back_at_points(gsl_bench, points_file, tmp
     cells = np.random.default_rng(1).integers(0, published.shape, (300, 3))
     rows = "\n".join(",".join(map(repr, row)) for row in (0.125 + 0.25 * cells).tolist())
     points, out = points_file(f"x_m,y_m,z_m\n{rows}\n"), tmp_path / "out.csv"
-    assert main(["sample", folder, *AS_PUBLISHED, "--points", points, "--out", str(out)]) == 0
+    assert main(["environment", "sample", folder, *AS_PUBLISHED, "--points", points, "--out", str(out)]) == 0
     header, values = last_column(out)
     assert header == ["x_m", "y_m", "z_m", "mixing_ratio_ppm"]
     expected = published[tuple(cells.T)]
@@ -66,7 +66,7 @@ def test_published_mixing_ratios_come_back_at_points(gsl_bench, points_file, tmp
 def test_published_grids_come_back_whole(gsl_bench, tmp_path, capsys):
     folder, published = gsl_bench
     out = tmp_path / "out.npz"
-    assert main(["sample", folder, *AS_PUBLISHED, "--grid", "0.25", "--out", str(out), "--json"]) == 0
+    assert main(["environment", "sample", folder, *AS_PUBLISHED, "--grid", "0.25", "--out", str(out), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed["points"] == published.size
     assert printed["max"] == pytest.approx(published.max(), rel=1e-9)
@@ -78,7 +78,22 @@ def test_published_grids_come_back_whole(gsl_bench, tmp_path, capsys):
 def test_wind_has_its_speed_as_last_column(room_folder, points_file, tmp_path):
     points, out = points_file("x_m,y_m,z_m\n1,2,3\n"), tmp_path / "out.csv"
     assert (
-        main(["sample", room_folder, "--time", "0", "--quantity", "wind", "--points", points, "--out", str(out)]) == 0
+        main(
+            [
+                "environment",
+                "sample",
+                room_folder,
+                "--time",
+                "0",
+                "--quantity",
+                "wind",
+                "--points",
+                points,
+                "--out",
+                str(out),
+            ]
+        )
+        == 0
     )
     header, values = last_column(out)
     assert header[3:] == ["wind_x_m_s", "wind_y_m_s", "wind_z_m_s", "wind_speed_m_s"]
@@ -90,7 +105,7 @@ def test_gas_of_a_scenario_is_released_in_an_environment(room_folder, points_fil
     points = points_file("z_m,name,x_m,y_m\n1.0,near,1.6,1.95\n1.0,far,13,9\n")
     texts = []
     for name in ("a.csv", "b.csv"):
-        call = ["sample", room_folder, "--scenario", "tiny_room", "--time", "5", "--points", points]
+        call = ["environment", "sample", room_folder, "--scenario", "tiny_room", "--time", "5", "--points", points]
         assert main([*call, "--out", str(tmp_path / name)]) == 0
         texts.append((tmp_path / name).read_text())
     assert texts[0] == texts[1]
@@ -103,7 +118,19 @@ def test_gas_of_a_scenario_is_released_in_an_environment(room_folder, points_fil
 
 def test_a_grid_as_csv_names_its_points(room_folder, tmp_path):
     out = tmp_path / "out.csv"
-    call = ["sample", room_folder, "--scenario", "tiny_room", "--time", "0", "--grid", "1", "--out", str(out)]
+    call = [
+        "environment",
+        "sample",
+        room_folder,
+        "--scenario",
+        "tiny_room",
+        "--time",
+        "0",
+        "--grid",
+        "1",
+        "--out",
+        str(out),
+    ]
     assert main(call) == 0
     _, values = last_column(out)
     assert len(values) == 15 * 10 * 6
@@ -112,7 +139,7 @@ def test_a_grid_as_csv_names_its_points(room_folder, tmp_path):
 
 def test_a_time_or_a_frame_is_asked_for(room_folder, points_file, tmp_path, capsys):
     points = points_file("x_m,y_m,z_m\n1,2,3\n")
-    assert main(["sample", room_folder, "--points", points, "--out", str(tmp_path / "out.csv")]) == 2
+    assert main(["environment", "sample", room_folder, "--points", points, "--out", str(tmp_path / "out.csv")]) == 2
     assert "one of the arguments --time --frame is required" in capsys.readouterr().err
 
 
@@ -128,7 +155,17 @@ FAULTY_POINTS = [
 
 @pytest.mark.parametrize(("text", "expected"), FAULTY_POINTS)
 def test_faulty_points_are_refused_with_their_line(room_folder, points_file, tmp_path, capsys, text, expected):
-    call = ["sample", room_folder, "--time", "0", "--quantity", "wind", "--out", str(tmp_path / "out.csv")]
+    call = [
+        "environment",
+        "sample",
+        room_folder,
+        "--time",
+        "0",
+        "--quantity",
+        "wind",
+        "--out",
+        str(tmp_path / "out.csv"),
+    ]
     assert main([*call, "--points", points_file(text)]) == 2
     assert expected in capsys.readouterr().err
     assert not (tmp_path / "out.csv").exists()
@@ -153,13 +190,13 @@ def test_wrong_calls_are_answered(room_folder, points_file, tmp_path, capsys, wo
     for option, value in (("--points", points_file("x_m,y_m,z_m\n1,2,3\n")), ("--out", str(tmp_path / "out.csv"))):
         if option not in filled:
             filled += [option, value]
-    assert main(["sample", *filled, "--runs-dir", str(tmp_path / "runs")]) == 2
+    assert main(["environment", "sample", *filled, "--runs-dir", str(tmp_path / "runs")]) == 2
     assert expected in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("quantity", [["--quantity", "wind"], ["--scenario", "tiny_room"]])
 def test_points_outside_the_room_are_refused(room_folder, points_file, tmp_path, capsys, quantity):
     points = points_file("x_m,y_m,z_m\n1,2,3\n20,2,3\n")
-    call = ["sample", room_folder, "--time", "0", *quantity, "--out", str(tmp_path / "out.csv")]
+    call = ["environment", "sample", room_folder, "--time", "0", *quantity, "--out", str(tmp_path / "out.csv")]
     assert main([*call, "--points", points]) == 2
     assert "was (20.0, 2.0, 3.0) m as point 2" in capsys.readouterr().err

@@ -52,7 +52,7 @@ def test_without_a_run_there_is_a_remedy(viewer, tmp_path, capsys):
 
 def test_the_folder_of_an_environment_is_shown_without_a_run(viewer, tmp_path, monkeypatch):
     """Its recording is there while it is looked at, and gone afterwards."""
-    assert main(["generate", "tiny_room", "--out", str(tmp_path / "room")]) == 0
+    assert main(["environment", "generate", "tiny_room", "--out", str(tmp_path / "room")]) == 0
     sizes = []
     monkeypatch.setattr(
         sys.modules["gslcosim.data.recording.viewer"],

@@ -25,7 +25,9 @@ def test_a_study_shows_speeds_and_orders_and_writes_them(tmp_path, capsys):
         "layout: {kind: wind_tunnel, size_m: [4, 1, 1]}\nwind: {end_time_s: 2, inlet_velocity_m_s: [1, 0, 0]}\n"
     )
     words = ["--mesh-study", "0.25,0.2,0.125", "--probe", "2,0.5,0.5", "--json"]
-    assert main(["generate", str(tmp_path / "tunnel.yaml"), "--out", str(tmp_path / "study"), *words]) == 0
+    assert (
+        main(["environment", "generate", str(tmp_path / "tunnel.yaml"), "--out", str(tmp_path / "study"), *words]) == 0
+    )
     study = json.loads(capsys.readouterr().out)
     assert [run["cell_m"] for run in study["runs"]] == [0.25, 0.2, 0.125]
     # In the middle of a channel with friction at its walls the air is a little faster than at the inlet.
