@@ -214,7 +214,8 @@ class ScratchFolder:
 
 def build_temporary_directory_error(error: OSError) -> Exception:
     """Return the error for a person where nothing can be written to the temporary directory."""
-    remedy = "Free room there, or set TMPDIR to a folder that can be written."
+    is_place_at_fault = error.errno not in (errno.EMFILE, errno.ENFILE, errno.ENOMEM)
+    remedy = "Free room there, or set TMPDIR to a folder that can be written." if is_place_at_fault else ""
     return build_machine_error(error, "temporary directory", "a folder that can be written", remedy=remedy)
 
 

@@ -1,5 +1,6 @@
 """Temporary folders: what a killed process has left is removed by the next one, and nothing else is."""
 
+import errno
 import os
 import signal
 import socket
@@ -129,3 +130,14 @@ def test_a_short_temporary_directory_takes_sockets_itself(monkeypatch):
     with ScratchFolder.for_sockets() as scratch:
         assert scratch.path.parent == place
     place.rmdir()
+
+
+@pytest.mark.parametrize(("number", "remedy"), [(errno.EMFILE, "(ulimit -n)"), (errno.ENOSPC, "Free room there")])
+def test_the_remedy_fits_what_the_temporary_directory_lacked(monkeypatch, number, remedy):
+    def refuse(*_args, **_names):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(tempfile, "mkdtemp", refuse)
+    with pytest.raises(MachineError) as refused:
+        ScratchFolder()
+    assert remedy in str(refused.value)
