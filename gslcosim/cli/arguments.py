@@ -47,13 +47,18 @@ class Command:
 
 @dataclass(frozen=True, kw_only=True)
 class CommandFamily:
-    """Commands that are called by two words, such as `bench run`."""
+    """Commands that are called by two words, such as `bench run`.
+
+    Attributes:
+        default: Name of the part that is meant where none is named; absent: one must be.
+    """
 
     name: str
     summary: str
     examples: str
     parts: tuple[Command, ...]
     is_computing: bool = False
+    default: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,7 +163,7 @@ def parse(parser: Parser, groups: Sequence[CommandGroup], words: Sequence[str]) 
     Raises:
         UsageError: an unknown command or option, or a wrong value; names the nearest known one.
     """
-    given = tuple(words)
+    given, words = tuple(words), list(words)
     names = [command.name for group in groups for command in group.commands]
     moved = {command.old_name: path for path, command in iterate_commands(groups) if command.old_name}
     first = next((word for word in words if not word.startswith("-")), None)
@@ -170,11 +175,23 @@ def parse(parser: Parser, groups: Sequence[CommandGroup], words: Sequence[str]) 
     elif first is not None and first not in names and words[0] == first:
         hint = _hint(first, {**{name: name for name in names}, **{old: " ".join(path) for old, path in moved.items()}})
         raise UsageError(f"gslcosim: expected one of the commands {', '.join(names)}, was '{first}'.{hint}")
+    words = _with_default_part(parser, groups, words)
     arguments, unknown = parser.parse_known_args(_joined(words))
     if unknown:
         raise UsageError(_unknown_words(parser, words, unknown))
     arguments.command_line = given
     return arguments
+
+
+def _with_default_part(parser: Parser, groups: Sequence[CommandGroup], words: Sequence[str]) -> Sequence[str]:
+    for family in (each for group in groups for each in group.commands if isinstance(each, CommandFamily)):
+        if family.default and words[:1] == [family.name]:
+            known = (*(part.name for part in family.parts), "-h", "--help")
+            if words[1:2] and words[1] in known:
+                return words
+            _parser_of(parser, (family.name, family.default)).prog = f"gslcosim {family.name}"
+            return [family.name, family.default, *words[1:]]
+    return words
 
 
 # The parser takes a value that begins with a minus for an option.

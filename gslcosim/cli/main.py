@@ -68,22 +68,24 @@ ENVIRONMENT = CommandFamily(
     "  gslcosim environment export hall --to gaden --out hall_gaden",
     parts=(generate.COMMAND, import_.COMMAND, export.COMMAND, sample.COMMAND),
 )
-FLIGHTS = CommandFamily(
-    name="flights",
-    summary="list, watch and stop the flights that go on now; serve new ones from a warm server; import real ones",
-    examples="  gslcosim flights list\n  gslcosim flights top\n  gslcosim flights stop",
-    parts=(monitor.LIST, monitor.TOP, monitor.STOP, up.SERVE, import_flight.COMMAND),
+RUNS = CommandFamily(
+    name="runs",
+    summary="list runs, watch and stop those that are active, import the log of a real robot",
+    examples="  gslcosim runs                    the same as gslcosim runs list\n"
+    "  gslcosim runs active\n  gslcosim runs top\n  gslcosim runs stop",
+    parts=(runs.COMMAND, monitor.ACTIVE, monitor.TOP, monitor.STOP, import_flight.COMMAND),
+    default="list",
 )
 GROUPS = (
     CommandGroup(
         title="run",
-        commands=(up.UP, fly.COMMAND, join.COMMAND, up.VALIDATE, FLIGHTS, replay.COMMAND, fork.COMMAND),
+        commands=(up.UP, fly.COMMAND, join.COMMAND, up.VALIDATE, up.SERVE, replay.COMMAND, fork.COMMAND),
     ),
     CommandGroup(
         title="look",
         commands=(
             list_.COMMAND,
-            runs.COMMAND,
+            RUNS,
             view.COMMAND,
             plot.COMMAND,
             film.COMMAND,

@@ -1,4 +1,4 @@
-"""Status of a run while it goes on, served on a unix socket of its user: `gslcosim flights list`, `top` and `stop`."""
+"""Status of a run while it goes on, served on a unix socket of its user: `gslcosim runs active`, `top` and `stop`."""
 
 import contextlib
 import json

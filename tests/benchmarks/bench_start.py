@@ -6,7 +6,7 @@ the command; the end is that of a run of one tick. Each way to start adds one th
     spawned   each service is a new Python
     forked    services are forks of a server that has imported what they share
     preforked and those that import for long were forked first, and have imported it already
-    warm      and the command itself is a fork of `gslcosim flights serve`, which is started for it, and ended
+    warm      and the command itself is a fork of `gslcosim serve`, which is started for it, and ended
 """
 
 import os
@@ -71,7 +71,7 @@ def main():
         os.environ["TMPDIR"] = place
         os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
         began = time.perf_counter()
-        server = subprocess.Popen([*COMMAND, "flights", "serve"], stdout=subprocess.PIPE, text=True)
+        server = subprocess.Popen([*COMMAND, "serve"], stdout=subprocess.PIPE, text=True)
         try:
             if not server.stdout.readline():
                 sys.exit("bench_start: expected a server, it has ended.")

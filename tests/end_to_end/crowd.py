@@ -73,9 +73,7 @@ def _folder_of_sockets() -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _serving() -> Iterator[subprocess.Popen]:
-    process = subprocess.Popen(
-        [*COMMAND, "flights", "serve"], stdout=subprocess.PIPE, text=True, start_new_session=True
-    )
+    process = subprocess.Popen([*COMMAND, "serve"], stdout=subprocess.PIPE, text=True, start_new_session=True)
     try:
         assert "--warm" in process.stdout.readline()
         yield process

@@ -145,8 +145,8 @@ def test_the_page_names_commands_that_work(tmp_path, monkeypatch):
             assert "expected a screen, was none" in _told(*words)
         else:
             flight = _started("up", str(TINY_ROOM), *LONG, *UNRECORDED)
-            flight.wait_for(lambda: "flying" in _told("flights", "list"))
-            output = _told(*words, *(("--once",) if words[:2] == ["flights", "top"] else ()))
+            flight.wait_for(lambda: "flying" in _told("runs", "active"))
+            output = _told(*words, *(("--once",) if words[:2] == ["runs", "top"] else ()))
             assert "tiny_room" in output, words
             flight.process.send_signal(signal.SIGINT)
             flight.process.communicate()

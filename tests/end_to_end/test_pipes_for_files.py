@@ -26,7 +26,7 @@ KINDS = {
         "up", "tiny_room", "--listen", "tls/127.0.0.1:0", "--tls-certificate", "{pipe}.pem", "--tls-key", "{pipe}.pem",
         "--elsewhere", "all",
     ),
-    "log of a robot": ("flights", "import", "{pipe}.mcap", "--scenario", "tiny_room"),
+    "log of a robot": ("runs", "import", "{pipe}.mcap", "--scenario", "tiny_room"),
     "points": ("environment", "sample", "tiny_room", "--points", "{pipe}.csv", "--out", "out.csv", "--time", "0"),
     "run": ("view", "{pipe}.rrd"),
 }  # fmt: skip

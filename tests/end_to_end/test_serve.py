@@ -39,9 +39,7 @@ def own_place():
 @contextlib.contextmanager
 def serving():
     """Start a server, and end it in order."""
-    process = subprocess.Popen(
-        [*COMMAND, "flights", "serve"], stdout=subprocess.PIPE, text=True, start_new_session=True
-    )
+    process = subprocess.Popen([*COMMAND, "serve"], stdout=subprocess.PIPE, text=True, start_new_session=True)
     try:
         assert "--warm" in process.stdout.readline()
         yield process
@@ -112,7 +110,7 @@ def test_a_server_ends_its_runs(tmp_path):
 
 
 def test_a_second_server_refuses(server):
-    second = subprocess.run([*COMMAND, "flights", "serve"], capture_output=True, text=True, check=False)
+    second = subprocess.run([*COMMAND, "serve"], capture_output=True, text=True, check=False)
     assert second.returncode == 2
     assert f"expected no other server of this user, found one, process {server.pid}. End it: kill" in second.stderr
 
@@ -121,7 +119,7 @@ def test_a_server_with_other_imports_refuses(server, monkeypatch):
     """Whatever differs is named: code, packages, Python, or what libraries read when they are imported."""
     monkeypatch.setenv("NUMBA_OPT", "0")
     text = refused("up", str(TINY_ROOM), "--warm")
-    assert f"found one with another environment. Start it again: kill {server.pid}; gslcosim flights serve" in text
+    assert f"found one with another environment. Start it again: kill {server.pid}; gslcosim serve" in text
 
 
 def test_one_process_is_refused(server, tmp_path):
@@ -144,7 +142,7 @@ def test_a_server_that_does_not_answer_is_named(server, monkeypatch):
 def test_a_killed_server_is_distinguished_from_none_and_replaced(tmp_path):
     with own_place():
         text = refused("up", str(TINY_ROOM), "--warm")
-        assert "expected a server, found none. Start one in another shell: gslcosim flights serve" in text
+        assert "expected a server, found none. Start one in another shell: gslcosim serve" in text
         with serving() as process:
             process.kill()
             process.wait(EVENT_S)

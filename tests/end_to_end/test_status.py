@@ -43,7 +43,7 @@ def put_temporary_files_into(folder, monkeypatch):
 
 
 def listed():
-    return json.loads(call("flights", "list", "--json")[1])
+    return json.loads(call("runs", "active", "--json")[1])
 
 
 def started(tmp_path, *arguments):
@@ -62,7 +62,7 @@ def test_a_run_is_listed_looked_at_and_stopped(tmp_path, processes):
     assert facts["processes"] == processes
     assert facts["pid"] == flight.process.pid
     assert facts["time_limit_s"] == 20000
-    exit_code, output, _ = call("flights", "top", "--once", "--json", "--every", "0.5")
+    exit_code, output, _ = call("runs", "top", "--once", "--json", "--every", "0.5")
     assert exit_code == 0
     rows = json.loads(output)["participants"]
     assert [row["name"] for row in rows[:4]] == SERVICES
@@ -73,8 +73,8 @@ def test_a_run_is_listed_looked_at_and_stopped(tmp_path, processes):
         assert (row["pid"] == flight.process.pid) == (processes == "one")
         assert row["state"] in ("working", "waiting")
     assert rows[4]["tick_rate_hz"] > 0, "the agent's door"
-    assert call("flights", "list")[1].splitlines()[1].startswith(facts["run_id"])
-    assert call("flights", "stop", facts["run_id"][:12]) == (0, f"stopped    {facts['run_dir']}\n", "")
+    assert call("runs", "active")[1].splitlines()[1].startswith(facts["run_id"])
+    assert call("runs", "stop", facts["run_id"][:12]) == (0, f"stopped    {facts['run_dir']}\n", "")
     ended = flight.end()
     assert ended.exit_code == 130
     assert ended.result["end_reason"] == "interrupted"
@@ -87,7 +87,7 @@ def test_a_run_is_seen_where_the_temporary_directory_has_a_long_name(tmp_path, m
     folder.mkdir()
     put_temporary_files_into(folder, monkeypatch)
     flight = started(tmp_path, "--processes", "one")
-    assert call("flights", "stop")[0] == 0
+    assert call("runs", "stop")[0] == 0
     assert flight.end().exit_code == 130
 
 
@@ -114,14 +114,14 @@ def test_a_service_that_stands_still_is_silent_and_the_others_wait_for_it(tmp_pa
         assert "truth/samples" in rows["sensing"]["waits_for"]
     finally:
         os.kill(fields, signal.SIGCONT)
-    assert call("flights", "stop")[0] == 0
+    assert call("runs", "stop")[0] == 0
     assert flight.end().exit_code == 130
 
 
 def test_an_agent_that_thinks_is_deciding(tmp_path):
     flight = start(TINY_ROOM, tmp_path / "runs", *with_agent("silent"))
     flight.wait_for(lambda: any(row["state"] == "deciding" for facts in listed() for row in facts["participants"]))
-    assert call("flights", "stop")[0] == 0
+    assert call("runs", "stop")[0] == 0
     flight.end()
 
 
@@ -131,10 +131,10 @@ def test_a_run_that_stands_still_is_listed_as_silent(tmp_path):
     try:
         (facts,) = listed()
         assert (facts["state"], facts["pid"]) == ("silent", flight.process.pid)
-        assert call("flights", "list")[0] == 0
+        assert call("runs", "active")[0] == 0
     finally:
         os.kill(flight.process.pid, signal.SIGCONT)
-    assert call("flights", "stop", "--all")[0] == 0
+    assert call("runs", "stop", "--all")[0] == 0
     assert flight.end().exit_code == 130
 
 
@@ -151,22 +151,22 @@ def test_which_of_several_runs_is_meant_has_to_be_said(tmp_path):
     first, second = started(tmp_path / "a"), started(tmp_path / "b")
     while len(listed()) < 2:
         wait_a_moment()
-    exit_code, _, errors = call("flights", "stop")
+    exit_code, _, errors = call("runs", "stop")
     assert exit_code == 2
     assert errors.startswith("RUN: expected one flight that goes on, or the name of one of several, found tiny_room-")
-    assert call("flights", "stop", str(next((tmp_path / "a" / "runs").iterdir())))[0] == 0
+    assert call("runs", "stop", str(next((tmp_path / "a" / "runs").iterdir())))[0] == 0
     assert first.end().exit_code == 130
-    assert call("flights", "stop", "--all")[0] == 0
+    assert call("runs", "stop", "--all")[0] == 0
     assert second.end().exit_code == 130
 
 
 def test_the_page_of_top_shows_the_end(tmp_path):
     flight = started(tmp_path)
-    top = subprocess.Popen([*COMMAND, "flights", "top", "--every", "0.1"], stdout=subprocess.PIPE, text=True)
+    top = subprocess.Popen([*COMMAND, "runs", "top", "--every", "0.1"], stdout=subprocess.PIPE, text=True)
     assert top.stdout is not None
     while "sensing" not in (line := top.stdout.readline()):
         assert line or top.poll() is None
-    assert call("flights", "stop")[0] == 0
+    assert call("runs", "stop")[0] == 0
     rest, _ = top.communicate(timeout=EVENT_S)
     assert "has ended." in rest
     assert top.returncode == 0
@@ -184,13 +184,13 @@ def test_a_folder_of_somebody_else_is_no_place_for_windows(tmp_path, windows):
 
 
 def test_without_runs_there_is_nothing_to_show():
-    assert call("flights", "list") == (0, "No flight goes on.\n", "")
-    assert call("flights", "list", "--json") == (0, "[]\n", "")
-    assert call("flights", "stop", "--all") == (0, "No flight goes on.\n", "")
-    assert call("flights", "top")[0] == 2
+    assert call("runs", "active") == (0, "No run is active.\n", "")
+    assert call("runs", "active", "--json") == (0, "[]\n", "")
+    assert call("runs", "stop", "--all") == (0, "No run is active.\n", "")
+    assert call("runs", "top")[0] == 2
     assert (
-        call("flights", "stop", "nobody")[2]
+        call("runs", "stop", "nobody")[2]
         == "nobody: expected the id or folder of one flight that goes on, found none.\n"
     )
-    assert call("flights", "top", "--every", "never")[0] == 2
-    assert call("flights", "stop", "x", "--all")[0] == 2
+    assert call("runs", "top", "--every", "never")[0] == 2
+    assert call("runs", "stop", "x", "--all")[0] == 2

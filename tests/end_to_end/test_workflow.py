@@ -97,7 +97,7 @@ def test_from_six_runs_to_a_film_a_figure_and_a_real_flight(tmp_path, call, caps
         assert sum(1 for _ in bag.messages(connections=poses)) == len(run.tracks["beetle"].tick)
 
     # And a bag comes back as a real flight, and is listed with the others.
-    flown = call("flights", "import", tmp_path / "rosbag2", "--scenario", "tiny_room", "--runs-dir", runs_dir)
+    flown = call("runs", "import", tmp_path / "rosbag2", "--scenario", "tiny_room", "--runs-dir", runs_dir)
     assert flown["valid"]
     rows = call("runs", runs_dir)
     assert len(rows) == 7

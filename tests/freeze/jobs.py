@@ -252,7 +252,7 @@ class _Restart:
 
     def _pid(self) -> int | None:
         (run,) = Path("runs").iterdir()
-        ended = gslcosim("flights", "top", run.resolve(), "--once", "--every", "0.2", "--json")
+        ended = gslcosim("runs", "top", run.resolve(), "--once", "--every", "0.2", "--json")
         of = {each["name"]: each["pid"] for each in ended.fields["participants"]}
         return of.get(self.service)
 

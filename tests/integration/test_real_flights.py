@@ -95,9 +95,9 @@ def test_a_bag_of_a_run_comes_back_as_a_run(tmp_path, capsys, to):
     for one, other in zip(run.readings, flown.readings, strict=True):
         assert (one.sensor, one.columns) == (other.sensor, other.columns)
         np.testing.assert_allclose(one.values, other.values, rtol=1e-6)
-    assert main(["flights", "import", str(log), "--scenario", "tiny_room", "--pose", "/odom"]) == 2
+    assert main(["runs", "import", str(log), "--scenario", "tiny_room", "--pose", "/odom"]) == 2
     assert "--pose /odom: expected one of /beetle/odom, /beetle/pose" in capsys.readouterr().err
-    assert main(["flights", "import", str(log), "--scenario", "tiny_room", "--topic", "nose=/x"]) == 2
+    assert main(["runs", "import", str(log), "--scenario", "tiny_room", "--topic", "nose=/x"]) == 2
     assert "--topic nose=/x: expected one of /beetle/nose" in capsys.readouterr().err
 
 
@@ -118,14 +118,14 @@ def test_a_bag_of_a_run_comes_back_as_a_run(tmp_path, capsys, to):
 )
 def test_logs_that_are_none_are_refused(tmp_path, capsys, head, rows, call_import):
     log = written(tmp_path, head=head, rows=rows)
-    assert main(["flights", "import", str(log), "--scenario", "tiny_room", "--runs-dir", str(tmp_path / "runs")]) == 2
+    assert main(["runs", "import", str(log), "--scenario", "tiny_room", "--runs-dir", str(tmp_path / "runs")]) == 2
     assert call_import in capsys.readouterr().err
     assert not (tmp_path / "runs").exists()
 
 
 def test_wrong_calls_are_reported(tmp_path, capsys):
     def call_import(*words):
-        assert main(["flights", "import", *map(str, words)]) == 2
+        assert main(["runs", "import", *map(str, words)]) == 2
         return capsys.readouterr().err
 
     assert "expected a log, found none" in call_import(tmp_path / "none.csv", "--scenario", "tiny_room")

@@ -70,7 +70,7 @@ CALLS = {
     "bench rank": ["bench", "rank", "RESULTS"],
     "bench run": ["bench", "run", "smoke", "--results", "RESULTS", "--only", "trial=none"],
     "import": ["environment", "import", "ENVIRONMENT", "--out", "OUT"],
-    "import-flight": ["flights", "import", "RUN", "--scenario", "tiny_room", "--runs-dir", "OUT"],
+    "import-flight": ["runs", "import", "RUN", "--scenario", "tiny_room", "--runs-dir", "OUT"],
     "join": ["join", "JOIN/fields.json", "--quiet"],
     "join as an agent": ["join", "--quiet", "JOIN/beetle.json", "agent", "true"],
     "join at the gateway": ["join", "--quiet", "JOIN/ant.json", "agent", "true"],
@@ -106,7 +106,7 @@ OTHERS = {
     "fly": "the same, and demands a terminal",
     "validate": "the same",
     "environment generate": "the same",
-    "flights serve": "reads nothing",
+    "serve": "reads nothing",
     "list": "reads what is installed",
     "schema": "writes files of the contract",
     "doctor": "looks at the machine",
@@ -115,9 +115,9 @@ OTHERS = {
     "agent new": "writes a folder",
     "participant check": "starts a program",
     "participant new": "writes a folder",
-    "flights list": "asks sockets: test_active_runs_report_anything",
-    "flights top": "the same",
-    "flights stop": "the same",
+    "runs active": "asks sockets: test_active_runs_report_anything",
+    "runs top": "the same",
+    "runs stop": "the same",
     "bench list": "reads what is installed",
     "bench plan": "reads a suite",
 }
@@ -375,10 +375,10 @@ def test_active_runs_report_anything(status_socket, data):
         data.draw(st.sampled_from(WHOLE)) if kind == "whole" else json.dumps(changed(data, STATUS)).encode()
     )
     for words in (
-        ["flights", "list"],
-        ["flights", "list", "--json"],
-        ["flights", "top", "--once", "--every", "0.1"],
-        ["flights", "stop", "none_of_them"],
+        ["runs", "active"],
+        ["runs", "active", "--json"],
+        ["runs", "top", "--once", "--every", "0.1"],
+        ["runs", "stop", "none_of_them"],
     ):
         code, out, err = answer_to(words)
         check_answer(words, code, out, err)

@@ -16,7 +16,7 @@ from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.base.files import replace_file
 from gslcosim.bench.cases.agent_setup import files_in_command, find_program
 from gslcosim.bench.cases.models import EntrySpec, ScenarioSpec, Suite
-from gslcosim.methods.card import CARD_FILE
+from gslcosim.methods.card import CARD_FILE, SHARED_PARAMETERS
 from gslcosim.scenario import Scenario, load_scenario
 from gslcosim.scenario.bundled import bundled_folder, bundled_scenarios
 from gslcosim.scenario.loader import find_scenario, read_spec_file
@@ -29,9 +29,11 @@ _DIGITS = 24
 
 @cache
 def software_hash() -> str:
-    """Return what the package's own code and the packages that it computes with are."""
+    """Return what the package's own code, parameters that cards share, and the packages that it computes with are."""
     digest = hashlib.blake2b(digest_size=_DIGITS // 2)
     digest.update(hash_result_code().encode())
+    for path in sorted(SHARED_PARAMETERS.glob("*.yaml")):
+        digest.update(path.read_bytes())
     python = ".".join(str(part) for part in sys.version_info[:2])
     digest.update(json.dumps([python, *((name, version(name)) for name in COMPUTING_PACKAGES)]).encode())
     return digest.hexdigest()

@@ -1,4 +1,4 @@
-"""`gslcosim flights import`: the log of a real robot as a run."""
+"""`gslcosim runs import`: the log of a real robot as a run."""
 
 import argparse
 from pathlib import Path
@@ -7,8 +7,8 @@ from gslcosim.base.errors import ExitCode, UsageError
 from gslcosim.cli.arguments import Command, add_runs_dir_option
 from gslcosim.cli.terminal import add_json_option, write, write_json
 
-EXAMPLES = """  gslcosim flights import hall.csv --scenario hall.yaml
-  gslcosim flights import bag_2026_05_01 --scenario hall.yaml --pose /odom --topic nose=/pid/reading"""
+EXAMPLES = """  gslcosim runs import hall.csv --scenario hall.yaml
+  gslcosim runs import bag_2026_05_01 --scenario hall.yaml --pose /odom --topic nose=/pid/reading"""
 
 _BAG_ENDINGS = (".bag", ".mcap")
 

@@ -1,4 +1,4 @@
-"""`gslcosim flights list`, `top` and `stop`: runs that go on now."""
+"""`gslcosim runs active`, `top` and `stop`: runs that are active."""
 
 import argparse
 import sys
@@ -11,16 +11,16 @@ from gslcosim.cli.terminal import add_json_option, table, write, write_json, wri
 if TYPE_CHECKING:
     from gslcosim.runtime.status import ActiveRun
 
-LIST_EXAMPLES = """  gslcosim flights list
-  gslcosim flights list --json | jq -r '.[].run_id'"""
-TOP_EXAMPLES = """  gslcosim flights top             the only flight that goes on
-  gslcosim flights top warehouse_empty-seed7
-  gslcosim flights top --once --json"""
-STOP_EXAMPLES = """  gslcosim flights stop            the only flight that goes on
-  gslcosim flights stop warehouse_empty-seed7
-  gslcosim flights stop --all"""
-_RUN_HELP = "the id of a run or the beginning of it, or its folder (default: the only flight that goes on)"
-_NONE = "No flight goes on."
+ACTIVE_EXAMPLES = """  gslcosim runs active
+  gslcosim runs active --json | jq -r '.[].run_id'"""
+TOP_EXAMPLES = """  gslcosim runs top             the only active run
+  gslcosim runs top warehouse_empty-seed7
+  gslcosim runs top --once --json"""
+STOP_EXAMPLES = """  gslcosim runs stop            the only active run
+  gslcosim runs stop warehouse_empty-seed7
+  gslcosim runs stop --all"""
+_RUN_HELP = "the id of a run or the beginning of it, or its folder (default: the only active run)"
+_NONE = "No run is active."
 
 
 def _add_top_arguments(parser: argparse.ArgumentParser) -> None:
@@ -152,7 +152,7 @@ def _stop(arguments: argparse.Namespace) -> int:
     from gslcosim.runtime.status import find_active_run, list_active_runs, stop_run
 
     if arguments.all and arguments.run is not None:
-        raise UsageError("gslcosim flights stop: expected RUN or --all, was both.")
+        raise UsageError("gslcosim runs stop: expected RUN or --all, was both.")
     flights = list_active_runs() if arguments.all else [find_active_run(arguments.run)]
     for flight in flights:
         stop_run(flight)
@@ -162,18 +162,18 @@ def _stop(arguments: argparse.Namespace) -> int:
     return 0
 
 
-LIST = Command(
-    name="list",
+ACTIVE = Command(
+    name="active",
     old_name="ps",
-    summary="list the flights that go on now",
-    examples=LIST_EXAMPLES,
+    summary="list the runs that are active",
+    examples=ACTIVE_EXAMPLES,
     add_arguments=add_json_option,
     run=_list,
 )
 TOP = Command(
     name="top",
     old_name="top",
-    summary="show the participants of a flight while it goes on: tick, rate, load, memory, and who waits for whom",
+    summary="show the participants of an active run: tick, rate, load, memory, and who waits for whom",
     examples=TOP_EXAMPLES,
     add_arguments=_add_top_arguments,
     run=_top,
@@ -181,7 +181,7 @@ TOP = Command(
 STOP = Command(
     name="stop",
     old_name="stop",
-    summary="end a flight that goes on, in order, as Ctrl-C does",
+    summary="end an active run, in order, as Ctrl-C does",
     examples=STOP_EXAMPLES,
     add_arguments=_add_stop_arguments,
     run=_stop,

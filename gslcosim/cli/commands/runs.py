@@ -261,7 +261,7 @@ def _why_kept(row: Mapping[str, Any]) -> str:
     if row["state"] == "foreign":
         return "not a run"
     if row["state"] == "running":
-        return "it goes on; gslcosim flights stop ends it"
+        return "it goes on; gslcosim runs stop ends it"
     if row["size_mb"] is None:
         return f"a trial of results ({row['run']})"
     if row["state"] == "broken" and row["age_h"] < _QUIET_H:
@@ -299,7 +299,7 @@ def _repair(rows: Sequence[Mapping[str, Any]], arguments: argparse.Namespace) ->
 
 
 COMMAND = Command(
-    name="runs",
+    name="list",
     summary="list the runs of folders: scenario, method, outcome, time, size; filter, sort, remove or repair them",
     examples=EXAMPLES,
     add_arguments=_add_arguments,

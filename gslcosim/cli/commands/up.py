@@ -149,8 +149,7 @@ def _add_up_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--warm",
         action="store_true",
-        help="fly from the server that gslcosim flights serve has started, which has imported everything: a run begins "
-        "sooner",
+        help="fly from the server that gslcosim serve has started, which has imported everything: a run begins sooner",
     )
     add_runs_dir_option(parser)
     add_json_option(parser)
@@ -263,7 +262,7 @@ UP = Command(
 )
 
 
-SERVE_EXAMPLES = """  gslcosim flights serve               in one shell, until Ctrl-C
+SERVE_EXAMPLES = """  gslcosim serve                       in one shell, until Ctrl-C
   gslcosim up warehouse_empty --warm   in others, as often as wanted"""
 
 
@@ -316,7 +315,7 @@ def _restart_server() -> None:
     from gslcosim.base.processes import build_python_command
     from gslcosim.runtime.processes.fork_server import SINGLE_THREAD_VARIABLES, TITLE_PADDING
 
-    command = build_python_command("-m", "gslcosim", "flights", "serve", "--room-for-titles", TITLE_PADDING)
+    command = build_python_command("-m", "gslcosim", "serve", "--room-for-titles", TITLE_PADDING)
     finish_output()
     os.execve(command[0], command, {**os.environ, **SINGLE_THREAD_VARIABLES})
 
@@ -334,7 +333,6 @@ def _fly_warm(words: Sequence[str], fork_server: "ForkServer") -> int:
 
 SERVE = Command(
     name="serve",
-    old_name="serve",
     summary="keep a warm server for gslcosim up --warm, which has imported and warmed up what runs share",
     examples=SERVE_EXAMPLES,
     add_arguments=_add_serve_arguments,

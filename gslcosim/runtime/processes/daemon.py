@@ -1,4 +1,4 @@
-"""Daemon of `gslcosim flights serve`: imports and warms up once, then forks the supervisor of each run asked for.
+"""Daemon of `gslcosim serve`: imports and warms up once, then forks the supervisor of each run asked for.
 
 It has one thread, holds nothing of any run, and forks only while it has one. A fork has the whole run to itself: it
 forks the run's own fork server first, takes over the caller's streams, folder and environment, and flies. So what is
@@ -269,7 +269,7 @@ class _Daemon:
             if differing := find_differences(self._imported, request["identity"]):
                 raise UsageError(
                     f"up --warm: expected a server that has imported what is there now, found one with another "
-                    f"{', '.join(differing)}. Start it again: kill {os.getppid()}; gslcosim flights serve"
+                    f"{', '.join(differing)}. Start it again: kill {os.getppid()}; gslcosim serve"
                 )
             code = _run_command(connection, request["words"], self._fly, self._work)
             # Whoever has called is gone as soon as it knows.
@@ -327,7 +327,7 @@ def _send_answer(connection: socket.socket, answer: dict[str, Any]) -> None:
 
 
 ANSWER_TIMEOUT_S = 15.0
-_START_REMEDY = "Start one in another shell: gslcosim flights serve"
+_START_REMEDY = "Start one in another shell: gslcosim serve"
 
 
 def run_on_daemon(words: Sequence[str]) -> int:
@@ -386,7 +386,7 @@ def _read_secret() -> str:
     except OSError as error:
         raise UsageError(
             f"up --warm: expected the server's secret in {get_daemon_secret_file()}, could not read it ({error}). "
-            "Start the server again: gslcosim flights serve"
+            "Start the server again: gslcosim serve"
         ) from error
 
 

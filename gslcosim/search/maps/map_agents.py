@@ -66,7 +66,7 @@ class MapAgent(Agent):
 
 
 class StopBelief(Protocol):
-    """What a search from stop to stop believes with."""
+    """Belief of a search that goes from stop to stop."""
 
     @property
     def p(self) -> NDArray[np.float64]:

@@ -110,11 +110,19 @@ def test_an_old_name_is_understood_and_says_the_new_one(capsys, old):
 
 
 def test_an_old_name_takes_the_same_options_and_gives_the_same_answer(capsys):
-    assert main(["stop", "some_run", "--all"]) == main(["flights", "stop", "some_run", "--all"]) == 2
+    assert main(["stop", "some_run", "--all"]) == main(["runs", "stop", "some_run", "--all"]) == 2
     told = capsys.readouterr().err.splitlines()
     assert told[1] == told[2]
     assert main(["sweep", "x", "--foo"]) == 2
     assert capsys.readouterr().err.splitlines()[1].startswith("gslcosim sweep: the following arguments are required")
+
+
+def test_runs_without_an_action_lists_runs(capsys, tmp_path):
+    assert main(["runs", str(tmp_path)]) == main(["runs", "list", str(tmp_path)]) == 0
+    first, second = capsys.readouterr().out.splitlines()
+    assert first == second
+    assert main(["runs", "--foo"]) == 2
+    assert capsys.readouterr().err.startswith("gslcosim runs: expected one of the options")
 
 
 def test_an_old_name_that_is_misspelled_leads_to_the_new_one(capsys):

@@ -199,9 +199,9 @@ def test_runs_of_others_are_listed(monkeypatch, tmp_path, capsys):
 
         threading.Thread(target=answer, daemon=True).start()
         for words in (
-            ["flights", "list"],
-            ["flights", "list", "--json"],
-            ["flights", "top", "--once", "--every", "0.1"],
+            ["runs", "active"],
+            ["runs", "active", "--json"],
+            ["runs", "top", "--once", "--every", "0.1"],
         ):
             assert main(words) == 0
             text = capsys.readouterr().out

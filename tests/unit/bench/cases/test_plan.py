@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 
 from gslcosim.base.errors import ScenarioError
-from gslcosim.bench.cases import Plan, build_plan, load_suite
+from gslcosim.bench.cases import Plan, build_plan, load_suite, suite_files
 from gslcosim.bench.cases.models import commitment, derive_seed
+from gslcosim.methods.card import SHARED_PARAMETERS
 
 HEAD = "schema: gslcosim/suite/1\nname: mine\nanchors: []\n"
 ONE_ENTRY = "entries: [{name: beetle, start: {python: dung_beetle}}]\n"
@@ -275,3 +276,14 @@ def test_a_trial_is_plain_data(tmp_path: Path) -> None:
     (trial,) = planned(tmp_path, "scenarios: [tiny_room]\n" + ONE_ENTRY).trials
     assert json.loads(trial.scenario_json)["name"] == "tiny_room"
     assert not trial.resolved.recording.enabled
+
+
+def test_trials_are_others_when_a_parameter_that_cards_share_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compute = suite_files.software_hash.__wrapped__
+    before = compute()
+    changed = tmp_path / "information.yaml"
+    changed.write_text((SHARED_PARAMETERS / changed.name).read_text(encoding="utf-8") + "# changed\n")
+    monkeypatch.setattr(suite_files, "SHARED_PARAMETERS", tmp_path)
+    assert compute() != before

@@ -113,7 +113,7 @@ def test_a_run_that_goes_on_is_shown_so_and_never_removed(runs, capsys, monkeypa
         assert (row["state"], row["outcome"], row["time_s"]) == ("running", "flying", 7.5)
         assert main(["runs", "remove", str(runs), "--where", "run=killed", "--yes"]) == 0
         teller.join()
-    assert "it goes on; gslcosim flights stop ends it" in capsys.readouterr().out
+    assert "it goes on; gslcosim runs stop ends it" in capsys.readouterr().out
     assert (runs / "killed").is_dir()
 
 
