@@ -140,6 +140,9 @@ def validate_value(value: object, kind: type[T], *, place: str) -> T:
         msgspec.convert(value, kind)
     except (msgspec.ValidationError, OverflowError) as error:
         raise MalformedFileError(_describe_problem(str(error), place)) from error
+    except UnicodeEncodeError as error:
+        # JSON can escape half a surrogate pair, which is a character of no text.
+        raise MalformedFileError(f"{place}: expected text, was half of a surrogate pair in it.") from error
     return cast("T", value)
 
 

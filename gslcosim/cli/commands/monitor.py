@@ -34,7 +34,7 @@ def _add_top_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _add_stop_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("run", nargs="?", metavar="RUN", help=_RUN_HELP)
-    parser.add_argument("--all", action="store_true", help="all flights of this user")
+    parser.add_argument("--all", action="store_true", help="all active runs of this user")
 
 
 def _interval_s(text: str) -> float:

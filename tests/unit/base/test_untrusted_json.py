@@ -117,3 +117,8 @@ def test_plain_values_are_checked_too():
     assert validate_value({"ticks": 1}, Result, place="r") == {"ticks": 1}
     with pytest.raises(MalformedFileError, match=r"^r: expected a block, was a list\.$"):
         validate_value([], JsonObject, place="r")
+
+
+def test_half_of_a_surrogate_pair_is_no_text():
+    with pytest.raises(MalformedFileError, match=r"^here: expected text, was half of a surrogate pair"):
+        parse_json('{"\\ud800": 1}', Result, place="here")
