@@ -27,7 +27,7 @@ def written(tmp_path, *, rows=None, head=HEAD):
 def imported(capsys, tmp_path, log, *words):
     exit_code = main(
         [
-            "flights",
+            "runs",
             "import",
             str(log),
             "--scenario",
