@@ -24,13 +24,13 @@ from typing import Any
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.store import load_environment
 from gslcosim.methods.card import CARD_FILE, MethodCard, load_card
 from gslcosim.runtime.agents.loader import load_python_agent
 from gslcosim.runtime.run import run_scenario
 from gslcosim.scenario import load_scenario
-from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.scenario.loader import LoadedScenario
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim_services.fields.offline import GroundTruth, compute_ground_truth

@@ -18,9 +18,10 @@ from typing import Any
 
 import numpy as np
 
+from gslcosim.base.bundled import bundled_suites
 from gslcosim.bench.cases import build_plan, load_suite
 from gslcosim.bench.cases.models import Trial
-from gslcosim.bench.cases.suite_files import LoadedSuite, bundled_suites
+from gslcosim.bench.cases.suite_files import LoadedSuite
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.geometry_source import build_geometry
 from gslcosim.environment.model import Cell, EnvironmentGeometry, Opening

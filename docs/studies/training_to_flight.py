@@ -35,19 +35,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.bundled import bundled_agents, bundled_families, bundled_folder
 from gslcosim.bench.statistics.estimates import Estimate
 from gslcosim.bench.statistics.pairs import paired_difference
 from gslcosim.bench.statistics.rates import wilson
 from gslcosim.bench.statistics.times import counted_times, restricted_mean
 from gslcosim.environment.positions import find_position_problems
 from gslcosim.runtime.run import run_scenario
-from gslcosim.scenario.bundled import bundled_agents, bundled_folder
 from gslcosim.scenario.loader import LoadedScenario
 from gslcosim.search.learned.policy import Policy
 from gslcosim.search.learned.policy_agent import bundled_policies
 from gslcosim.search.learned.policy_files import load_policy
 from gslcosim.training.batch import BatchSearchEnv
-from gslcosim.training.family import bundled_families, load_family
+from gslcosim.training.family import load_family
 from gslcosim.training.stepped_run import LearningTask
 
 HAND_MADE = ("e_coli", "dung_beetle", "persistent_walk")

@@ -11,11 +11,11 @@ from typing import Any
 
 import yaml
 
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.errors import UsageError
 from gslcosim.base.kernel_cache import get_cache_root
 from gslcosim.conformance.participant_check import PARTICIPANT_NAME
 from gslcosim.runtime.external.protocol import is_valid_name
-from gslcosim.scenario.bundled import bundled_agents
 
 TEMPLATES = Path(__file__).parent / "templates"
 ORIGINAL_AGENT = "dung_beetle"

@@ -9,10 +9,10 @@ from typing import Any, TypeVar, cast
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
+from gslcosim.base.bundled import bundled_scenarios
 from gslcosim.base.errors import ScenarioError, describe_os_error
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.quantities import Vec3
-from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.checks import find_cross_problems, find_numbers_too_large
 from gslcosim.scenario.model_schema import find_schema_node, format_value, list_kinds, problems_from_validation
 from gslcosim.scenario.models.scenario import SCHEMA, EnvironmentSpec, Scenario, SolverSpec, VehicleSpec

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import cast
 
-from gslcosim.scenario.bundled import bundled_agents
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.scenario.problems import Problem, child_path, did_you_mean
 
 SCRIPT_ENDINGS = (".py", ".js", ".mjs", ".rb", ".pl", ".lua", ".jl", ".sh", ".m", ".jar", ".php", ".R")

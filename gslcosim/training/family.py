@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
+from gslcosim.base.bundled import bundled_families
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.rng import stream
@@ -20,7 +21,6 @@ from gslcosim.bench.studies.target import collect_bundled_seeds
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
-from gslcosim.scenario.bundled import bundled_folder
 from gslcosim.scenario.loader import LoadedScenario, find_scenario, read_spec_file
 from gslcosim.scenario.models.base import Fraction, Name, Positive, Spec, broken_rule_error
 from gslcosim.scenario.problems import Problem, did_you_mean
@@ -188,7 +188,6 @@ class FamilySpec(Spec):
         return self
 
 
-FAMILY_FILE = "family.yaml"
 _DIGITS = 6
 
 # Receives how many of how many are done.
@@ -309,11 +308,6 @@ class Family:
         shares = np.where(np.isnan(costs), 1.0, np.clip(costs, 0.0, most) / most)
         weights = doping.floor + (1.0 - doping.floor) * shares**doping.power
         return weights / weights.sum()
-
-
-def bundled_families() -> dict[str, Path]:
-    """Return the bundled family files by name."""
-    return {path.parent.name: path for path in sorted(bundled_folder("families").glob(f"*/{FAMILY_FILE}"))}
 
 
 def load_family(source: str | Path) -> Family:

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from gslcosim.base.bundled import bundled_train_files
 from gslcosim.base.errors import ScenarioError
-from gslcosim.scenario.bundled import bundled_folder
 from gslcosim.scenario.loader import read_spec_file
 from gslcosim.scenario.models.base import Name, NonNegative, Positive, Spec, broken_rule_error
 from gslcosim.scenario.problems import did_you_mean
@@ -118,12 +118,6 @@ class TrainFile:
         """A hash of all that decides what is learned: the file as resolved, and its family."""
         text = f"{self.spec.model_dump_json()}\n{self.family.identity}"
         return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
-
-
-def bundled_train_files() -> dict[str, Path]:
-    """Return the train files beside the bundled families by name."""
-    folder = bundled_folder("families")
-    return {path.stem.removesuffix(".train"): path for path in sorted(folder.glob("*/*.train.yaml"))}
 
 
 def load_train_file(source: str | Path) -> TrainFile:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.errors import MethodError
 from gslcosim.base.rng import stream
 from gslcosim.contract.messages import (
@@ -22,7 +23,6 @@ from gslcosim.contract.schema import get_contract_hash
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.methods.card import CARD_FILE, MethodCard, find_card_beside, find_unmet_needs
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.scenario.models.gas import FilamentsSpec
 from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.models.sensors import RaySensorSpec, TurnedSensorSpec

@@ -35,9 +35,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from method_flights import Flight, robots_of  # noqa: E402 - beside this file
 
+from gslcosim.base.bundled import bundled_agents  # noqa: E402
 from gslcosim.methods.card import CARD_FILE, MethodCard, load_card  # noqa: E402
 from gslcosim.runtime.agents.loader import load_python_agent  # noqa: E402
-from gslcosim.scenario.bundled import bundled_agents  # noqa: E402
 
 COSTS = ROOT / "docs" / "studies" / "method_costs.json"
 N_WARM, N_DECISIONS = 20, 300

@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 
-from gslcosim.scenario.bundled import bundled_agents
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.search.learned.policy_agent import bundled_policies
 from gslcosim.search.learned.policy_files import load_policy
 

@@ -5,8 +5,8 @@ from collections.abc import Collection
 
 import pytest
 
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.methods.card import find_card_beside
-from gslcosim.scenario.bundled import bundled_agents
 
 
 def _some():

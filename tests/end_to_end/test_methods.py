@@ -9,8 +9,8 @@ import yaml
 from real_runs import fly, fly_here
 from some_methods import every_method
 
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.methods.card import find_card_beside
-from gslcosim.scenario.bundled import bundled_agents
 
 ROOM = Path(__file__).parents[2] / "scenarios" / "tiny_room.yaml"
 # One of each kind for the short tests: plain, with a belief, over the radio.

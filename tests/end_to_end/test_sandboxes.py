@@ -27,10 +27,10 @@ from crowd import OTHER_RUNS, crowded
 from ordinary_user import run_tests_as_ordinary_user
 from real_runs import AGENTS, ROOT, TINY_ROOM, fly, fly_here
 
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.kernel_cache import get_cache_root
 from gslcosim.runtime.processes.sandbox import selection
 from gslcosim.runtime.processes.sandbox.selection import unavailable_reason
-from gslcosim.scenario.bundled import bundled_agents
 
 REQUIRED, PIPED = "agents[0].sandbox=required", "agents[0].start.door=stdio"
 SANDBOXES = ("bubblewrap", "landlock")

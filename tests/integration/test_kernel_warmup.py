@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from gslcosim.base.bundled import bundled_agents, bundled_scenarios
 from gslcosim.methods.card import find_card_beside
 from gslcosim.runtime.agents import kernel_warmup
 from gslcosim.runtime.agents.kernel_warmup import compile_agent_kernels
-from gslcosim.scenario.bundled import bundled_agents, bundled_scenarios
 from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.method_scenario import build_method_scenario
 

@@ -5,10 +5,10 @@ import json
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gslcosim.base.bundled import bundled_scenarios
 from gslcosim.base.errors import ScenarioError
 from gslcosim.cli.main import main
 from gslcosim.scenario import LoadedScenario, load_scenario
-from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.problems import InvalidScenarioError
 from gslcosim.scenario.serialization import read_yaml
 

@@ -14,11 +14,11 @@ import time
 
 import pytest
 
+from gslcosim.base.bundled import bundled_scenarios
 from gslcosim.base.errors import ExitCode
 from gslcosim.base.rng import stream
 from gslcosim.cli.arguments import iterate_commands
 from gslcosim.cli.main import GROUPS, run_command
-from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.serialization import read_yaml
 
 LENGTHS = [pytest.param(3.0, marks=pytest.mark.slow), pytest.param(240.0, marks=pytest.mark.soak)]

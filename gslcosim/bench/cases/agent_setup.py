@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.errors import ScenarioError
 from gslcosim.bench.cases.models import EntrySpec
 from gslcosim.environment.geometry_source import build_geometry, find_folder
@@ -13,7 +14,6 @@ from gslcosim.environment.positions import can_start_at
 from gslcosim.environment.store import load_environment
 from gslcosim.methods.card import MethodCard, find_card_beside
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.scenario.serialization import plain_values
 
 RADIO = "radio"

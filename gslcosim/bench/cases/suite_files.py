@@ -11,6 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from gslcosim.base.bundled import SUITE_FILE, bundled_scenarios, bundled_suites
 from gslcosim.base.code_identity import COMPUTING_PACKAGES, hash_result_code
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.base.files import replace_file
@@ -18,7 +19,6 @@ from gslcosim.bench.cases.agent_setup import files_in_command, find_program
 from gslcosim.bench.cases.models import EntrySpec, ScenarioSpec, Suite
 from gslcosim.methods.card import CARD_FILE, SHARED_PARAMETERS
 from gslcosim.scenario import Scenario, load_scenario
-from gslcosim.scenario.bundled import bundled_folder, bundled_scenarios
 from gslcosim.scenario.loader import find_scenario, read_spec_file
 from gslcosim.scenario.problems import InvalidScenarioError, did_you_mean
 from gslcosim.scenario.serialization import dump_values, plain_values
@@ -130,7 +130,6 @@ def _hash(values: Any) -> str:
     return hashlib.blake2b(text.encode(), digest_size=_DIGITS // 2).hexdigest()
 
 
-SUITE_FILE = "suite.yaml"
 _ENDINGS = (".yaml", ".yml")
 
 
@@ -151,11 +150,6 @@ class LoadedSuite:
     def demands_sandbox(self) -> bool:
         """True where agents of some or all cases must run in a sandbox."""
         return self.suite.sandbox == "required" or any(inner.demands_sandbox for inner in self.included)
-
-
-def bundled_suites() -> dict[str, Path]:
-    """Return the bundled suite files by name."""
-    return {path.parent.name: path for path in sorted(bundled_folder("suites").glob(f"*/{SUITE_FILE}"))}
 
 
 def load_suite(source: str | Path, *, seed: int | None = None) -> LoadedSuite:

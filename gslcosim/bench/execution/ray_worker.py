@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import gslcosim
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.disk_cache import mark_used
 from gslcosim.base.errors import EnvironmentDataError, GslCosimError
 from gslcosim.base.files import ScratchFolder
@@ -24,7 +25,6 @@ from gslcosim.environment.geometry_source import find_folder, wind_file
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.status import RunResult
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.scenario.models.scenario import StartSpec
 
 # Programs of the system are the node's own.

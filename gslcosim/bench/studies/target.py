@@ -11,6 +11,7 @@ from typing import Any
 
 import yaml
 
+from gslcosim.base.bundled import bundled_agents, bundled_scenarios, bundled_suites
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.yaml_core import CoreLoader
@@ -27,10 +28,9 @@ from gslcosim.bench.cases.models import (
     derive_seed,
 )
 from gslcosim.bench.cases.plan import expand_cases
-from gslcosim.bench.cases.suite_files import LoadedSuite, bundled_suites, find_suite, load_suite
+from gslcosim.bench.cases.suite_files import LoadedSuite, find_suite, load_suite
 from gslcosim.contract.messages import ParameterValue
 from gslcosim.methods.card import MethodCard, Parameter, find_unmet_needs
-from gslcosim.scenario.bundled import bundled_agents, bundled_scenarios
 from gslcosim.scenario.loader import find_scenario
 from gslcosim.scenario.models.scenario import StartSpec
 from gslcosim.scenario.problems import did_you_mean

@@ -115,7 +115,8 @@ def _add_results(parser: argparse.ArgumentParser) -> None:
 
 
 def _list(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.cases import bundled_suites, load_suite
+    from gslcosim.base.bundled import bundled_suites
+    from gslcosim.bench.cases import load_suite
 
     suites = {name: load_suite(path).suite for name, path in bundled_suites().items()}
     if arguments.json:

@@ -171,7 +171,7 @@ def event_overrides(scenario: "Scenario", events: Sequence[str]) -> list[str]:
 
 
 def _start_block(program: str) -> str:
-    from gslcosim.scenario.bundled import bundled_agents
+    from gslcosim.base.bundled import bundled_agents
 
     if program.lstrip().startswith("{"):
         return program

@@ -26,7 +26,7 @@ _HIDDEN = ("file", "settings")
 
 
 def _scenarios() -> list[Row]:
-    from gslcosim.scenario.bundled import bundled_scenarios
+    from gslcosim.base.bundled import bundled_scenarios
 
     return [
         {"name": name, "description": _first_comment(path), "file": str(path)}
@@ -35,7 +35,7 @@ def _scenarios() -> list[Row]:
 
 
 def _agents() -> list[Row]:
-    from gslcosim.scenario.bundled import bundled_agents
+    from gslcosim.base.bundled import bundled_agents
 
     return [
         {"name": name, "description": _first_docstring_line(path), "file": str(path)}

@@ -194,7 +194,7 @@ def _named_fields(arguments: argparse.Namespace) -> "FieldSampler":
 
 
 def _is_bundled(name: str) -> bool:
-    from gslcosim.scenario.bundled import bundled_scenarios
+    from gslcosim.base.bundled import bundled_scenarios
 
     return name in bundled_scenarios()
 

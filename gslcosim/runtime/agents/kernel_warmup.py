@@ -13,13 +13,13 @@ import sys
 from collections.abc import Callable, Generator
 from pathlib import Path
 
+from gslcosim.base.bundled import bundled_agents, bundled_scenarios
 from gslcosim.base.errors import GslCosimError
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE, PACKAGE_DIR
 from gslcosim.base.processes import build_parent_death_prefix, build_python_command
 from gslcosim.methods.card import find_card_beside
 from gslcosim.runtime.processes.sandbox.selection import choose_sandbox
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.bundled import bundled_agents, bundled_scenarios
 from gslcosim.scenario.method_scenario import METHOD_SCENARIO, build_method_scenario
 
 if sys.platform != "win32":

@@ -7,9 +7,9 @@ from collections.abc import Container, Sequence
 from pathlib import Path
 
 from gslcosim.agent_kit import Agent
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.errors import UsageError
 from gslcosim.base.processes import build_python_command
-from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 
 

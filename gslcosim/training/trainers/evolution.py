@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.errors import MethodError, SimulationFault, UsageError
 from gslcosim.base.rng import stream
 from gslcosim.bench.cases.agent_setup import apply_entry, find_card
@@ -20,7 +21,6 @@ from gslcosim.contract.messages import ParameterValue
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.methods.card import MethodCard, find_unmet_needs
 from gslcosim.runtime.status import RunResult
-from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.scenario.loader import LoadedScenario, resolve_values
 from gslcosim.scenario.models.scenario import StartSpec
 from gslcosim.scenario.serialization import plain_values

@@ -22,7 +22,7 @@ import pytest
 from deadlines import PROCESS_S
 
 from gslcosim.base import kernel_cache
-from gslcosim.scenario.bundled import bundled_agents
+from gslcosim.base.bundled import bundled_agents
 
 pytestmark = [
     pytest.mark.slow,

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gslcosim.base.bundled import bundled_families, bundled_train_files
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.cli.main import main
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.search.learned.policy_agent import POLICY_FILE
 from gslcosim.search.learned.policy_files import PARAMETERS_FILE, load_parameters, load_policy
-from gslcosim.training.family import bundled_families
-from gslcosim.training.train_file import bundled_train_files, load_train_file
+from gslcosim.training.train_file import load_train_file
 from gslcosim.training.training_run import CHECKPOINT, Training
 
 TINY = "open_halls_tiny"

@@ -8,10 +8,10 @@ import pytest
 from briefings import MODELS, PLUME, briefing, observation, open_map
 
 from gslcosim.agent_kit import Agent, Observation
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.errors import MethodError
 from gslcosim.methods.card import find_card_beside
 from gslcosim.runtime.agents.loader import load_python_agent
-from gslcosim.scenario.bundled import bundled_agents
 
 SIZE_M = (12.0, 9.0, 4.0)
 START_M = (8.0, 4.0, 2.0)

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.methods.card import find_card_beside
-from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.search.learned.policy_agent import bundled_policies
 from gslcosim.search.learned.policy_files import PARAMETERS_FILE, load_parameters, load_policy, read_policy_card
 

@@ -1,9 +1,9 @@
 import pytest
 import yaml
 
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.errors import MethodError
 from gslcosim.methods.card import find_card_beside, find_unmet_needs, load_card
-from gslcosim.scenario.bundled import bundled_agents
 from gslcosim_services.sensing.models import sensor_kind
 
 CARD = {

@@ -2,8 +2,8 @@
 
 import pytest
 
+from gslcosim.base.bundled import bundled_scenarios
 from gslcosim.base.errors import ScenarioError
-from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.problems import InvalidScenarioError, Problem
 

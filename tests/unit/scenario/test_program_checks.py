@@ -5,9 +5,9 @@ import sys
 
 import pytest
 
+from gslcosim.base.bundled import bundled_agents, bundled_scenarios
 from gslcosim.base.errors import ScenarioError
 from gslcosim.scenario import program_checks
-from gslcosim.scenario.bundled import bundled_agents, bundled_scenarios
 from gslcosim.scenario.loader import load_scenario
 
 PYTHON = "{python: dung_beetle}"

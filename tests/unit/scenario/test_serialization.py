@@ -3,8 +3,8 @@
 import pytest
 import yaml
 
+from gslcosim.base.bundled import bundled_scenarios
 from gslcosim.scenario import Scenario, dump_resolved, load_scenario
-from gslcosim.scenario.bundled import bundled_scenarios
 from gslcosim.scenario.serialization import read_yaml
 
 

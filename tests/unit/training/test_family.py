@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from gslcosim.base.bundled import bundled_families
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.bench.studies.target import collect_bundled_seeds
-from gslcosim.training.family import bundled_families, load_family
+from gslcosim.training.family import load_family
 
 SEEDS = "seeds: {training: {first: 10, count: 5}, validation: {first: 20, count: 5}, test: {first: 30, count: 5}}"
 VARY = """vary:

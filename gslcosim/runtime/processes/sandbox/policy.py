@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import gslcosim
+from gslcosim.base.bundled import bundled_agents, bundled_folder
 from gslcosim.base.files import user_state_folder
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE, get_cache_root
 from gslcosim.runtime.processes.daemon import get_daemon_folder
 from gslcosim.runtime.status import get_status_folder
-from gslcosim.scenario.bundled import bundled_agents, bundled_folder
 
 # Read-only for every agent, where they exist.
 SYSTEM_FOLDERS = (

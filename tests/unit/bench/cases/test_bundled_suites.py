@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 import yaml
 
+from gslcosim.base.bundled import bundled_agents, bundled_suites
 from gslcosim.bench.cases import Plan, build_plan, load_suite
 from gslcosim.bench.cases.models import EntrySpec, ScenarioSpec, Suite
-from gslcosim.bench.cases.suite_files import LoadedSuite, bundled_suites
+from gslcosim.bench.cases.suite_files import LoadedSuite
 from gslcosim.methods.card import MethodCard, find_card_beside
-from gslcosim.scenario.bundled import bundled_agents
 
 ROOT = Path(__file__).parents[4]
 PAGE = ROOT / "docs" / "benchmark" / "suites.md"

@@ -267,7 +267,7 @@ def test_a_damaged_suite_file_of_results_is_written_again(tmp_path: Path) -> Non
 
 
 def _tiny_room() -> str:
-    from gslcosim.scenario.bundled import bundled_scenarios
+    from gslcosim.base.bundled import bundled_scenarios
 
     return str(bundled_scenarios()["tiny_room"])
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.bench.cases import Trial, build_plan, load_suite
 from gslcosim.bench.execution.ray_worker import BundleBuilder, FileBundle, path_below, relocate_trial, unpack_bundle
-from gslcosim.scenario.bundled import bundled_agents
 
 SUITE = """
 schema: gslcosim/suite/1

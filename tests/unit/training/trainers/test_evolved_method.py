@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.methods.card import find_card_beside
-from gslcosim.scenario.bundled import bundled_agents
 from gslcosim.training.family import load_family
 from gslcosim.training.trainers.evolution import EvolvedMethod, compute_cost
 from gslcosim.training.trainers.trainer import MethodSettings

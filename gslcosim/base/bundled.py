@@ -1,4 +1,4 @@
-"""Bundled scenarios and agents, found by name without importing them."""
+"""Bundled scenarios, suites, families, train files and agents, found by name without importing or reading them."""
 
 import importlib.util
 from pathlib import Path
@@ -6,11 +6,29 @@ from pathlib import Path
 SCENARIOS_PACKAGE = "gslcosim_scenarios"
 AGENTS_PACKAGE = "gslcosim_agents"
 AGENT_FILE = "agent.py"
+SUITE_FILE = "suite.yaml"
+FAMILY_FILE = "family.yaml"
 
 
 def bundled_scenarios() -> dict[str, Path]:
     """Return the bundled scenario files by name."""
     return {path.stem: path for path in sorted(_folder_of(SCENARIOS_PACKAGE).glob("*.yaml"))}
+
+
+def bundled_suites() -> dict[str, Path]:
+    """Return the bundled suite files by name."""
+    return {path.parent.name: path for path in sorted(bundled_folder("suites").glob(f"*/{SUITE_FILE}"))}
+
+
+def bundled_families() -> dict[str, Path]:
+    """Return the bundled family files by name."""
+    return {path.parent.name: path for path in sorted(bundled_folder("families").glob(f"*/{FAMILY_FILE}"))}
+
+
+def bundled_train_files() -> dict[str, Path]:
+    """Return the train files beside the bundled families by name."""
+    folder = bundled_folder("families")
+    return {path.stem.removesuffix(".train"): path for path in sorted(folder.glob("*/*.train.yaml"))}
 
 
 def bundled_agents() -> dict[str, Path]:
