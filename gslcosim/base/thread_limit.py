@@ -46,8 +46,10 @@ def check_thread_limit() -> None:
 
 
 @contextlib.contextmanager
-def reserve_session_threads() -> Generator[None]:
+def reserve_session_threads() -> Generator[bool]:
     """Refuse a limit that a session of Zenoh would run into, and let one be opened within the block.
+
+    Yields whether the limit is low: then a session must start all its threads within the block.
 
     Where the user's limit is low, processes open theirs one after another: otherwise several would see the same
     threads free. Where it is high this costs nothing.
@@ -56,14 +58,14 @@ def reserve_session_threads() -> Generator[None]:
         MachineError: so many threads cannot be started now.
     """
     if sys.platform == "win32":
-        yield
+        yield False
         return
     import fcntl
     import resource
 
     limit = resource.getrlimit(resource.RLIMIT_NPROC)[0]
     if limit == resource.RLIM_INFINITY or limit >= _HIGH_LIMIT:
-        yield
+        yield False
         return
     # The one file that all processes of a run can read, whoever they are. An agent among them may hold it for ever.
     with Path(__file__).open("rb") as common:
@@ -75,4 +77,4 @@ def reserve_session_threads() -> Generator[None]:
             except BlockingIOError:
                 time.sleep(_TURN_POLL_PERIOD_S)
         check_thread_limit()
-        yield
+        yield True

@@ -116,8 +116,13 @@ _UNIX_SOCKET = "unixsock-stream/"
 _MAX_ATTEMPTS = 3
 
 
-def open_session(config: zenoh.Config) -> zenoh.Session:
+def open_session(config: zenoh.Config, *, first_member: zenoh.Config | None = None) -> zenoh.Session:
     """Open a session.
+
+    Args:
+        config: Of the session.
+        first_member: Of a member that joins a router and leaves it at once where the limit on threads is low: a router
+            starts the threads that read only when the first member comes, and by then others may have taken them.
 
     Raises:
         MachineError: the machine lacks what a session needs, such as files that may be open.
@@ -125,8 +130,11 @@ def open_session(config: zenoh.Config) -> zenoh.Session:
     """
     try:
         # Its runtime panics where it gets no thread.
-        with reserve_session_threads():
-            return zenoh.open(config)
+        with reserve_session_threads() as is_low:
+            session = zenoh.open(config)
+            if is_low and first_member is not None:
+                zenoh.open(first_member).close()
+            return session
     except zenoh.ZError as error:
         found = re.search(r"\(os error (\d+)\)", str(error))
         number = int(found[1]) if found is not None else 0
@@ -382,17 +390,13 @@ class ZenohBus:
             set_unread_limit(config, WATCHED_LEASE_MS if join.is_watched else elsewhere_ms)
         if not join.is_watched:
             _enable_compression(config)
-        config.insert_json5("mode", '"client"')
-        config.insert_json5("connect/endpoints", json.dumps([join.endpoint]))
-        config.insert_json5("listen/endpoints", "[]")
+        _insert_client(config, join.endpoint, join.user, join.password)
         if join.tls_root_ca is not None:
             _insert_base64(config, "root_ca_certificate_base64", join.tls_root_ca)
         if join.tls_client_certificate is not None and join.tls_client_key is not None:
             config.insert_json5("transport/link/tls/enable_mtls", "true")
             _insert_base64(config, "connect_certificate_base64", join.tls_client_certificate)
             _insert_base64(config, "connect_private_key_base64", join.tls_client_key)
-        config.insert_json5("transport/auth/usrpwd/user", json.dumps(join.user))
-        config.insert_json5("transport/auth/usrpwd/password", json.dumps(join.password))
         # Whoever is watched is ended with the supervisor, so a router that is silent is one that is stopped.
         endpoint = join.endpoint if join.is_watched else ""
         try:
@@ -449,8 +453,12 @@ class ZenohBus:
         config.insert_json5("transport/auth/usrpwd/user", json.dumps(SERVICE_ACCOUNT))
         config.insert_json5("transport/auth/usrpwd/password", json.dumps(service_password))
         config.insert_json5("access_control", json.dumps(build_access_control(namespace, agents)))
+        first_member = None
+        if is_local and endpoints:
+            first_member = build_session_config(namespace)
+            _insert_client(first_member, endpoints[0], SERVICE_ACCOUNT, service_password)
         try:
-            return cls(open_session(config), namespace)
+            return cls(open_session(config, first_member=first_member), namespace)
         except zenoh.ZError as error:
             raise SimulationFault(f"router: expected to listen on {endpoints}, could not: {error}") from error
         finally:
@@ -603,6 +611,14 @@ def build_session_config(namespace: str | None, *, lease_ms: int = LEASE_MS) -> 
     config.insert_json5("transport/link/tx/lease", str(lease_ms))
     config.insert_json5("transport/link/tx/keep_alive", "4")
     return config
+
+
+def _insert_client(config: zenoh.Config, endpoint: str, user: str, password: str) -> None:
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    config.insert_json5("listen/endpoints", "[]")
+    config.insert_json5("transport/auth/usrpwd/user", json.dumps(user))
+    config.insert_json5("transport/auth/usrpwd/password", json.dumps(password))
 
 
 # Used on a link whose both ends have it: keys of messages come again and again.
