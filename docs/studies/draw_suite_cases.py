@@ -24,7 +24,7 @@ from gslcosim.bench.cases.models import Trial
 from gslcosim.bench.cases.suite_files import LoadedSuite
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.geometry_source import build_geometry
-from gslcosim.environment.model import Cell, EnvironmentGeometry, Opening
+from gslcosim.environment.plan_view import PlanOpening, PlanView, space_arrows
 from gslcosim.environment.store import load_environment
 
 PICTURE = "cases.png"
@@ -98,14 +98,14 @@ def draw_panel(axis: Any, panel: Panel, *, has_wind: bool) -> None:
     scenario = panel.trial.resolved
     room = build_geometry(scenario.environment, scenario.wind, scenario_dir=panel.trial.directory)
     vehicle = scenario.agents[0].vehicle
-    shades = plan_of_room(room, vehicle.search_height_m)
-    (x_m, y_m, _), (to_x_m, to_y_m, _) = room.grid.origin_m, room.grid.max_m
-    extent = (x_m, to_x_m, y_m, to_y_m)
-    axis.imshow(shades.T, origin="lower", extent=extent, cmap="Greys", vmin=0, vmax=3, interpolation="nearest")
+    plan = PlanView.of(room, vehicle.search_height_m)
+    x_m, to_x_m, y_m, to_y_m = plan.extent_m
+    shades = np.where(plan.solid, 2, np.where(plan.below, 1, 0))
+    axis.imshow(shades.T, origin="lower", extent=plan.extent_m, cmap="Greys", vmin=0, vmax=3, interpolation="nearest")
     if has_wind:
         draw_wind(axis, panel)
-    for opening in room.openings:
-        draw_opening(axis, opening)
+    for seen in plan.openings:
+        draw_opening(axis, seen)
     starts_m, sources_m = np.array(sorted(panel.starts_m)), np.array(sorted(panel.sources_m))
     axis.plot(starts_m[:, 0], starts_m[:, 1], "o", ms=4, color="black", mec="white", mew=0.6, clip_on=False)
     axis.plot(sources_m[:, 0], sources_m[:, 1], "x", ms=7, mew=1.8, color="tab:red", clip_on=False)
@@ -116,26 +116,18 @@ def draw_panel(axis: Any, panel: Panel, *, has_wind: bool) -> None:
     axis.tick_params(labelsize=6, length=2)
 
 
-def plan_of_room(room: EnvironmentGeometry, height_m: float) -> np.ndarray:
-    """Return (nx, ny) 2 where it is solid at a height above the floor, 1 where only below, 0 where it is air."""
-    is_solid = room.occupancy == Cell.SOLID
-    layer = int((height_m - room.grid.origin_m[2]) / room.grid.cell_m)
-    return np.where(is_solid[:, :, layer], 2, np.where(is_solid[:, :, :layer].any(axis=2), 1, 0))
-
-
-def draw_opening(axis: Any, opening: Opening) -> None:
-    """Draw an inlet or outlet as a line, and an arrow at an inlet."""
-    (x_m, y_m, _), (to_x_m, to_y_m, _) = opening.min_m, opening.max_m
-    if x_m != to_x_m and y_m != to_y_m:  # in the ceiling, or an open sky
+def draw_opening(axis: Any, seen: PlanOpening) -> None:
+    """Draw an inlet or outlet at a side as a line, and an arrow at an inlet."""
+    if not seen.is_at_side:
         return
-    colour = "tab:blue" if opening.kind == "inlet" else "tab:cyan"
-    axis.plot([x_m, to_x_m], [y_m, to_y_m], lw=4, color=colour, clip_on=False, solid_capstyle="butt")
-    if opening.kind == "inlet":
-        middle_m = (0.5 * (x_m + to_x_m), 0.5 * (y_m + to_y_m))
-        u, v = opening.velocity_m_s[:2]
+    colour = "tab:blue" if seen.is_inlet else "tab:cyan"
+    axis.plot(*zip(*seen.path_m(), strict=True), lw=4, color=colour, clip_on=False, solid_capstyle="butt")
+    if seen.is_inlet:
+        x_m, y_m = np.mean(seen.corners_m, axis=0)
+        u, v = seen.opening.velocity_m_s[:2]
         speed = max(np.hypot(u, v), 1e-9)
         axis.annotate(
-            "", xytext=middle_m, xy=(middle_m[0] + 1.5 * u / speed, middle_m[1] + 1.5 * v / speed),
+            "", xytext=(x_m, y_m), xy=(x_m + 1.5 * u / speed, y_m + 1.5 * v / speed),
             arrowprops={"arrowstyle": "-|>", "color": "tab:blue", "lw": 1.5, "shrinkA": 0, "shrinkB": 0},
         )  # fmt: skip
 
@@ -144,13 +136,11 @@ def draw_wind(axis: Any, panel: Panel) -> None:
     """Draw the mean wind at the height of search, solved now if it has not been before."""
     scenario = panel.trial.resolved
     environment = load_environment(prepare_environment(scenario, scenario_dir=panel.trial.directory))
-    grid = environment.grid
-    layer = int((scenario.agents[0].vehicle.search_height_m - grid.origin_m[2]) / grid.cell_m)
-    mean_m_s = environment.wind.velocity_m_s[:, :, :, layer, :2].mean(axis=0)
-    step = max(1, max(grid.shape[:2]) // ARROWS_A_SIDE)
-    cells = (slice(step // 2, None, step), slice(step // 2, None, step))
-    x_m, y_m = np.meshgrid(grid.axis_centres_m(0)[cells[0]], grid.axis_centres_m(1)[cells[1]], indexing="ij")
-    u, v = mean_m_s[cells][..., 0], mean_m_s[cells][..., 1]
+    plan = PlanView.of(environment, scenario.agents[0].vehicle.search_height_m)
+    mean_m_s = environment.wind.velocity_m_s[:, :, :, plan.layer, :2].mean(axis=0)
+    cells, spacing = space_arrows(~plan.solid, ARROWS_A_SIDE)
+    x_m, y_m = (np.array(plan.grid.origin_m[:2]) + (cells + spacing / 2 - spacing // 2) * plan.grid.cell_m).T
+    u, v = mean_m_s[cells[:, 0], cells[:, 1]].T
     speed = np.hypot(u, v)
     # Roots, so that slow air has arrows that can be seen.
     shown = np.where(speed > LEAST_WIND_M_S, 1.0 / np.sqrt(np.maximum(speed, LEAST_WIND_M_S)), np.nan)

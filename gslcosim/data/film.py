@@ -19,7 +19,8 @@ from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import Quaternion
 from gslcosim.data.run import RunData
 from gslcosim.data.streams import RecordedSeries, RecordedTrack
-from gslcosim.environment.model import Cell
+from gslcosim.environment.formats.picture import PlanPainter
+from gslcosim.environment.plan_view import PixelScale, PlanView
 from gslcosim_services.cameras.core import FreeCamera, project_points
 from gslcosim_services.recorder import colors
 from gslcosim_services.recorder.colors import GasScale, Rgb, agent_color
@@ -196,8 +197,8 @@ def _font(size_px: int) -> Any:
 
 _MARGIN_PX = 12
 _N_ARROWS = 14
-_ARROW_S = 0.8
 _DOT_PX = 5
+_OPENING_PX = 4
 
 
 class PlanPanel:
@@ -213,19 +214,11 @@ class PlanPanel:
 
     def __init__(self, run: RunData, size_px: tuple[int, int]) -> None:
         self._run = run
-        self._size_px = size_px
-        grid = run.environment.grid
-        length_m, width_m = grid.shape[0] * grid.cell_m, grid.shape[1] * grid.cell_m
-        self._scale = min((size_px[0] - 2 * _MARGIN_PX) / length_m, (size_px[1] - 2 * _MARGIN_PX) / width_m)
-        self._left = (size_px[0] - length_m * self._scale) / 2
-        self._bottom = size_px[1] - (size_px[1] - width_m * self._scale) / 2
-        self._origin_m = grid.origin_m
-        self._room_px = (round(length_m * self._scale), round(width_m * self._scale))
-        height_m = run.scenario.slice_height_m
-        self._level = int(np.clip((height_m - grid.origin_m[2]) / grid.cell_m, 0, grid.shape[2] - 1))
+        self._room = run.environment
+        self._scale = PixelScale.fit(self._plan(), size_px, _MARGIN_PX)
         self._colors = {name: agent_color(i) for i, name in enumerate(run.agents)}
-        self._shown_snapshot, self._room = -1, run.environment
-        self._ground = self._with_gas(-1)
+        self._shown_snapshot = -1
+        self._ground = self._draw_room(-1)
         # Tracks stay: they are drawn on as time passes.
         self._tracks = Image.new("RGBA", size_px, (0, 0, 0, 0))
         self._last_px: dict[str, tuple[float, float]] = {}
@@ -235,12 +228,12 @@ class PlanPanel:
         snapshot, room = self._snapshot(time_s), self._run.room_at(time_s)
         if snapshot != self._shown_snapshot or room is not self._room:
             self._shown_snapshot, self._room = snapshot, room
-            self._ground = self._with_gas(snapshot)
+            self._ground = self._draw_room(snapshot)
         draw = ImageDraw.Draw(self._tracks)
         if not self._last_px:
             self._draw_past(draw, time_s)
         for agent, (place_m, _) in poses.items():
-            here = self._pixel(place_m)
+            here = self._scale.pixel(place_m)
             if agent in self._last_px:
                 draw.line((self._last_px[agent], here), fill=(*self._colors[agent], 255), width=2)
             self._last_px[agent] = here
@@ -249,18 +242,18 @@ class PlanPanel:
         over = ImageDraw.Draw(picture)
         self._draw_marks(over, time_s)
         for agent, (place_m, turn) in poses.items():
-            _draw_vehicle(over, self._pixel(place_m), yaw_from_quaternion(turn), self._colors[agent])
+            _draw_vehicle(over, self._scale.pixel(place_m), yaw_from_quaternion(turn), self._colors[agent])
         return picture
 
     def place_of(self, place_m: Vec3) -> tuple[int, int]:
         """Return where in the picture, right and down, a place in the room is drawn [m]."""
-        x, y = self._pixel(place_m)
+        x, y = self._scale.pixel(place_m)
         return round(x), round(y)
 
     # What was run before the film begins.
     def _draw_past(self, draw: ImageDraw.ImageDraw, time_s: float) -> None:
         for agent, track in self._run.tracks.items():
-            past = [self._pixel(place_m) for place_m in track.position_world_m[track.time_s <= time_s]]
+            past = [self._scale.pixel(place_m) for place_m in track.position_world_m[track.time_s <= time_s]]
             if len(past) > 1:
                 draw.line(past, fill=(*self._colors[agent], 255), width=2)
 
@@ -268,64 +261,42 @@ class PlanPanel:
         slices = next(iter(self._run.gas_slices.values()), None)
         return -1 if slices is None else int(np.searchsorted(slices.time_s, time_s + 1e-9, side="right")) - 1
 
-    def _with_gas(self, snapshot: int) -> Image.Image:
-        picture = Image.new("RGB", self._size_px, colors.BACKGROUND)
-        corner = (round(self._left), round(self._bottom - self._room_px[1]))
+    def _draw_room(self, snapshot: int) -> Image.Image:
+        plan = self._plan()
+        painter = PlanPainter(plan, self._scale, colors.BACKGROUND)
         slices = next(iter(self._run.gas_slices.values()), None)
         if slices is None or snapshot < 0:
-            picture.paste(colors.MAP_FLOOR, (*corner, corner[0] + self._room_px[0], corner[1] + self._room_px[1]))
+            painter.floor(colors.MAP_FLOOR)
         else:
             levels = GasScale.of(self._run.scenario).levels(slices.mixing_ratio_ppm(snapshot))
-            rgb = np.ascontiguousarray(colors.slice_colors()[levels.T[::-1]][..., :3])
-            picture.paste(Image.fromarray(rgb).resize(self._room_px, Image.Resampling.BILINEAR), corner)
-        is_solid = self._room.occupancy[:, :, self._level] == Cell.SOLID
-        if is_solid.any():
-            mask = Image.fromarray((is_solid.T[::-1] * 255).astype(np.uint8))
-            picture.paste(colors.MAP_OBSTACLES, corner, mask.resize(self._room_px, Image.Resampling.NEAREST))
-        draw = ImageDraw.Draw(picture)
-        draw.rectangle(
-            (corner[0] - 1, corner[1] - 1, corner[0] + self._room_px[0], corner[1] + self._room_px[1]),
-            outline=colors.EDGES,
-        )
-        self._draw_wind(draw)
+            painter.picture(colors.slice_colors()[levels][..., :3])
+        painter.cells(plan.solid, colors.MAP_OBSTACLES)
+        # Gas is over what ends below: it is seen by its edges, as on the map of the recording.
+        painter.cell_outline(plan.below, colors.MAP_OBSTACLES)
+        painter.outline(colors.EDGES)
+        painter.wind(self._run.wind_m_s(0.0), _dim(colors.WIND), _N_ARROWS)
+        painter.openings(colors.INLET, colors.OUTLET, width=_OPENING_PX)
         for source in self._run.scenario.gas.sources:
-            x, y = self._pixel(source.position_m)
-            draw.ellipse((x - _DOT_PX, y - _DOT_PX, x + _DOT_PX, y + _DOT_PX), outline=colors.SOURCE, width=3)
-        return picture
-
-    # As far as the air goes in `_ARROW_S`.
-    def _draw_wind(self, draw: ImageDraw.ImageDraw) -> None:
-        grid = self._run.environment.grid
-        wind_m_s = self._run.wind_m_s(0.0)[:, :, self._level, :2]
-        step = max(1, max(grid.shape[:2]) // _N_ARROWS)
-        for i in range(step // 2, grid.shape[0], step):
-            for j in range(step // 2, grid.shape[1], step):
-                u, v = (float(part) for part in wind_m_s[i, j])
-                if math.hypot(u, v) < 1e-3:
-                    continue
-                tail_m = (self._origin_m[0] + (i + 0.5) * grid.cell_m, self._origin_m[1] + (j + 0.5) * grid.cell_m)
-                tip = self._pixel((tail_m[0] + u * _ARROW_S, tail_m[1] + v * _ARROW_S, 0.0))
-                draw.line((self._pixel((*tail_m, 0.0)), tip), fill=_dim(colors.WIND), width=1)
-                draw.ellipse((tip[0] - 1, tip[1] - 1, tip[0] + 1, tip[1] + 1), fill=_dim(colors.WIND))
+            painter.dot(source.position_m, _DOT_PX, outline=colors.SOURCE, width=3)
+        return painter.image
 
     def _draw_marks(self, draw: ImageDraw.ImageDraw, time_s: float) -> None:
         for agent, points in self._run.waypoints.items():
             i = int(np.searchsorted(points.time_s, time_s + 1e-9, side="right")) - 1
             if i >= 0:
-                x, y = self._pixel(points.position_world_m[i])
+                x, y = self._scale.pixel(points.position_world_m[i])
                 draw.line((x - 4, y, x + 4, y), fill=self._colors[agent])
                 draw.line((x, y - 4, x, y + 4), fill=self._colors[agent])
         for agent, points in self._run.marks.items():
             for i in range(int(np.searchsorted(points.time_s, time_s + 1e-9, side="right"))):
                 if points.label[i] in ("start", ""):
                     continue
-                x, y = self._pixel(points.position_world_m[i])
+                x, y = self._scale.pixel(points.position_world_m[i])
                 draw.ellipse((x - 3, y - 3, x + 3, y + 3), fill=self._colors[agent])
                 draw_text(draw, (x + 6, y - 8), points.label[i], colors.READING, 13)
 
-    def _pixel(self, place_m: "Vec3 | np.ndarray") -> tuple[float, float]:
-        x_m, y_m = float(place_m[0]) - self._origin_m[0], float(place_m[1]) - self._origin_m[1]
-        return self._left + x_m * self._scale, self._bottom - y_m * self._scale
+    def _plan(self) -> PlanView:
+        return PlanView.of(self._room, self._run.scenario.slice_height_m)
 
 
 def _dim(color: Rgb) -> Rgb:

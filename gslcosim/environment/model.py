@@ -56,6 +56,11 @@ class Grid:
         """Return the (…, 3) indices of the cells that hold (…, 3) points; they may lie outside the grid."""
         return np.floor((np.asarray(position_world_m) - self.origin_m) / self.cell_m).astype(np.int64)
 
+    def index_at(self, axis: int, coordinate_m: float) -> int:
+        """Return the index of the layer across an axis that holds a coordinate [m]; outside the grid the nearest."""
+        index = int((coordinate_m - self.origin_m[axis]) / self.cell_m)
+        return min(max(index, 0), self.shape[axis] - 1)
+
     def contains_cell(self, cell: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which of (…, 3) cell indices lie in the grid."""
         return np.all((cell >= 0) & (cell < self.shape), axis=-1)

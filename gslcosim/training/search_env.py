@@ -7,20 +7,23 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
+from PIL import ImageDraw
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.quantities import Vec3
-from gslcosim.environment.model import Cell, Environment
+from gslcosim.environment.formats.picture import PlanPainter
+from gslcosim.environment.model import Environment
+from gslcosim.environment.plan_view import PixelScale, PlanView
 from gslcosim.search.learned.encoding import ActionKind, ObservationVector, action_kind
 from gslcosim.training import REMEDY
 from gslcosim.training.rewards import AgentState, Reward, TaskScale, reward_function
 from gslcosim.training.stepped_run import LearningTask, SteppedRun
 
 LONG_SIDE_PX = 480
-_AIR, _SOLID = (255, 255, 255), (120, 120, 125)
+_AIR, _SOLID, _BELOW = (255, 255, 255), (120, 120, 125), (222, 222, 226)
+_INLET, _OUTLET = (76, 160, 255), (205, 130, 255)
 _PATH, _VEHICLE, _SOURCE = (0, 114, 178), (213, 94, 0), (0, 158, 115)
-_DOT_PX = 6
+_DOT_PX, _OPENING_PX = 6, 7
 
 
 @dataclass
@@ -39,38 +42,29 @@ class MapImage:
     _path: list[tuple[float, float]] = field(default_factory=list[tuple[float, float]])
 
     def __post_init__(self) -> None:
-        grid = self.environment.grid
-        level = int(np.clip((self.height_m - grid.origin_m[2]) / grid.cell_m, 0, grid.shape[2] - 1))
-        is_free = self.environment.occupancy[:, :, level] != Cell.SOLID
-        self._scale = LONG_SIDE_PX / (max(grid.shape[:2]) * grid.cell_m)
-        size = (round(grid.shape[0] * grid.cell_m * self._scale), round(grid.shape[1] * grid.cell_m * self._scale))
-        cells = np.array([_SOLID, _AIR], np.uint8)[is_free.T[::-1].astype(np.int64)]
-        self._plan = Image.fromarray(cells).resize(size, Image.Resampling.NEAREST)
+        plan = PlanView.of(self.environment, self.height_m)
+        self._scale = PixelScale.for_long_side(plan, LONG_SIDE_PX)
+        painter = PlanPainter(plan, self._scale, _AIR)
+        painter.cells(plan.below, _BELOW)
+        painter.cells(plan.solid, _SOLID)
+        painter.openings(_INLET, _OUTLET, width=_OPENING_PX)
+        for source_m in self.sources_m:
+            painter.dot(source_m, _DOT_PX, fill=_SOURCE)
+        self._plan = painter.image
 
     def move_to(self, position_m: Vec3) -> None:
         """Take note of where the agent is, world frame [m]."""
-        self._path.append(self._pixel(position_m))
+        self._path.append(self._scale.pixel(position_m))
 
     def pixels(self) -> NDArray[np.uint8]:
         """Return the picture, (height, width, 3), y upwards as on a map."""
         picture = self._plan.copy()
         draw = ImageDraw.Draw(picture)
-        for source_m in self.sources_m:
-            _dot(draw, self._pixel(source_m), _SOURCE)
         if len(self._path) > 1:
             draw.line(self._path, fill=_PATH, width=2)
         if self._path:
-            _dot(draw, self._path[-1], _VEHICLE)
+            draw.circle(self._path[-1], _DOT_PX, fill=_VEHICLE)
         return np.asarray(picture)
-
-    def _pixel(self, position_m: Vec3) -> tuple[float, float]:
-        x_m, y_m = (position_m[axis] - self.environment.grid.origin_m[axis] for axis in (0, 1))
-        return x_m * self._scale, self._plan.height - y_m * self._scale
-
-
-def _dot(draw: ImageDraw.ImageDraw, place: tuple[float, float], colour: tuple[int, int, int]) -> None:
-    x, y = place
-    draw.ellipse((x - _DOT_PX, y - _DOT_PX, x + _DOT_PX, y + _DOT_PX), fill=colour)
 
 
 try:

@@ -13,7 +13,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from gslcosim.environment.model import Box, Environment, Opening
-from gslcosim.environment.variants import find_door_boxes
+from gslcosim.environment.plan_view import PlanOpening, PlanView, is_cut, visible_boxes
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.models.success import SuccessSpec
@@ -64,7 +64,7 @@ def draw_room(file: RecordingFile, environment: Environment) -> None:
         "room/floor", rr.Boxes3D(mins=[floor_low_m], sizes=[floor_size_m], colors=[colors.FLOOR], fill_mode=SOLID)
     )
     file.draw("room/floor/grid", _floor_grid(environment))
-    obstacles = _visible_boxes(environment)
+    obstacles = visible_boxes(environment)
     if environment.meshes:
         _draw_meshes(file, environment)
     elif obstacles:
@@ -116,15 +116,15 @@ def draw_map(file: RecordingFile, environment: Environment, scale: GasScale, hei
     outline_m = [(x, y, drawn_m) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))]
     line_m = _map_line_m(environment)
     file.draw("map/outline", rr.LineStrips3D([outline_m], colors=[colors.EDGES], radii=[line_m]))
-    boxes = _visible_boxes(environment)
-    cut = [box for box in boxes if box.min_m[2] <= height_m < box.max_m[2]]
+    boxes = visible_boxes(environment)
+    cut = [box for box in boxes if is_cut(box, height_m)]
     below = [box for box in boxes if box.max_m[2] <= height_m]
     if cut:
         file.draw("map/obstacles", _flat(cut, drawn_m + line_m, colors.MAP_OBSTACLES, SOLID, 0.5 * line_m))
     if below:
         file.draw("map/below", _flat(below, drawn_m + line_m, colors.MAP_OBSTACLES, WIRE, 0.5 * line_m))
-    for opening in environment.openings:
-        file.draw(f"map/openings/{opening.name}", _flat_opening(opening, drawn_m, 2 * line_m))
+    for seen in PlanView.of(environment, height_m).openings:
+        file.draw(f"map/openings/{seen.opening.name}", _flat_opening(seen, drawn_m, 2 * line_m))
 
     right_m = x0 - SCALE_GAP_FRAC * (x1 - x0)
     width_m = SCALE_WIDTH_FRAC * (x1 - x0)
@@ -202,17 +202,6 @@ def _encloses(corners_m: NDArray[np.float32], environment: Environment) -> NDArr
     return np.any(np.all(corners_m <= low_m, axis=1) | np.all(corners_m >= high_m, axis=1), axis=1)
 
 
-# A closed room's walls are the outline; walls that stand in the room are obstacles to look at.
-def _visible_boxes(environment: Environment) -> list[Box]:
-    low_m, high_m = np.array(environment.grid.origin_m), np.array(environment.grid.max_m)
-    moving = {box.name for box in find_door_boxes(environment)}
-    return [
-        box
-        for box in environment.boxes
-        if box.name not in moving and (box.kind == "obstacle" or _stands_inside(box, low_m, high_m))
-    ]
-
-
 def flat_box(environment: Environment, box: Box, height_m: float) -> Box:
     """Return a box as the map of a height [m] shows it: flat, a little above the slice."""
     drawn_m = slice_height_m(height_m) + _map_line_m(environment)
@@ -236,10 +225,6 @@ def door_look(box: Box) -> rr.Boxes3D:
 def _map_line_m(environment: Environment) -> float:
     (x0, y0, _), (x1, y1, _) = environment.grid.origin_m, environment.grid.max_m
     return 0.002 * max(x1 - x0, y1 - y0)
-
-
-def _stands_inside(box: Box, low_m: NDArray[np.float64], high_m: NDArray[np.float64]) -> bool:
-    return box.kind == "wall" and bool(np.all(np.array(box.max_m) > low_m) and np.all(np.array(box.min_m) < high_m))
 
 
 def _obstacles(boxes: list[Box]) -> rr.Boxes3D:
@@ -281,11 +266,11 @@ def _opening_look(opening: Opening) -> tuple[colors.Rgb, str]:
 
 
 # A line along a side of the room; a rectangle where it lies in floor or ceiling.
-def _flat_opening(opening: Opening, height_m: float, radius_m: float) -> rr.LineStrips3D:
-    (x0, y0, _), (x1, y1, _) = opening.min_m, opening.max_m
-    color, label = _opening_look(opening)
+def _flat_opening(seen: PlanOpening, height_m: float, radius_m: float) -> rr.LineStrips3D:
+    color, label = _opening_look(seen.opening)
     # Short, as it lies over the room's side: its colour says what it is.
-    label = label.removeprefix("inlet ") if opening.kind == "inlet" else ""
+    label = label.removeprefix("inlet ") if seen.is_inlet else ""
+    (x0, y0), (x1, y1) = seen.corners_m
     around_m = [(x, y, height_m) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))]
     return rr.LineStrips3D([around_m], colors=[color], radii=[radius_m], labels=[label], show_labels=bool(label))
 

@@ -89,8 +89,7 @@ def build_known_map(agent: AgentSpec, environment: Environment) -> KnownMap | No
     if agent.knows.map == "3d":
         return KnownMap(origin_m=(x_m, y_m, z_m), cell_m=grid.cell_m, occupied=NumericArray.from_array(solid))
     height_m = agent.vehicle.search_height_m
-    layer = min(max(int((height_m - z_m) / grid.cell_m), 0), grid.shape[2] - 1)
-    slice_ = np.ascontiguousarray(solid[:, :, layer])
+    slice_ = np.ascontiguousarray(solid[:, :, grid.index_at(2, height_m)])
     return KnownMap(
         origin_m=(x_m, y_m, height_m), cell_m=grid.cell_m, occupied=NumericArray.from_array(slice_), height_m=height_m
     )

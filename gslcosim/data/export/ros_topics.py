@@ -19,7 +19,7 @@ from gslcosim.data.export.ros_types import ANEMOMETER, GAS_SENSOR, MAP_FRAME, RE
 from gslcosim.data.export.tables import safe_name
 from gslcosim.data.run import RunData
 from gslcosim.data.streams import RecordedPictures, RecordedSeries, RecordedShapes, RecordedTrack
-from gslcosim.environment.model import Cell
+from gslcosim.environment.plan_view import PlanView
 from gslcosim.scenario.models.sensors import LidarSensorSpec, ReachingSensorSpec, SensorSpec, TurnedSensorSpec
 
 Stamped = tuple[int, str, Any]
@@ -418,11 +418,8 @@ def _stills(run: RunData, types: RosTypes) -> Iterator[TimedMessage]:
 
 # The room cut at the height of the first agent's search.
 def _map(run: RunData, types: RosTypes) -> Any:
-    environment = run.environment
-    grid, height_m = environment.grid, run.scenario.agents[0].vehicle.search_height_m
-    level = int(np.clip((height_m - grid.origin_m[2]) / grid.cell_m, 0, grid.shape[2] - 1))
-    is_solid = environment.occupancy[:, :, level] == Cell.SOLID
-    nx, ny, _ = grid.shape
+    plan = PlanView.of(run.environment, run.scenario.agents[0].vehicle.search_height_m)
+    grid, (nx, ny) = plan.grid, plan.solid.shape
     return types.make(
         "nav_msgs/msg/OccupancyGrid",
         header=types.header(0, MAP_FRAME),
@@ -435,7 +432,7 @@ def _map(run: RunData, types: RosTypes) -> Any:
             origin=types.pose(np.array([*grid.origin_m[:2], 0.0]), UPRIGHT),
         ),
         # Row by row, x first.
-        data=np.where(is_solid.T, _OCCUPIED, _FREE).astype(np.int8).ravel(),
+        data=np.where(plan.solid.T, _OCCUPIED, _FREE).astype(np.int8).ravel(),
     )
 
 

@@ -23,34 +23,37 @@ from gslcosim.data.figures.style import (
 from gslcosim.data.run import RunData
 from gslcosim.data.streams import RecordedSlices
 from gslcosim.environment.model import Cell
+from gslcosim.environment.plan_view import Extent, PlanView, arrow_vectors, scale_of_arrows, space_arrows
 
 _START, _FIRST_GAS, _DECLARED = "start", "first gas", "declared"
 _TIME_MARK_S = 10.0
 
 
 def plan(axes: Any, run: RunData) -> None:
-    """Draw the room: what is solid at search height dark, what ends below it pale; inlets and outlets at the sides.
+    """Draw the room: what is solid at search height dark, what ends below it pale; openings as lines at the sides.
 
     Args:
         axes: Where to draw, x to the right and y up [m].
         run: The run.
     """
-    environment, height_m = run.environment, run.scenario.slice_height_m
-    grid = environment.grid
-    layer = min(max(int((height_m - grid.origin_m[2]) / grid.cell_m), 0), grid.shape[2] - 1)
-    solid = environment.occupancy == Cell.SOLID
-    at, below = solid[:, :, layer], solid[:, :, :layer].any(axis=2)
-    _shade(axes, run, at, SOLID, zorder=1.2, label="obstacle")
-    _shade(axes, run, below & ~at, BELOW, zorder=0.8, label="obstacle that ends below")
-    for opening in environment.openings:
-        (x0, y0, _), (x1, y1, _) = opening.min_m, opening.max_m
-        is_inlet = opening.kind == "inlet"
-        ls = "-" if is_inlet else (0, (1, 1))
-        axes.plot([x0, x1], [y0, y1], color=INK, lw=2.5, ls=ls, solid_capstyle="butt", clip_on=False, zorder=3,
-                  label=opening.kind)  # fmt: skip
-    axes.set(
-        xlim=(grid.origin_m[0], grid.max_m[0]), ylim=(grid.origin_m[1], grid.max_m[1]), xlabel="x [m]", ylabel="y [m]"
+    draw_plan(axes, PlanView.of(run.environment, run.scenario.slice_height_m))
+
+
+def draw_plan(axes: Any, view: PlanView) -> None:
+    """Draw a plan view, and set the axes to it; what ends below the height is seen by its edges through gas."""
+    _shade(axes, view.solid, view.extent_m, SOLID, zorder=1.2, label="obstacle")
+    _shade(axes, view.below, view.extent_m, BELOW, zorder=0.4, label="obstacle that ends below", edge=SOLID)
+    edges = part_of_matplotlib("collections").LineCollection(
+        view.outline_m(view.below), colors=SOLID, linewidths=0.6, zorder=0.8
     )
+    axes.add_collection(edges)
+    for seen in view.openings:
+        ls = "-" if seen.is_inlet else (0, (1, 1))
+        lw = 2.5 if seen.is_at_side else 1.0
+        axes.plot(*zip(*seen.path_m(), strict=True), color=INK, lw=lw, ls=ls, solid_capstyle="butt", clip_on=False,
+                  zorder=3, label=seen.opening.kind)  # fmt: skip
+    x0, x1, y0, y1 = view.extent_m
+    axes.set(xlim=(x0, x1), ylim=(y0, y1), xlabel="x [m]", ylabel="y [m]")
     axes.set_aspect("equal")
 
 
@@ -195,8 +198,7 @@ def success_by_start(
     if solid is not None:
         cells, (x0, y0), d = solid
         nx, ny = cells.shape
-        rgba = _rgba(cells, SOLID)
-        axes.imshow(rgba, origin="lower", extent=(x0, x0 + nx * d, y0, y0 + ny * d), interpolation="none", zorder=1)
+        _fill_cells(axes, cells, (x0, x0 + nx * d, y0, y0 + ny * d), SOLID, zorder=1)
     span_m = float(np.ptp(np.asarray(axes.get_xlim()))) if solid is not None else float(np.ptp(xy_m, axis=0).max() + 4)
     radius_m = 0.028 * span_m
     for (x_m, y_m), share, flights in zip(np.asarray(xy_m), rate, n, strict=True):
@@ -236,19 +238,19 @@ def _places(axes: Any, run: RunData, agent: str, i: int, *, is_named: bool) -> N
                       zorder=6, label=label if is_named else "_", gid=f"{text.replace(' ', '_')}/{agent}")  # fmt: skip
 
 
-def _shade(axes: Any, run: RunData, cells: NDArray[np.bool_], color: str, *, zorder: float, label: str) -> None:
+def _shade(
+    axes: Any, cells: NDArray[np.bool_], extent: Extent, color: str, *, zorder: float, label: str, edge: str = ""
+) -> None:
     if cells.any():
         # A picture has no place in a legend.
-        axes.plot([], [], ls="", marker="s", ms=5, color=color, label=label)
-        (x0, y0, _), (x1, y1, _) = run.environment.grid.origin_m, run.environment.grid.max_m
-        axes.imshow(_rgba(cells, color), origin="lower", extent=(x0, x1, y0, y1), interpolation="none", zorder=zorder)
+        axes.plot([], [], ls="", marker="s", ms=5, color=color, mec=edge or color, mew=0.6, label=label)
+        _fill_cells(axes, cells, extent, color, zorder=zorder)
 
 
-def _rgba(cells: NDArray[np.bool_], color: str) -> NDArray[np.float64]:
-    colors = part_of_matplotlib("colors")
+def _fill_cells(axes: Any, cells: NDArray[np.bool_], extent: Extent, color: str, *, zorder: float) -> None:
     rgba = np.zeros((*cells.T.shape, 4))
-    rgba[cells.T] = colors.to_rgba(color)
-    return rgba
+    rgba[cells.T] = part_of_matplotlib("colors").to_rgba(color)
+    axes.imshow(rgba, origin="lower", extent=extent, interpolation="none", zorder=zorder)
 
 
 _ARROWS_PER_SIDE = 18
@@ -270,7 +272,7 @@ def wind_section(axes: Any, run: RunData, *, normal: Literal["y", "z"] = "z", ti
     grid, wind_m_s = run.environment.grid, run.wind_m_s(time_s)
     axis = {"y": 1, "z": 2}[normal]
     at_m = run.scenario.slice_height_m if normal == "z" else run.scenario.gas.sources[0].position_m[1]
-    i = _index(run, axis, at_m)
+    i = grid.index_at(axis, at_m)
     plane = np.take(wind_m_s, i, axis=axis).astype(np.float64)
     solid = np.take(run.environment.occupancy, i, axis=axis) == Cell.SOLID
     across = 1 if normal == "z" else 2
@@ -279,18 +281,15 @@ def wind_section(axes: Any, run: RunData, *, normal: Literal["y", "z"] = "z", ti
     top = float(np.percentile(np.linalg.norm(wind_m_s, axis=-1), 99.5))
     image = axes.imshow(speed.T, origin="lower", extent=extent, cmap=SPEED_MAP, vmin=0, vmax=2.2 * max(top, 1e-9),
                         interpolation="none", zorder=0)  # fmt: skip
-    _solid_cells(axes, solid, extent)
-    step = max(1, max(plane.shape[:2]) // _ARROWS_PER_SIDE)
-    u, v = plane[step // 2 :: step, step // 2 :: step, 0], plane[step // 2 :: step, step // 2 :: step, across]
-    is_air = ~solid[step // 2 :: step, step // 2 :: step]
-    x, y = (grid.axis_centres_m(k)[step // 2 :: step] for k in (0, across))
-    xx, yy = np.meshgrid(x, y, indexing="ij")
-    # Jets at inlets are few, and would make all other arrows dots.
-    usual = max(float(np.percentile(np.hypot(u, v)[is_air], 80)) if is_air.any() else 0.0, 1e-9)
-    shorten = np.minimum(1.0, 1.5 * usual / np.maximum(np.hypot(u, v), 1e-12))
-    axes.quiver(xx[is_air], yy[is_air], (u * shorten)[is_air], (v * shorten)[is_air], color=OKABE_ITO[0], pivot="mid",
-                angles="xy", scale_units="xy", scale=usual / (0.9 * step * grid.cell_m), width=0.0045, zorder=2,
-                gid="wind")  # fmt: skip
+    _fill_cells(axes, solid, extent, SOLID, zorder=1)
+    cells, spacing = space_arrows(~solid, _ARROWS_PER_SIDE)
+    i_x, i_y = cells.T
+    winds_m_s, spacing_m = plane[i_x, i_y][:, (0, across)], spacing * grid.cell_m
+    arrows_m = arrow_vectors(winds_m_s, spacing_m, scale_of_arrows(np.linalg.norm(winds_m_s, axis=-1), spacing_m))
+    corner_m = np.array([grid.origin_m[0], grid.origin_m[across]])
+    middles_m = corner_m + (cells + spacing / 2 - spacing // 2) * grid.cell_m
+    axes.quiver(*middles_m.T, *arrows_m.T, color=OKABE_ITO[0], pivot="mid", angles="xy", scale_units="xy", scale=1.0,
+                width=0.0045, zorder=2, gid="wind")  # fmt: skip
     x_m, y_m, z_m = run.scenario.gas.sources[0].position_m
     axes.plot([x_m], [y_m if normal == "z" else z_m], ls="", marker="*", ms=8, color=SOURCE, mec="white", mew=0.5,
               zorder=3, label="source")  # fmt: skip
@@ -323,14 +322,14 @@ def gas_section(axes: Any, run: RunData, *, time_s: float | None = None) -> Any:
     y_m = source.position_m[1]
     x, z = grid.axis_centres_m(0), grid.axis_centres_m(2)
     ppm = _puffs_ppm(*filaments.snapshot(k), source.ppm, source.sigma_m, x, z, y_m)
-    solid = np.take(run.environment.occupancy, _index(run, 1, y_m), axis=1) == Cell.SOLID
+    solid = np.take(run.environment.occupancy, grid.index_at(1, y_m), axis=1) == Cell.SOLID
     extent = (grid.origin_m[0], grid.max_m[0], grid.origin_m[2], grid.max_m[2])
     colors = part_of_matplotlib("colors")
     image = axes.imshow(
         np.ma.masked_less(ppm, source.ppm / 10**_DECADES).T, origin="lower", extent=extent, cmap=gas_map(),
         norm=colors.LogNorm(source.ppm / 10**_DECADES, source.ppm), interpolation="none", zorder=0,
     )  # fmt: skip
-    _solid_cells(axes, solid, extent)
+    _fill_cells(axes, solid, extent, SOLID, zorder=1)
     axes.plot([source.position_m[0]], [source.position_m[2]], ls="", marker="*", ms=8, color=SOURCE, mec="white",
               mew=0.5, zorder=3, label="source")  # fmt: skip
     axes.set(xlabel="x [m]", ylabel="z [m]", xlim=extent[:2], ylim=extent[2:])
@@ -402,11 +401,6 @@ def belief(axes: Any, run: RunData, agent: str, i: int, *, most: float | None = 
     return image
 
 
-def _index(run: RunData, axis: int, at_m: float) -> int:
-    grid = run.environment.grid
-    return min(max(int((at_m - grid.origin_m[axis]) / grid.cell_m), 0), grid.shape[axis] - 1)
-
-
 def _puffs_ppm(
     centres_m: NDArray[np.float64], sigmas_m: NDArray[np.float64], ppm0: float, sigma0_m: float,
     x_m: NDArray[np.float64], z_m: NDArray[np.float64], y_m: float,
@@ -420,13 +414,6 @@ def _puffs_ppm(
         squared = (x_m[i0:i1, None] - x) ** 2 + (y_m - y) ** 2 + (z_m[None, k0:k1] - z) ** 2
         ppm[i0:i1, k0:k1] += ppm0 * (sigma0_m / sigma) ** 3 * np.exp(-squared / (2 * sigma**2))
     return ppm
-
-
-def _solid_cells(axes: Any, solid: NDArray[np.bool_], extent: tuple[float, float, float, float]) -> None:
-    if solid.any():
-        colors = part_of_matplotlib("colors")
-        axes.imshow(np.ma.masked_equal(solid.T, 0), origin="lower", extent=extent, interpolation="none", zorder=1,
-                    cmap=colors.ListedColormap([SOLID]))  # fmt: skip
 
 
 # As outlines: solid boxes would hide what is behind them.

@@ -12,7 +12,8 @@ from gslcosim.contract.messages import BodyState
 from gslcosim.contract.participant import Inbox
 from gslcosim.contract.participant_messages import ParticipantValues
 from gslcosim.contract.record import Message
-from gslcosim.environment.model import Box, Cell, Environment, EnvironmentVariant
+from gslcosim.environment.model import Box, Environment, EnvironmentVariant
+from gslcosim.environment.plan_view import PlanView, arrow_vectors, is_cut, scale_of_arrows, space_arrows
 from gslcosim.environment.variants import DynamicEnvironment, find_door_boxes
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import DoorEventSpec, SourceEventSpec, SourceMovesSpec
@@ -51,19 +52,13 @@ def _numeric_fields(message: Message) -> Iterable[tuple[str, object]]:
 
 
 ARROWS_PER_SIDE = 15
-# The wind a grid spacing stands for, as a percentile of the speeds of all arrows and frames: jets at inlets are few
-# and would make all other arrows dots.
-REFERENCE_PERCENTILE = 80
-REFERENCE_LENGTH_SPACINGS = 0.9
-MAX_LENGTH_SPACINGS = 1.3
 ARROW_RADIUS_SPACINGS = 0.04
 
 
 class WindLayer:
     """The arrows of one layer of an environment's wind.
 
-    Lengths are in proportion to the speed, `REFERENCE_LENGTH_SPACINGS` at the reference speed, and at most
-    `MAX_LENGTH_SPACINGS`.
+    Lengths are in proportion to the speed, and the same for all frames; see `gslcosim.environment.plan_view`.
     """
 
     def __init__(self, environment: Environment, height_m: float, *, like: "WindLayer | None" = None) -> None:
@@ -74,27 +69,18 @@ class WindLayer:
             height_m: At which height [m].
             like: Whose scale the arrows have; absent: one of their own.
         """
-        grid = environment.grid
-        layer = min(max(int((height_m - grid.origin_m[2]) / grid.cell_m), 0), grid.shape[2] - 1)
-        stride = max(1, round(max(grid.shape[:2]) / ARROWS_PER_SIDE))
-        axes = [np.arange(stride // 2, n, stride) for n in grid.shape[:2]]
-        i, j = (index.ravel() for index in np.meshgrid(*axes, indexing="ij"))
-        is_air = environment.occupancy[i, j, layer] != Cell.SOLID
-        cells = np.column_stack([i[is_air], j[is_air], np.full(int(is_air.sum()), layer)])
+        plan = PlanView.of(environment, height_m)
+        cells, spacing = space_arrows(~plan.solid, ARROWS_PER_SIDE)
         self.wind = environment.wind
-        self.spacing_m = stride * grid.cell_m
+        self.spacing_m = spacing * plan.grid.cell_m
         # In the middle of the square that the arrow stands for, so that those at the walls do not point through them.
-        middles = np.array([stride / 2, stride / 2, 0.5]) - np.array([stride // 2, stride // 2, 0])
-        self._centres_m = np.array(grid.origin_m) + (cells + middles) * grid.cell_m
+        middles = np.column_stack([cells + spacing / 2 - spacing // 2, np.full(len(cells), plan.layer + 0.5)])
+        self._centres_m = np.array(plan.grid.origin_m) + middles * plan.grid.cell_m
         # (t, n, 3), copied: it is small, and the frames may be a mapped file.
-        winds_m_s = np.asarray(self.wind.velocity_m_s[:, cells[:, 0], cells[:, 1], layer], dtype=np.float64)
-        speeds_m_s = np.linalg.norm(winds_m_s, axis=-1)
-        reference_m_s = float(np.percentile(speeds_m_s, REFERENCE_PERCENTILE)) if speeds_m_s.size else 0.0
-        own_m_per_m_s = REFERENCE_LENGTH_SPACINGS * self.spacing_m / reference_m_s if reference_m_s > 0 else 0.0
-        self.m_per_m_s = m_per_m_s = own_m_per_m_s if like is None or not like.m_per_m_s else like.m_per_m_s
-        lengths_m = speeds_m_s * m_per_m_s
-        shorten = np.minimum(1.0, MAX_LENGTH_SPACINGS * self.spacing_m / np.maximum(lengths_m, 1e-9))
-        self._vectors_m = winds_m_s * (m_per_m_s * shorten)[..., None]
+        winds_m_s = np.asarray(self.wind.velocity_m_s[:, cells[:, 0], cells[:, 1], plan.layer], dtype=np.float64)
+        own_m_per_m_s = scale_of_arrows(np.linalg.norm(winds_m_s, axis=-1), self.spacing_m)
+        self.m_per_m_s = own_m_per_m_s if like is None or not like.m_per_m_s else like.m_per_m_s
+        self._vectors_m = arrow_vectors(winds_m_s, self.spacing_m, self.m_per_m_s)
 
     @property
     def is_steady(self) -> bool:
@@ -280,7 +266,7 @@ class AllDoorRows:
                 DoorRows(f"{entities.DOORS}/{name}", box),
                 *(
                     (DoorRows(f"map/doors/{name}", flat_box(environment, box, height_m)),)
-                    if box.min_m[2] <= height_m < box.max_m[2]
+                    if is_cut(box, height_m)
                     else ()
                 ),
             )

@@ -12,11 +12,12 @@ from scripted_flight import scenario
 from gslcosim.contract.messages import ConcentrationSlice, FilamentCloud
 from gslcosim.contract.record import NumericArray
 from gslcosim.environment.model import VisualMesh
+from gslcosim.environment.plan_view import MAX_LENGTH_SPACINGS
 from gslcosim_services.recorder import blueprint
 from gslcosim_services.recorder.blueprint import summary_text, title
 from gslcosim_services.recorder.colors import MAP_FLOOR, GasScale, gas_colors, slice_colors
 from gslcosim_services.recorder.rows.columns import BIRTH_OPACITY, FilamentRows, SliceRows
-from gslcosim_services.recorder.rows.events import ARROWS_PER_SIDE, MAX_LENGTH_SPACINGS, WindLayer
+from gslcosim_services.recorder.rows.events import ARROWS_PER_SIDE, WindLayer
 from gslcosim_services.recorder.scene import slice_height_m
 
 
