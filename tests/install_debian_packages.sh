@@ -14,6 +14,7 @@ packages=(
     bubblewrap           # the stronger sandbox of agents
     iproute2 openssl     # two hosts in network namespaces, and their certificate
     openfoam             # the other wind solver
+    zsh fish             # shells that complete commands
 )
 
 command -v dpkg-query >/dev/null || exit 0

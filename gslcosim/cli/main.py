@@ -26,6 +26,7 @@ from gslcosim.cli.commands import (
     bench,
     cache,
     compare,
+    completion,
     doctor,
     export,
     extract,
@@ -96,7 +97,7 @@ GROUPS = (
     CommandGroup(title="compare methods", commands=(bench.COMMAND, train.COMMAND)),
     CommandGroup(title="environments", commands=(ENVIRONMENT,)),
     CommandGroup(title="extend", commands=(agent.COMMAND, participant.COMMAND, schema.COMMAND)),
-    CommandGroup(title="machine", commands=(cache.COMMAND, doctor.COMMAND)),
+    CommandGroup(title="machine", commands=(cache.COMMAND, completion.COMMAND, doctor.COMMAND)),
 )
 
 
@@ -110,6 +111,8 @@ def main(words: Sequence[str] | None = None) -> int:
     gc.set_threshold(_COLLECT_EVERY)
     open_missing_streams()
     if words is None:
+        if "_ARGCOMPLETE" in os.environ:
+            completion.complete(build_parser(GROUPS, version=__version__), GROUPS)
         escape_library_messages()
     exit_code = run_command(sys.argv[1:] if words is None else words)
     if words is None and exit_code == ExitCode.FAULT:

@@ -145,7 +145,7 @@ def _read_description(folder: Path, name: str) -> CreatedAgent:
 PARTICIPANT_TEMPLATES = TEMPLATES / "participants"
 ORIGINAL_PARTICIPANT = "air_conditioner"
 SCENARIO_FILE = "ventilated_room.yaml"
-_FILE_SUFFIXES = {"c": ".c", "python": ".py", "rust": ".rs"}
+PARTICIPANT_SUFFIXES = {"c": ".c", "python": ".py", "rust": ".rs"}
 
 
 def create_participant(language: str, name: str, folder: Path) -> str:
@@ -154,10 +154,10 @@ def create_participant(language: str, name: str, folder: Path) -> str:
     Raises:
         UsageError: there is no template for the language, the name cannot be one, or the folder is in use.
     """
-    ending = _FILE_SUFFIXES.get(language.lower())
+    ending = PARTICIPANT_SUFFIXES.get(language.lower())
     if ending is None:
         raise UsageError(
-            f"participant new: expected one of the languages {', '.join(_FILE_SUFFIXES)}, was {language!r}."
+            f"participant new: expected one of the languages {', '.join(PARTICIPANT_SUFFIXES)}, was {language!r}."
         )
     if not is_valid_name(name):
         raise UsageError(

@@ -12,7 +12,7 @@ EXAMPLES = """  gslcosim plot runs/warehouse_empty-seed7-20250101T120000-a1b2c3
   gslcosim plot runs/first runs/second runs/third     distances as a bundle, tracks over one plan
   gslcosim plot results/smoke --figure starts --out figures"""
 
-_FIGURES = ("track", "distance", "gas", "track_3d", "wind", "gas_section", "belief", "swarm", "starts")
+FIGURES = ("track", "distance", "gas", "track_3d", "wind", "gas_section", "belief", "swarm", "starts")
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,7 +22,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--figure",
         metavar="NAMES",
-        help=f"which, separated by commas: {', '.join(_FIGURES)} (default: all that there are data for)",
+        help=f"which, separated by commas: {', '.join(FIGURES)} (default: all that there are data for)",
     )
     parser.add_argument(
         "--out", type=Path, default=Path("figures"), metavar="DIR", help="where to write them (default: figures)"
@@ -38,7 +38,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.data.figures.style import FORMATS
 
-    names = _words("--figure", arguments.figure, _FIGURES) if arguments.figure else ()
+    names = _words("--figure", arguments.figure, FIGURES) if arguments.figure else ()
     formats = _words("--format", arguments.format, FORMATS)
     folder = _made(arguments.out)
     options = {"names": names, "formats": formats, "columns": arguments.columns}
