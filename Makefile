@@ -12,7 +12,7 @@ INSTALL = -m pip install --quiet --disable-pip-version-check $(if $(LOCK),--cons
 # The last commit of 0.1.0.
 BASE ?= 9693e5e
 
-.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers bench-table crossings plume-statistics soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check golden docs contract setup lock bench-training
+.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers bench-table crossings plume-statistics soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check capabilities golden docs contract setup lock bench-training
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -106,6 +106,9 @@ freeze: .venv/ready-test-all     # write results that must not change, to the bi
 
 freeze-check: .venv/ready-test-all  # compute them and name what differs; a quarter of an hour
 	$(call FREEZE,check)
+
+capabilities: .venv/ready-test-all  # what commands, names, keys and messages differ from another commit's; BASE=COMMIT, NAMED=FILE
+	$(BIN)/python tests/freeze/capabilities.py compare $(BASE) $(if $(NAMED),--named $(NAMED))
 
 golden: .venv/ready-dev     # rewrite the golden files; review the diff
 	GSLCOSIM_REWRITE_GOLDEN=1 $(BIN)/pytest -q tests/golden
