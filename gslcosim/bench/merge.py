@@ -1,242 +1,248 @@
-"""Merge of several results folders into one leaderboard: same cases required, unverified rows marked."""
+"""Merge of the shards of a suite into the results that one run of it would have left."""
 
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
+import pyarrow.compute as pc
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.files import ScratchFolder
-from gslcosim.bench.execution.verification import find_unsandboxed_rows
-from gslcosim.bench.report.writer import write_report
-from gslcosim.bench.results import PAIR, Results
-from gslcosim.bench.store import TRIALS, ResultsFolder
-from gslcosim.bench.verification_marks import VerificationMark, find_mark, results_hash, save_mark
+from gslcosim.bench.cases.models import MOST_SHARDS
+from gslcosim.bench.cases.suite_files import load_suite, write_suite
+from gslcosim.bench.execution.runner import median_reference_loop_s, sum_sessions
+from gslcosim.bench.store import MAPS_SCHEMA, ResultsFolder, ShardFacts, is_machine_dependent
 
-LEADERBOARD = "leaderboard.json"
+_compute: Any = pc
+_MOST_NAMED = 8
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ranking:
-    """A merged leaderboard: as `leaderboard.json` has it, and how each entry stands with verification.
+class MergeSummary:
+    """What was merged: `n_trials` of the `n_chosen` that the shards share, and the shards that were not there."""
 
-    `submissions` gives the folder of each entry, `verified` how many of how many sampled runs came out the same, or
-    None where this user has run none again.
-    """
-
-    leaderboard: dict[str, Any]
-    submissions: dict[str, str]
-    verified: dict[str, tuple[int, int] | None]
+    folder: Path
+    n_shards: int
+    n_trials: int
+    n_chosen: int
+    missing: tuple[str, ...]
 
 
-def merge(folders: Sequence[Path], out: Path | None = None, *, demands_sandbox: bool = False) -> Ranking:
-    """Return one table of several results folders.
+def merge_shards(folders: Sequence[Path], out: Path, *, is_partial: bool = False) -> MergeSummary:
+    """Write the results of a suite whose shards were run apart, as one run would have left them.
 
-    An entry that several folders have is one where its program, parameters and runs are the same, such as the
-    anchors; otherwise each is named after its folder.
+    Rows, tracks, maps and whatever the manifest says of the suite are the same; wall times are those of all shards
+    together. Recordings that the suite keeps are made when the suite is run again in the merged folder.
 
     Args:
-        folders: Of results of the same cases.
-        out: Where merged results with their report are written; nowhere if absent.
-        demands_sandbox: Whether all runs must be of agents in a sandbox; so they must where the suite of one of the
-            folders demands it.
+        folders: One of each shard, in any order; the same shard twice does no harm.
+        out: Where to: a new folder, or one of an earlier merge, whose contents are replaced.
+        is_partial: Whether shards and trials may be missing.
 
     Raises:
-        UsageError: the folders are of other cases, the same run came out differently in two of them, so that they
-            were run by different software, or agents were not in the sandbox that is demanded.
+        UsageError: a folder is no shard, or one of another suite, version or division; two have other results of one
+            trial; a shard or some of its trials are missing; or the folder has results of its own.
+        MachineError: it cannot be written.
     """
-    names_alone = [folder.resolve().name for folder in folders]
-    submissions = [
-        _Submission(
-            label=name if names_alone.count(name) == 1 else str(folder),
-            results=Results.load(folder),
-        )
-        for folder, name in zip(folders, names_alone, strict=True)
-    ]
-    _check_same_cases(submissions)
-    _check_same_trials(submissions)
-    _check_sandboxes(submissions, is_asked=demands_sandbox)
-    names = _entry_names(submissions)
-    if out is not None:
-        _check_out(out)
-        return _written(submissions, names, out, is_kept=True)
-    with ScratchFolder("rank") as scratch:
-        return _written(submissions, names, scratch.path, is_kept=False)
+    shards = sorted(map(_ShardResults, dict.fromkeys(folders)), key=lambda shard: shard.facts["index"])
+    for shard in shards[1:]:
+        shard.check_fits(shards[0])
+    missing = _missing_shards(shards)
+    if not is_partial:
+        _check_complete(shards, missing)
+    trials, tracks = _merged_tables(shards)
+    _check_out(out)
+    folder = ResultsFolder(out)
+    with folder.locked():
+        write_suite(load_suite(shards[0].folder.suite), out)
+        folder.write_tables(trials, tracks)
+        folder.write_json(folder.maps, {"schema": MAPS_SCHEMA, "maps": _merged_maps(shards, trials)})
+        folder.write_json(folder.manifest, _merged_manifest(shards))
+    return MergeSummary(
+        folder=out,
+        n_shards=shards[0].facts["count"],
+        n_trials=trials.num_rows,
+        n_chosen=shards[0].facts["n_chosen"],
+        missing=tuple(missing),
+    )
 
 
-@dataclass(kw_only=True)
-class _Submission:
-    label: str
-    results: Results
+class _ShardResults:
+    def __init__(self, path: Path) -> None:
+        self.folder = ResultsFolder(path)
+        self.folder.check()
+        if not self.folder.shard.is_file():
+            raise UsageError(
+                f"{path}: expected results of a shard (shard.json), found those of no shard. Run one with "
+                "gslcosim bench run SUITE --shard I/N; gslcosim bench rank puts results of several authors together."
+            )
+        self.facts: ShardFacts = self.folder.read_json(self.folder.shard)  # pyright: ignore[reportAttributeAccessIssue]
+        if not 1 <= self.facts["index"] <= self.facts["count"] <= MOST_SHARDS:
+            raise UsageError(
+                f"{self.folder.shard}: expected an index from 1 to count, and a count up to {MOST_SHARDS}, was "
+                f"{self.name}. Take the file from a copy."
+            )
+        self.manifest: dict[str, Any] = self.folder.read_json(self.folder.manifest)
 
     @property
-    def manifest(self) -> dict[str, Any]:
-        return self.results.manifest
+    def name(self) -> str:
+        return f"{self.facts['index']}/{self.facts['count']}"
 
-    def agent_of(self, entry: str) -> str:
-        """Return what an entry's program and parameters are, as text."""
-        listed = next((each for each in self.manifest.get("entries", []) if each["name"] == entry), {})
-        return json.dumps([listed.get("agent_hash"), listed.get("parameters")], sort_keys=True)
-
-    # Never what the folder says of itself.
     @cached_property
-    def mark(self) -> VerificationMark | None:
-        return find_mark(self.results.folder)
+    def tables(self) -> tuple[pa.Table, pa.Table]:
+        """The rows of this shard's trials, and their tracks; rows of others that lie in the folder are left out."""
+        listed = pa.array(list(self.facts["trials"]), pa.string())
+        return tuple(table.filter(_compute.is_in(table["trial"], value_set=listed)) for table in self.folder.tables())  # pyright: ignore[reportReturnType]
 
-    @property
-    def verified(self) -> tuple[int, int] | None:
-        mark = self.mark
-        # Who leaves rows out may have left out the bad ones.
-        return (mark.same, mark.sample) if mark is not None and mark.sample and not mark.n_missing else None
+    def check_fits(self, first: "_ShardResults") -> None:
+        """Refuse a shard that is not of the same run of a suite as the first."""
+        here, there, path = self.manifest, first.manifest, self.folder.path
+        as_first = f"as {first.folder.path}"
+        if any(here.get(key) != there.get(key) for key in ("suite", "suite_hash", "sandbox")):
+            raise UsageError(
+                f"{path}: expected a shard of suite {there.get('suite')} with the hash {there.get('suite_hash')}, "
+                f"{as_first}, was one of suite {here.get('suite')} with the hash {here.get('suite_hash')}. "
+                "Merge shards of one suite with one seed."
+            )
+        if here.get("software_hash") != there.get("software_hash"):
+            raise UsageError(
+                f"{path}: expected a shard that was run by {_software(there, here)}, {as_first}, was one by "
+                f"{_software(here, there)}. Run it again with that version."
+            )
+        if changed := _changed_entries(here, there):
+            raise UsageError(
+                f"{path}: expected the entries of {first.folder.path}, was another program or other parameters of "
+                f"{', '.join(changed)}. Run the shard again with the same suite."
+            )
+        if any(self.facts[key] != first.facts[key] for key in ("count", "only", "n_chosen")):
+            raise UsageError(
+                f"{path}: expected one of the {first.facts['count']} shards of {first.facts['n_chosen']} trials, "
+                f"{as_first}, was shard {self.name} of {self.facts['n_chosen']} trials. Run all shards with the same "
+                "N, --only and --filter."
+            )
 
-    @property
-    def is_verified(self) -> bool:
-        return self.verified is not None and self.verified[0] == self.verified[1]
+
+def _software(manifest: Mapping[str, Any], other: Mapping[str, Any]) -> str:
+    versions, others = (each.get("versions") or {} for each in (manifest, other))
+    named = [name for name, version in versions.items() if others.get(name) != version] or ["gslcosim"]
+    digest = str(manifest.get("software_hash"))[:16]
+    return f"{', '.join(f'{name} {versions.get(name)}' for name in named)} (software {digest})"
+
+
+def _changed_entries(here: Mapping[str, Any], there: Mapping[str, Any]) -> list[str]:
+    a, b = ({entry["name"]: entry for entry in manifest.get("entries", [])} for manifest in (here, there))
+    return [name for name in dict.fromkeys([*b, *a]) if a.get(name) != b.get(name)]
+
+
+def _missing_shards(shards: Sequence[_ShardResults]) -> list[str]:
+    count, found = shards[0].facts["count"], {shard.facts["index"] for shard in shards}
+    return [f"{index}/{count}" for index in range(1, count + 1) if index not in found]
+
+
+def _check_complete(shards: Sequence[_ShardResults], missing: Sequence[str]) -> None:
+    if missing:
+        raise UsageError(
+            f"merge: expected all {shards[0].facts['count']} shards of suite {shards[0].manifest.get('suite')}, "
+            f"{_listed(missing)} {'is' if len(missing) == 1 else 'are'} missing. Run them with gslcosim bench "
+            f"run SUITE --shard {missing[0]}, or give --partial to merge what there is."
+        )
+    for shard in shards:
+        n_left = len(shard.facts["trials"]) - shard.tables[0].num_rows
+        if n_left:
+            raise UsageError(
+                f"{shard.folder.path}: expected all {len(shard.facts['trials'])} trials of shard {shard.name}, "
+                f"{n_left} have no row. The same bench run goes on with it, or give --partial to merge what there is."
+            )
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+    return f"{', '.join(names[:_MOST_NAMED])}{more}"
+
+
+def _merged_tables(shards: Sequence[_ShardResults]) -> tuple[pa.Table, pa.Table]:
+    places: dict[str, int] = {}
+    homes: dict[str, int] = {}
+    for i, shard in enumerate(shards):
+        for trial in shard.tables[0]["trial"].to_pylist():
+            if trial in homes:
+                _check_same_row(trial, shards[homes[trial]], shard)
+                continue
+            homes[trial] = i
+            places[trial] = shard.facts["trials"][trial]
+    return (
+        _in_order([shard.tables[0] for shard in shards], places, homes),
+        _in_order([shard.tables[1] for shard in shards], places, homes),
+    )
+
+
+# Rows of one trial stay together in the order of their table.
+def _in_order(tables: Sequence[pa.Table], places: Mapping[str, int], homes: Mapping[str, int]) -> pa.Table:
+    kept = [
+        table.filter(pa.array([homes.get(trial) == i for trial in table["trial"].to_pylist()], pa.bool_()))
+        for i, table in enumerate(tables)
+    ]
+    table = pa.concat_tables(kept).combine_chunks()
+    order = np.argsort([places[trial] for trial in table["trial"].to_pylist()], kind="stable")
+    return table.take(pa.array(order, pa.int64())).combine_chunks()
+
+
+def _check_same_row(trial: str, first: _ShardResults, other: _ShardResults) -> None:
+    row, before = (
+        shard.tables[0].filter(_compute.equal(shard.tables[0]["trial"], trial)).to_pylist()[0]
+        for shard in (other, first)
+    )
+    for name, value in row.items():
+        if not is_machine_dependent(name) and value != before[name]:
+            raise UsageError(
+                f"{other.folder.path}: expected trial {trial} ({row['entry']} in {row['case']}, repetition "
+                f"{row['repetition']}) to have {name} {before[name]}, as in {first.folder.path}, was {value}. "
+                "Run one of the two shards again, in a new folder."
+            )
+
+
+# In the order in which a run of all writes them: by scenario and, of one scenario, by case.
+def _merged_maps(shards: Sequence[_ShardResults], trials: pa.Table) -> list[Any]:
+    scenarios, cases = (trials[name].to_pylist() for name in ("scenario", "varied"))
+    of_scenario = {name: i for i, name in enumerate(dict.fromkeys(scenarios))}
+    of_case = {key: i for i, key in enumerate(dict.fromkeys(zip(scenarios, cases, strict=True)))}
+    maps: dict[tuple[str, str], Any] = {}
+    for shard in shards:
+        for each in shard.folder.read_json(shard.folder.maps).get("maps", []):
+            maps.setdefault((each["scenario"], each["varied"]), each)
+    last = len(of_case)
+    return [maps[key] for key in sorted(maps, key=lambda key: (of_scenario.get(key[0], last), of_case.get(key, last)))]
+
+
+def _merged_manifest(shards: Sequence[_ShardResults]) -> dict[str, Any]:
+    sessions = [session for shard in shards for session in shard.manifest.get("sessions", [])]
+    machines = [shard.manifest.get("machine") or {} for shard in shards]
+    cores = {machine.get("cores") for machine in machines}
+    return {
+        **shards[0].manifest,
+        "machine": {
+            "cpu": _each_once(machine.get("cpu") for machine in machines),
+            "cores": cores.pop() if len(cores) == 1 else None,
+            "platform": _each_once(machine.get("platform") for machine in machines),
+            "reference_loop_s": median_reference_loop_s(sessions),
+        },
+        "wall": sum_sessions(sessions),
+        "sessions": sessions,
+        "recordings": {},
+        "shards": {"count": shards[0].facts["count"], "merged": sorted({shard.facts["index"] for shard in shards})},
+    }
+
+
+def _each_once(texts: Any) -> str:
+    return "; ".join(dict.fromkeys(text for text in texts if text))
 
 
 def _check_out(out: Path) -> None:
     folder = ResultsFolder(out)
-    if folder.trials.is_file() and "merged_from" not in folder.read_json(folder.manifest):
+    if any(path.name != ".lock" for path in out.glob("*")) and "shards" not in folder.read_json(folder.manifest):
         raise UsageError(
-            f"--out: expected a new folder, or one of merged results, was one with results of its own. Folder: {out}"
+            f"--out: expected a new folder, or one of merged shards, was one with contents of its own. Folder: {out}"
         )
-
-
-def _check_same_cases(submissions: Sequence[_Submission]) -> None:
-    first = submissions[0]
-    for other in submissions[1:]:
-        here, there = (each.manifest.get("suite_hash") for each in (other, first))
-        if here != there:
-            raise UsageError(
-                f"{other.results.folder}: expected the cases of {first.results.folder}, of suite "
-                f"{first.manifest.get('suite')} with the hash {there}, was suite {other.manifest.get('suite')} with "
-                f"the hash {here}. Results of other cases, or of another version of them, cannot be ranked together: "
-                "enter the same suite with include, and fly it again."
-            )
-
-
-# Their digests are equal where agents have not cheated, so that only the rows tell.
-def _check_sandboxes(submissions: Sequence[_Submission], *, is_asked: bool) -> None:
-    demanding = next((each for each in submissions if each.manifest.get("sandbox") == "required"), None)
-    if demanding is None and not is_asked:
-        return
-    why = "--sandboxed asks" if demanding is None or is_asked else f"the suite of {demanding.results.folder} demands"
-    for submission in submissions:
-        rows = submission.results.trials.select(["entry", "digest", "sandbox"]).to_pylist()
-        if outside := find_unsandboxed_rows(rows):
-            sandboxes = outside[0]["sandbox"] or "nothing told"
-            raise UsageError(
-                f"{submission.results.folder}: expected agents in a sandbox, as {why}, was {sandboxes} in "
-                f"{len(outside)} of {len(rows)} flights, of {', '.join(sorted({row['entry'] for row in outside}))}. "
-                "Add sandbox: required to its suite, and fly it again."
-            )
-
-
-# Runs of one program in one case have one digest; where two folders disagree, their software did.
-def _check_same_trials(submissions: Sequence[_Submission]) -> None:
-    digests: dict[tuple[Any, ...], tuple[str, str]] = {}
-    for submission in submissions:
-        rows = submission.results.trials
-        for row in rows.select([*PAIR, "entry", "digest"]).to_pylist():
-            key = (*(row[name] for name in PAIR), row["entry"], submission.agent_of(row["entry"]))
-            before = digests.setdefault(key, (row["digest"], submission.label))
-            if row["digest"] and before[0] and before[0] != row["digest"]:
-                raise UsageError(
-                    f"{submission.results.folder}: expected the flight of {row['entry']} in {row['case']}, repetition "
-                    f"{row['repetition']}, to have the digest {before[0]} as in {before[1]}, was {row['digest']}. "
-                    "They were flown by different software: fly one of them again."
-                )
-
-
-def _entry_names(submissions: Sequence[_Submission]) -> dict[tuple[str, str], str]:
-    programs: dict[str, set[str]] = {}
-    for submission in submissions:
-        for entry in submission.results.entries:
-            programs.setdefault(entry, set()).add(submission.agent_of(entry))
-    names: dict[tuple[str, str], str] = {}
-    for submission in submissions:
-        for entry in submission.results.entries:
-            is_shared = len(programs[entry]) == 1
-            names[submission.label, entry] = entry if is_shared else f"{entry} ({submission.label})"
-    return names
-
-
-def _written(
-    submissions: Sequence[_Submission], names: dict[tuple[str, str], str], out: Path, *, is_kept: bool
-) -> Ranking:
-    folder = ResultsFolder(out)
-    out.mkdir(parents=True, exist_ok=True)
-    rows, homes = _merged_rows(submissions, names)
-    pq.write_table(pa.Table.from_pylist(rows, schema=TRIALS), folder.trials, compression="zstd")
-    tracks = [submission.results.tracks() for submission in submissions]
-    kept = {row["trial"] for row in rows}
-    merged = pa.concat_tables(tracks)
-    kept_tracks, seen = [], set[tuple[str, str]]()
-    for trial, agent in zip(merged["trial"].to_pylist(), merged["agent"].to_pylist(), strict=True):
-        kept_tracks.append(trial in kept and (trial, agent) not in seen)
-        seen.add((trial, agent))
-    pq.write_table(merged.filter(pa.array(kept_tracks, pa.bool_())), folder.tracks, compression="zstd")
-    verified = {name: home.verified for name, home in homes.items()}
-    folder.write_json(folder.manifest, _manifest(submissions, names, homes))
-    folder.write_json(folder.maps, _maps(submissions))
-    mark = VerificationMark(entries={name: home.is_verified for name, home in homes.items()})
-    if is_kept:
-        save_mark(results_hash(out), mark)
-    write_report(out, mark=mark)
-    leaderboard = folder.read_json(out / LEADERBOARD)
-    return Ranking(
-        leaderboard=leaderboard,
-        submissions={name: home.label for name, home in homes.items()},
-        verified=verified,
-    )
-
-
-def _merged_rows(
-    submissions: Sequence[_Submission], names: dict[tuple[str, str], str]
-) -> tuple[list[dict[str, Any]], dict[str, _Submission]]:
-    rows: dict[tuple[Any, ...], dict[str, Any]] = {}
-    homes: dict[str, _Submission] = {}
-    for submission in submissions:
-        for row in submission.results.trials.to_pylist():
-            name = names[submission.label, row["entry"]]
-            # Shared entries count as verified where one of their folders is.
-            if name not in homes or (homes[name].verified is None and submission.verified is not None):
-                homes[name] = submission
-            rows.setdefault((*(row[key] for key in PAIR), name), row | {"entry": name})
-    return list(rows.values()), homes
-
-
-def _manifest(
-    submissions: Sequence[_Submission], names: dict[tuple[str, str], str], homes: dict[str, _Submission]
-) -> dict[str, Any]:
-    entries: dict[str, dict[str, Any]] = {}
-    for submission in submissions:
-        for listed in submission.manifest.get("entries", []):
-            name = names.get((submission.label, listed["name"]))
-            if name is not None:
-                home = homes[name]
-                entries.setdefault(name, {**listed, "name": name, "submission": home.label})
-    first = submissions[0].manifest
-    kept = ("schema", "suite", "title", "question", "seed", "suite_hash", "versions", "anchors", "scenarios", "dropped")
-    demands = any(submission.manifest.get("sandbox") == "required" for submission in submissions)
-    return {
-        **{key: first[key] for key in kept if key in first},
-        "sandbox": "required" if demands else "optional",
-        "merged_from": [submission.label for submission in submissions],
-        "entries": list(entries.values()),
-    }
-
-
-def _maps(submissions: Sequence[_Submission]) -> dict[str, Any]:
-    found: dict[tuple[Any, ...], Any] = {}
-    schema = "gslcosim/maps/1"
-    for submission in submissions:
-        folder = ResultsFolder(submission.results.folder)
-        for each in folder.read_json(folder.maps).get("maps", []):
-            found.setdefault((each["scenario"], each["varied"]), each)
-    return {"schema": schema, "maps": list(found.values())}

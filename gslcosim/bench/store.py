@@ -302,6 +302,8 @@ _MAX_BYTES = 1_000_000_000
 # Of a Parquet file, at once.
 _READ_BYTES = 1 << 20
 RESULTS_SCHEMA = "gslcosim/results/1"
+MAPS_SCHEMA = "gslcosim/maps/1"
+SHARD_SCHEMA = "gslcosim/shard/1"
 
 
 class ManifestEntry(TypedDict, total=False):
@@ -390,6 +392,20 @@ class ResultsManifest(TypedDict, total=False):
     merged_from: list[str] | None
 
 
+class ShardFacts(TypedDict):
+    """Content of `shard.json`: which part of a suite a folder holds.
+
+    `only` are the patterns that chose trials for all shards together, `n_chosen` how many those are; `trials` gives the
+    place in the suite of each trial of this shard.
+    """
+
+    index: int
+    count: int
+    only: list[tuple[str, list[str]]]
+    n_chosen: int
+    trials: dict[str, int]
+
+
 class RoomMapFacts(TypedDict):
     """Key of a map in `maps.json`; the rest is read by the report."""
 
@@ -403,7 +419,7 @@ class RoomMaps(TypedDict, total=False):
     maps: list[RoomMapFacts]
 
 
-_KINDS: dict[str, Any] = {"manifest.json": ResultsManifest, "maps.json": RoomMaps}
+_KINDS: dict[str, Any] = {"manifest.json": ResultsManifest, "maps.json": RoomMaps, "shard.json": ShardFacts}
 
 
 class ResultsFolder:
@@ -417,6 +433,7 @@ class ResultsFolder:
         self.tracks = path / "tracks.parquet"
         self.manifest = path / "manifest.json"
         self.maps = path / "maps.json"
+        self.shard = path / "shard.json"
         self.journal = path / "rows.jsonl"
         self.recordings = path / "recordings"
 
@@ -492,24 +509,24 @@ class ResultsFolder:
         is_unique = len(table.column("trial").unique()) == table.num_rows
         return table if is_unique else pa.Table.from_pylist(self.rows(), schema=TRIALS)
 
-    def write_tables(self, entries: Sequence[JournalEntry]) -> None:
-        """Write both tables from rows in the order of the suite; what stood there before is replaced in one go."""
-        trials = pa.Table.from_pylist([entry.row for entry in entries], schema=TRIALS)
-        tracks = pa.Table.from_pylist(
-            [
-                {"trial": entry.row["trial"], "agent": agent, **{key: series[key] for key in SERIES}}
-                for entry in entries
-                if entry.tracks is not None
-                for agent, series in unpack_tracks(entry.tracks).items()
-            ],
-            schema=TRACKS,
-        )
-        write_at_once(self.tracks, lambda path: pq.write_table(tracks, path, compression="zstd"))
+    def tables(self) -> tuple[pa.Table, pa.Table]:
+        """Return all rows that there are, those of the journal too, and their tracks."""
+        if self.journal.is_file():
+            return build_tables(list(self.entries().values()))
+        tracks = self.track_table()
+        return self.trial_table(), TRACKS.empty_table() if tracks is None else tracks
+
+    def write_tables(self, trials: pa.Table, tracks: pa.Table) -> None:
+        """Write both tables, in the order of the suite; what stood there before is replaced in one go."""
+        # A table that was read calls the items of its lists otherwise.
+        named = tracks.cast(TRACKS)
+        write_at_once(self.tracks, lambda path: pq.write_table(named, path, compression="zstd"))
         write_at_once(self.trials, lambda path: pq.write_table(trials, path, compression="zstd"))
 
     def write_json(self, path: Path, content: Mapping[str, Any]) -> None:
         """Write a JSON file of the folder in one go."""
-        text = json.dumps(content, indent=None if path == self.maps else 2, ensure_ascii=False) + "\n"
+        is_long = path in (self.maps, self.shard)
+        text = json.dumps(content, indent=None if is_long else 2, ensure_ascii=False) + "\n"
         write_at_once(path, lambda beside: beside.write_text(text, encoding="utf-8"))
 
     def read_json(self, path: Path) -> dict[str, Any]:
@@ -541,6 +558,18 @@ class ResultsFolder:
             if not path.name.startswith(("earlier-", ".lock")):
                 shutil.move(str(path), aside / path.name)
         return aside
+
+
+def build_tables(entries: Sequence[JournalEntry]) -> tuple[pa.Table, pa.Table]:
+    """Return rows and their tracks as tables."""
+    trials = pa.Table.from_pylist([entry.row for entry in entries], schema=TRIALS)
+    tracks = [
+        {"trial": entry.row["trial"], "agent": agent, **{key: series[key] for key in SERIES}}
+        for entry in entries
+        if entry.tracks is not None
+        for agent, series in unpack_tracks(entry.tracks).items()
+    ]
+    return trials, pa.Table.from_pylist(tracks, schema=TRACKS)
 
 
 def _rows(path: Path, schema: pa.Schema) -> list[dict[str, Any]]:

@@ -4,7 +4,7 @@ import contextlib
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +15,11 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from gslcosim.bench.cases import Plan
-    from gslcosim.bench.cases.models import Selection
+    from gslcosim.bench.cases.models import Shard, Trial
     from gslcosim.bench.execution.runner import Progress, RunSummary
     from gslcosim.bench.execution.verification import Verification
-    from gslcosim.bench.merge import Ranking
+    from gslcosim.bench.merge import MergeSummary
+    from gslcosim.bench.submissions import Ranking
     from gslcosim.runtime.status import RunResult, RunStatus
 
 Report = Callable[["RunStatus"], None]
@@ -182,17 +183,16 @@ _PLAIN_EVERY_S = 10.0
 _BAR = 20
 
 
-def plan_to_json(plan: "Plan", selection: "Selection", *, n_workers: int) -> dict[str, Any]:
+def plan_to_json(plan: "Plan", trials: "Sequence[Trial]", *, n_workers: int) -> dict[str, Any]:
     """Return what a plan says of itself.
 
     Args:
         plan: The plan.
-        selection: Which of its trials are meant.
+        trials: Those of its trials that are meant.
         n_workers: How many would fly at the same time.
     """
     from gslcosim.bench.cases.plan import BYTES_PER_TRIAL, OVERHEAD_S, PLUME_S, ROOM_S, measured_pace
 
-    trials = [trial for trial in plan.trials if selection.takes(trial)]
     share = len(trials) / len(plan.trials)
     rooms, plumes = {trial.room for trial in trials}, {trial.tape for trial in trials if trial.tape}
     flying_s = (plan.sim_s * share / measured_pace() + OVERHEAD_S * len(trials)) / n_workers
@@ -298,8 +298,8 @@ def format_progress(progress: "Progress") -> str:
     return f"{bar} {done}/{total} trials, {rate}{left} | found: {found or 'none yet'}{lost}"
 
 
-def format_suite_summary(summary: "RunSummary", page: Path | None) -> str:
-    """Return what a run did."""
+def format_suite_summary(summary: "RunSummary", page: Path | None, shard: "Shard | None" = None) -> str:
+    """Return what a run did, of a suite or of a shard of it."""
     wall = summary.wall
     lines = []
     if summary.put_aside is not None:
@@ -319,6 +319,18 @@ def format_suite_summary(summary: "RunSummary", page: Path | None) -> str:
         )
     if summary.is_interrupted:
         lines.append("The same command goes on.")
+    lines.append(f"Results: {summary.folder}" + (f"\nReport: {page}" if page else ""))
+    if shard is not None:
+        lines.append(f"Shard {shard}. When all have run: gslcosim bench merge FOLDER... --out FOLDER")
+    return "\n".join(lines)
+
+
+def format_merge(summary: "MergeSummary", page: Path | None) -> str:
+    """Return what was merged, and what is missing."""
+    found = summary.n_shards - len(summary.missing)
+    lines = [f"{summary.n_trials} of {summary.n_chosen} trials, from {found} of {summary.n_shards} shards."]
+    if summary.missing:
+        lines.append(f"Missing: {', '.join(summary.missing)}")
     lines.append(f"Results: {summary.folder}" + (f"\nReport: {page}" if page else ""))
     return "\n".join(lines)
 

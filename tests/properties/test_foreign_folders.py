@@ -68,6 +68,7 @@ CALLS = {
     "bench show": ["bench", "show", "RESULTS", "--trial", "TRIAL", "--no-view", "--trusted"],
     "bench verify": ["bench", "verify", "RESULTS", "--sample", "1", "--jobs", "1", "--trusted"],
     "bench rank": ["bench", "rank", "RESULTS"],
+    "bench merge": ["bench", "merge", "SHARD", "--out", "OUT"],
     "bench run": ["bench", "run", "smoke", "--results", "RESULTS", "--only", "trial=none"],
     "import": ["environment", "import", "ENVIRONMENT", "--out", "OUT"],
     "import-flight": ["runs", "import", "RUN", "--scenario", "tiny_room", "--runs-dir", "OUT"],
@@ -253,8 +254,9 @@ def whole(tmp_path_factory):
         run.rename("runs/damaged")
         shutil.copytree("runs/damaged", "runs/other")
         assert main(["bench", "run", "smoke", "--jobs", "1", "--only", "entry=oracle", "--only", "repetition=0"]) == 0
-    folder = root / "results" / "smoke"
-    _write_rows(folder)
+        assert main(["bench", "run", "smoke", "--shard", "1/1", "--jobs", "1", "--only", "entry=oracle"]) == 0
+    for name in ("smoke", "smoke-1-of-1"):
+        _write_rows(root / "results" / name)
     environment = prepare_environment(load_scenario("tiny_room").scenario, scenario_dir=root)
     shutil.copytree(environment, root / "environment")
     (root / "join").mkdir()
@@ -293,7 +295,7 @@ def words_of(call, root):
         "RUNS": root / "runs", "RUN": root / "runs" / "damaged", "OTHER": root / "runs" / "other",
         "RESULTS": root / "results" / "smoke", "ENVIRONMENT": root / "environment", "OUT": root / "out",
         "JOIN": root / "join", "SWEEP": root / "swept", "TUNING": root / "tuned", "TRAINING": root / "trained",
-        "TRAIN_FILE": root / "small.train.yaml",
+        "TRAIN_FILE": root / "small.train.yaml", "SHARD": root / "results" / "smoke-1-of-1",
     }  # fmt: skip
     recorded = [path.name for path in (root / "results" / "smoke" / "recordings").iterdir()]
     places |= {"TRIAL": recorded[0]}
@@ -309,6 +311,7 @@ def files_of(call, root):
     files += [root / "trained" / name for name in TRAINING_FILES if "TRAINING" in words]
     files += [root / "runs" / "damaged" / name for name in RUN_FILES if "RUN" in words]
     files += [root / "results" / "smoke" / name for name in RESULT_FILES if "RESULTS" in words]
+    files += [root / "results" / "smoke-1-of-1" / name for name in (*RESULT_FILES, "shard.json") if "SHARD" in words]
     files += [root / "environment" / name for name in ENVIRONMENT_FILES if "ENVIRONMENT" in words]
     return [path for path in files if path.is_file()]
 

@@ -348,3 +348,63 @@ class Selection:
             "trial": trial.id,
         }
         return all(any(fnmatchcase(values[key], one) for one in some) for key, some in self.patterns)
+
+
+MOST_SHARDS = 100_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shard:
+    """One of `count` parts of a suite, `index` from 1 on: each is run on its own, perhaps on a machine of its own."""
+
+    index: int
+    count: int
+
+    @classmethod
+    def parse(cls, text: str) -> "Shard":
+        """Return the shard that a command line names, such as `2/8`.
+
+        Raises:
+            UsageError: it is not I/N, two whole numbers with 1 <= I <= N <= 100,000.
+        """
+        index, slash, count = text.partition("/")
+        is_number = slash and index.isdecimal() and count.isdecimal() and len(text) < 20
+        if not (is_number and 1 <= int(index) <= int(count) <= MOST_SHARDS):
+            raise UsageError(
+                f"--shard: expected I/N, the I-th of N parts with I from 1 to N and N up to {MOST_SHARDS}, was "
+                f"'{text}'. For example: --shard 2/8"
+            )
+        return cls(index=int(index), count=int(count))
+
+    def __str__(self) -> str:
+        """Return it as the command line has it."""
+        return f"{self.index}/{self.count}"
+
+    def select(self, trials: Sequence[Trial]) -> list[Trial]:
+        """Return the shard's trials, in the order of the suite.
+
+        The trials of a case and repetition, of all entries and with their controls, are in one shard, so that pairs
+        are whole. Shards follow from the plan alone: its cases and repetitions are put together by room and tape,
+        otherwise in the order of the suite, and cut into `count` pieces whose sizes differ by at most one. So few rooms
+        and tapes are made by more than one shard.
+
+        Args:
+            trials: Those that all shards fly together, in the order of the suite.
+        """
+        firsts: dict[tuple[str, int], Trial] = {}
+        for trial in trials:
+            firsts.setdefault((trial.case, trial.repetition), trial)
+        places: dict[str | None, int] = {}
+        for trial in firsts.values():
+            places.setdefault(trial.room, len(places))
+            places.setdefault(trial.tape, len(places))
+        ordered = sorted(firsts, key=lambda unit: (places[firsts[unit].room], places[firsts[unit].tape]))
+        begin, end = (len(ordered) * i // self.count for i in (self.index - 1, self.index))
+        taken = set(ordered[begin:end])
+        return [trial for trial in trials if (trial.case, trial.repetition) in taken]
+
+
+def choose_trials(trials: Sequence[Trial], selection: Selection, shard: Shard | None = None) -> list[Trial]:
+    """Return the trials of a plan that a call runs: those of the selection, and of them the shard's."""
+    chosen = [trial for trial in trials if selection.takes(trial)]
+    return chosen if shard is None else shard.select(chosen)

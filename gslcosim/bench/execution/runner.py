@@ -19,7 +19,7 @@ import gslcosim
 from gslcosim.base.code_identity import COMPUTING_PACKAGES
 from gslcosim.base.disk_cache import mark_used
 from gslcosim.base.errors import SimulationFault
-from gslcosim.bench.cases.models import LOWER_ANCHOR, UPPER_ANCHOR, Selection, Trial
+from gslcosim.bench.cases.models import LOWER_ANCHOR, UPPER_ANCHOR, Selection, Shard, Trial, choose_trials
 from gslcosim.bench.cases.plan import Plan, build_plan, save_pace
 from gslcosim.bench.cases.suite_files import LoadedSuite, load_suite, write_suite
 from gslcosim.bench.execution.pool import POLL_PERIOD_S, Job, JobResult, LocalPool, Pool, iterate_results, n_cores
@@ -27,7 +27,16 @@ from gslcosim.bench.execution.scoring import COMPLETED, Row, row_without_result
 from gslcosim.bench.execution.trial import ALL_CASES, TrialResult, map_keys
 from gslcosim.bench.execution.verification import check_sandbox
 from gslcosim.bench.results import Results
-from gslcosim.bench.store import RESULTS_SCHEMA, Journal, JournalEntry, ResultsFolder
+from gslcosim.bench.store import (
+    MAPS_SCHEMA,
+    RESULTS_SCHEMA,
+    SHARD_SCHEMA,
+    Journal,
+    JournalEntry,
+    ResultsFolder,
+    ShardFacts,
+    build_tables,
+)
 from gslcosim.environment.store import load_environment
 
 
@@ -76,23 +85,29 @@ def build_manifest(plan: Plan, sessions: list[dict[str, Any]], *, recorded: Sequ
         "dropped": [{"case": each.case, "reason": each.reason} for each in plan.dropped],
         "moved": [{"case": m.case, "agent": m.agent, "from_m": m.from_m, "to_m": m.to_m} for m in plan.moved],
         "anchors": {side: name for side, name in anchors.items() if name in names},
-        "wall": _totals(sessions),
+        "wall": sum_sessions(sessions),
         "sessions": sessions,
         "recordings": {trial: f"recordings/{trial}" for trial in recorded},
     }
 
 
 def _machine(sessions: list[dict[str, Any]]) -> dict[str, Any]:
-    loops_s = [each["reference_loop_s"] for each in sessions if each.get("reference_loop_s")]
     return {
         "cpu": _cpu_name(),
         "cores": os.cpu_count(),
         "platform": platform.platform(),
-        "reference_loop_s": statistics.median(loops_s) if loops_s else None,
+        "reference_loop_s": median_reference_loop_s(sessions),
     }
 
 
-def _totals(sessions: list[dict[str, Any]]) -> dict[str, Any]:
+def median_reference_loop_s(sessions: Sequence[Mapping[str, Any]]) -> float | None:
+    """Return the median of what the reference loop took in several calls [s]; None where none has measured it."""
+    loops_s = [each["reference_loop_s"] for each in sessions if each.get("reference_loop_s")]
+    return statistics.median(loops_s) if loops_s else None
+
+
+def sum_sessions(sessions: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the wall times of all calls together, as `manifest.json` has them under `wall`."""
     if not sessions:
         return {}
     totals: dict[str, Any] = {
@@ -196,6 +211,7 @@ class SuiteRun:
         start_pool: Callable[[], Pool],
         *,
         selection: Selection,
+        shard: Shard | None = None,
         flies_failures_again: bool = False,
         report: Callable[[Progress], None] = lambda _: None,
     ) -> None:
@@ -206,13 +222,16 @@ class SuiteRun:
             folder: Where results go.
             start_pool: Starts the workers; not called when there is nothing to fly.
             selection: Which of the plan's trials.
+            shard: Which part of these; all if absent.
             flies_failures_again: Whether trials without result are run again.
             report: Receives progress reports.
         """
         self._plan = plan
         self._folder = folder
         self._start_pool = start_pool
-        self._chosen = [trial for trial in plan.trials if selection.takes(trial)]
+        self._selection = selection
+        self._shard = shard
+        self._chosen = choose_trials(plan.trials, selection, shard)
         self._flies_failures_again = flies_failures_again
         self._report = report
         self._entries: dict[str, JournalEntry] = {}
@@ -242,6 +261,7 @@ class SuiteRun:
             write_suite(self._plan.loaded, self._folder.path)
             # Before anything flies, so that a report can be made of rows whose run was killed.
             self._write_manifest({})
+            self._write_shard()
             wall: dict[str, Any] = {}
             if todo or self._missing_recordings():
                 wall = self._fly_with_pool(todo)
@@ -356,7 +376,10 @@ class SuiteRun:
         for ended in self._all_done(pool, jobs, "maps"):
             maps[ended.result["scenario"], ended.result["varied"]] = ended.result
         if jobs:
-            self._folder.write_json(self._folder.maps, {"schema": "gslcosim/maps/1", "maps": list(maps.values())})
+            # In the order of the suite, whichever was made first.
+            keys = [(trial.scenario, varied) for trial, varied in map_keys(self._plan.trials)]
+            ordered = {key: maps[key] for key in keys if key in maps} | maps
+            self._folder.write_json(self._folder.maps, {"schema": MAPS_SCHEMA, "maps": list(ordered.values())})
 
     def _all_done(self, pool: Pool, jobs: Sequence[Job], phase: str) -> Iterable[JobResult]:
         began = time.perf_counter()
@@ -436,7 +459,8 @@ class SuiteRun:
 
     def _kept(self) -> list[Trial]:
         keep = self._plan.loaded.suite.record.keep
-        if not keep or any(trial.id not in self._entries for trial in self._chosen):
+        # Which of all trials is the slowest, no shard knows.
+        if self._shard is not None or not keep or any(trial.id not in self._entries for trial in self._chosen):
             return []
         return select_recorded_trials(self._chosen, {key: entry.row for key, entry in self._entries.items()}, keep)
 
@@ -473,7 +497,7 @@ class SuiteRun:
     def _write(self, wall: dict[str, Any]) -> None:
         trials = [trial for trial in self._plan.trials if trial.id in self._entries]
         if self._folder.journal.is_file() or not self._folder.trials.is_file():
-            self._folder.write_tables([self._entries[trial.id] for trial in trials])
+            self._folder.write_tables(*build_tables([self._entries[trial.id] for trial in trials]))
             self._folder.journal.unlink(missing_ok=True)
         self._write_manifest(wall)
 
@@ -483,6 +507,19 @@ class SuiteRun:
         recorded = [path.name for path in sorted(self._folder.recordings.glob("*")) if path.name in self._entries]
         manifest = build_manifest(self._plan, sessions, recorded=recorded)
         self._folder.write_json(self._folder.manifest, manifest)
+
+    def _write_shard(self) -> None:
+        if self._shard is None:
+            self._folder.shard.unlink(missing_ok=True)
+            return
+        facts = ShardFacts(
+            index=self._shard.index,
+            count=self._shard.count,
+            only=[(key, list(patterns)) for key, patterns in self._selection.patterns],
+            n_chosen=len(choose_trials(self._plan.trials, self._selection)),
+            trials={trial.id: trial.index for trial in self._chosen},
+        )
+        self._folder.write_json(self._folder.shard, {"schema": SHARD_SCHEMA, **facts})
 
 
 def _firsts(trials: Iterable[Trial], key_of: Callable[[Trial], str | None]) -> dict[str, Trial]:

@@ -12,13 +12,14 @@ from gslcosim.cli.terminal import add_json_option, table, write, write_json, wri
 
 if TYPE_CHECKING:
     from gslcosim.bench.cases import LoadedSuite, Plan
-    from gslcosim.bench.cases.models import LimitsSpec
+    from gslcosim.bench.cases.models import LimitsSpec, Selection, Shard
     from gslcosim.bench.execution.pool import Pool
 
 EXAMPLES = """  gslcosim bench list
   gslcosim bench plan gsl_bench_2023
   gslcosim bench run smoke
   gslcosim bench run methods --only entry=surge_cast,infotaxis --jobs 2
+  gslcosim bench run gsl_bench_2023 --shard 2/8
   gslcosim bench report results/smoke
   gslcosim bench verify results/smoke --sample 5
   gslcosim bench sweep tiny_room --entry dung_beetle --vary leg_m=0.4,0.8,1.6"""
@@ -31,12 +32,23 @@ def _add_suite(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("suite", metavar="SUITE", help="a suite file, or the name of a bundled suite")
     parser.add_argument("--seed", type=parse_whole_number, metavar="N", help="replace the suite's seed")
     _add_selection(parser)
+    parser.add_argument(
+        "--shard",
+        metavar="I/N",
+        help="only the I-th of N parts of equal size, for queues and machines that share nothing; bench merge puts "
+        "them together",
+    )
 
 
 def _add_run_arguments(parser: argparse.ArgumentParser) -> None:
     _add_suite(parser)
     _add_workers(parser)
-    parser.add_argument("--results", type=Path, metavar="DIR", help="where results go (default: results/NAME)")
+    parser.add_argument(
+        "--results",
+        type=Path,
+        metavar="DIR",
+        help="where results go (default: results/NAME; of a shard, results/NAME-I-of-N)",
+    )
     parser.add_argument("--retry", action="store_true", help="fly trials without a result again")
     parser.add_argument("--no-report", action="store_true", help="make no report at the end")
 
@@ -64,6 +76,14 @@ def _add_verify_arguments(parser: argparse.ArgumentParser) -> None:
     )
     _add_trusted(parser)
     _add_workers(parser)
+
+
+def _add_merge_arguments(parser: argparse.ArgumentParser) -> None:
+    add_json_option(parser)
+    parser.add_argument("results", nargs="+", type=Path, metavar="FOLDER", help="folders of bench run --shard I/N")
+    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="where the merged results go")
+    parser.add_argument("--partial", action="store_true", help="merge what there is, even if shards or trials miss")
+    parser.add_argument("--no-report", action="store_true", help="make no report at the end")
 
 
 def _add_rank_arguments(parser: argparse.ArgumentParser) -> None:
@@ -127,13 +147,13 @@ def _list(arguments: argparse.Namespace) -> int:
 
 
 def _plan(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.cases.models import Selection
+    from gslcosim.bench.cases.models import choose_trials
     from gslcosim.bench.execution.pool import n_cores
     from gslcosim.cli.run_output import format_plan, plan_to_json
 
+    selection, shard = _chosen(arguments)
     _, plan = _planned(arguments, is_quiet=arguments.json)
-    selection = Selection.of(arguments.only, arguments.filter)
-    fields = plan_to_json(plan, selection, n_workers=n_cores())
+    fields = plan_to_json(plan, choose_trials(plan.trials, selection, shard), n_workers=n_cores())
     if arguments.json:
         write_json(fields)
     else:
@@ -144,34 +164,35 @@ def _plan(arguments: argparse.Namespace) -> int:
 def _run_suite(arguments: argparse.Namespace) -> int:
     from dataclasses import asdict
 
-    from gslcosim.bench.cases.models import Selection
     from gslcosim.bench.execution.runner import SuiteRun
     from gslcosim.bench.store import ResultsFolder
     from gslcosim.cli.run_output import format_suite_summary, show_suite_progress
 
-    selection = Selection.of(arguments.only, arguments.filter)
+    selection, shard = _chosen(arguments)
     loaded, plan = _planned(arguments, is_quiet=arguments.json)
     _check_here(arguments, plan)
-    folder = ResultsFolder(arguments.results or RESULTS_DIR / loaded.suite.name)
+    name = loaded.suite.name if shard is None else f"{loaded.suite.name}-{shard.index}-of-{shard.count}"
+    folder = ResultsFolder(arguments.results or RESULTS_DIR / name)
     with show_suite_progress(loaded.suite.name, is_quiet=arguments.json) as report:
         run = SuiteRun(
             plan,
             folder,
             lambda: _pool(arguments, loaded.suite.limits),
             selection=selection,
+            shard=shard,
             flies_failures_again=arguments.retry,
             report=report,
         )
         summary = run.fly()
     page = None
-    if not summary.is_interrupted and not arguments.no_report:
+    if not summary.is_interrupted and not arguments.no_report and shard is None:
         from gslcosim.bench.report.writer import write_report
 
         page = write_report(folder.path)
     if arguments.json:
         write_json({key: str(v) if isinstance(v, Path) else v for key, v in asdict(summary).items()})
     else:
-        write(format_suite_summary(summary, page))
+        write(format_suite_summary(summary, page, shard))
     if summary.is_interrupted:
         return ExitCode.INTERRUPTED
     return ExitCode.AGENT_FAILED if summary.n_without_result else 0
@@ -252,16 +273,42 @@ def _verify(arguments: argparse.Namespace) -> int:
     return ExitCode.DIVERGENCE if verification.differences else 0
 
 
+def _merge(arguments: argparse.Namespace) -> int:
+    from dataclasses import asdict
+
+    from gslcosim.bench.merge import merge_shards
+    from gslcosim.cli.run_output import format_merge
+
+    summary = merge_shards(arguments.results, arguments.out, is_partial=arguments.partial)
+    page = None
+    if not arguments.no_report:
+        from gslcosim.bench.report.writer import write_report
+
+        page = write_report(arguments.out)
+    if arguments.json:
+        write_json(asdict(summary) | {"folder": str(summary.folder)})
+    else:
+        write(format_merge(summary, page))
+    return 0
+
+
 def _rank(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.merge import merge
+    from gslcosim.bench.submissions import rank
     from gslcosim.cli.run_output import format_ranking
 
-    ranking = merge(arguments.results, arguments.out, demands_sandbox=arguments.sandboxed)
+    ranking = rank(arguments.results, arguments.out, demands_sandbox=arguments.sandboxed)
     if arguments.json:
         write_json({**ranking.leaderboard, "submissions": ranking.submissions, "verified": ranking.verified})
     else:
         write(format_ranking(ranking))
     return 0
+
+
+def _chosen(arguments: argparse.Namespace) -> "tuple[Selection, Shard | None]":
+    from gslcosim.bench.cases.models import Selection, Shard
+
+    shard = None if arguments.shard is None else Shard.parse(arguments.shard)
+    return Selection.of(arguments.only, arguments.filter), shard
 
 
 def _planned(arguments: argparse.Namespace, *, is_quiet: bool) -> "tuple[LoadedSuite, Plan]":
@@ -321,9 +368,18 @@ COMMAND = CommandFamily(
             examples="  gslcosim bench run smoke\n"
             "  gslcosim bench run my_suite.yaml --jobs 4 --results results/mine\n"
             "  gslcosim bench run methods --only entry=surge_cast --filter meander\n"
-            "  gslcosim bench run gsl_bench_2023 --ray auto",
+            "  gslcosim bench run gsl_bench_2023 --ray auto\n"
+            "  gslcosim bench run gsl_bench_2023 --shard 2/8",
             add_arguments=_add_run_arguments,
             run=_run_suite,
+        ),
+        Command(
+            name="merge",
+            summary="merge the shards of a suite into the results that one run of it would have left",
+            examples="  gslcosim bench merge results/smoke-1-of-2 results/smoke-2-of-2 --out results/smoke\n"
+            "  gslcosim bench merge shards/* --out results/mine --partial",
+            add_arguments=_add_merge_arguments,
+            run=_merge,
         ),
         Command(
             name="report",

@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 from types import SimpleNamespace
+from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
@@ -13,8 +14,8 @@ from gslcosim.base.errors import UsageError
 from gslcosim.base.files import user_state_folder
 from gslcosim.bench import run
 from gslcosim.bench.execution import verification
-from gslcosim.bench.merge import merge
 from gslcosim.bench.store import ResultsFolder
+from gslcosim.bench.submissions import rank
 from gslcosim.bench.verification_marks import find_mark, results_hash
 from gslcosim.cli.main import main
 from gslcosim.runtime.processes.sandbox.selection import find_strongest_sandbox
@@ -91,7 +92,9 @@ def sent(tmp_path_factory):
     (root / "suite" / "agent.py").write_text(AGENT.format(**names))
     (root / "suite" / "program.py").write_text(PROGRAM.format(**names))
     (root / "suite" / "room.yaml").write_text(scenario_text(sandbox="none"))
-    (root / "suite" / "suite.yaml").write_text(SUITE.replace("PYTHON", shutil.which("python3", path="/usr/bin")))
+    (root / "suite" / "suite.yaml").write_text(
+        SUITE.replace("PYTHON", shutil.which("python3", path="/usr/bin") or "python3")
+    )
     run(root / "suite" / "suite.yaml", root / "results", jobs=1)
     assert {path.name for path in outside.iterdir()} == {"imported", "shell", "begun", "decided", "command"}
     return root / "results", outside
@@ -165,8 +168,9 @@ def test_a_python_agent_that_does_nothing_as_a_program_is_refused(here):
     program.write_text(AGENT.partition("if __name__")[0])
     start = f"agents[0].start={json.dumps({'python': str(program)})}"
     scenario = load_scenario("tiny_room", overrides=[start]).scenario
+    trial: Any = SimpleNamespace(entry="e", directory=folder, resolved=scenario)
     with pytest.raises(UsageError, match=r"expected a Python agent that is also a program, .*: run\(MyAgent\)"):
-        verification.check_confinable([SimpleNamespace(entry="e", directory=folder, resolved=scenario)], folder)
+        verification.check_confinable([trial], folder)
     assert reached(outside) == set()
 
 
@@ -227,7 +231,7 @@ def test_a_program_that_is_a_link_to_a_file_of_who_verifies_is_refused(here, tmp
 def test_what_a_folder_says_of_its_verification_is_not_believed(here):
     folder, _ = here
     change_manifest(folder, verified={"sample": 20, "same": 20, "at": "2026-01-01T00:00:00+00:00"})
-    assert set(merge([folder]).verified.values()) == {None}
+    assert set(rank([folder]).verified.values()) == {None}
     # Nor what lies beside, whatever its name.
     for name in ("verified", ".gslcosim"):
         (folder / name).mkdir()
@@ -241,14 +245,14 @@ def test_a_mark_is_of_contents_and_not_of_a_place(here, tmp_path):
     assert verify(folder) == 0
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy)
-    assert set(merge([copy]).verified.values()) == {(4, 4)}
+    assert set(rank([copy]).verified.values()) == {(4, 4)}
     assert main(["bench", "report", str(copy)]) == 0
     assert "4 of 4 trials flown again here gave the same digest" in (copy / "report.html").read_text()
     assert find_mark(copy) is not None
     table = pq.read_table(copy / "trials.parquet")
     i = table.schema.get_field_index("score")
     pq.write_table(table.set_column(i, table.schema.field(i), [[1.0] * table.num_rows]), copy / "trials.parquet")
-    assert set(merge([copy]).verified.values()) == {None}
+    assert set(rank([copy]).verified.values()) == {None}
     for change in (
         lambda path: (path / "agents_are_here.py").touch(),
         lambda path: change_manifest(path, title="best"),
@@ -262,7 +266,7 @@ def test_a_mark_is_of_contents_and_not_of_a_place(here, tmp_path):
 def test_a_merged_folder_keeps_its_marks_here_alone(here, tmp_path):
     folder, _ = here
     assert verify(folder) == 0
-    merge([folder], tmp_path / "merged")
+    rank([folder], tmp_path / "merged")
     rows = json.loads((tmp_path / "merged" / "leaderboard.json").read_text())["views"][0]["rows"]
     assert {row["verified"] for row in rows} == {True}
     change_manifest(tmp_path / "merged", title="forged")
@@ -294,7 +298,7 @@ def test_rows_that_were_left_out_are_reported_and_the_rest_is_not_verified(here,
     pq.write_table(table.slice(0, 3), folder / "trials.parquet")
     assert verify(folder) == 0
     assert "1 trials of the suite have no row" in capsys.readouterr().out
-    assert set(merge([folder]).verified.values()) == {None}
+    assert set(rank([folder]).verified.values()) == {None}
 
 
 def test_the_sample_is_not_known_before(here, capsys):

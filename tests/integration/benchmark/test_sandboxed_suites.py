@@ -13,8 +13,8 @@ from gslcosim.base.errors import UsageError
 from gslcosim.bench import run
 from gslcosim.bench.cases import build_plan, load_suite
 from gslcosim.bench.execution import verification
-from gslcosim.bench.merge import merge
 from gslcosim.bench.store import is_machine_dependent
+from gslcosim.bench.submissions import rank
 from gslcosim.cli.main import main
 from gslcosim.runtime.processes.sandbox.selection import find_strongest_sandbox
 
@@ -104,8 +104,8 @@ def test_a_ranking_refuses_runs_outside_a_sandbox_where_one_folder_demands_it_or
     """Without the thief digests are equal, so that only the rows tell."""
     trusting, sealed = (honest(folder, tmp_path / folder.name) for folder in flown)
     with pytest.raises(UsageError, match=r"as the suite of .*sealed demands, was none: in this process in 2 of 2"):
-        merge([trusting, sealed])
-    merge([trusting])
+        rank([trusting, sealed])
+    rank([trusting])
     assert main(["bench", "rank", str(trusting), "--sandboxed"]) == 2
     assert "as --sandboxed asks, was none: in this process" in capsys.readouterr().err
     assert main(["bench", "rank", str(sealed), "--sandboxed"]) == 0

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.base.errors import ScenarioError
+from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.bench.cases import Plan, build_plan, load_suite, suite_files
-from gslcosim.bench.cases.models import commitment, derive_seed
+from gslcosim.bench.cases.models import Selection, Shard, choose_trials, commitment, derive_seed
 from gslcosim.methods.card import SHARED_PARAMETERS
 
 HEAD = "schema: gslcosim/suite/1\nname: mine\nanchors: []\n"
@@ -287,3 +287,43 @@ def test_trials_are_others_when_a_parameter_that_cards_share_changes(
     changed.write_text((SHARED_PARAMETERS / changed.name).read_text(encoding="utf-8") + "# changed\n")
     monkeypatch.setattr(suite_files, "SHARED_PARAMETERS", tmp_path)
     assert compute() != before
+
+
+def test_each_trial_is_in_one_shard_with_all_of_its_case_and_repetition(tmp_path: Path) -> None:
+    plan = planned(
+        tmp_path,
+        "scenarios: [tiny_room]\nvary: [{'agents[0].vehicle.hold_s': [0.5, 1.0, 1.5]}]\nrepetitions: 4\n"
+        "controls: {no_source_frac: 0.5}\nentries:\n  - {name: beetle, start: {python: dung_beetle}}\n"
+        "  - {name: walk, start: {python: random_walker}}\n",
+    )
+    for count in (1, 2, 5, 12, 30):
+        shards = [Shard(index=i, count=count).select(plan.trials) for i in range(1, count + 1)]
+        assert sorted(trial.index for shard in shards for trial in shard) == list(range(len(plan.trials)))
+        units = [{(trial.case, trial.repetition) for trial in shard} for shard in shards]
+        assert sum(map(len, units)) == 12
+        assert max(map(len, units)) - min(map(len, units)) <= 1
+        assert all(shard == sorted(shard, key=lambda trial: trial.index) for shard in shards)
+
+
+def test_shards_share_few_tapes(tmp_path: Path) -> None:
+    plan = planned(
+        tmp_path,
+        "scenarios: [tiny_room]\nset: {gas.tape: true}\nvary: [{'agents[0].vehicle.hold_s': [0.5, 1.0, 1.5]}]\n"
+        "repetitions: 4\n" + ONE_ENTRY,
+    )
+    shards = [Shard(index=i, count=4).select(plan.trials) for i in range(1, 5)]
+    assert [len({trial.tape for trial in shard}) for shard in shards] == [1, 1, 1, 1]
+    chosen = choose_trials(plan.trials, Selection.of(["repetition=0,1"]), Shard(index=2, count=2))
+    assert {trial.repetition for trial in chosen} == {1}
+    assert len(chosen) == 3
+
+
+@pytest.mark.parametrize("text", ["0/2", "3/2", "1", "1/", "/2", "a/b", "-1/2", "1/2/3", "1.0/2", "1/100001"])
+def test_a_shard_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(UsageError, match="--shard: expected I/N"):
+        Shard.parse(text)
+
+
+def test_a_shard_is_read_as_it_is_written() -> None:
+    assert Shard.parse("2/8") == Shard(index=2, count=8)
+    assert str(Shard.parse("2/8")) == "2/8"

@@ -9,7 +9,7 @@ import pytest
 
 from gslcosim.base.errors import UsageError
 from gslcosim.bench import Results, compare, run
-from gslcosim.bench.merge import merge
+from gslcosim.bench.submissions import rank
 
 MINE = """
 schema: gslcosim/suite/1
@@ -54,7 +54,7 @@ def test_results_from_python(folders: tuple[Path, Path]) -> None:
 def test_anchors_are_shared_and_equal_names_of_other_programs_are_distinguished(
     folders: tuple[Path, Path], tmp_path: Path
 ) -> None:
-    ranking = merge(folders, tmp_path / "merged")
+    ranking = rank(folders, tmp_path / "merged")
     names = [row["entry"] for row in ranking.leaderboard["views"][0]["rows"]]
     assert sorted(names) == ["dung_beetle (base)", "dung_beetle (mine)", "mine", "oracle", "random_walker"]
     assert names[0] == "oracle"
@@ -70,7 +70,7 @@ def test_other_cases_and_other_runs_are_refused(folders: tuple[Path, Path], tmp_
     manifest = json.loads((other / "manifest.json").read_text())
     (other / "manifest.json").write_text(json.dumps({**manifest, "suite_hash": "another"}))
     with pytest.raises(UsageError, match="with the hash another"):
-        merge([folders[0], other])
+        rank([folders[0], other])
     changed = tmp_path / "changed"
     shutil.copytree(folders[0], changed)
     table = pq.read_table(changed / "trials.parquet")
@@ -79,6 +79,6 @@ def test_other_cases_and_other_runs_are_refused(folders: tuple[Path, Path], tmp_
         table.set_column(i, table.schema.field(i), [["0" * 32] * table.num_rows]), changed / "trials.parquet"
     )
     with pytest.raises(UsageError, match="flown by different software"):
-        merge([folders[0], changed])
+        rank([folders[0], changed])
     with pytest.raises(UsageError, match="expected a new folder"):
-        merge(folders, folders[0])
+        rank(folders, folders[0])
