@@ -114,15 +114,15 @@ golden: .venv/ready-dev     # rewrite the golden files; review the diff
 	GSLCOSIM_REWRITE_GOLDEN=1 $(BIN)/pytest -q tests/golden
 
 docs: .venv/ready-dev contract    # rewrite the generated pages
-	$(BIN)/python -m gslcosim.contract.publish.messages_page > docs/messages.md
-	$(BIN)/python -m gslcosim.scenario.keys_page > docs/scenario.md
-	$(BIN)/python -m gslcosim_services.sensing.sensors_page docs/sensors.md
-	$(BIN)/python -m gslcosim.methods.methods_page agents docs
-	$(BIN)/python -m gslcosim.methods.search_page > docs/search.md
+	$(BIN)/python docs/_build/messages_page.py > docs/messages.md
+	$(BIN)/python docs/_build/scenario_page.py > docs/scenario.md
+	$(BIN)/python docs/_build/sensors_page.py docs/sensors.md
+	$(BIN)/python docs/_build/methods_page.py agents docs
+	$(BIN)/python docs/_build/search_page.py > docs/search.md
 
 contract: .venv/ready-dev   # rewrite the published contract; review the diff
 	rm -rf agents/contract
-	$(BIN)/gslcosim schema export agents/contract
+	$(BIN)/python docs/_build/contract_files.py agents/contract
 
 setup: .venv/ready-check .venv/ready-test-all  # everything for development
 

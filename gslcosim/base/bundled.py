@@ -1,4 +1,4 @@
-"""Bundled scenarios, suites, families, train files and agents, found by name without importing or reading them."""
+"""Bundled scenarios, suites, families, train files, agents and contract, found by name without importing them."""
 
 import importlib.util
 from pathlib import Path
@@ -39,6 +39,11 @@ def bundled_agents() -> dict[str, Path]:
 def bundled_folder(name: str) -> Path:
     """Return a folder beside the bundled scenarios, for example of suites."""
     return _folder_of(SCENARIOS_PACKAGE) / name
+
+
+def bundled_contract() -> Path:
+    """Return the folder of the published contract: schemas, AsyncAPI documents and golden vectors."""
+    return _folder_of(AGENTS_PACKAGE) / "contract"
 
 
 def _folder_of(package: str) -> Path:

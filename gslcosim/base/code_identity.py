@@ -18,7 +18,6 @@ _IRRELEVANT_FOLDERS = (
     "gslcosim/bench/statistics",
     "gslcosim/bench/studies",
     "gslcosim/conformance",
-    "gslcosim/contract/publish",
     "gslcosim/data",
     "gslcosim_services/recorder",
 )

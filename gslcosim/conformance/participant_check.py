@@ -14,6 +14,7 @@ from gslcosim.base.processes import describe_exit
 from gslcosim.base.rng import stream
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.bus.interface import GATEWAY_VARIABLE, TOKEN_VARIABLE
+from gslcosim.conformance.example_messages import load_example
 from gslcosim.conformance.rules import PARTICIPANT_RULES, CheckReport, Failure, build_findings
 from gslcosim.conformance.scripted_world import TICK_NS, add_unknown_fields
 from gslcosim.conformance.session import SessionLimits
@@ -36,7 +37,6 @@ from gslcosim.contract.participant_messages import (
     VehicleOfRun,
     build_own_port,
 )
-from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.gateway.connections import (
     AnswerTimeoutError,
     BlockingConnection,
@@ -140,8 +140,7 @@ def _build_input(port: str, tick: int, noise: float) -> Message:
         return ParticipantValues(tick=tick, values={"level": noise, "is_on": noise > 0})
     if name == WindShare.__name__:
         return WindShare(tick=tick, share=abs(noise))
-    example = next(message for message in EXAMPLES.values() if type(message).__name__ == name)
-    return example.model_copy(update={"tick": tick})
+    return load_example(name).model_copy(update={"tick": tick})
 
 
 def _build_write(word: str) -> PortWrite:

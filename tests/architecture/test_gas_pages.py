@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from sensors_page import fill_tables
 
 from gslcosim.cli.main import main
 from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.model_schema import list_settings
 from gslcosim.scenario.models.gas import GAS_MODELS
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SENSORS
-from gslcosim_services.sensing.sensors_page import fill_tables
 
 ROOT = Path(__file__).parents[2]
 GAS, SENSORS_PAGE = ROOT / "docs" / "gas.md", ROOT / "docs" / "sensors.md"

@@ -6,8 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-
-from gslcosim.methods.methods_page import COSTS, PAGE, PICTURES, build_methods_page, find_methods, load_costs
+from methods_page import COSTS, PAGE, PICTURES, build_methods_page, find_methods, load_costs
 
 ROOT = Path(__file__).parents[2]
 DOCS, AGENTS = ROOT / "docs", ROOT / "agents"

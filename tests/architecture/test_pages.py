@@ -6,11 +6,11 @@ from pathlib import Path
 
 import msgpack
 import pytest
+from contract_vectors import build_rejected
 
 from gslcosim.base.errors import ContractError
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
-from gslcosim.contract.publish.vectors import build_rejected
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs").rglob("*.md"))

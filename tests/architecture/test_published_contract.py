@@ -9,13 +9,13 @@ from pathlib import Path
 import jsonschema
 import pytest
 import yaml
+from contract_files import build_contract_files
 
 from gslcosim.base.errors import ContractError
 from gslcosim.contract import codec
 from gslcosim.contract.keys import AGENT_PLACEHOLDER, KEY_TABLE
 from gslcosim.contract.messages import CONTRACT_VERSION
 from gslcosim.contract.participant_messages import PARTICIPATION_VERSION
-from gslcosim.contract.publish.export import build_contract_files
 from gslcosim.contract.schema import get_contract_hash, get_participation_hash, list_message_types, list_published_types
 from gslcosim.gateway import frame_codec
 

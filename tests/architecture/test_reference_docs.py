@@ -5,11 +5,11 @@ import re
 from pathlib import Path
 
 import pytest
+from messages_page import MESSAGES_BY_KEY, build_messages_markdown
 
 from gslcosim.contract import keys, messages
 from gslcosim.contract.keys import AGENT_PLACEHOLDER, KEY_TABLE
 from gslcosim.contract.messages import Record
-from gslcosim.contract.publish.messages_page import MESSAGES_BY_KEY, build_messages_markdown
 from gslcosim.contract.schema import list_message_types
 from gslcosim.runtime.services import build_dataflow
 from gslcosim.scenario import load_scenario

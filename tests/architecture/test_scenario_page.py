@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
+from scenario_page import BlockSection, build_scenario_page, iterate_sections, section_rows
 
-from gslcosim.scenario.keys_page import BlockSection, build_scenario_page, iterate_sections, section_rows
 from gslcosim.scenario.model_schema import _all_blocks, list_keys
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.problems import child_path

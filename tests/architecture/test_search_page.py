@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import pytest
+from search_page import EXAMPLE, SEARCH, build_search_page
 
 from gslcosim.cli.main import main
-from gslcosim.methods.search_page import EXAMPLE, SEARCH, build_search_page
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "search.md"

@@ -9,6 +9,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import msgpack
@@ -16,8 +17,10 @@ import msgspec
 
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Message
-from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.contract.record import build_unchecked_constructor
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "docs" / "_build"))
+from contract_examples import EXAMPLES
 
 MESSAGES = ("bodies_flying", "samples", "observation", "score", "command_waypoint")
 CALLS = 2000

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from contract_examples import EXAMPLES
 
 from gslcosim.contract import codec
 from gslcosim.contract.messages import CONTRACT_VERSION
-from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.contract.record import get_pydantic_model
 from gslcosim.contract.schema import build_json_schema, list_message_types
 

@@ -36,9 +36,6 @@ WRITERS = {
     "cli/terminal.py",
     "cli/rendering_probe.py",  # JSON for the process that has started it
     "teleop.py",  # escapes each line itself
-    "contract/publish/messages_page.py",
-    "scenario/keys_page.py",
-    "methods/search_page.py",
     "runtime/distributed/service_main.py",  # usage of a service's process, into its log
 }
 

@@ -2,11 +2,11 @@
 
 import msgpack
 import pytest
+from contract_examples import EXAMPLES
 
 from gslcosim.base.errors import ContractError
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command, Ending, KnownMap, Observation, Score
-from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.contract.record import NumericArray
 from gslcosim.runtime.agents.validator import CommandValidator
 

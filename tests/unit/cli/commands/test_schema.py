@@ -2,23 +2,25 @@
 
 import json
 
+from contract_files import build_contract_files
+
 from gslcosim.cli.main import main
-from gslcosim.contract.publish.export import build_contract_files
 from gslcosim.contract.schema import get_contract_hash
 
 
 def test_export_writes_all_files(capsys, tmp_path):
     assert main(["schema", "export", str(tmp_path / "new" / "contract")]) == 0
     assert get_contract_hash() in capsys.readouterr().out
-    written = {path.relative_to(tmp_path / "new" / "contract").as_posix() for path in tmp_path.rglob("*.*")}
-    assert written == set(build_contract_files())
+    folder = tmp_path / "new" / "contract"
+    written = {path.relative_to(folder).as_posix(): path.read_text() for path in folder.rglob("*.*")}
+    assert written == build_contract_files()
 
 
 def test_json_lists_what_was_written(capsys, tmp_path):
     assert main(["schema", "export", str(tmp_path), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed["hash"] == get_contract_hash()
-    assert all((tmp_path / name).is_file() for name in printed["files"])
+    assert printed["files"] == list(build_contract_files())
 
 
 def test_a_folder_that_cannot_be_written_is_a_wrong_call(capsys, tmp_path):

@@ -5,11 +5,11 @@ import re
 
 import numpy as np
 import pytest
+from contract_examples import EXAMPLES
 from surroundings import at_rest, surroundings_in
 
 from gslcosim.base.rng import stream
 from gslcosim.contract.messages import GasAmount, MountSample
-from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, make_sensor_spec
 from gslcosim_services.sensing import SENSOR_MODELS
 from gslcosim_services.sensing.models import build_sensor

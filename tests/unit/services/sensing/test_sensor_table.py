@@ -1,9 +1,9 @@
 import pytest
+from contract_examples import EXAMPLES
 from surroundings import surroundings_in
 
 from gslcosim.base.rng import stream
 from gslcosim.contract.messages import GasAmount, MountSample
-from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.scenario.models.sensors import SENSORS, make_sensor_spec
 from gslcosim_services.sensing import SENSOR_MODELS
 

@@ -6,11 +6,11 @@ New commands and vehicles come in by themselves.
 import math
 
 import pytest
+from contract_examples import EXAMPLES
 from pydantic import ValidationError
 
 from gslcosim.base.errors import ScenarioError
 from gslcosim.contract.messages import AGENT_KINDS, Command
-from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.vehicles import list_vehicle_names
 from gslcosim_services.world.core import WorldCore
 from gslcosim_services.world.path_follower import OVERTURNED_NOTICE

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from contract_examples import EXAMPLES
 
 from gslcosim.contract.messages import Reading
-from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.contract.record import NumericArray
 from gslcosim.scenario.models.sensors import make_sensor_spec
 from gslcosim_services.recorder.rows.onboard_sensors import ImageRows, LidarRows, PoseHistory, RowTiming

@@ -1,10 +1,12 @@
-"""Files of the published contract, AsyncAPI 3 documents among them; `gslcosim schema export` writes them."""
+"""Files of the published contract, AsyncAPI 3 documents among them: `make contract` writes them to agents/contract."""
 
 import json
+import sys
 from pathlib import Path
 from typing import Any, cast
 
 import yaml
+from contract_vectors import build_vectors
 
 from gslcosim.contract import codec
 from gslcosim.contract.codec import MAX_NESTING
@@ -17,7 +19,6 @@ from gslcosim.contract.participant_messages import (
     ParticipantInputs,
     ParticipantOutputs,
 )
-from gslcosim.contract.publish.vectors import build_vectors
 from gslcosim.contract.schema import (
     build_json_schema,
     get_contract_hash,
@@ -325,16 +326,12 @@ def build_contract_files() -> dict[str, str]:
     return files
 
 
-def write_contract(folder: Path) -> list[Path]:
-    """Write all files of the contract below a folder, which is made where it is missing; return them."""
-    written: list[Path] = []
-    for name, text in build_contract_files().items():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-        written.append(path)
-    return written
-
-
 def _json(content: Any) -> str:
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
+
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[1])
+    for name, text in build_contract_files().items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")

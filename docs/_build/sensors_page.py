@@ -1,4 +1,4 @@
-"""Tables of docs/sensors.md: `python -m gslcosim_services.sensing.sensors_page docs/sensors.md`."""
+"""Tables of docs/sensors.md: `python docs/_build/sensors_page.py docs/sensors.md`."""
 
 import math
 import re

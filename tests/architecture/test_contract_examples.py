@@ -5,10 +5,10 @@ import typing
 
 import msgspec
 import pytest
+from contract_examples import EXAMPLES
 
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Record
-from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.contract.record import get_pydantic_model
 from gslcosim.contract.schema import list_published_types
 

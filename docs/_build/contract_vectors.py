@@ -12,11 +12,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
+from contract_examples import EXAMPLES
 
 from gslcosim.contract import codec
 from gslcosim.contract.messages import CONTRACT_VERSION, Command, Message
 from gslcosim.contract.participant_messages import PARTICIPATION_VERSION, ParticipantHello, ParticipantOutputs
-from gslcosim.contract.publish.examples import EXAMPLES
 from gslcosim.contract.schema import list_message_types
 
 # Without type stubs, so its functions are Any.

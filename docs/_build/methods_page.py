@@ -1,4 +1,4 @@
-"""Page docs/methods.md from the method cards: `python -m gslcosim.methods.methods_page agents docs`."""
+"""Page docs/methods.md from the method cards: `python docs/_build/methods_page.py agents docs`."""
 
 import json
 import re
@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import yaml
 
@@ -183,7 +183,7 @@ def _value(value: object) -> str:
     if isinstance(value, float):
         return f"{value:g}"
     if isinstance(value, tuple):
-        return "[" + ", ".join(map(_value, value)) + "]"
+        return "[" + ", ".join(map(_value, cast(tuple[object, ...], value))) + "]"
     return f"{value}" or '""'
 
 
@@ -207,7 +207,7 @@ def _cell(text: str) -> str:
 
 # Folders of other languages say which methods they have, or are named after theirs.
 def _ports_of(folder: Path) -> dict[str, str]:
-    ports = {}
+    ports: dict[str, str] = {}
     for path in sorted(folder.parent.glob("*/agent.yaml")):
         fields = yaml.load(path.read_text(encoding="utf-8"), Loader=CoreLoader)
         port = path.parent.name

@@ -1,11 +1,13 @@
-"""Page of search building blocks, made from the docstrings of `gslcosim.search`."""
+"""Page of search building blocks, made from the docstrings of `gslcosim.search`: `make docs` writes docs/search.md."""
 
 import ast
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-SEARCH = Path(__file__).resolve().parents[1] / "search"
+import gslcosim.search
+
+SEARCH = Path(gslcosim.search.__file__).parent
 # A program in the repository that the page shows.
 EXAMPLE = Path("docs") / "examples" / "wanderer.py"
 
