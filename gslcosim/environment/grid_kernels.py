@@ -9,7 +9,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.model import LAYOUT_PATH, Cell, GeometryPlan, Grid, Opening, point_text
+from gslcosim.environment.model import LAYOUT_PATH, Box, Cell, EnvironmentGeometry, Grid, Opening, point_text
 from gslcosim.environment.openings import FACES, Face, cells_at, voxelize
 from gslcosim.scenario.problems import Problem
 
@@ -244,18 +244,18 @@ def reachable_cells(is_open, seed_cells):
     return is_reached
 
 
-def build_occupancy(plan: GeometryPlan) -> NDArray[np.uint8]:
-    """Return the (nx, ny, nz) cells of a planned room: its boxes, sealed pockets filled, outlets marked.
+def build_occupancy(boxes: Sequence[Box], openings: Sequence[Opening], grid: Grid) -> NDArray[np.uint8]:
+    """Return the (nx, ny, nz) cells of a room: its boxes, sealed pockets filled, outlets marked.
 
     Air is what is connected, through faces of cells, with an opening. The rest can neither be flown to nor be blown
     through, so it becomes solid.
     """
-    is_solid = voxelize(plan.boxes, plan.grid)
-    is_air = find_reachable_cells(~is_solid, plan.openings, plan.grid)
+    is_solid = voxelize(boxes, grid)
+    is_air = find_reachable_cells(~is_solid, openings, grid)
     occupancy = np.where(is_air, np.uint8(Cell.FREE), np.uint8(Cell.SOLID))
-    for opening in plan.openings:
+    for opening in openings:
         if opening.kind != "inlet":
-            layer = occupancy[cells_at(opening, plan.grid)]
+            layer = occupancy[cells_at(opening, grid)]
             layer[layer == Cell.FREE] = Cell.OUTLET
     return occupancy
 
@@ -304,28 +304,28 @@ def find_air_cells(occupancy: NDArray[np.uint8]) -> NDArray[np.bool_]:
     return is_air
 
 
-def find_occupancy_problems(plan: GeometryPlan) -> list[Problem]:
+def find_occupancy_problems(room: EnvironmentGeometry) -> list[Problem]:
     """Return what keeps the air from coming in, passing and going out; empty when it can."""
-    is_open = ~voxelize(plan.boxes, plan.grid)
+    is_open = ~voxelize(room.boxes, room.grid)
     problems = [
         Problem(
-            path=_path_to_blame(plan),
+            path=_path_to_blame(room),
             expected=f"air at the {opening.name}, {point_text(opening.min_m)} to {point_text(opening.max_m)} m",
             found="obstacles in front of all of it",
             remedy=f"Move the obstacles or the {opening.name}.",
         )
-        for opening in plan.openings
-        if not is_open[cells_at(opening, plan.grid)].any()
+        for opening in room.openings
+        if not is_open[cells_at(opening, room.grid)].any()
     ]
     if problems:
         return problems
-    inlets = [opening for opening in plan.openings if opening.kind == "inlet"]
-    outlets = [opening for opening in plan.openings if opening.kind != "inlet"]
-    is_reached = find_reachable_cells(is_open, inlets, plan.grid)
-    if inlets and any(not is_reached[cells_at(outlet, plan.grid)].any() for outlet in outlets):
+    inlets = [opening for opening in room.openings if opening.kind == "inlet"]
+    outlets = [opening for opening in room.openings if opening.kind != "inlet"]
+    is_reached = find_reachable_cells(is_open, inlets, room.grid)
+    if inlets and any(not is_reached[cells_at(outlet, room.grid)].any() for outlet in outlets):
         problems.append(
             Problem(
-                path=_path_to_blame(plan),
+                path=_path_to_blame(room),
                 expected="a way for the air from the inlet to the outlet, at least one cell wide",
                 found=f"obstacles that divide the room; the inlet's part has {int(is_reached.sum())} of "
                 f"{int(is_open.sum())} free cells",
@@ -335,5 +335,5 @@ def find_occupancy_problems(plan: GeometryPlan) -> list[Problem]:
     return problems
 
 
-def _path_to_blame(plan: GeometryPlan) -> str:
-    return f"{LAYOUT_PATH}.obstacles" if any(box.kind == "obstacle" for box in plan.boxes) else LAYOUT_PATH
+def _path_to_blame(room: EnvironmentGeometry) -> str:
+    return f"{LAYOUT_PATH}.obstacles" if any(box.kind == "obstacle" for box in room.boxes) else LAYOUT_PATH

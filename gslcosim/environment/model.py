@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from enum import IntEnum
 from typing import Any, Literal, NamedTuple, Self, TypedDict
 
@@ -196,41 +196,12 @@ class EnvironmentVariant(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Environment:
-    """A room with its wind. The grid covers the air exactly; walls lie outside it unless an importer says otherwise.
-
-    `occupancy` is (nx, ny, nz) uint8 of `Cell`; OUTLET marks free cells that touch an outlet.
-    `content_hash` identifies everything in here but `later_rooms`: what events of a run make of it, on the same grid,
-    by situation. `meshes` are what the boxes were made from, where they were made from anything; `load_environment`
-    reads them only on demand.
-    """
-
-    name: str
-    grid: Grid
-    occupancy: NDArray[np.uint8]
-    wind: WindFrames
-    boxes: tuple[Box, ...]
-    openings: tuple[Opening, ...]
-    content_hash: str
-    lights: tuple[Light, ...] = ()
-    meshes: tuple[VisualMesh, ...] = ()
-    later_rooms: Mapping[EnvironmentVariant, Self] = field(default_factory=dict[EnvironmentVariant, Self])
-
-    def by_doors(self) -> dict[Closed, Self]:
-        """Return the room at the start as `AT_START`, and later rooms by their closed doors, whatever their wind.
-
-        Doors that are closed at the start, and only they, may lack a room of their own: it is that at the start.
-        """
-        rooms: dict[Closed, Self] = {AT_START: self}
-        for variant, room in self.later_rooms.items():
-            rooms.setdefault(variant.closed, room)
-        return rooms
-
-
-@dataclass(frozen=True, kw_only=True)
 class EnvironmentGeometry:
-    """Geometry and occupancy of a room; see `gslcosim.environment.model.Environment`, which adds the wind.
+    """A room without its wind. The grid covers the air exactly; walls lie outside it unless an importer says otherwise.
 
+    `occupancy` is (nx, ny, nz) uint8 of `Cell`; OUTLET marks free cells that touch an outlet. Openings of layouts are
+    whole cells; walls are closed behind them, so that no vehicle leaves the room. `meshes` are what the boxes were made
+    from, where they were made from anything; `load_environment` reads them only on demand.
     `notices` are sentences for the user on what was done differently from what the scenario says.
     """
 
@@ -242,6 +213,29 @@ class EnvironmentGeometry:
     notices: tuple[str, ...] = ()
     lights: tuple[Light, ...] = ()
     meshes: tuple[VisualMesh, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Environment(EnvironmentGeometry):
+    """A room with its wind.
+
+    `content_hash` identifies everything in here but `notices` and `later_rooms`: what events of a run make of it, on
+    the same grid, by variant.
+    """
+
+    wind: WindFrames
+    content_hash: str
+    later_rooms: Mapping[EnvironmentVariant, Self] = field(default_factory=dict[EnvironmentVariant, Self])
+
+    def by_doors(self) -> dict[Closed, Self]:
+        """Return the room at the start as `AT_START`, and later rooms by their closed doors, whatever their wind.
+
+        Doors that are closed at the start, and only they, may lack a room of their own: it is that at the start.
+        """
+        rooms: dict[Closed, Self] = {AT_START: self}
+        for variant, room in self.later_rooms.items():
+            rooms.setdefault(variant.closed, room)
+        return rooms
 
 
 def with_wind(room: EnvironmentGeometry, wind: WindFrames) -> Environment:
@@ -257,20 +251,11 @@ def with_wind(room: EnvironmentGeometry, wind: WindFrames) -> Environment:
             f"was {velocity_m_s.shape}"
         )
     frozen_wind = WindFrames(velocity_m_s=velocity_m_s, period_s=wind.period_s, is_looping=wind.is_looping)
-    return Environment(
-        name=room.name,
-        grid=room.grid,
-        occupancy=room.occupancy,
-        wind=frozen_wind,
-        boxes=room.boxes,
-        openings=room.openings,
-        content_hash=content_hash(room, frozen_wind),
-        lights=room.lights,
-        meshes=room.meshes,
-    )
+    geometry = {each.name: getattr(room, each.name) for each in fields(EnvironmentGeometry)}
+    return Environment(**geometry, wind=frozen_wind, content_hash=content_hash(room, frozen_wind))
 
 
-def content_hash(room: EnvironmentGeometry | Environment, wind: WindFrames) -> str:
+def content_hash(room: EnvironmentGeometry, wind: WindFrames) -> str:
     """Return 32 hexadecimal digits that change whenever anything of an environment does."""
     facts = {
         "name": room.name,
@@ -299,24 +284,6 @@ def freeze_array(array: NDArray[Any]) -> NDArray[Any]:
 LAYOUT_PATH = "environment.layout"
 # More cells than this would not fit into the memory of a common machine together with the solver's fields.
 MAX_CELLS = 200_000_000
-
-
-@dataclass(frozen=True, kw_only=True)
-class GeometryPlan:
-    """A room on paper: where its air, its solids and its openings are.
-
-    `grid` covers exactly the air, from the corner (0, 0, 0) to the layout's `size_m`; walls, floor and ceiling lie
-    outside it. Openings are whole cells; walls are closed behind them, so that no vehicle leaves the room.
-    `notices` are sentences on what was done differently from what the layout says.
-    """
-
-    name: str
-    grid: Grid
-    boxes: tuple[Box, ...]
-    openings: tuple[Opening, ...]
-    notices: tuple[str, ...] = ()
-    lights: tuple[Light, ...] = ()
-
 
 WALL_NAMES = ("wall_x_min", "wall_x_max", "wall_y_min", "wall_y_max", "floor", "ceiling")
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
-from gslcosim.environment.model import Box, Cell, Environment, EnvironmentGeometry, point_text
+from gslcosim.environment.model import Box, Cell, EnvironmentGeometry, point_text
 from gslcosim.environment.openings import voxelize
 from gslcosim.environment.store import load_environment
 from gslcosim.environment.variants import door_box, find_variants, variant_scenarios
@@ -23,7 +23,7 @@ from gslcosim.scenario.problems import Problem
 MAX_VARIANTS = 16
 
 
-def find_moving_door_problems(scenario: Scenario, room: EnvironmentGeometry | Environment) -> Iterator[Problem]:
+def find_moving_door_problems(scenario: Scenario, room: EnvironmentGeometry) -> Iterator[Problem]:
     """Yield what is wrong with the events of a scenario's doors in its room.
 
     A door may not close on a vehicle's start or on a source, and events may not make more than `MAX_VARIANTS` rooms.
@@ -50,7 +50,7 @@ def find_moving_door_problems(scenario: Scenario, room: EnvironmentGeometry | En
             )
 
 
-def _hits(scenario: Scenario, room: EnvironmentGeometry | Environment, door: Box) -> list[str]:
+def _hits(scenario: Scenario, room: EnvironmentGeometry, door: Box) -> list[str]:
     is_door = voxelize([door], room.grid)
     places = [(f"gas.sources[{i}].position_m", source.position_m) for i, source in enumerate(scenario.gas.sources)]
     places += [
@@ -66,7 +66,7 @@ def _hits(scenario: Scenario, room: EnvironmentGeometry | Environment, door: Box
 
 
 def find_blocking_boxes(
-    starts_m: NDArray[np.float64], vehicle: VehicleSpec, room: EnvironmentGeometry | Environment
+    starts_m: NDArray[np.float64], vehicle: VehicleSpec, room: EnvironmentGeometry
 ) -> list[list[str]]:
     """Return the names of the boxes, except the floor, that reach into the column from each start up to search height.
 
@@ -129,7 +129,7 @@ def find_position_problems(scenario: Scenario, *, scenario_dir: Path | None = No
     return find_position_problems_in(scenario, environment)
 
 
-def find_position_problems_in(scenario: Scenario, room: EnvironmentGeometry | Environment) -> list[Problem]:
+def find_position_problems_in(scenario: Scenario, room: EnvironmentGeometry) -> list[Problem]:
     """Return what is wrong with the places that a scenario names in a room; empty when all is well.
 
     Sources must be in air, wherever they move; vehicles must start in air, touch nothing but the floor, have room to
@@ -154,14 +154,14 @@ def find_position_problems_in(scenario: Scenario, room: EnvironmentGeometry | En
     return problems + _problems_of_neighbours(scenario.agents)
 
 
-def find_point_problems(points_m: Sequence[tuple[str, Vec3]], room: EnvironmentGeometry | Environment) -> list[Problem]:
+def find_point_problems(points_m: Sequence[tuple[str, Vec3]], room: EnvironmentGeometry) -> list[Problem]:
     """Return a problem for each point, given with the place where it was written, that is not in a room's air."""
     problems = (_problem_of_point(point_m, room, path) for path, point_m in points_m)
     return [problem for problem in problems if problem]
 
 
 def random_free_point_m(
-    room: EnvironmentGeometry | Environment, rng: np.random.Generator, *, heights_m: tuple[float, float] = (0.5, 3.0)
+    room: EnvironmentGeometry, rng: np.random.Generator, *, heights_m: tuple[float, float] = (0.5, 3.0)
 ) -> Vec3:
     """Return a point of the air, drawn evenly between two heights above the floor [m], for example for a source.
 
@@ -185,7 +185,7 @@ def _is_between(values: NDArray[np.float64], limits: tuple[float, float]) -> NDA
     return (values >= limits[0]) & (values <= limits[1])
 
 
-def can_start_at(start_m: Vec3, vehicle: VehicleSpec, room: EnvironmentGeometry | Environment) -> bool:
+def can_start_at(start_m: Vec3, vehicle: VehicleSpec, room: EnvironmentGeometry) -> bool:
     """Return whether a vehicle can stand at a point of the world frame [m] and rise there to its search height."""
     is_free = _what_is_at(start_m, room) is None
     return is_free and not find_blocking_boxes(np.asarray([start_m]), vehicle, room)[0]
@@ -204,7 +204,7 @@ def _is_clear(is_air: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return is_clear
 
 
-def nearest_free_point_m(position_m: Vec3, room: EnvironmentGeometry | Environment) -> Vec3 | None:
+def nearest_free_point_m(position_m: Vec3, room: EnvironmentGeometry) -> Vec3 | None:
     """Return the centre of the air cell nearest to a point, world frame [m]; nothing when there is no air."""
     for centres_m, reach_m in _growing_surroundings(position_m, room):
         distances_m = np.linalg.norm(centres_m - np.asarray(position_m), axis=1)
@@ -214,7 +214,7 @@ def nearest_free_point_m(position_m: Vec3, room: EnvironmentGeometry | Environme
     return None
 
 
-def _problem_of_point(position_m: Vec3, room: EnvironmentGeometry | Environment, path: str) -> Problem | None:
+def _problem_of_point(position_m: Vec3, room: EnvironmentGeometry, path: str) -> Problem | None:
     found = _what_is_at(position_m, room)
     if found is None:
         return None
@@ -228,7 +228,7 @@ def _problem_of_point(position_m: Vec3, room: EnvironmentGeometry | Environment,
 
 
 # Says what is at a point when it is not air; nothing when it is.
-def _what_is_at(position_m: Vec3, room: EnvironmentGeometry | Environment) -> str | None:
+def _what_is_at(position_m: Vec3, room: EnvironmentGeometry) -> str | None:
     grid = room.grid
     cell = grid.cell_of(np.asarray(position_m))
     if not bool(grid.contains_cell(cell)):
@@ -242,7 +242,7 @@ def _what_is_at(position_m: Vec3, room: EnvironmentGeometry | Environment) -> st
     return None
 
 
-def _problems_of_vehicle(vehicle: VehicleSpec, room: EnvironmentGeometry | Environment, path: str) -> list[Problem]:
+def _problems_of_vehicle(vehicle: VehicleSpec, room: EnvironmentGeometry, path: str) -> list[Problem]:
     problems = (
         _problem_of_height(vehicle, room, f"{path}.search_height_m"),
         _problem_of_start(vehicle, room, f"{path}.start_m"),
@@ -250,7 +250,7 @@ def _problems_of_vehicle(vehicle: VehicleSpec, room: EnvironmentGeometry | Envir
     return [problem for problem in problems if problem]
 
 
-def _problem_of_height(vehicle: VehicleSpec, room: EnvironmentGeometry | Environment, path: str) -> Problem | None:
+def _problem_of_height(vehicle: VehicleSpec, room: EnvironmentGeometry, path: str) -> Problem | None:
     if vehicle.drives:
         return None
     radius_m = vehicle.facts.body.radius_m
@@ -266,7 +266,7 @@ def _problem_of_height(vehicle: VehicleSpec, room: EnvironmentGeometry | Environ
     )
 
 
-def _problem_of_start(vehicle: VehicleSpec, room: EnvironmentGeometry | Environment, path: str) -> Problem | None:
+def _problem_of_start(vehicle: VehicleSpec, room: EnvironmentGeometry, path: str) -> Problem | None:
     expected, found = "a point in the room's air", _what_is_at(vehicle.start_m, room)
     if found is None:
         hits = find_blocking_boxes(np.asarray([vehicle.start_m]), vehicle, room)[0]
@@ -286,7 +286,7 @@ def _problem_of_start(vehicle: VehicleSpec, room: EnvironmentGeometry | Environm
     )
 
 
-def nearest_start_m(vehicle: VehicleSpec, room: EnvironmentGeometry | Environment) -> Vec3 | None:
+def nearest_start_m(vehicle: VehicleSpec, room: EnvironmentGeometry) -> Vec3 | None:
     """Return the place nearest to a vehicle's start, at the same height, where it could start; nothing without one."""
     start_m = np.asarray(vehicle.start_m)
     for candidates_m, reach_m in _growing_surroundings(vehicle.start_m, room, is_level=True):
@@ -304,7 +304,7 @@ def nearest_start_m(vehicle: VehicleSpec, room: EnvironmentGeometry | Environmen
 # Yields the centres of the air cells around a point, (n, 3) [m], and the distance [m] within which none is missing;
 # the surroundings grow until they are the whole room. `is_level` keeps them to the layer of cells at the point.
 def _growing_surroundings(
-    position_m: Vec3, room: EnvironmentGeometry | Environment, *, is_level: bool = False
+    position_m: Vec3, room: EnvironmentGeometry, *, is_level: bool = False
 ) -> Iterator[tuple[NDArray[np.float64], float]]:
     grid, point = room.grid, np.asarray(position_m)
     cell = np.clip(grid.cell_of(point), 0, np.asarray(grid.shape) - 1)
@@ -321,9 +321,7 @@ def _growing_surroundings(
         reach *= 4
 
 
-def _air_centres_m(
-    room: EnvironmentGeometry | Environment, low: NDArray[np.int64], high: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def _air_centres_m(room: EnvironmentGeometry, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.float64]:
     window = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
     indices = np.argwhere(room.occupancy[window] != Cell.SOLID) + low
     return np.asarray(room.grid.origin_m, dtype=np.float64) + (indices + 0.5) * room.grid.cell_m
@@ -388,7 +386,7 @@ def draw_positions(
 
 
 # Nothing when the room has problems, which other checks report.
-def _room(spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path) -> EnvironmentGeometry | Environment | None:
+def _room(spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path) -> EnvironmentGeometry | None:
     from gslcosim.environment.geometry_source import build_geometry, find_folder, find_source_problems
 
     if spec.path is None:
@@ -401,7 +399,7 @@ def _room(spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path) -> Enviro
 
 
 def _random_start_m(
-    room: EnvironmentGeometry | Environment, vehicle: VehicleSpec, rng: np.random.Generator, taken_m: Sequence[Vec3]
+    room: EnvironmentGeometry, vehicle: VehicleSpec, rng: np.random.Generator, taken_m: Sequence[Vec3]
 ) -> Vec3 | None:
     grid = room.grid
     layer = int((START_HEIGHT_M + 1e-9) / grid.cell_m)
@@ -419,7 +417,7 @@ def _random_start_m(
 class _EscapePath:
     """Check that a vehicle's planner finds a way from its start: not out of what is narrower than the vehicle."""
 
-    def __init__(self, room: EnvironmentGeometry | Environment, vehicle: VehicleSpec) -> None:
+    def __init__(self, room: EnvironmentGeometry, vehicle: VehicleSpec) -> None:
         from gslcosim.environment.paths.planner import MARGIN_M, free_space
 
         body, floor_m = vehicle.facts.body, room.grid.origin_m[2]

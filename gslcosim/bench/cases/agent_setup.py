@@ -9,7 +9,7 @@ from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.errors import ScenarioError
 from gslcosim.bench.cases.models import EntrySpec
 from gslcosim.environment.geometry_source import build_geometry, find_folder
-from gslcosim.environment.model import Environment, EnvironmentGeometry
+from gslcosim.environment.model import EnvironmentGeometry
 from gslcosim.environment.positions import can_start_at
 from gslcosim.environment.store import load_environment
 from gslcosim.methods.card import MethodCard, find_card_beside
@@ -183,7 +183,7 @@ def _others(
         }
 
 
-def build_environment(scenario: Scenario, scenario_dir: Path) -> EnvironmentGeometry | Environment:
+def build_environment(scenario: Scenario, scenario_dir: Path) -> EnvironmentGeometry:
     """Return the room of a scenario, without solving its wind."""
     spec = scenario.environment
     if spec.path is None:

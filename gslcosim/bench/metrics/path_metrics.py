@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from gslcosim.base.errors import ShapeError
 from gslcosim.base.quantities import Vec3
 from gslcosim.bench.metrics.series import Array, as_points, as_series
-from gslcosim.environment.model import Cell, Environment, EnvironmentGeometry, Grid
+from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid
 from gslcosim.environment.paths.scoring_paths import shortest_level_path_m, shortest_path_m
 from gslcosim_services.referee import metrics
 
@@ -258,7 +258,7 @@ class ShortestPaths:
     wheels.
     """
 
-    room: Environment | EnvironmentGeometry
+    room: EnvironmentGeometry
     sources_m: tuple[Vec3, ...]
     within_m: float
     clearance_m: float

@@ -26,7 +26,6 @@ from gslcosim.environment.model import (
     WALL_NAMES,
     Box,
     EnvironmentGeometry,
-    GeometryPlan,
     Grid,
     Light,
     Opening,
@@ -109,8 +108,8 @@ WHITE_UP_TO_M, YELLOW_RGBA = 3.0, (0.95, 0.80, 0.15, 1.0)
 LIGHT_EVERY_M, LIGHT_BELOW_CEILING_FRAC = 6.0, 0.02
 
 
-def plan_layout(layout: Layout, wind: SolverSpec) -> GeometryPlan:
-    """Lay out a room.
+def plan_layout(layout: Layout, wind: SolverSpec) -> EnvironmentGeometry:
+    """Lay out a room, where the air may find no way yet.
 
     Args:
         layout: What the scenario says of the room.
@@ -122,14 +121,12 @@ def plan_layout(layout: Layout, wind: SolverSpec) -> GeometryPlan:
     raise_if_any(find_layout_problems(layout, wind))
     grid = _grid(layout, wind.cell_m)
     openings, notices = _openings(layout, wind, grid)
-    return GeometryPlan(
+    boxes = (*_shell(layout), *build_furniture(layout), *(_obstacle(spec) for spec in layout.obstacles))
+    return EnvironmentGeometry(
         name=layout.kind,
         grid=grid,
-        boxes=(
-            *_shell(layout),
-            *build_furniture(layout),
-            *(_obstacle(spec) for spec in layout.obstacles),
-        ),
+        occupancy=freeze_array(build_occupancy(boxes, openings, grid)),
+        boxes=boxes,
         openings=openings,
         notices=notices,
         lights=_lights(layout),
@@ -411,16 +408,6 @@ def _made(recipe: _Recipe) -> tuple[tuple[Problem, ...], EnvironmentGeometry | N
     layout, wind = recipe.layout, recipe.wind
     if problems := find_layout_problems(layout, wind):
         return tuple(problems), None
-    plan = plan_layout(layout, wind)
-    if problems := find_occupancy_problems(plan):
-        return tuple(problems), None
-    room = EnvironmentGeometry(
-        name=plan.name,
-        grid=plan.grid,
-        occupancy=freeze_array(build_occupancy(plan)),
-        boxes=plan.boxes,
-        openings=plan.openings,
-        notices=plan.notices,
-        lights=plan.lights,
-    )
-    return (), room
+    room = plan_layout(layout, wind)
+    problems = find_occupancy_problems(room)
+    return (tuple(problems), None) if problems else ((), room)

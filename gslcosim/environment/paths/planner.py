@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.grid_kernels import is_line_of_sight_free
-from gslcosim.environment.model import Box, Cell, Environment, EnvironmentGeometry, Grid
+from gslcosim.environment.model import Box, Cell, EnvironmentGeometry, Grid
 
 # Lengths of steps in whole numbers, so that equal paths are equal to the bit: 2^32 to the edge of a cell.
 _ONE = 1 << 32
@@ -405,7 +405,7 @@ class FreeSpace:
 
 
 def free_space(
-    environment: Environment | EnvironmentGeometry, *, radius_m: float, margin_m: float, ground_m: float | None = None
+    environment: EnvironmentGeometry, *, radius_m: float, margin_m: float, ground_m: float | None = None
 ) -> FreeSpace:
     """Return where the centre of a vehicle may be.
 

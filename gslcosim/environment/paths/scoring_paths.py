@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.grid_kernels import is_line_of_sight_free
-from gslcosim.environment.model import Cell, Environment, EnvironmentGeometry, Grid
+from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -179,7 +179,7 @@ class Layer:
     occupancy: NDArray[np.uint8]
 
 
-Places = Environment | EnvironmentGeometry | Layer
+Places = EnvironmentGeometry | Layer
 
 
 def shortest_path_m(
@@ -240,7 +240,7 @@ def shortest_path(
 
 
 def shortest_level_path_m(
-    environment: Environment | EnvironmentGeometry,
+    environment: EnvironmentGeometry,
     start_m: Vec3,
     goal_m: Vec3,
     *,
@@ -269,7 +269,7 @@ def shortest_level_path_m(
 
 
 # The cells at a height, about height 0; a start outside the room stays outside.
-def _layer_at(environment: Environment | EnvironmentGeometry, height_m: float) -> Layer:
+def _layer_at(environment: EnvironmentGeometry, height_m: float) -> Layer:
     grid = environment.grid
     layer = math.floor((height_m - grid.origin_m[2]) / grid.cell_m)
     occupancy = environment.occupancy[:, :, layer : layer + 1] if layer >= 0 else environment.occupancy[:, :, :0]

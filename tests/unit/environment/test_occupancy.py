@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gslcosim.environment.grid_kernels import build_occupancy, find_occupancy_problems, reachable_cells
+from gslcosim.environment.grid_kernels import find_occupancy_problems, reachable_cells
 from gslcosim.environment.layouts.layouts import plan_layout
 from gslcosim.environment.model import Box, Cell, Grid
 from gslcosim.environment.openings import voxelize
@@ -51,7 +51,7 @@ def test_boxes_that_only_touch_the_grid_from_outside_take_no_cell(axis):
 
 
 def test_an_empty_room_is_all_air():
-    occupancy = build_occupancy(room())
+    occupancy = room().occupancy
     assert occupancy.dtype == np.uint8
     assert occupancy.shape == (20, 15, 10)
     assert not (occupancy == Cell.SOLID).any()
@@ -64,12 +64,12 @@ def test_the_cells_that_touch_the_outlet_are_marked_one_layer_deep():
     assert outlet.min_m == pytest.approx((4.0, 1.8, 0.0))
     expected = np.zeros(plan.grid.shape, dtype=bool)
     expected[-1, 9:, :6] = True
-    assert ((build_occupancy(plan) == Cell.OUTLET) == expected).all()
+    assert ((plan.occupancy == Cell.OUTLET) == expected).all()
 
 
 def test_solid_cells_in_front_of_an_outlet_stay_solid():
     plan = room(((3.0, 2.6, 0.0), (4.0, 3.0, 1.0)))
-    layer = build_occupancy(plan)[-1]
+    layer = plan.occupancy[-1]
     assert (layer[13:, :5] == Cell.SOLID).all()
     assert (layer[9:13, :6] == Cell.OUTLET).all()
 
@@ -80,7 +80,7 @@ def test_air_that_no_opening_reaches_becomes_solid():
         ((1.0, 1.2, 0.0), (1.2, 1.8, 1.2)), ((1.8, 1.2, 0.0), (2.0, 1.8, 1.2)),
     ]  # fmt: skip
     lid = ((1.0, 1.0, 1.0), (2.0, 2.0, 1.2))
-    open_box, closed_box = build_occupancy(room(*plates)), build_occupancy(room(*plates, lid))
+    open_box, closed_box = room(*plates).occupancy, room(*plates, lid).occupancy
     assert (open_box[6:9, 6:9, :6] == Cell.FREE).all()
     assert (closed_box[5:10, 5:10, :6] == Cell.SOLID).all()
     assert (closed_box == Cell.SOLID).sum() == 5 * 5 * 6

@@ -66,11 +66,10 @@ def test_every_room_of_a_flat_can_be_reached(seed):
     """No air is walled in: sealed air would become solid, and more than the walls would be."""
     layout = HomeSpec(seed=seed, n_rooms=6, has_furniture=False)
     wind = WindSpec(cell_m=0.2)
-    from gslcosim.environment.grid_kernels import build_occupancy
     from gslcosim.environment.openings import voxelize
 
     plan = plan_layout(layout, wind)
-    assert int((build_occupancy(plan) == 1).sum()) == int(voxelize(plan.boxes, plan.grid).sum())
+    assert int((plan.occupancy == 1).sum()) == int(voxelize(plan.boxes, plan.grid).sum())
 
 
 def test_openings_have_the_size_that_was_asked_for_or_that_of_the_face():
