@@ -150,5 +150,5 @@ def test_a_card_takes_over_included_parameters_and_replaces_some_in_their_place(
 
 @pytest.mark.parametrize("included", [["luck"], "information"])
 def test_an_unknown_inclusion_is_named(card, included):
-    with pytest.raises(MethodError, match="includes: expected a list of information, was "):
+    with pytest.raises(MethodError, match=r"includes: expected a list of .*\binformation\b.*, was "):
         card(includes=included)
