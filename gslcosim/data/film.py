@@ -24,6 +24,7 @@ from gslcosim.environment.plan_view import PixelScale, PlanView
 from gslcosim_services.cameras.core import FreeCamera, project_points
 from gslcosim_services.recorder import colors
 from gslcosim_services.recorder.colors import GasScale, Rgb, agent_color
+from gslcosim_services.recorder.stream_table import DISTANCE, MIXING_RATIO, RESPONSE
 
 FRAMES_PER_S = 25
 
@@ -330,12 +331,12 @@ class StripPanel:
     def __init__(self, run: RunData, agent: str, cut: FilmSegment, size_px: tuple[int, int]) -> None:
         self._cut, self._size_px = cut, size_px
         color = agent_color(run.agents.index(agent))
-        gas = next((one for one in run.samples if (one.agent, one.quantity) == (agent, "mixing_ratio")), None)
-        reading = next((one for one in run.readings if (one.agent, one.quantity) == (agent, "response")), None)
+        gas = next((one for one in run.samples if (one.agent, one.quantity) == (agent, MIXING_RATIO.name)), None)
+        reading = next((one for one in run.readings if (one.agent, one.quantity) == (agent, RESPONSE.name)), None)
         rows = [
             ("true gas [ppm]", gas, colors.READING),
             (f"{reading.sensor} [{reading.unit}]" if reading is not None else "", reading, color),
-            ("distance [m]", run.figure(agent, "distance"), colors.SOURCE),
+            ("distance [m]", run.figure(agent, DISTANCE.name), colors.SOURCE),
         ]
         self._rows = [(label, series, shade) for label, series, shade in rows if series is not None]
         self._top = min(28.0, 0.25 * size_px[1])

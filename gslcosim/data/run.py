@@ -32,8 +32,8 @@ from gslcosim.environment.variants import first_variant
 from gslcosim.runtime.replay.past_run import PastRun, find_environment
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import AgentSpec
-from gslcosim_services.recorder import entities
-from gslcosim_services.recorder.entities import build_entities
+from gslcosim_services.recorder.entities import build_entities, source_events
+from gslcosim_services.recorder.stream_table import CONTACTS, EVENTS, FAULTS, MARKS, RADIO, WAYPOINTS
 
 
 def open_run(path: Path | str) -> "RunData":
@@ -135,7 +135,7 @@ class RunData:
     def waypoints(self) -> Mapping[str, RecordedPoints]:
         """By agent where it was sent."""
         return {
-            name: streams.read_points(self._rows, self.scenario, names.waypoints)
+            name: streams.read_points(self._rows, self.scenario, names.at(WAYPOINTS))
             for name, names in self._agents.items()
         }
 
@@ -143,13 +143,14 @@ class RunData:
     def marks(self) -> Mapping[str, RecordedPoints]:
         """By agent what happened where: `start`, `first gas`, `declared`, `touches …`."""
         return {
-            name: streams.read_points(self._rows, self.scenario, names.markers) for name, names in self._agents.items()
+            name: streams.read_points(self._rows, self.scenario, names.at(MARKS))
+            for name, names in self._agents.items()
         }
 
     @cached_property
     def source_marks(self) -> tuple[RecordedPoints, ...]:
         """For each source what happened to it where; nothing where no event is about a source."""
-        found = entities.source_events(self.scenario)
+        found = source_events(self.scenario)
         return tuple(streams.read_points(self._rows, self.scenario, entity) for entity in found)
 
     @cached_property
@@ -202,22 +203,22 @@ class RunData:
     @cached_property
     def events(self) -> RecordedTexts:
         """The referee's log."""
-        return streams.read_texts(self._rows, self.scenario, entities.EVENTS)
+        return streams.read_texts(self._rows, self.scenario, EVENTS)
 
     @cached_property
     def contacts(self) -> RecordedTexts:
         """Contacts of vehicles with solid things."""
-        return streams.read_texts(self._rows, self.scenario, entities.CONTACTS)
+        return streams.read_texts(self._rows, self.scenario, CONTACTS)
 
     @cached_property
     def radio(self) -> RecordedTexts:
         """Texts between agents and what became of them."""
-        return streams.read_texts(self._rows, self.scenario, entities.RADIO)
+        return streams.read_texts(self._rows, self.scenario, RADIO)
 
     @cached_property
     def faults(self) -> RecordedTexts:
         """Faults of agents, at their tick."""
-        return streams.read_texts(self._rows, self.scenario, entities.FAULTS)
+        return streams.read_texts(self._rows, self.scenario, FAULTS)
 
     @cached_property
     def doors(self) -> Mapping[str, RecordedDoor]:

@@ -1,6 +1,6 @@
 """Streams of a recording as arrays, each decoded on demand; names carry units, frames are the world's."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,10 +10,30 @@ from gslcosim.base.ticks import NS_PER_S
 from gslcosim.contract.messages import Belief
 from gslcosim.data.recording.reader import RecordedColumn, RecordingReader, SliceDecoder, read_picture_grid, read_puffs
 from gslcosim.scenario import Scenario
-from gslcosim_services.recorder import entities
+from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim_services.recorder.colors import GasScale
 from gslcosim_services.recorder.entities import AgentEntities, get_unit, list_gas_names
-from gslcosim_services.recorder.rows.agents import NUMBERS_COMPONENT, decode_numbers
+from gslcosim_services.recorder.stream_table import (
+    APPARENT_WIND,
+    DOORS,
+    FIGURES,
+    FILAMENTS,
+    MIXING_RATIO,
+    PICTURES,
+    POINT_CLOUDS,
+    POINTS,
+    RAYS,
+    RESPONSE,
+    SERVICES,
+    SLICES,
+    TRACK,
+    TRACK_ATTITUDE,
+    TRUE_WIND,
+    TRUE_WIND_SPEED,
+    WIND_FROM,
+    WIND_SPEED,
+    Stream,
+)
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -246,14 +266,14 @@ def column_name(words: str, unit: str) -> str:
     return name if suffix in ("", "1") else f"{name}_{suffix}"
 
 
-_SCALARS = "Scalars:scalars"
-_SPEED_AND_BEARING = ("speed", "bearing")
+# In recordings of older versions what an anemometer's curve does not draw is beside it, as bytes of this component.
+_BYTES_COMPONENT = "numbers"
 
 
 def read_track(rows: RecordingReader, scenario: Scenario, names: AgentEntities) -> RecordedTrack:
     """Return where a vehicle was."""
-    places = rows.column(names.vehicle, "Transform3D:translation")
-    turns_xyzw = rows.column(names.vehicle, "Transform3D:quaternion")
+    places = rows.column(names.at(TRACK), TRACK.component)
+    turns_xyzw = rows.column(names.at(TRACK_ATTITUDE), TRACK_ATTITUDE.component)
     return RecordedTrack(
         agent=names.agent.name,
         tick=places.tick,
@@ -265,69 +285,49 @@ def read_track(rows: RecordingReader, scenario: Scenario, names: AgentEntities) 
 
 def read_samples(rows: RecordingReader, scenario: Scenario, names: AgentEntities) -> list[RecordedSeries]:
     """Return the truth at an agent's sensors: mixing ratios of all gases, and the wind with its speed."""
-    agent, found = names.agent.name, list[RecordedSeries]()
+    read, found = _SeriesReader(rows, scenario, names), list[RecordedSeries]()
     for sensor in names.gas_sensors:
         for gas in list_gas_names(scenario):
-            found += _series(
-                rows, scenario, names.gas(sensor.name, gas), agent=agent, sensor=sensor.name,
-                quantity="mixing_ratio", unit="ppm", gas=gas,
-            )  # fmt: skip
+            found += read.series(MIXING_RATIO, sensor=sensor.name, gas=gas)
     for sensor in names.wind_sensors:
-        entity = names.true_wind(sensor.name)
-        found += _series(rows, scenario, entity, agent=agent, sensor=sensor.name, quantity="wind_speed", unit="m/s")
-        found += _series(
-            rows, scenario, entity, agent=agent, sensor=sensor.name, quantity="wind", unit="m/s",
-            labels=("x", "y", "z"), component=NUMBERS_COMPONENT,
-        )  # fmt: skip
+        found += read.series(TRUE_WIND_SPEED, sensor=sensor.name)
+        found += read.series(TRUE_WIND, sensor=sensor.name) or read.bytes_beside(TRUE_WIND_SPEED, sensor, TRUE_WIND)
     return found
 
 
 def read_readings(rows: RecordingReader, scenario: Scenario, names: AgentEntities) -> list[RecordedSeries]:
     """Return what an agent's sensors reported; nothing of the time in which they warmed up."""
-    agent, found = names.agent.name, list[RecordedSeries]()
+    read, found = _SeriesReader(rows, scenario, names), list[RecordedSeries]()
     for sensor in names.gas_sensors:
-        entity, unit = names.response(sensor.name), get_unit(sensor, scenario)
-        found += _series(rows, scenario, entity, agent=agent, sensor=sensor.name, quantity="response", unit=unit)
+        found += read.series(replace(RESPONSE, unit=get_unit(sensor, scenario)), sensor=sensor.name)
     for sensor in names.wind_sensors:
-        entity = names.measured_wind(sensor.name)
-        found += _series(rows, scenario, entity, agent=agent, sensor=sensor.name, quantity="wind_speed", unit="m/s")
-        found += _wind_values(rows, scenario, entity, agent=agent, sensor=sensor.name)
-    for sensor, curves in names.on_board_sensors:
-        for item in curves:
-            found += _series(
-                rows, scenario, names.on_board(sensor.name, item), agent=agent, sensor=sensor.name,
-                quantity=item.entity, unit=item.unit, labels=item.labels,
-            )  # fmt: skip
+        rest, skipped = (WIND_FROM, 1) if sensor.name in names.bearing_sensors else (APPARENT_WIND, 0)
+        found += read.series(WIND_SPEED, sensor=sensor.name)
+        found += read.series(rest, sensor=sensor.name) or read.bytes_beside(WIND_SPEED, sensor, rest, skipped=skipped)
+    for sensor, streams in names.on_board_sensors:
+        for stream in streams:
+            found += read.series(stream, sensor=sensor.name)
     return found
 
 
 def read_figures(rows: RecordingReader, scenario: Scenario, names: AgentEntities) -> list[RecordedSeries]:
     """Return the curves that are no sensor's: `distance`, `tracking_error`, `decision_time`, and two of beliefs."""
-    wanted = {
-        names.distance: ("distance", "m"),
-        names.tracking_error: ("tracking_error", "m"),
-        names.decision: ("decision_time", "ms"),
-        names.belief_mass: ("belief_mass_near", "frac"),
-        names.belief_distance: ("belief_distance", "m"),
-    }
-    found: list[RecordedSeries] = []
-    for entity, (quantity, unit) in wanted.items():
-        found += _series(rows, scenario, entity, agent=names.agent.name, sensor="", quantity=quantity, unit=unit)
-    return found
+    read = _SeriesReader(rows, scenario, names)
+    return [one for stream in FIGURES for one in read.series(stream)]
 
 
 def read_service_curves(rows: RecordingReader, scenario: Scenario) -> list[RecordedSeries]:
     """Return what services of other packages wrote; the quantity is the port and the field."""
     found: list[RecordedSeries] = []
-    for entity in rows.below(entities.SERVICE_PLOTS):
-        quantity = entity.removeprefix(f"{entities.SERVICE_PLOTS}/")
-        found += _series(rows, scenario, entity, agent="", sensor="", quantity=quantity, unit="")
+    for entity in rows.below(SERVICES.root):
+        stream = replace(SERVICES, name=entity.removeprefix(f"{SERVICES.root}/"), entity=entity)
+        found += _series(rows.column(entity, stream.component), scenario, stream)
     return found
 
 
 def read_points(rows: RecordingReader, scenario: Scenario, entity: str) -> RecordedPoints:
     """Return labelled places."""
-    places, labels = rows.column(entity, "Points3D:positions"), rows.column(entity, "Points3D:labels")
+    places, labels = rows.column(entity, POINTS), rows.column(entity, "Points3D:labels")
     return RecordedPoints(
         tick=places.tick,
         time_s=tick_times_s(places.tick, scenario),
@@ -336,9 +336,9 @@ def read_points(rows: RecordingReader, scenario: Scenario, entity: str) -> Recor
     )
 
 
-def read_texts(rows: RecordingReader, scenario: Scenario, entity: str) -> RecordedTexts:
+def read_texts(rows: RecordingReader, scenario: Scenario, log: Stream) -> RecordedTexts:
     """Return the lines of a log."""
-    lines, levels = rows.column(entity, "TextLog:text"), rows.column(entity, "TextLog:level")
+    lines, levels = rows.column(log.entity, log.component), rows.column(log.entity, "TextLog:level")
     return RecordedTexts(
         tick=lines.tick,
         time_s=tick_times_s(lines.tick, scenario),
@@ -349,7 +349,7 @@ def read_texts(rows: RecordingReader, scenario: Scenario, entity: str) -> Record
 
 def read_door(rows: RecordingReader, scenario: Scenario, name: str) -> RecordedDoor:
     """Return when a door was closed."""
-    boxes = rows.column(f"{entities.DOORS}/{name}", "Boxes3D:half_sizes")
+    boxes = rows.column(DOORS.at(door=name), DOORS.component)
     times = tick_times_s(boxes.tick, scenario)
     return RecordedDoor(tick=boxes.tick, time_s=times, is_closed=np.diff(boxes.starts) > 0)
 
@@ -357,13 +357,13 @@ def read_door(rows: RecordingReader, scenario: Scenario, name: str) -> RecordedD
 def read_slices(rows: RecordingReader, scenario: Scenario) -> dict[str, RecordedSlices]:
     """Return the gases in the layer of the map, by name."""
     found: dict[str, RecordedSlices] = {}
-    for entity in rows.below(entities.SLICES):
-        pictures, place = rows.column(entity, "GridMap:data"), read_picture_grid(rows, entity)
+    for entity in rows.below(SLICES.root):
+        pictures, place = rows.column(entity, SLICES.component), read_picture_grid(rows, entity)
         if place is None:
             continue
         shape, cell_m, (x, y, _) = place
         scale = GasScale.of(scenario)
-        decoder, gas = SliceDecoder(shape=shape, scale=scale), entity.removeprefix(f"{entities.SLICES}/")
+        decoder, gas = SliceDecoder(shape=shape, scale=scale), entity.removeprefix(f"{SLICES.root}/")
         found[gas] = RecordedSlices(
             gas=gas,
             tick=pictures.tick,
@@ -381,7 +381,7 @@ def read_slices(rows: RecordingReader, scenario: Scenario) -> dict[str, Recorded
 
 def read_filaments(rows: RecordingReader, scenario: Scenario) -> RecordedFilaments:
     """Return the cloud over time."""
-    centres, sigmas = read_puffs(rows, entities.FILAMENTS)
+    centres, sigmas = read_puffs(rows, FILAMENTS.entity)
     return RecordedFilaments(
         tick=centres.tick,
         time_s=tick_times_s(centres.tick, scenario),
@@ -395,10 +395,10 @@ def read_shapes(
     rows: RecordingReader, scenario: Scenario, names: AgentEntities, *, are_rays: bool
 ) -> list[RecordedShapes]:
     """Return the points of an agent's lidars, or the rays of its range finders and lasers."""
-    component = "LineStrips3D:strips" if are_rays else "Points3D:positions"
-    root, found = f"{entities.SEEN}/{names.agent.name}", list[RecordedShapes]()
+    stream = RAYS if are_rays else POINT_CLOUDS
+    root, found = f"{stream.root}/{names.agent.name}", list[RecordedShapes]()
     for entity in rows.below(root):
-        column = rows.column(entity, component)
+        column = rows.column(entity, stream.component)
         if not len(column.tick):
             continue
         values = np.asarray(column.values, dtype=np.float64).reshape((-1, 2, 3) if are_rays else (-1, 3))
@@ -419,7 +419,7 @@ def read_pictures(rows: RecordingReader, scenario: Scenario, names: AgentEntitie
     """Return the pictures of an agent's cameras."""
     found: list[RecordedPictures] = []
     for camera in names.cameras:
-        entity = names.seen(camera.name)
+        entity = names.at(PICTURES, sensor=camera.name)
         for kind in ("EncodedImage", "EncodedDepthImage"):
             blobs, media = rows.column(entity, f"{kind}:blob"), rows.column(entity, f"{kind}:media_type")
             if len(blobs.tick):
@@ -455,53 +455,53 @@ def _pictures(
     )
 
 
-# An anemometer with two axes tells speed and bearing, one with three the vector.
-def _wind_values(
-    rows: RecordingReader, scenario: Scenario, entity: str, *, agent: str, sensor: str
-) -> list[RecordedSeries]:
-    found = _series(
-        rows, scenario, entity, agent=agent, sensor=sensor, quantity="apparent_wind", unit="m/s",
-        labels=("x", "y", "z"), component=NUMBERS_COMPONENT,
-    )  # fmt: skip
-    return [
-        replace(one, quantity="wind_from", unit="rad", columns=("wind_from_rad",), values=one.values[:, 1:])
-        if one.values.shape[1] == len(_SPEED_AND_BEARING)
-        else one
-        for one in found
-    ]
+@dataclass(frozen=True)
+class _SeriesReader:
+    """Reads numbers of one agent."""
+
+    rows: RecordingReader
+    scenario: Scenario
+    names: AgentEntities
+
+    def series(self, stream: Stream, *, sensor: str = "", gas: str = "") -> list[RecordedSeries]:
+        """Return a stream, if the recording has it."""
+        column = self.rows.column(self.names.at(stream, sensor=sensor, gas=gas), stream.component)
+        return _series(column, self.scenario, stream, agent=self.names.agent.name, sensor=sensor, gas=gas)
+
+    def bytes_beside(
+        self, curve: Stream, sensor: SensorSpec, stream: Stream, *, skipped: int = 0
+    ) -> list[RecordedSeries]:
+        """Return a stream that an older recording has as bytes beside a curve, without the first numbers of a row."""
+        column = self.rows.column(self.names.at(curve, sensor=sensor.name), _BYTES_COMPONENT)
+        n = len(column.tick)
+        if not n:
+            return []
+        numbers = np.frombuffer(b"".join(column.values), dtype="<f4").astype(np.float64).reshape(n, -1)[:, skipped:]
+        return _series(
+            RecordedColumn(tick=column.tick, starts=column.starts, values=numbers), self.scenario, stream,
+            agent=self.names.agent.name, sensor=sensor.name,
+        )  # fmt: skip
 
 
 def _series(
-    rows: RecordingReader,
-    scenario: Scenario,
-    entity: str,
-    *,
-    agent: str,
-    sensor: str,
-    quantity: str,
-    unit: str,
-    labels: Sequence[str] = (),
-    gas: str = "",
-    component: str = _SCALARS,
+    column: RecordedColumn, scenario: Scenario, stream: Stream, *, agent: str = "", sensor: str = "", gas: str = ""
 ) -> list[RecordedSeries]:
-    column = rows.column(entity, component)
     n = len(column.tick)
     if not n:
         return []
-    is_bytes = component == NUMBERS_COMPONENT
-    values = decode_numbers(column.values) if is_bytes else np.asarray(column.values, dtype=np.float64).reshape(n, -1)
+    values = np.asarray(column.values, dtype=np.float64).reshape(n, -1)
     k = values.shape[1]
-    parts = [f"{quantity} {label}" for label in labels] if len(labels) == k and k > 1 else [quantity]
+    parts = [f"{stream.name} {axis}" for axis in stream.axes] if len(stream.axes) == k and k > 1 else [stream.name]
     if len(parts) != k:
-        parts = [f"{quantity} {i}" for i in range(k)]
+        parts = [f"{stream.name} {i}" for i in range(k)]
     return [
         RecordedSeries(
             agent=agent,
             sensor=sensor,
-            quantity=quantity,
-            unit=unit,
+            quantity=stream.name,
+            unit=stream.unit,
             gas=gas,
-            columns=tuple(column_name(part, unit) for part in parts),
+            columns=tuple(column_name(part, stream.unit) for part in parts),
             tick=column.tick,
             time_s=tick_times_s(column.tick, scenario),
             values=values,

@@ -17,11 +17,36 @@ from gslcosim.environment.model import Environment
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import SensorSpec
 from gslcosim.scenario.models.sensors import DepthCameraSpec
-from gslcosim_services.recorder import colors, entities
+from gslcosim_services.recorder import colors
 from gslcosim_services.recorder.colors import GasScale
 from gslcosim_services.recorder.entities import AgentEntities, build_entities, get_unit, label_with_unit, list_gas_names
 from gslcosim_services.recorder.recording_file import TICK_TIMELINE, TIME_TIMELINE
 from gslcosim_services.recorder.scene import floor_grid_m
+from gslcosim_services.recorder.stream_table import (
+    BELIEF,
+    BELIEF_MASS,
+    DECISION_TIME,
+    DISTANCE,
+    FILAMENTS,
+    LEGEND,
+    LOGS,
+    MARKS,
+    MIXING_RATIO,
+    PICTURES,
+    PLANNED_PATH,
+    POINT_CLOUDS,
+    RADIO,
+    RESPONSE,
+    SERVICES,
+    SLICES,
+    SUMMARY,
+    TRACK_LINE,
+    TRACKING_ERROR,
+    WAYPOINTS,
+    WIND_ARROWS,
+    WIND_SPEED,
+    Stream,
+)
 
 # Where the eye stands, seen from the room's middle: somewhat west of south and above, the inlet's side in front.
 CAMERA_AZIMUTH_RAD = math.radians(-114.0)
@@ -231,24 +256,28 @@ def build_run_plots(
         n_curves = len(gases) * sum(len(agent.gas_sensors) for agent in agents)
         plots.append(
             _plot(
-                entities.GAS_PLOTS, f"True {what} at the sensor [ppm]", _has_one_color(n_curves, agents), _LEGEND_OF_GAS
+                MIXING_RATIO.root, f"True {what} at the sensor [ppm]", _has_one_color(n_curves, agents), _LEGEND_OF_GAS
             )
         )
         plots.append(_group(responses))
     if any(agent.wind_sensors for agent in agents):
         # Without a legend: what is measured is noisy everywhere.
-        plots.append(_plot(entities.WIND_PLOTS, "Wind speed [m/s], true in grey", 0))
+        plots.append(_plot(WIND_SPEED.root, f"{_titled(WIND_SPEED)}, true in grey", 0))
     distance, belief = _distance_plot(agents, believing), _belief_plots(scenario, believing)
     behind = [
-        _plot(entities.TRACKING_PLOTS, "Control error [m]", 0),
-        _plot(entities.DECISION_PLOTS, "Decision time [ms]", 0),
+        _plot(TRACKING_ERROR.root, _titled(TRACKING_ERROR), 0),
+        _plot(DECISION_TIME.root, _titled(DECISION_TIME), 0),
     ]
     if scenario.has_driven_wind or scenario.curve_ports:
-        plots.append(_plot(entities.SERVICE_PLOTS, "Services", MAX_CURVES_WITH_LEGEND))
+        plots.append(_plot(SERVICES.root, _titled(SERVICES), MAX_CURVES_WITH_LEGEND))
     if any(agent.cameras for agent in agents):
         # Pictures take the room of a plot.
         return [*plots, _group([distance, *belief, *behind])]
     return [*plots, *belief, _group([distance, *behind])]
+
+
+def _titled(stream: Stream) -> str:
+    return label_with_unit(stream.title, stream.unit)
 
 
 # What is looked at first is in front.
@@ -258,14 +287,14 @@ def _group(plots: Sequence[rrb.TimeSeriesView]) -> rrb.TimeSeriesView | rrb.Tabs
 
 def _distance_plot(agents: Sequence[AgentEntities], believing: Sequence[AgentEntities]) -> rrb.TimeSeriesView:
     pale = ", by belief in pale" if believing else ""
-    return _plot(entities.DISTANCE_PLOTS, f"Distance [m]{pale}", len(agents), _LEGEND_OF_FALLING)
+    return _plot(DISTANCE.root, f"{_titled(DISTANCE)}{pale}", len(agents), _LEGEND_OF_FALLING)
 
 
 def _belief_plots(scenario: Scenario, believing: Sequence[AgentEntities]) -> list[rrb.TimeSeriesView]:
     if not believing:
         return []
     name = f"Belief within {scenario.referee.success.within_m:g} m of the source [1]"
-    return [_plot(entities.BELIEF_PLOTS, name, len(believing), _LEGEND_OF_GAS)]
+    return [_plot(BELIEF_MASS.root, name, len(believing), _LEGEND_OF_GAS)]
 
 
 # Several vehicles with one curve each have their colours, which the legend of the distances tells.
@@ -277,7 +306,7 @@ def build_camera_views(agents: Sequence[AgentEntities], *, with_agent: bool) -> 
     """Return a view for each camera, named after it, and after its agent where asked."""
     return [
         rrb.Spatial2DView(
-            origin=f"/{agent.seen(camera.name)}",
+            origin=f"/{agent.at(PICTURES, sensor=camera.name)}",
             name=f"{agent.agent.name}: {_shown_camera(camera)}" if with_agent else _shown_camera(camera),
         )
         for agent in agents
@@ -298,12 +327,12 @@ def build_sensor_page(agent: AgentEntities) -> rrb.Grid | None:
     """Return the pictures and curves of an agent's on-board sensors, if it has any."""
     plots = [
         _plot(
-            agent.on_board(sensor.name, curves),
-            label_with_unit(f"{sensor.name}: {curves.quantity}", curves.unit),
-            len(curves.labels),
+            agent.at(stream, sensor=sensor.name),
+            label_with_unit(f"{sensor.name}: {stream.title}", stream.unit),
+            len(stream.axes),
         )
-        for sensor, drawn in agent.on_board_sensors
-        for curves in drawn
+        for sensor, streams in agent.on_board_sensors
+        for stream in streams
     ]
     views = [*build_camera_views([agent], with_agent=False), *plots]
     if not views:
@@ -317,7 +346,9 @@ def _response_plots(scenario: Scenario, agents: Sequence[AgentEntities]) -> list
     members: dict[str, list[tuple[str, str]]] = {}
     for agent in agents:
         for sensor in agent.gas_sensors:
-            members.setdefault(get_unit(sensor, scenario), []).append((sensor.model, agent.response(sensor.name)))
+            members.setdefault(get_unit(sensor, scenario), []).append(
+                (sensor.model, agent.at(RESPONSE, sensor=sensor.name))
+            )
     plots = []
     for unit, drawn in members.items():
         models = dict.fromkeys(_shown_model(model) for model, _ in drawn)
@@ -325,7 +356,7 @@ def _response_plots(scenario: Scenario, agents: Sequence[AgentEntities]) -> list
         contents = [f"+ /{entity}" for _, entity in drawn]
         corner = _LEGEND_OF_FALLING if unit == _FALLING_UNIT else _LEGEND_OF_GAS
         n_curves = _has_one_color(len(drawn), agents)
-        plots.append(_plot(entities.RESPONSE_PLOTS, title, n_curves, corner, contents=contents))
+        plots.append(_plot(RESPONSE.root, title, n_curves, corner, contents=contents))
     return plots
 
 
@@ -364,10 +395,10 @@ CAMERA_WEIGHT = 1.6
 # The map shows one gas at its height, and nothing that would hide it.
 _NOT_ON_MAP = (
     "+ /**",
-    f"- /{entities.FILAMENTS}",
-    f"- /{entities.SLICES}/**",
-    f"- /{entities.SEEN}/**",
-    f"- /{entities.BELIEFS}/**",
+    f"- /{FILAMENTS.root}",
+    f"- /{SLICES.root}/**",
+    f"- /{POINT_CLOUDS.root}/**",
+    f"- /{BELIEF.root}/**",
     "- /room/**",
     "- /plots/**",
 )
@@ -401,13 +432,9 @@ def _run_page(
     scenario: Scenario, environment: Environment, agents: Sequence[AgentEntities], believers: Sequence[str]
 ) -> rrb.Horizontal:
     # Behind tabs, so that each has room for some lines on a small screen.
-    logs = [_log_view(entities.EVENTS, "Referee"), _log_view(entities.CONTACTS, "Contacts")]
-    if scenario.channels:
-        logs.append(_log_view(entities.RADIO, "Radio"))
-    logs.append(_log_view(entities.FAULTS, "Faults"))
-    run = rrb.TextDocumentView(origin=entities.SUMMARY, name="Run")
-    legend = rrb.TextDocumentView(origin=entities.LEGEND, name="Legend")
-    texts = [rrb.Tabs(run, legend, active_tab=0), rrb.Tabs(*logs, active_tab=0)]
+    logs = [_log_view(stream) for stream in LOGS if stream is not RADIO or scenario.channels]
+    documents = [rrb.TextDocumentView(origin=stream.entity, name=stream.title) for stream in (SUMMARY, LEGEND)]
+    texts = [rrb.Tabs(*documents, active_tab=0), rrb.Tabs(*logs, active_tab=0)]
     believing = [agent for agent in agents if agent.agent.name in believers]
     n_maps = 2 if believing else 1
     maps: list[rrb.View | rrb.Tabs] = [_map_view(scenario, environment, agents, n_maps)]
@@ -429,9 +456,9 @@ def _run_page(
     return rrb.Horizontal(left, right, column_shares=[5, 2], name="Flight")
 
 
-def _log_view(origin: str, name: str) -> rrb.TextLogView:
+def _log_view(stream: Stream) -> rrb.TextLogView:
     columns = rrb.TextLogColumns(timeline_columns=[TIME_TIMELINE], text_log_columns=["Body"])
-    return rrb.TextLogView(origin=origin, name=name, columns=columns)
+    return rrb.TextLogView(origin=stream.entity, name=stream.title, columns=columns)
 
 
 def _room_view(scenario: Scenario, environment: Environment, agents: Sequence[AgentEntities]) -> rrb.Spatial3DView:
@@ -439,7 +466,7 @@ def _room_view(scenario: Scenario, environment: Environment, agents: Sequence[Ag
     return rrb.Spatial3DView(
         origin="/",
         name=f"{title(scenario)} (floor grid {floor_grid_m(environment):g} m)",
-        contents=["+ /**", "- /map/**", f"- /{entities.SLICES}/**", f"- /{entities.BELIEFS}/**", "- /plots/**"],
+        contents=["+ /**", "- /map/**", f"- /{SLICES.root}/**", f"- /{BELIEF.root}/**", "- /plots/**"],
         background=colors.BACKGROUND,
         line_grid=False,
         eye_controls=rrb.EyeControls3D(
@@ -458,7 +485,7 @@ def _map_view(
     return rrb.Spatial3DView(
         origin="/",
         name=f"{scenario.gas.gas} at {height_m:.3g} m height, {scale.min_ppm:g} to {scale.max_ppm:g} ppm, and wind",
-        contents=[*_NOT_ON_MAP, f"+ /{entities.SLICES}/{scenario.gas.gas}"],
+        contents=[*_NOT_ON_MAP, f"+ /{SLICES.at(gas=scenario.gas.gas)}"],
         background=colors.BACKGROUND,
         line_grid=False,
         eye_controls=rrb.EyeControls3D(
@@ -476,7 +503,7 @@ def _belief_view(environment: Environment, agents: Sequence[AgentEntities], agen
     return rrb.Spatial3DView(
         origin="/",
         name=f"Belief of {agent.agent.name}",
-        contents=[*_NOT_ON_MAP, "- /map/scale/**", f"- /{entities.WIND_ARROWS}", f"+ /{agent.belief}"],
+        contents=[*_NOT_ON_MAP, "- /map/scale/**", f"- /{WIND_ARROWS.entity}", f"+ /{agent.at(BELIEF)}"],
         background=colors.BACKGROUND,
         line_grid=False,
         eye_controls=rrb.EyeControls3D(
@@ -496,4 +523,5 @@ def _histories(agents: Sequence[AgentEntities]) -> dict[Any, Any]:
             for timeline in (TIME_TIMELINE, TICK_TIMELINE)
         ]
     )
-    return {path: [history] for agent in agents for path in (agent.track, agent.plan, agent.waypoints, agent.markers)}
+    kept = (TRACK_LINE, PLANNED_PATH, WAYPOINTS, MARKS)
+    return {agent.at(stream): [history] for agent in agents for stream in kept}

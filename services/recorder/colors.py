@@ -42,6 +42,11 @@ def agent_color(index: int) -> Rgb:
     return AGENTS[index % len(AGENTS)]
 
 
+def axis_color(axis: str, index: int) -> Rgb:
+    """Return the colour of the i-th number of a row: red, green and blue for x, y and z."""
+    return AXES.get(axis, agent_color(index))
+
+
 def shade(color: Rgb, index: int) -> Rgb:
     """Return the colour of the i-th of an agent's curves in one plot: each is darker than the one before."""
     red, green, blue = (round(channel * 0.72 ** (index % 4)) for channel in color)

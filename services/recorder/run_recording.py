@@ -25,7 +25,6 @@ from gslcosim.contract.participant import Inbox
 from gslcosim.environment.model import Environment
 from gslcosim.runtime.run_dir import read_machine_notes
 from gslcosim.scenario import Scenario
-from gslcosim_services.recorder import entities
 from gslcosim_services.recorder.blueprint import default_blueprint, legend_text, summary_text
 from gslcosim_services.recorder.colors import GasScale
 from gslcosim_services.recorder.entities import build_entities, list_gas_names
@@ -41,6 +40,17 @@ from gslcosim_services.recorder.rows.events import (
     WindRows,
 )
 from gslcosim_services.recorder.scene import draw_map, draw_room, draw_sources
+from gslcosim_services.recorder.stream_table import (
+    CONTACTS,
+    EVENTS,
+    FAULTS,
+    FILAMENTS,
+    LEGEND,
+    RADIO,
+    SLICES,
+    SUMMARY,
+    WIND_ARROWS,
+)
 
 # What of the referee's events is marked in the room where it happened; all of them are in its log.
 FIRST_GAS = "first gas"
@@ -74,21 +84,21 @@ class RunRecording:
         self._waiting: list[tuple[int, Inbox]] = []
         gases, tick_ns = list_gas_names(scenario), scenario.tick_ns
         self._agents = {names.agent.name: AgentRows(names, gases, tick_ns) for names in build_entities(scenario)}
-        self._filaments = FilamentRows(entities.FILAMENTS, scenario)
+        self._filaments = FilamentRows(FILAMENTS.entity, scenario)
         self._slices: dict[str, SliceRows] = {}
         self._doors = AllDoorRows(scenario, environment)
         later = {
             variant: WindLayer(room, scenario.slice_height_m, like=wind_layer)
             for variant, room in environment.later_rooms.items()
         }
-        self._wind = WindRows(entities.WIND_ARROWS, wind_layer, later)
+        self._wind = WindRows(WIND_ARROWS.entity, wind_layer, later)
         # Without events and with one wind, nothing of the room ever changes.
         self._is_still = wind_layer.is_steady and not scenario.events
-        self._events = TextRows(entities.EVENTS)
-        self._contact_log = TextRows(entities.CONTACTS)
+        self._events = TextRows(EVENTS.entity)
+        self._contact_log = TextRows(CONTACTS.entity)
         self._contacts = {name: self._contact_notes(name, agent) for name, agent in self._agents.items()}
-        self._radio = TextRows(entities.RADIO)
-        self._faults = TextRows(entities.FAULTS)
+        self._radio = TextRows(RADIO.entity)
+        self._faults = TextRows(FAULTS.entity)
         self._sandboxes: Mapping[str, str] = {}
         self._services = ServiceRows(scenario)
         self._event_marks = EventMarkRows(scenario, self._agents)
@@ -222,7 +232,7 @@ class RunRecording:
         self._wind.draw(self._file)
         for name, agent in self._agents.items():
             agent.draw(self._file, label="" if len(self._agents) == 1 else f"{name} ")
-        self._file.draw(entities.LEGEND, rr.TextDocument(legend_text(self._scenario), media_type=rr.MediaType.MARKDOWN))
+        self._file.draw(LEGEND.entity, rr.TextDocument(legend_text(self._scenario), media_type=rr.MediaType.MARKDOWN))
         self._write_summary(tick=0, verdict=None)
         self._file.flush()
 
@@ -285,13 +295,13 @@ class RunRecording:
 
     def _slice_rows(self, gas: str) -> SliceRows:
         if gas not in self._slices:
-            self._slices[gas] = SliceRows(f"{entities.SLICES}/{gas}", GasScale.of(self._scenario))
+            self._slices[gas] = SliceRows(SLICES.at(gas=gas), GasScale.of(self._scenario))
         return self._slices[gas]
 
     def _write_summary(self, *, tick: int, verdict: Verdict | None) -> None:
         text = summary_text(self._scenario, self._environment, verdict, self._sandboxes)
         columns = rr.TextDocument.columns(text=[text], media_type=[rr.components.MediaType.MARKDOWN])
-        self._file.send(entities.SUMMARY, [tick], columns)
+        self._file.send(SUMMARY.entity, [tick], columns)
 
 
 def _list_messages(waiting: Sequence[tuple[int, Inbox]], port: str) -> tuple[list[int], list[Any]]:

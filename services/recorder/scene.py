@@ -21,7 +21,6 @@ from gslcosim.vehicles import Vehicle
 from gslcosim.vehicles.catalogue import RotorDrawing, RotorParameters, WheelDrawing, WheelParameters
 from gslcosim_services.recorder import colors
 from gslcosim_services.recorder.colors import GasScale, Rgb
-from gslcosim_services.recorder.entities import MESHES
 from gslcosim_services.recorder.recording_file import RecordingFile
 
 # Like the colours of filaments, black where there is no gas.
@@ -30,6 +29,7 @@ SOLID = rr.components.FillMode.Solid
 WIRE = rr.components.FillMode.MajorWireframe
 GLASS = rr.components.FillMode.TransparentFillMajorWireframe
 
+MESHES = "room/geometry"
 OBSTACLE_ALPHA = 150
 EDGE_RADIUS_M = 0.025
 # Edges are no thicker than this share of a box's middle side: pallets are made of thin boards.

@@ -55,10 +55,10 @@ def test_a_run_of_many_processes_is_run_again_and_recorded_in_detail(tmp_path):
 def _ticks_of_gas(recording):
     from rerun.chunk import RrdReader
 
-    from gslcosim_services.recorder import entities
+    from gslcosim_services.recorder.stream_table import FILAMENTS
 
     chunks = RrdReader(recording).store().stream().to_chunks()
-    clouds = (chunk for chunk in chunks if str(chunk.entity_path) == f"/{entities.FILAMENTS}" and not chunk.is_static)
+    clouds = (chunk for chunk in chunks if str(chunk.entity_path) == f"/{FILAMENTS.entity}" and not chunk.is_static)
     return {tick for chunk in clouds for tick in chunk.to_record_batch().column("tick").to_pylist()}
 
 

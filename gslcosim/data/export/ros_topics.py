@@ -21,6 +21,21 @@ from gslcosim.data.run import RunData
 from gslcosim.data.streams import RecordedPictures, RecordedSeries, RecordedShapes, RecordedTrack
 from gslcosim.environment.plan_view import PlanView
 from gslcosim.scenario.models.sensors import LidarSensorSpec, ReachingSensorSpec, SensorSpec, TurnedSensorSpec
+from gslcosim_services.recorder.stream_table import (
+    ANGULAR_VELOCITY,
+    APPARENT_WIND,
+    ATTITUDE,
+    MAGNETIC_FIELD,
+    MIXING_RATIO,
+    POSITION,
+    PRESSURE,
+    RANGE,
+    RESPONSE,
+    SPECIFIC_FORCE,
+    TRUE_WIND,
+    WIND_FROM,
+    WIND_SPEED,
+)
 
 Stamped = tuple[int, str, Any]
 # Where local coordinates are on the earth: the corner (0, 0, 0) of the world is at latitude 0 and longitude 0.
@@ -52,10 +67,10 @@ def instrument_topics(run: RunData, types: RosTypes) -> list[Iterator[Stamped]]:
     for (agent, sensor), recorded in truth.items():
         for quantity, series in recorded.items():
             topic, frame = f"/truth{_topic(agent, sensor)}", _frame(agent, sensor)
-            if series.quantity == "mixing_ratio":
+            if series.quantity == MIXING_RATIO.name:
                 gas = _gas_sensor(types, frame, series, ros_types.UNKNOWN, 0, 0, ros_types.UNITS["ppm"], 0.0)
                 streams.append(_each(series, f"{topic}/{safe_name(series.gas)}", tick_ns, gas))
-            elif quantity == "wind":
+            elif quantity == TRUE_WIND.name:
                 streams.append(_each(series, topic, tick_ns, _true_wind(types, series)))
     seen = (*run.point_clouds, *run.rays)
     streams += [_shapes(run, shapes, specs[shapes.agent, shapes.sensor], types) for shapes in seen]
@@ -82,22 +97,22 @@ def _each(series: RecordedSeries, topic: str, tick_ns: int, make: Callable[[int,
 def _maker(
     series: dict[str, RecordedSeries], spec: SensorSpec, types: RosTypes, frame: str
 ) -> Callable[[int, int], Any] | None:
-    if "response" in series:
-        return _gas_reading(series["response"], spec, types, frame)
-    if "wind_speed" in series:
+    if RESPONSE.name in series:
+        return _gas_reading(series[RESPONSE.name], spec, types, frame)
+    if WIND_SPEED.name in series:
         return _wind_reading(series, types, frame)
-    if "specific_force" in series:
+    if SPECIFIC_FORCE.name in series:
         return _imu(series, types, frame)
     if spec.model == "gps":
-        return _fix(series["position"], types, frame)
-    if "pressure" in series:
-        return _pressure(series["pressure"], types, frame)
-    if "magnetic_field" in series:
-        return _field(series["magnetic_field"], types, frame)
+        return _fix(series[POSITION.name], types, frame)
+    if PRESSURE.name in series:
+        return _pressure(series[PRESSURE.name], types, frame)
+    if MAGNETIC_FIELD.name in series:
+        return _field(series[MAGNETIC_FIELD.name], types, frame)
     if spec.model == "pose":
         return _pose(series, types)
     if spec.model == "range_finder" and isinstance(spec, ReachingSensorSpec):
-        return _range(series["range"], spec.max_range_m, types, frame)
+        return _range(series[RANGE.name], spec.max_range_m, types, frame)
     return None
 
 
@@ -138,7 +153,7 @@ def _gas_sensor(
 
 # GADEN's anemometer tells where the wind blows from, counter-clockwise from x, as ours does; ours is about the world.
 def _wind_reading(series: dict[str, RecordedSeries], types: RosTypes, frame: str) -> Callable[[int, int], Any]:
-    speed, bearing, vector = series["wind_speed"], series.get("wind_from"), series.get("apparent_wind")
+    speed, bearing, vector = series[WIND_SPEED.name], series.get(WIND_FROM.name), series.get(APPARENT_WIND.name)
 
     def make(i: int, time_ns: int) -> Any:
         from_rad = float(bearing.value[i]) if bearing is not None else _from_rad(vector.values[i] if vector else None)
@@ -177,9 +192,9 @@ def _imu(series: dict[str, RecordedSeries], types: RosTypes, frame: str) -> Call
         header=types.header(time_ns, frame),
         orientation=types.turn(upright),
         orientation_covariance=no_attitude,
-        angular_velocity=types.vector(series["angular_velocity"].values[i]),
+        angular_velocity=types.vector(series[ANGULAR_VELOCITY.name].values[i]),
         angular_velocity_covariance=np.zeros(9),
-        linear_acceleration=types.vector(series["specific_force"].values[i]),
+        linear_acceleration=types.vector(series[SPECIFIC_FORCE.name].values[i]),
         linear_acceleration_covariance=np.zeros(9),
     )
 
@@ -225,7 +240,7 @@ def _pose(series: dict[str, RecordedSeries], types: RosTypes) -> Callable[[int, 
     return lambda i, time_ns: types.make(
         "geometry_msgs/msg/PoseStamped",
         header=types.header(time_ns, MAP_FRAME),
-        pose=types.pose(series["position"].values[i], series["attitude_quaternion"].values[i]),
+        pose=types.pose(series[POSITION.name].values[i], series[ATTITUDE.name].values[i]),
     )
 
 

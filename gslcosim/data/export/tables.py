@@ -18,6 +18,7 @@ from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
 from gslcosim.data.run import RunData
 from gslcosim.data.streams import RecordedPoints, RecordedSeries, RecordedShapes, RecordedTexts, RecordedTrack
+from gslcosim_services.recorder.stream_table import FILAMENTS, LOGS, MARKS, TABLES, WAYPOINTS, Stream
 
 _AXES = ("x", "y", "z")
 
@@ -57,20 +58,14 @@ def build_tables(run: RunData) -> Iterator[StreamTable]:
     """
     for track in run.tracks.values():
         yield _track(track)
-    yield from _series("samples", "the truth at the sensors", run.samples)
-    yield from _series("readings", "what the sensors reported, but for the time in which they warmed up", run.readings)
-    yield from _series("figures", "what referee and controllers knew", run.figures)
-    yield from _series("services", "what services of other packages wrote", run.service_curves)
+    numbers = {"samples": run.samples, "readings": run.readings, "figures": run.figures, "services": run.service_curves}
+    for kind, meaning in TABLES.items():
+        yield from _series(kind, meaning, numbers[kind])
     yield from _if_any(_commands(run.commands))
-    yield from _if_any(_points("waypoints", "where vehicles were sent", run.waypoints))
-    yield from _if_any(_points("marks", "what happened where", run.marks))
-    for name, meaning, texts in (
-        ("events", "the referee's log", run.events),
-        ("contacts", "what vehicles touched", run.contacts),
-        ("radio", "texts between agents and what became of them", run.radio),
-        ("faults", "what agents did wrong", run.faults),
-    ):
-        yield from _if_any(_texts(name, meaning, texts))
+    yield from _if_any(_points(WAYPOINTS, run.waypoints))
+    yield from _if_any(_points(MARKS, run.marks))
+    for log, texts in zip(LOGS, (run.events, run.contacts, run.radio, run.faults), strict=True):
+        yield from _if_any(_texts(log, texts))
     yield from _beliefs(run)
     yield from _gas(run)
     for shapes in run.point_clouds:
@@ -197,12 +192,12 @@ def _commands(commands: Mapping[str, Sequence[Command]]) -> StreamTable:
     )
 
 
-def _points(name: str, meaning: str, by_agent: Mapping[str, RecordedPoints]) -> StreamTable:
+def _points(stream: Stream, by_agent: Mapping[str, RecordedPoints]) -> StreamTable:
     agents = [agent for agent, points in by_agent.items() for _ in points.tick]
     every = [*by_agent.values()]
     return StreamTable(
-        name=name,
-        meaning=meaning,
+        name=stream.name,
+        meaning=stream.meaning,
         columns=(
             *_times(
                 np.concatenate([points.tick for points in every]), np.concatenate([points.time_s for points in every])
@@ -214,10 +209,10 @@ def _points(name: str, meaning: str, by_agent: Mapping[str, RecordedPoints]) -> 
     )
 
 
-def _texts(name: str, meaning: str, texts: RecordedTexts) -> StreamTable:
+def _texts(log: Stream, texts: RecordedTexts) -> StreamTable:
     return StreamTable(
-        name=name,
-        meaning=meaning,
+        name=log.name,
+        meaning=log.meaning,
         columns=(
             *_times(texts.tick, texts.time_s),
             TableColumn(name="level", values=texts.level, meaning="INFO or WARN"),
@@ -273,8 +268,8 @@ def _gas(run: RunData) -> Iterator[StreamTable]:
     which = np.repeat(np.arange(len(cloud.tick)), np.diff(cloud.starts))
     yield from _if_any(
         StreamTable(
-            name="filaments",
-            meaning="the cloud, a row for each filament; of more than 3000 every k-th",
+            name=FILAMENTS.name,
+            meaning=FILAMENTS.meaning,
             columns=(
                 *_times(cloud.tick[which], cloud.time_s[which]),
                 *_places(cloud.centre_world_m, "centre"),

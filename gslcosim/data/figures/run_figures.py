@@ -23,6 +23,7 @@ from gslcosim.data.figures.style import (
 )
 from gslcosim.data.run import RunData
 from gslcosim.data.streams import RecordedSeries
+from gslcosim_services.recorder.stream_table import BELIEF_MASS, DISTANCE, MIXING_RATIO, RESPONSE
 
 Floats = NDArray[np.float64]
 Curves = Sequence[tuple[Floats, Floats]]
@@ -34,7 +35,7 @@ def distance(axes: Any, run: RunData) -> None:
     """Draw the distance of each agent to the nearest source, the success radius, and the first contact with gas."""
     is_one = len(run.agents) == 1
     for i, agent in enumerate(run.agents):
-        curve = run.figure(agent, "distance")
+        curve = run.figure(agent, DISTANCE.name)
         if curve is None:
             continue
         axes.plot(curve.time_s, curve.value, **get_line_style(i), label="distance" if is_one else safe_text(agent),
@@ -85,7 +86,7 @@ def distance_bundle(
 def true_gas(axes: Any, run: RunData, *, agent: str | None = None) -> None:
     """Draw the true mixing ratio at the gas sensors of an agent, by default of the first."""
     name = agent or run.agents[0]
-    found = [one for one in run.samples if one.agent == name and one.quantity == "mixing_ratio"]
+    found = [one for one in run.samples if one.agent == name and one.quantity == MIXING_RATIO.name]
     several = len({one.gas for one in found}) > 1
     for i, one in enumerate(found):
         label = f"{one.sensor}, {one.gas}" if several else one.sensor
@@ -97,7 +98,7 @@ def true_gas(axes: Any, run: RunData, *, agent: str | None = None) -> None:
 def sensor_response(axes: Any, run: RunData, *, agent: str | None = None) -> None:
     """Draw what the gas sensors of an agent reported, by default of the first, in the unit of the first sensor."""
     name = agent or run.agents[0]
-    found = [one for one in run.readings if one.agent == name and one.quantity == "response"]
+    found = [one for one in run.readings if one.agent == name and one.quantity == RESPONSE.name]
     found = [one for one in found if one.unit == found[0].unit]
     for i, one in enumerate(found):
         axes.plot(one.time_s, one.value, **get_line_style(i), lw=0.8, label=safe_text(one.sensor),
@@ -109,7 +110,7 @@ def sensor_response(axes: Any, run: RunData, *, agent: str | None = None) -> Non
 def belief_quality(axes: Any, run: RunData) -> None:
     """Draw the probability that each belief gives to the success radius around the sources."""
     for i, agent in enumerate(run.beliefs):
-        curve = run.figure(agent, "belief_mass_near")
+        curve = run.figure(agent, BELIEF_MASS.name)
         if curve is not None:
             _held(
                 axes, curve, run, i, f"belief_mass_near/{agent}", agent if len(run.beliefs) > 1 else "near the source"
@@ -253,7 +254,7 @@ def _plan_aspect(run: RunData, columns: int) -> float:
 def _bundle(figure: Any, runs: Mapping[str, RunData], columns: int) -> None:
     bundles: dict[str, list[Any]] = {}
     for run in runs.values():
-        curves = [one for agent in run.agents if (one := run.figure(agent, "distance")) is not None]
+        curves = [one for agent in run.agents if (one := run.figure(agent, DISTANCE.name)) is not None]
         # A team is as near as its nearest member.
         ends = min(len(one.tick) for one in curves)
         nearest = np.min([one.value[:ends] for one in curves], axis=0)
@@ -361,7 +362,7 @@ RUN_FIGURES: Mapping[str, RunFigure] = {
     "distance": RunFigure(title="distance to the source over time", aspect=0.68, lacks=_nothing, draw=_draw_distance),
     "gas": RunFigure(
         title="true mixing ratio at the sensor, and what it reported", aspect=0.8,
-        lacks=lambda run: "" if any(one.quantity == "mixing_ratio" for one in run.samples) else "a gas sensor",
+        lacks=lambda run: "" if any(one.quantity == MIXING_RATIO.name for one in run.samples) else "a gas sensor",
         draw=_draw_gas,
     ),
     "track_3d": RunFigure(title="track in space", aspect=0.85, lacks=_nothing, draw=_draw_track_3d),

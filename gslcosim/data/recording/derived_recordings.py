@@ -19,7 +19,7 @@ from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.data.recording.reader import read_chunks
 from gslcosim.environment.model import Environment
 from gslcosim.scenario import Scenario
-from gslcosim_services.recorder import colors, entities
+from gslcosim_services.recorder import colors
 from gslcosim_services.recorder.blueprint import default_blueprint, legend_text, title
 from gslcosim_services.recorder.colors import GasScale
 from gslcosim_services.recorder.entities import build_entities, list_gas_names
@@ -28,6 +28,24 @@ from gslcosim_services.recorder.rows.agents import AgentRows
 from gslcosim_services.recorder.rows.events import WindLayer
 from gslcosim_services.recorder.run_recording import FIRST_GAS
 from gslcosim_services.recorder.scene import draw_map, draw_room, draw_sources
+from gslcosim_services.recorder.stream_table import (
+    BELIEF,
+    DISTANCE,
+    EVENTS,
+    FILAMENTS,
+    LEGEND,
+    LOGS,
+    MARKS,
+    MIXING_RATIO,
+    SCALARS,
+    SLICES,
+    STREAMS,
+    SUMMARY,
+    TEXTS,
+    TRACK,
+    WAYPOINTS,
+    WIND_ARROWS,
+)
 
 
 def record_from_tick(
@@ -116,23 +134,19 @@ def _last_tick(chunk: Chunk) -> int | None:
 
 def _find_believer(chunk: Chunk) -> str | None:
     root, _, name = str(chunk.entity_path).removeprefix("/").partition("/")
-    return name if root == entities.BELIEFS else None
+    return name if root == BELIEF.root else None
 
 
 MAX_RUNS = 8
 # Of these the first run's are shown for all: they are the same where neither gas nor wind differ.
-_SHARED_ENTITIES = ("gas", entities.WIND_ARROWS)
-_LOGS = (entities.EVENTS, entities.CONTACTS, entities.RADIO, entities.FAULTS)
+_SHARED_ENTITIES = tuple(stream.entity.split("/")[0] for stream in (FILAMENTS, SLICES, WIND_ARROWS))
+_LOGS = tuple(log.entity for log in LOGS)
 # An agent's name is the next part of a path.
-_AGENT_ENTITIES = (
-    "vehicles", "tracks", "plans", "waypoints", "markers", entities.SEEN, entities.BELIEFS, entities.GAS_PLOTS,
-    entities.RESPONSE_PLOTS, entities.WIND_PLOTS, entities.DISTANCE_PLOTS, entities.BELIEF_PLOTS,
-    entities.TRACKING_PLOTS, entities.DECISION_PLOTS, entities.ON_BOARD_PLOTS,
-)  # fmt: skip
+_AGENT_ENTITIES = tuple(dict.fromkeys(stream.root for stream in STREAMS if stream.is_of_agent))
 # What stands still and is not drawn again.
-_COPIED_STATIC_ENTITIES = (entities.BELIEFS, entities.SLICES)
+_COPIED_STATIC_ENTITIES = (BELIEF.root, SLICES.root)
 # Where lines across the curves say that runs part.
-_MARKED_PLOTS = (entities.GAS_PLOTS, entities.DISTANCE_PLOTS)
+_MARKED_PLOTS = (MIXING_RATIO.root, DISTANCE.root)
 _DIVERGENCE_ENTITY = "they_part"
 _DIVERGENCE_COLOR = colors.CONTACT
 
@@ -237,17 +251,17 @@ def _draw(
     draw_room(file, environment)
     draw_sources(file, scenario)
     draw_map(file, environment, GasScale.of(scenario), scenario.slice_height_m)
-    WindLayer(environment, scenario.slice_height_m).draw(file, entities.WIND_ARROWS)
+    WindLayer(environment, scenario.slice_height_m).draw(file, WIND_ARROWS.entity)
     for names in build_entities(scenario):
         rows = AgentRows(names, list_gas_names(scenario), scenario.tick_ns)
         rows.draw(file, label=f"{names.agent.name} ")
         if names.agent.name in believers:
             rows.belief.draw(file, label=f"{names.agent.name} ")
         # What is drawn at all times wins over the colour of each row.
-        for points in (names.waypoints, names.markers):
-            file.draw(points, rr.Points3D.from_fields(colors=[names.color]))
-    file.draw(entities.LEGEND, rr.TextDocument(legend_text(scenario), media_type=rr.MediaType.MARKDOWN))
-    file.draw(entities.SUMMARY, rr.TextDocument(summary, media_type=rr.MediaType.MARKDOWN))
+        for points in (WAYPOINTS, MARKS):
+            file.draw(names.at(points), rr.Points3D.from_fields(colors=[names.color]))
+    file.draw(LEGEND.entity, rr.TextDocument(legend_text(scenario), media_type=rr.MediaType.MARKDOWN))
+    file.draw(SUMMARY.entity, rr.TextDocument(summary, media_type=rr.MediaType.MARKDOWN))
     file.flush()
 
 
@@ -296,7 +310,7 @@ def _find_first_contact(chunks: Sequence[Chunk], recording: Path) -> int:
     ticks = [
         tick
         for chunk in chunks
-        if not chunk.is_static and str(chunk.entity_path).startswith("/markers/")
+        if not chunk.is_static and str(chunk.entity_path).startswith(f"/{MARKS.root}/")
         for tick, labels in _labels(chunk)
         if FIRST_GAS in labels
     ]
@@ -338,12 +352,12 @@ def _rename_path(path: str, names: Mapping[str, str]) -> str | None:
 
 def _find_belief_agent(chunk: Chunk) -> str | None:
     root, _, name = str(chunk.entity_path).removeprefix("/").partition("/")
-    return name if root == entities.BELIEFS else None
+    return name if root == BELIEF.root else None
 
 
 def _prefix_texts(letter: str, chunk: Chunk, path: str) -> list[Chunk]:
     batch = chunk.to_record_batch()
-    i = batch.schema.get_field_index("TextLog:text")
+    i = batch.schema.get_field_index(TEXTS)
     texts: list[list[str]] = batch.column(i).to_pylist()
     column = pa.array([[f"{letter}  {text}" for text in row] for row in texts], type=batch.schema.field(i).type)
     said = Chunk.from_record_batch(batch.set_column(i, batch.schema.field(i), column))
@@ -354,11 +368,11 @@ def _prefix_texts(letter: str, chunk: Chunk, path: str) -> list[Chunk]:
 def _mark_divergence(file: RecordingFile, scenario: Scenario, divergence: Divergence, chunks: Sequence[Chunk]) -> None:
     label = f"they part at {seconds_from_ticks(divergence.tick, scenario.tick_ns):g} s"
     names = build_entities(scenario)[0]
-    place_m = _find_position_m(chunks, names.vehicle, divergence.tick)
+    place_m = _find_position_m(chunks, names.at(TRACK), divergence.tick)
     if place_m is not None:
         columns = rr.Points3D.columns(positions=[place_m], labels=[label], radii=[0.15], show_labels=[True])
-        file.draw(f"{names.markers}/{_DIVERGENCE_ENTITY}", rr.Points3D.from_fields(colors=[_DIVERGENCE_COLOR]))
-        file.send(f"{names.markers}/{_DIVERGENCE_ENTITY}", [divergence.tick], columns)
+        file.draw(f"{names.at(MARKS)}/{_DIVERGENCE_ENTITY}", rr.Points3D.from_fields(colors=[_DIVERGENCE_COLOR]))
+        file.send(f"{names.at(MARKS)}/{_DIVERGENCE_ENTITY}", [divergence.tick], columns)
     for plot in _MARKED_PLOTS:
         values = [value for chunk in chunks if _is_plotted(chunk, plot) for value in _numbers(chunk)]
         if values:
@@ -370,9 +384,7 @@ def _mark_divergence(file: RecordingFile, scenario: Scenario, divergence: Diverg
             # A tick wide: of two values at one tick the viewer draws the last.
             ends = [min(values), max(values)]
             file.send(entity, [divergence.tick, divergence.tick + 1], rr.Scalars.columns(scalars=ends))
-    file.send(
-        f"{entities.EVENTS}/parting", [divergence.tick], rr.TextLog.columns(text=[divergence.text], level=["WARN"])
-    )
+    file.send(f"{EVENTS.entity}/parting", [divergence.tick], rr.TextLog.columns(text=[divergence.text], level=["WARN"]))
 
 
 def _is_plotted(chunk: Chunk, plot: str) -> bool:
@@ -381,7 +393,7 @@ def _is_plotted(chunk: Chunk, plot: str) -> bool:
 
 def _numbers(chunk: Chunk) -> list[float]:
     batch: Any = chunk.to_record_batch()
-    return [float(value) for row in batch.column("Scalars:scalars").to_pylist() for value in row or ()]
+    return [float(value) for row in batch.column(SCALARS).to_pylist() for value in row or ()]
 
 
 def _find_position_m(chunks: Sequence[Chunk], vehicle: str, tick: int) -> Vec3 | None:
@@ -390,6 +402,6 @@ def _find_position_m(chunks: Sequence[Chunk], vehicle: str, tick: int) -> Vec3 |
             batch: Any = chunk.to_record_batch()
             ticks: list[int] = batch.column(TICK_TIMELINE).to_pylist()
             if tick in ticks:
-                x, y, z = batch.column("Transform3D:translation").to_pylist()[ticks.index(tick)][0]
+                x, y, z = batch.column(TRACK.component).to_pylist()[ticks.index(tick)][0]
                 return (x, y, z)
     return None

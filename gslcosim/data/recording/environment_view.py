@@ -11,11 +11,12 @@ from gslcosim.base.rng import stream
 from gslcosim.environment.grid_kernels import trilinear_wind_at_points
 from gslcosim.environment.model import Cell, Environment
 from gslcosim.environment.openings import boxes_from_solid
-from gslcosim_services.recorder import colors, entities
+from gslcosim_services.recorder import colors
 from gslcosim_services.recorder.blueprint import fit_room_camera
 from gslcosim_services.recorder.recording_file import RecordingFile
 from gslcosim_services.recorder.rows.events import WindLayer
 from gslcosim_services.recorder.scene import WIRE, draw_room, floor_grid_m
+from gslcosim_services.recorder.stream_table import WIND_ARROWS
 
 # A step is this share of a cell; slower air than this is taken as still. Both chosen.
 STEP_CELLS = 0.5
@@ -99,7 +100,7 @@ def record_environment(environment: Environment, path: Path) -> None:
     draw_room(file, environment)
     _draw_occupancy(file, environment)
     height_m = min(2.0, (environment.grid.max_m[2] - environment.grid.origin_m[2]) / 2)
-    WindLayer(environment, environment.grid.origin_m[2] + height_m).draw(file, entities.WIND_ARROWS)
+    WindLayer(environment, environment.grid.origin_m[2] + height_m).draw(file, WIND_ARROWS.entity)
     _draw_streamlines(file, environment)
     file.close()
 

@@ -31,7 +31,7 @@ from gslcosim.scenario.models.sensors import (
     TdlasSensorSpec,
 )
 from gslcosim_services.recorder import colors
-from gslcosim_services.recorder.entities import AgentEntities, Curves, wind_speed_m_s
+from gslcosim_services.recorder.entities import AgentEntities
 from gslcosim_services.recorder.recording_file import RecordingFile
 from gslcosim_services.recorder.rows.columns import (
     MARKER_RADIUS_M,
@@ -44,69 +44,112 @@ from gslcosim_services.recorder.rows.columns import (
     Rows,
     ScalarRows,
     TrackRows,
-    scalar_columns,
     split_columns,
 )
 from gslcosim_services.recorder.rows.onboard_sensors import ImageRows, LidarRows, PoseHistory, RayRows, RowTiming
 from gslcosim_services.recorder.scene import draw_vehicle, picture_format, slice_height_m
+from gslcosim_services.recorder.stream_table import (
+    APPARENT_WIND,
+    BELIEF,
+    BELIEF_DISTANCE,
+    BELIEF_MASS,
+    DECISION_TIME,
+    DISTANCE,
+    MARKS,
+    MIXING_RATIO,
+    PLANNED_PATH,
+    POINT_CLOUDS,
+    RESPONSE,
+    TRACK,
+    TRACK_LINE,
+    TRACKING_ERROR,
+    TRUE_WIND,
+    TRUE_WIND_SPEED,
+    WAYPOINTS,
+    WIND_FROM,
+    WIND_SPEED,
+    Stream,
+    split_values,
+)
 from gslcosim_services.sensing.models.range_finders import ray_directions_body
 
-# What they are called in the file: another component of the curve's entity, so that both share their times.
-NUMBERS_COMPONENT = "numbers"
 
+class WindColumnRows:
+    """What an anemometer's curve does not draw, as a named column of single precision: a wind, or where it is from.
 
-def encode_numbers(numbers: "array[float]", lengths: Sequence[int]) -> Any:
-    """Return rows of so many numbers each in single precision, little-endian, as bytes: a `pyarrow` array."""
-    encoded = np.array(numbers, dtype="<f4")
-    ends = np.concatenate([[0], encoded.itemsize * np.cumsum(lengths)]).astype(np.int32)
-    return pa.Array.from_buffers(pa.binary(), len(lengths), [None, pa.py_buffer(ends), pa.py_buffer(encoded)])
+    Args:
+        stream: Which it is; its component is the column's name.
+        entity: Where it stands.
+    """
 
-
-def decode_numbers(rows: Sequence[bytes]) -> NDArray[np.float64]:
-    """Return the (n, k) numbers of rows of bytes."""
-    return np.frombuffer(b"".join(rows), dtype="<f4").astype(np.float64).reshape(len(rows), -1)
-
-
-class CurveWithHiddenColumns:
-    """Curve of one number a row, and beside it hidden columns as bytes: the viewer would draw numbers, of any name."""
-
-    def __init__(self, entity: str) -> None:
+    def __init__(self, stream: Stream, entity: str) -> None:
+        self._column = stream.component
         self._entity = entity
         self._ticks: list[int] = []
-        self._drawn = array("d")
         self._numbers = array("f")
-        self._lengths: list[int] = []
 
-    def extend(self, ticks: Sequence[int], drawn: Sequence[float], numbers: Sequence[Sequence[float]]) -> None:
-        """Append what is drawn at ticks, and what is not."""
+    def extend(self, ticks: Sequence[int], numbers: Iterable[Sequence[float]]) -> None:
+        """Append the numbers at the ends of ticks."""
         self._ticks += ticks
-        self._drawn.extend(drawn)
         self._numbers.extend(chain.from_iterable(numbers))
-        self._lengths += map(len, numbers)
 
     def send(self, file: RecordingFile) -> None:
         """Write the waiting rows, if any, and forget them."""
         if self._ticks:
-            rows: Any = {NUMBERS_COMPONENT: encode_numbers(self._numbers, self._lengths)}
-            file.send(self._entity, self._ticks, [*scalar_columns(self._drawn), *rr.AnyValues.columns(**rows)])
-            self._ticks, self._lengths = [], []
-            self._drawn, self._numbers = array("d"), array("f")
+            numbers: Any = pa.array(np.array(self._numbers, dtype=np.float32))
+            width = len(numbers) // len(self._ticks)
+            rows: Any = numbers if width == 1 else pa.FixedSizeListArray.from_arrays(numbers, width)
+            file.send(self._entity, self._ticks, rr.AnyValues.columns(**{self._column: rows}))
+            self._ticks, self._numbers = [], array("f")
 
 
 class AnemometerRows:
-    """The speed that an anemometer reports as a curve, and beside it all that it reports."""
+    """The speed that an anemometer reports as a curve, and the rest of what it reports as a column beside the plots.
 
-    def __init__(self, entity: str) -> None:
-        self._rows = CurveWithHiddenColumns(entity)
+    Args:
+        names: The agent's entities.
+        sensor: Name of the anemometer.
+        has_bearing: Whether it reports speed and direction, and not a vector.
+    """
+
+    def __init__(self, names: AgentEntities, sensor: str, *, has_bearing: bool) -> None:
+        stream = WIND_FROM if has_bearing else APPARENT_WIND
+        self._speed = ScalarRows(names.at(WIND_SPEED, sensor=sensor))
+        self._rest = WindColumnRows(stream, names.at(stream, sensor=sensor))
+        self._has_bearing = has_bearing
 
     def extend(self, ticks: Sequence[int], readings: Sequence[Reading]) -> None:
         """Append readings that mean something, at the ends of their ticks."""
-        speeds_m_s = [speed for reading in readings for speed in wind_speed_m_s(reading)]
-        self._rows.extend(ticks, speeds_m_s, [reading.values for reading in readings])
+        values = [reading.values for reading in readings]
+        if self._has_bearing:
+            self._speed.extend(ticks, [part[0] for part in values])
+            self._rest.extend(ticks, [part[1:] for part in values])
+        else:
+            self._speed.extend(ticks, [math.hypot(*wind_m_s) for wind_m_s in values])
+            self._rest.extend(ticks, values)
 
     def send(self, file: RecordingFile) -> None:
         """Write the waiting rows, if any, and forget them."""
-        self._rows.send(file)
+        self._speed.send(file)
+        self._rest.send(file)
+
+
+class TrueWindRows:
+    """The true wind at an anemometer: its speed as a curve, and the vector as a column beside the plots."""
+
+    def __init__(self, names: AgentEntities, sensor: str) -> None:
+        self._speed = ScalarRows(names.at(TRUE_WIND_SPEED, sensor=sensor))
+        self._wind = WindColumnRows(TRUE_WIND, names.at(TRUE_WIND, sensor=sensor))
+
+    def extend(self, ticks: Sequence[int], winds_m_s: Sequence[Vec3]) -> None:
+        """Append the wind at the ends of ticks."""
+        self._speed.extend(ticks, [math.sqrt(u * u + v * v + w * w) for u, v, w in winds_m_s])
+        self._wind.extend(ticks, winds_m_s)
+
+    def send(self, file: RecordingFile) -> None:
+        """Write the waiting rows, if any, and forget them."""
+        self._speed.send(file)
+        self._wind.send(file)
 
 
 class BeliefPictureRows:
@@ -154,9 +197,9 @@ class BeliefRows:
 
     def __init__(self, names: AgentEntities) -> None:
         self._names = names
-        self.picture = BeliefPictureRows(names.belief, names.agent.vehicle.search_height_m)
-        self.mass_near = ScalarRows(names.belief_mass)
-        self.expected_distance = ScalarRows(names.belief_distance)
+        self.picture = BeliefPictureRows(names.at(BELIEF), names.agent.vehicle.search_height_m)
+        self.mass_near = ScalarRows(names.at(BELIEF_MASS))
+        self.expected_distance = ScalarRows(names.at(BELIEF_DISTANCE))
         self.has_any = False
         self._last: BeliefScore | None = None
 
@@ -179,10 +222,10 @@ class BeliefRows:
     def draw(self, file: RecordingFile, *, label: str) -> None:
         """Say how the curves look; `label` precedes their names."""
         names = self._names
-        styles = {names.belief_mass: "belief near the source", names.belief_distance: "expected by belief"}
-        for entity, text in styles.items():
+        styles = {BELIEF_MASS: "belief near the source", BELIEF_DISTANCE: "expected by belief"}
+        for stream, text in styles.items():
             shade = colors.plan_color(names.color)
-            file.draw(entity, rr.SeriesLines(names=[f"{label}{text}"], colors=[shade], widths=[1.5]))
+            file.draw(names.at(stream), rr.SeriesLines(names=[f"{label}{text}"], colors=[shade], widths=[1.5]))
 
 
 def sum_over_height(belief: Belief) -> NDArray[np.float64]:
@@ -191,8 +234,6 @@ def sum_over_height(belief: Belief) -> NDArray[np.float64]:
     return p.sum(axis=2) if p.ndim == 3 else p
 
 
-# The first number of a reading is what a gas sensor reports.
-_DEFAULT_CURVES = Curves(quantity="response", unit="", labels=("response",))
 SpaceRows = LidarRows | RayRows | ImageRows
 
 
@@ -203,23 +244,23 @@ class AgentRows:
         self.names = names
         self._tick_ns = tick_ns
         self._poses = PoseHistory(names.agent.sensors, tick_ns)
-        self.pose = PoseRows(names.vehicle)
-        self.track = TrackRows(names.track)
-        self.plan = PlanRows(names.plan)
-        self.waypoints = MarkerRows(names.waypoints, radius_m=WAYPOINT_RADIUS_M)
-        self.markers = MarkerRows(names.markers, radius_m=MARKER_RADIUS_M)
-        self.distance = ScalarRows(names.distance)
-        self.tracking_error = ScalarRows(names.tracking_error)
-        self.decision = ScalarRows(names.decision)
+        self.pose = PoseRows(names.at(TRACK))
+        self.track = TrackRows(names.at(TRACK_LINE))
+        self.plan = PlanRows(names.at(PLANNED_PATH))
+        self.waypoints = MarkerRows(names.at(WAYPOINTS), radius_m=WAYPOINT_RADIUS_M)
+        self.markers = MarkerRows(names.at(MARKS), radius_m=MARKER_RADIUS_M)
+        self.distance = ScalarRows(names.at(DISTANCE))
+        self.tracking_error = ScalarRows(names.at(TRACKING_ERROR))
+        self.decision = ScalarRows(names.at(DECISION_TIME))
         self.belief = BeliefRows(names)
         self.position_m: Vec3 = names.agent.vehicle.start_m
         self._mission: tuple[Waypoint, ...] | None = None
         self._gas = {
-            (sensor.name, gas): ScalarRows(names.gas(sensor.name, gas)) for sensor in names.gas_sensors for gas in gases
+            (sensor.name, gas): ScalarRows(names.at(MIXING_RATIO, sensor=sensor.name, gas=gas))
+            for sensor in names.gas_sensors
+            for gas in gases
         }
-        self._true_wind = {
-            sensor.name: CurveWithHiddenColumns(names.true_wind(sensor.name)) for sensor in names.wind_sensors
-        }
+        self._true_wind = {sensor.name: TrueWindRows(names, sensor.name) for sensor in names.wind_sensors}
         lasers = [sensor for sensor in names.gas_sensors if isinstance(sensor, TdlasSensorSpec)]
         self._beams = {sensor.name: self._beam_rows(sensor) for sensor in lasers}
         self._in_space = {
@@ -241,11 +282,11 @@ class AgentRows:
         """Draw the vehicle and say how lines and curves look; `label` precedes the names of curves."""
         names = self.names
         # A name beside the only vehicle would hide what it comes to.
-        draw_vehicle(file, names.vehicle, names.agent, names.color, is_named=bool(label))
-        file.draw(names.track, rr.LineStrips3D.from_fields(colors=[names.color], radii=[0.035]))
+        draw_vehicle(file, names.at(TRACK), names.agent, names.color, is_named=bool(label))
+        file.draw(names.at(TRACK_LINE), rr.LineStrips3D.from_fields(colors=[names.color], radii=[0.035]))
         if names.agent.vehicle.avoidance != "none":
             color = colors.plan_color(names.color)
-            file.draw(names.plan, rr.LineStrips3D.from_fields(colors=[color], radii=[0.015]))
+            file.draw(names.at(PLANNED_PATH), rr.LineStrips3D.from_fields(colors=[color], radii=[0.015]))
         for rows in (*self._in_space.values(), *self._beams.values()):
             rows.draw(file)
         for entity, names_and_colors in self._styles(label).items():
@@ -288,8 +329,7 @@ class AgentRows:
         """Take note of the truth at a sensor at the ends of ticks."""
         rows = self._true_wind.get(sensor)
         if rows is not None:
-            winds_m_s = [sample.wind_world_m_s for sample in samples]
-            rows.extend(ticks, [math.sqrt(u * u + v * v + w * w) for u, v, w in winds_m_s], winds_m_s)
+            rows.extend(ticks, [sample.wind_world_m_s for sample in samples])
             return
         for gas, (gas_ticks, amounts) in split_columns(ticks, [sample.gases for sample in samples], "gas"):
             if (sensor, gas) in self._gas:
@@ -330,41 +370,51 @@ class AgentRows:
         names = self.names
         rows: dict[str, tuple[ReadingRows, ...]] = {}
         for sensor in names.gas_sensors:
-            rows[sensor.name] = (CurveRows(names.response(sensor.name), _DEFAULT_CURVES.values_of),)
+            # The first number of a reading is what a gas sensor reports.
+            rows[sensor.name] = (CurveRows(names.at(RESPONSE, sensor=sensor.name), slice(1)),)
         for sensor in names.wind_sensors:
-            rows[sensor.name] = (AnemometerRows(names.measured_wind(sensor.name)),)
-        for sensor, curves in names.on_board_sensors:
-            rows[sensor.name] = tuple(CurveRows(names.on_board(sensor.name, item), item.values_of) for item in curves)
+            has_bearing = sensor.name in names.bearing_sensors
+            rows[sensor.name] = (AnemometerRows(names, sensor.name, has_bearing=has_bearing),)
+        for sensor, streams in names.on_board_sensors:
+            entities = [names.at(stream, sensor=sensor.name) for stream in streams]
+            parts = zip(entities, split_values(streams), strict=True)
+            rows[sensor.name] = tuple(CurveRows(entity, part) for entity, part in parts)
         return rows
 
     # Names and colours of each entity's curves.
     def _styles(self, label: str) -> dict[str, list[tuple[str, colors.Rgb]]]:
         names = self.names
         styles = {
-            names.distance: [(label.strip() or "distance", names.color)],
-            names.tracking_error: [(label.strip() or "error", names.color)],
-            names.decision: [(label.strip() or "decision", names.color)],
+            names.at(DISTANCE): [(label.strip() or "distance", names.color)],
+            names.at(TRACKING_ERROR): [(label.strip() or "error", names.color)],
+            names.at(DECISION_TIME): [(label.strip() or "decision", names.color)],
         }
         n_gases = len({gas for _, gas in self._gas})
         for i, (sensor, gas) in enumerate(self._gas):
             of_gas = f" {gas}" if n_gases > 1 else ""
-            styles[names.gas(sensor, gas)] = [(f"{label}{sensor}{of_gas}", colors.shade(names.color, i))]
+            entity = names.at(MIXING_RATIO, sensor=sensor, gas=gas)
+            styles[entity] = [(f"{label}{sensor}{of_gas}", colors.shade(names.color, i))]
         for i, sensor in enumerate(names.gas_sensors):
-            styles[names.response(sensor.name)] = [(f"{label}{sensor.name}", colors.shade(names.color, i))]
+            entity = names.at(RESPONSE, sensor=sensor.name)
+            styles[entity] = [(f"{label}{sensor.name}", colors.shade(names.color, i))]
         for i, sensor in enumerate(names.wind_sensors):
             of_sensor = f"{sensor.name} " if len(names.wind_sensors) > 1 else ""
             measured = colors.shade(names.color if label else colors.WIND, i)
-            styles[names.measured_wind(sensor.name)] = [(f"{label}{of_sensor}measured", measured)]
-            styles[names.true_wind(sensor.name)] = [(f"{label}{of_sensor}true", colors.TRUTH)]
-        for sensor, curves in names.on_board_sensors:
-            for item in curves:
-                if item.labels:
-                    drawn = list(zip(item.labels, item.colors, strict=True))
-                    styles[names.on_board(sensor.name, item)] = drawn
+            styles[names.at(WIND_SPEED, sensor=sensor.name)] = [(f"{label}{of_sensor}measured", measured)]
+            styles[names.at(TRUE_WIND_SPEED, sensor=sensor.name)] = [(f"{label}{of_sensor}true", colors.TRUTH)]
+        for sensor, streams in names.on_board_sensors:
+            for stream in streams:
+                if stream.axes:
+                    drawn = [(axis, colors.axis_color(axis, i)) for i, axis in enumerate(stream.axes)]
+                    styles[names.at(stream, sensor=sensor.name)] = drawn
         return styles
 
     def _space_rows(self, sensor: SensorSpec) -> SpaceRows | None:
-        entity, timing, color = self.names.seen(sensor.name), RowTiming(sensor, self._tick_ns), self.names.color
+        entity, timing, color = (
+            self.names.at(POINT_CLOUDS, sensor=sensor.name),
+            RowTiming(sensor, self._tick_ns),
+            self.names.color,
+        )
         if isinstance(sensor, LidarSensorSpec):
             return LidarRows(entity, sensor, self._poses, timing, color)
         if isinstance(sensor, RaySensorSpec):
@@ -375,5 +425,6 @@ class AgentRows:
 
     def _beam_rows(self, sensor: TdlasSensorSpec) -> RayRows:
         direction = np.array([sensor.beam_body]) / np.linalg.norm(sensor.beam_body)
-        entity, timing = self.names.seen(sensor.name), RowTiming(sensor, self._tick_ns)
+        entity = self.names.at(POINT_CLOUDS, sensor=sensor.name)
+        timing = RowTiming(sensor, self._tick_ns)
         return RayRows(entity, sensor, self._poses, timing, direction, self.names.color)

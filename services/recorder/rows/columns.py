@@ -1,7 +1,7 @@
 """Columns of rows that wait until they are sent: appended every tick, sent for many ticks at once."""
 
 from array import array
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import chain
 from operator import attrgetter
 from typing import Any, Protocol
@@ -112,18 +112,18 @@ class ScalarRows:
 
 
 class CurveRows:
-    """Curves of a sensor: some numbers of each of its readings."""
+    """Curves of a sensor: some numbers of each of its readings, those of `part`."""
 
-    def __init__(self, entity: str, values_of: Callable[[Reading], Sequence[float]]) -> None:
+    def __init__(self, entity: str, part: slice) -> None:
         self._entity = entity
-        self._values_of = values_of
+        self._part = part
         self._ticks: list[int] = []
         self._values = array("d")
         self._lengths: list[int] = []
 
     def extend(self, ticks: Sequence[int], readings: Sequence[Reading]) -> None:
         """Append what is drawn of readings that mean something, at the ends of their ticks."""
-        rows = [*map(self._values_of, readings)]
+        rows = [reading.values[self._part] for reading in readings]
         self._ticks += ticks
         self._values.extend(chain.from_iterable(rows))
         self._lengths += map(len, rows)

@@ -18,11 +18,13 @@ from gslcosim.environment.variants import DynamicEnvironment, find_door_boxes
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import DoorEventSpec, SourceEventSpec, SourceMovesSpec
 from gslcosim.scenario.models.scenario import find_due_events
-from gslcosim_services.recorder import colors, entities
+from gslcosim_services.recorder import colors
+from gslcosim_services.recorder.entities import source_events
 from gslcosim_services.recorder.recording_file import RecordingFile
 from gslcosim_services.recorder.rows.agents import AgentRows
 from gslcosim_services.recorder.rows.columns import MarkerRows, Rows, ScalarRows, TextRows
 from gslcosim_services.recorder.scene import door_look, flat_box
+from gslcosim_services.recorder.stream_table import DOORS, SERVICES
 
 
 class ServiceRows:
@@ -39,7 +41,7 @@ class ServiceRows:
             message = inbox.get(port)
             for name, value in _numeric_fields(message) if message is not None else ():
                 if name != "tick" and isinstance(value, bool | int | float):
-                    entity = f"{entities.SERVICE_PLOTS}/{port}/{name}"
+                    entity = SERVICES.at(port=port, field=name)
                     self._rows.setdefault(entity, ScalarRows(entity)).add(tick, float(value))
 
     def all(self) -> Sequence[ScalarRows]:
@@ -200,7 +202,7 @@ class EventMarkRows:
         self._scenario = scenario
         self._agents = agents
         self._places_m = [source.position_m for source in scenario.gas.sources]
-        self._sources = [MarkerRows(entity, radius_m=_SOURCE_RADIUS_M) for entity in entities.source_events(scenario)]
+        self._sources = [MarkerRows(entity, radius_m=_SOURCE_RADIUS_M) for entity in source_events(scenario)]
 
     def add(self, tick: int, inbox: Inbox) -> None:
         """Mark what takes effect in a tick."""
@@ -263,7 +265,7 @@ class AllDoorRows:
         height_m = scenario.slice_height_m
         self._rows = {
             name: (
-                DoorRows(f"{entities.DOORS}/{name}", box),
+                DoorRows(DOORS.at(door=name), box),
                 *(
                     (DoorRows(f"map/doors/{name}", flat_box(environment, box, height_m)),)
                     if is_cut(box, height_m)
@@ -273,7 +275,7 @@ class AllDoorRows:
             for name, box in self._boxes.items()
         }
         self._marks = {
-            name: MarkerRows(f"{entities.DOORS}/{name}/events", radius_m=_MARK_RADIUS_M) for name in self._boxes
+            name: MarkerRows(f"{DOORS.at(door=name)}/events", radius_m=_MARK_RADIUS_M) for name in self._boxes
         }
 
     @property

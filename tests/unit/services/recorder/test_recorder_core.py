@@ -16,7 +16,6 @@ from gslcosim.contract.participant import Episode
 from gslcosim_services.recorder import run_recording
 from gslcosim_services.recorder.core import FLUSH_TICKS, RecorderCore
 from gslcosim_services.recorder.rerun_cli import is_complete, run_rerun
-from gslcosim_services.recorder.rows.agents import NUMBERS_COMPONENT, decode_numbers
 from gslcosim_services.recorder.rows.columns import MAX_FILAMENTS, TRACK_STRIP_TICKS
 
 EVERY_TICK = (
@@ -189,17 +188,16 @@ def test_a_run_that_ends_without_verdict_is_recorded_to_its_end(record, rows_of)
     assert rows["/summary"] == 1
 
 
-def test_beside_the_curves_of_wind_is_all_that_an_anemometer_reports_and_no_plot_draws_it(record):
-    """The viewer draws every number of a plot's entity, lists of a fixed size too, but no bytes."""
+def test_beside_the_plots_is_what_an_anemometer_reports_and_its_curve_does_not_draw(record):
+    """The viewer draws every number of a plot's entity, of any component: the columns have entities of their own."""
     flight, path = ScriptedFlight(n_ticks=20), record(n_ticks=20)
-    vane = "/plots/wind_m_s/agent_0/vane"
-    ticks, _, rows = column(path, f"{vane}/measured", NUMBERS_COMPONENT)
+    vane = "/anemometers/agent_0/vane"
+    ticks, _, rows = column(path, f"{vane}/measured", "wind_from_rad")
     readings = {tick: flight.inbox(tick)[keys.observation("agent_0")].reading("vane").values for tick in ticks}
-    assert all(isinstance(row, bytes) for (row,) in rows)
-    np.testing.assert_allclose(decode_numbers([row for (row,) in rows]), list(readings.values()), rtol=1e-6)
-    ticks, _, rows = column(path, f"{vane}/true", NUMBERS_COMPONENT)
+    np.testing.assert_allclose([row for (row,) in rows], [from_rad for _, from_rad in readings.values()], rtol=1e-6)
+    ticks, _, rows = column(path, f"{vane}/true", "wind_m_s")
     assert ticks == list(range(20))
-    np.testing.assert_allclose(np.linalg.norm(decode_numbers([row for (row,) in rows]), axis=1), 0.5)
+    np.testing.assert_allclose(np.linalg.norm([row for (row,) in rows], axis=1), 0.5)
 
 
 def test_changing_wind_has_a_row_at_each_change(record, rows_of, make_room):

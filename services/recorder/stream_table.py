@@ -1,0 +1,267 @@
+"""Table of a run's streams: name, place in the recording, component, unit, frame and writer of each.
+
+The recorder writes by it, and what reads a recording finds by it what was written: `gslcosim.open_run`, tables, plots,
+messages of ROS and recordings of several runs.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+
+XYZ = ("x", "y", "z")
+POSE, ATTITUDE_COMPONENT = "Transform3D:translation", "Transform3D:quaternion"
+LINES, POINTS, SCALARS, TEXTS = "LineStrips3D:strips", "Points3D:positions", "Scalars:scalars", "TextLog:text"
+GRID, SPLATS, ARROWS, BOXES = "GridMap:data", "GaussianSplats3D:centers", "Arrows3D:vectors", "Boxes3D:half_sizes"
+IMAGE, DOCUMENT = "EncodedImage:blob", "TextDocument:text"
+
+TABLES = {
+    "samples": "the truth at the sensors",
+    "readings": "what the sensors reported, but for the time in which they warmed up",
+    "figures": "what referee and controllers knew",
+    "services": "what services of other packages wrote",
+}
+"""Tables of `extract` that hold several streams of numbers, with what they are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stream:
+    """One stream of a run.
+
+    Attributes:
+        name: What it is called outside the recording; of numbers the quantity.
+        entity: Path in the recording; names in braces stand for those of the run: agent, sensor, gas and so on.
+        component: Rerun's name of what holds the values.
+        meaning: What it is.
+        writer: The process whose messages it is made of.
+        unit: As messages have it; empty for pure numbers, texts, and where a sensor has a unit of its own.
+        frame: In which directions and places are; empty where there are none.
+        axes: Names of the numbers of a row, where there are several.
+        table: Which of `TABLES` has it; empty: none.
+        title: What the viewer calls it.
+    """
+
+    name: str
+    entity: str
+    component: str
+    meaning: str
+    writer: str
+    unit: str = ""
+    frame: str = ""
+    axes: tuple[str, ...] = ()
+    table: str = ""
+    title: str = ""
+
+    @property
+    def root(self) -> str:
+        """The beginning of the path, which is the same for all of a run."""
+        return self.entity.partition("/{")[0]
+
+    @property
+    def is_of_agent(self) -> bool:
+        """Whether each agent has one."""
+        return self.entity.startswith(f"{self.root}/{{agent}}")
+
+    def at(self, **names: str) -> str:
+        """Return the path for names of a run, for example `agent="beetle"`."""
+        return self.entity.format(**names)
+
+
+TRACK = Stream(
+    name="track", entity="vehicles/{agent}", component=POSE, unit="m", frame="world", axes=XYZ, writer="world",
+    meaning="where the vehicle was at the end of each tick",
+)  # fmt: skip
+TRACK_ATTITUDE = Stream(
+    name="track_attitude", entity=TRACK.entity, component=ATTITUDE_COMPONENT, frame="world from body",
+    axes=(*XYZ, "w"), writer="world", meaning="attitude of the vehicle at the end of each tick",
+)  # fmt: skip
+TRACK_LINE = Stream(
+    name="track_line", entity="tracks/{agent}", component=LINES, unit="m", frame="world", axes=XYZ, writer="world",
+    meaning="where the vehicle was, as a line",
+)  # fmt: skip
+PLANNED_PATH = Stream(
+    name="planned_path", entity="plans/{agent}", component=LINES, unit="m", frame="world", axes=XYZ, writer="world",
+    meaning="the path ahead, whenever it is planned again",
+)  # fmt: skip
+WAYPOINTS = Stream(
+    name="waypoints", entity="waypoints/{agent}", component=POINTS, unit="m", frame="world", axes=XYZ, writer="agent",
+    meaning="where vehicles were sent",
+)  # fmt: skip
+MARKS = Stream(
+    name="marks", entity="markers/{agent}", component=POINTS, unit="m", frame="world", axes=XYZ, writer="referee",
+    meaning="what happened where",
+)  # fmt: skip
+SOURCE_MARKS = Stream(
+    name="source_marks", entity="sources/{source}/events", component=POINTS, unit="m", frame="world", axes=XYZ,
+    writer="events", meaning="what happened to a source where",
+)  # fmt: skip
+BELIEF = Stream(
+    name="belief", entity="beliefs/{agent}", component=GRID, frame="world", writer="agent",
+    meaning="where an agent believes the source to be",
+)  # fmt: skip
+
+MIXING_RATIO = Stream(
+    name="mixing_ratio", entity="plots/gas_ppm/{agent}/{sensor}/{gas}", component=SCALARS, unit="ppm", writer="fields",
+    table="samples", meaning="the true mixing ratio at a sensor",
+)  # fmt: skip
+TRUE_WIND_SPEED = Stream(
+    name="wind_speed", entity="plots/wind_m_s/{agent}/{sensor}/true", component=SCALARS, unit="m/s", writer="fields",
+    table="samples", title="Wind speed", meaning="the true wind speed at an anemometer",
+)  # fmt: skip
+# Beside the plots and not in them: the viewer draws every number of a plot's entity, whatever its component.
+TRUE_WIND = Stream(
+    name="wind", entity="anemometers/{agent}/{sensor}/true", component="wind_m_s", unit="m/s", frame="world", axes=XYZ,
+    writer="fields", table="samples", meaning="the true wind at an anemometer",
+)  # fmt: skip
+
+RESPONSE = Stream(
+    name="response", entity="plots/response/{agent}/{sensor}", component=SCALARS, writer="sensing", table="readings",
+    meaning="what a gas sensor reports, in its unit",
+)  # fmt: skip
+WIND_SPEED = Stream(
+    name="wind_speed", entity="plots/wind_m_s/{agent}/{sensor}/measured", component=SCALARS, unit="m/s",
+    writer="sensing", table="readings", title="Wind speed",
+    meaning="the speed that an anemometer reports, relative to the vehicle",
+)  # fmt: skip
+APPARENT_WIND = Stream(
+    name="apparent_wind", entity="anemometers/{agent}/{sensor}/measured", component="apparent_wind_m_s", unit="m/s",
+    frame="world", axes=XYZ, writer="sensing", table="readings",
+    meaning="the wind that an anemometer with three axes reports, relative to the vehicle",
+)  # fmt: skip
+WIND_FROM = Stream(
+    name="wind_from", entity=APPARENT_WIND.entity, component="wind_from_rad", unit="rad", frame="world",
+    writer="sensing", table="readings",
+    meaning="where the wind comes from that an anemometer with two axes reports, counter-clockwise from x",
+)  # fmt: skip
+
+
+def _on_board(title: str, unit: str, axes: tuple[str, ...], *, frame: str = "", name: str = "") -> Stream:
+    name = name or title.replace(" ", "_")
+    return Stream(
+        name=name, entity=f"plots/on_board/{{agent}}/{{sensor}}/{name}", component=SCALARS, unit=unit, frame=frame,
+        axes=axes, writer="sensing", table="readings", title=title, meaning=f"{title} that an on-board sensor reports",
+    )  # fmt: skip
+
+
+SPECIFIC_FORCE = _on_board("specific force", "m/s^2", XYZ, frame="body")
+ANGULAR_VELOCITY = _on_board("angular velocity", "rad/s", XYZ, frame="body")
+POSITION = _on_board("position", "m", XYZ, frame="world")
+VELOCITY = _on_board("velocity", "m/s", XYZ, frame="world")
+ATTITUDE = _on_board("attitude quaternion", "1", ("w", *XYZ), frame="world from body")
+PRESSURE = _on_board("pressure", "Pa", ("pressure",))
+MAGNETIC_FIELD = _on_board("magnetic field", "uT", XYZ, frame="body")
+RANGE = _on_board("range", "m", ("range",))
+RANGES = _on_board("ranges", "m", ("front", "left", "back", "right"), frame="body")
+LEAST_RANGE = _on_board("least range", "m", ("least",))
+CONTACT = _on_board("contact", "1", ("contact",))
+
+ON_BOARD_STREAMS: dict[str, tuple[Stream, ...]] = {
+    "imu": (SPECIFIC_FORCE, ANGULAR_VELOCITY),
+    "gps": (POSITION, VELOCITY),
+    "barometer": (PRESSURE,),
+    "magnetometer": (MAGNETIC_FIELD,),
+    "pose": (POSITION, ATTITUDE, VELOCITY),
+    "range_finder": (RANGE,),
+    "four_range_finders": (RANGES,),
+    "lidar_2d": (LEAST_RANGE,),
+    "lidar_3d": (LEAST_RANGE,),
+    "bump": (CONTACT,),
+    "camera": (),
+    "depth_camera": (),
+}
+"""Streams of the values of on-board sensors by model: a reading has those of each stream in turn."""
+
+
+def on_board_stream(quantity: str, unit: str) -> Stream:
+    """Return the stream of all values of an on-board sensor of another package."""
+    return _on_board(quantity, unit, ())
+
+
+def split_values(streams: Sequence[Stream]) -> list[slice]:
+    """Return which of the values of a reading each of its streams has: as many as it has axes, without any all."""
+    ends = list(accumulate(len(stream.axes) for stream in streams))
+    return [slice(end - len(stream.axes), end or None) for stream, end in zip(streams, ends, strict=True)]
+
+
+DISTANCE = Stream(
+    name="distance", entity="plots/distance_m/{agent}", component=SCALARS, unit="m", writer="referee", table="figures",
+    title="Distance", meaning="the distance to the nearest source",
+)  # fmt: skip
+TRACKING_ERROR = Stream(
+    name="tracking_error", entity="plots/tracking_error_m/{agent}", component=SCALARS, unit="m", writer="world",
+    table="figures", title="Control error", meaning="the distance to where the controller wants the vehicle now",
+)  # fmt: skip
+DECISION_TIME = Stream(
+    name="decision_time", entity="plots/decision_ms/{agent}", component=SCALARS, unit="ms", writer="supervisor",
+    table="figures", title="Decision time", meaning="how long it took for each decision, by the clock",
+)  # fmt: skip
+BELIEF_MASS = Stream(
+    name="belief_mass_near", entity="plots/belief_frac/{agent}", component=SCALARS, unit="frac", writer="referee",
+    table="figures", meaning="the probability that a belief gives to the surroundings of the source",
+)  # fmt: skip
+BELIEF_DISTANCE = Stream(
+    name="belief_distance", entity="plots/distance_m/{agent}/belief", component=SCALARS, unit="m", writer="referee",
+    table="figures", meaning="the mean distance of the believed places to the nearest source",
+)  # fmt: skip
+SERVICES = Stream(
+    name="services", entity="plots/services/{port}/{field}", component=SCALARS, writer="services", table="services",
+    title="Services", meaning="what services of other packages wrote, and the wind's where it is driven",
+)  # fmt: skip
+
+POINT_CLOUDS = Stream(
+    name="point_clouds", entity="seen/{agent}/{sensor}", component=POINTS, unit="m", frame="world", axes=XYZ,
+    writer="sensing", meaning="points that a lidar saw",
+)  # fmt: skip
+RAYS = Stream(
+    name="rays", entity=POINT_CLOUDS.entity, component=LINES, unit="m", frame="world", axes=XYZ, writer="sensing",
+    meaning="rays of range finders and beams of lasers; those that meet nothing have no length",
+)  # fmt: skip
+PICTURES = Stream(
+    name="pictures", entity=POINT_CLOUDS.entity, component=IMAGE, frame="world from camera", writer="cameras",
+    meaning="pictures of a camera as they travelled, with its pinhole and its pose",
+)  # fmt: skip
+
+FILAMENTS = Stream(
+    name="filaments", entity="gas/filaments", component=SPLATS, unit="m", frame="world", axes=XYZ, writer="fields",
+    meaning="the cloud, a row for each filament; of more than 3000 every k-th",
+)  # fmt: skip
+SLICES = Stream(
+    name="gas_slices", entity="gas/slices/{gas}", component=GRID, unit="ppm", frame="world", writer="fields",
+    meaning="the mixing ratio in the layer of the map",
+)  # fmt: skip
+WIND_ARROWS = Stream(
+    name="wind_arrows", entity="wind", component=ARROWS, unit="m", frame="world", axes=XYZ, writer="fields",
+    meaning="arrows in the layer of the map",
+)  # fmt: skip
+DOORS = Stream(
+    name="doors", entity="room/doors/{door}", component=BOXES, unit="m", frame="world", axes=XYZ, writer="events",
+    meaning="doors while they are closed",
+)  # fmt: skip
+
+EVENTS = Stream(
+    name="events", entity="events", component=TEXTS, writer="referee", title="Referee", meaning="the referee's log"
+)
+CONTACTS = Stream(
+    name="contacts", entity="contacts", component=TEXTS, writer="world", title="Contacts",
+    meaning="what vehicles touched",
+)  # fmt: skip
+RADIO = Stream(
+    name="radio", entity="radio", component=TEXTS, writer="radio", title="Radio",
+    meaning="texts between agents and what became of them",
+)  # fmt: skip
+FAULTS = Stream(
+    name="faults", entity="faults", component=TEXTS, writer="supervisor", title="Faults",
+    meaning="what agents did wrong",
+)  # fmt: skip
+SUMMARY = Stream(
+    name="summary", entity="summary", component=DOCUMENT, writer="recorder", title="Run",
+    meaning="the text, with the sandboxes at the end of the run",
+)  # fmt: skip
+LEGEND = Stream(
+    name="legend", entity="legend", component=DOCUMENT, writer="recorder", title="Legend",
+    meaning="what each element of the views is",
+)  # fmt: skip
+
+STREAMS = tuple(dict.fromkeys(item for item in tuple(globals().values()) if isinstance(item, Stream)))
+"""All streams but those of on-board sensors of other packages, which a run adds: `on_board_stream`."""
+LOGS = (EVENTS, CONTACTS, RADIO, FAULTS)
+FIGURES = (DISTANCE, TRACKING_ERROR, DECISION_TIME, BELIEF_MASS, BELIEF_DISTANCE)
