@@ -35,7 +35,7 @@ from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.models.sensors import make_sensor_spec
 from gslcosim_services.fields.gas_builder import build_gas_field
 from gslcosim_services.sensing import SENSOR_MODELS
-from gslcosim_services.sensing.models.mox import MOX_PARAMETERS, estimated_ppm
+from gslcosim_services.sensing.models.mox import MOX_PARAMETERS, build_mox_kernel, estimate_ppm
 
 STEP_S = 0.1
 THRESHOLD_PPM = 0.1
@@ -99,7 +99,7 @@ def through_sensor(ppm: NDArray[np.float64], *, seed: int) -> NDArray[np.float64
     sensor = SENSOR_MODELS[SENSOR].build(
         make_sensor_spec(model=SENSOR, name="nose"), STEP_S, stream(seed, "study.nose")
     )
-    parameters, found = MOX_PARAMETERS[SENSOR], []
+    parameters, found = build_mox_kernel(MOX_PARAMETERS[SENSOR], (GAS,), STEP_S).parameters, []
     for value in ppm.tolist():
         sample = MountSample(
             agent="study",
@@ -107,7 +107,7 @@ def through_sensor(ppm: NDArray[np.float64], *, seed: int) -> NDArray[np.float64
             gases=(GasAmount(gas=GAS, mixing_ratio_ppm=value),),
             wind_world_m_s=(0.0, 0.0, 0.0),
         )
-        found.append(estimated_ppm(parameters, GAS, sensor.read(sample, (0.0, 0.0, 0.0)).values[0]))
+        found.append(estimate_ppm(parameters, sensor.read(sample, (0.0, 0.0, 0.0)).values))
     return np.array(found)
 
 

@@ -31,6 +31,8 @@ _LAYOUT = b"signed/1"
 _COMPILER_VARIABLES = (
     "NUMBA_OPT", "NUMBA_LOOP_VECTORIZE", "NUMBA_SLP_VECTORIZE", "NUMBA_ENABLE_AVX", "NUMBA_BOUNDSCHECK",
 )  # fmt: skip
+# What a file has in it whose text goes into compiled code.
+_KERNEL_MARKS = (b"numba", b"njit", b"scalar_kernel")
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 _CANNOT_BE_WRITTEN = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT)
 _SIGNATURE_BYTES = 32
@@ -100,7 +102,7 @@ def _hash_kernels() -> str:
         for path in sorted(_iter_modules(str(root))):
             with open(path, "rb") as file:  # noqa: PTH123 - a path of 700
                 content = file.read()
-            if b"numba" in content or b"njit" in content:
+            if any(mark in content for mark in _KERNEL_MARKS):
                 digest.update(f"{package}{path.removeprefix(str(root))}\0".encode())
                 digest.update(content)
     return digest.hexdigest()

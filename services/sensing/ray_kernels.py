@@ -189,3 +189,20 @@ def cast_rays(boxes_m, first, members, origin_m, bin_m, shape, cylinders_m, star
             boxes_m, first, members, origin_m, bin_m, shape, x, y, z, dx, dy, dz, nearest
         )
     return distances_m
+
+
+@numba.njit(cache=True, nogil=True)
+def noisy_range_m(range_m, limit_m, noise_m):
+    """Return a range with noise [m], between 0 and `limit_m`; where nothing is in range, it stays `limit_m`.
+
+    Held by:
+        tests/unit/services/sensing/test_range_finders.py
+    """
+    return min(max(range_m + noise_m, 0.0), limit_m) if range_m < limit_m else limit_m
+
+
+@numba.njit(cache=True, nogil=True)
+def disturb_ranges_inplace(ranges_m, limit_m, noise_m):
+    """Make ranges (n,) [m] those with a noise each, (n,) [m]; see `noisy_range_m`."""
+    for n in range(ranges_m.shape[0]):
+        ranges_m[n] = noisy_range_m(ranges_m[n], limit_m, noise_m[n])

@@ -4,8 +4,10 @@ import math
 
 import pytest
 
+from gslcosim.base.rng import stream
 from gslcosim.contract.messages import GasAmount, MountSample
-from gslcosim_services.sensing.models.mox import MOX_PARAMETERS, MoxSensor, steady_ratio
+from gslcosim.scenario.models.sensors import make_sensor_spec
+from gslcosim_services.sensing.models.mox import MOX_PARAMETERS, build_mox_kernel, build_mox_kind, steady_ratio
 
 
 def sample(ppm):
@@ -15,7 +17,8 @@ def sample(ppm):
 
 def ohm_after(parameters, tick_s, phases):
     """Read through phases of (ppm, seconds) after one tick in clean air."""
-    sensor = MoxSensor(parameters, "nose", tick_s)
+    spec = make_sensor_spec(model=parameters.model, name="nose")
+    sensor = build_mox_kind(parameters).build(spec, tick_s, stream(1, "test"))
     ohm = sensor.read(sample(0.0), (0.0, 0.0, 0.0)).values[0]
     for ppm, duration_s in phases:
         for _ in range(round(duration_s / tick_s)):
@@ -28,7 +31,10 @@ def ohm_after(parameters, tick_s, phases):
 def test_the_step_response_reaches_63_per_cent_at_tau(model, parts):
     """Rise and decay, and the same for any length of the tick."""
     p = MOX_PARAMETERS[model]
-    air, low = p.r0_ohm * p.air_ratio, p.r0_ohm * steady_ratio(p, sample(50.0).gases)
+    air, low = (
+        p.r0_ohm * p.air_ratio,
+        p.r0_ohm * steady_ratio(build_mox_kernel(p, ("ethanol",), 0.1).parameters, (50.0,)),
+    )
     risen = ohm_after(p, p.rise_s / parts, [(50.0, p.rise_s)])
     assert (air - risen) / (air - low) == pytest.approx(1 - math.exp(-1), rel=1e-9)
     settled = [(50.0, 40 * p.decay_s), (0.0, p.decay_s)]

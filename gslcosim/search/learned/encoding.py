@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, MutableSequence, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gslcosim.agent_kit import Briefing, Command, DriveSetpoint, Observation, Reading
 from gslcosim.base.errors import UsageError
+from gslcosim.base.scalar_kernels import scalar_kernel
 from gslcosim.contract.messages import SensorDescription
 
 # Rays of a lidar are reported as the nearest range in so many sectors of the same width.
@@ -28,57 +29,114 @@ _PRESSURE_PA = 100.0
 _FIELD_UT = 50.0
 _HITS = 3.0
 
-_Numbers = Sequence[float]
+_AMOUNT_SCALE = math.log1p(_MOST_PPM / _FLOOR_PPM)
 
 
 @dataclass(frozen=True)
-class _Channel:
-    """Channel of one kind of reading: the names of its numbers, and their calculation."""
+class Channel:
+    """Channel of one kind of reading: the names of its numbers, and the scalar kernel that writes them.
+
+    `encode(values, numbers)` reads the values of a reading and writes the numbers, which are kept between -1 and 1.
+    """
 
     names: tuple[str, ...]
-    numbers_of: Callable[[_Numbers], _Numbers]
+    encode: Callable[[Sequence[float], MutableSequence[float]], None]
 
 
+@scalar_kernel
 def amount(ppm: float) -> float:
     """Return a mixing ratio as a number between -1 and 1: by its logarithm above 0.1 ppm, 1 at 10,000 ppm.
 
     sign(c) ln(1 + |c| / 0.1 ppm) / ln(1 + 10,000 ppm / 0.1 ppm); noise may make c negative.
     """
-    return math.copysign(math.log1p(abs(ppm) / _FLOOR_PPM) / math.log1p(_MOST_PPM / _FLOOR_PPM), ppm)
+    return math.copysign(math.log1p(abs(ppm) / _FLOOR_PPM) / _AMOUNT_SCALE, ppm)
 
 
+@scalar_kernel
 def closeness(range_m: float) -> float:
     """Return a range as a number between 0 and 1: 1 at an obstacle, a half 1 m away, 0 where nothing is in sight."""
     return _RANGE_M / (_RANGE_M + max(range_m, 0.0))
 
 
-def _planar_wind(values: _Numbers) -> _Numbers:
-    speed_m_s, from_rad = values
-    return (math.tanh(speed_m_s / _SPEED_M_S), math.sin(from_rad), math.cos(from_rad))
+@scalar_kernel
+def scaled_speed(speed_m_s: float) -> float:
+    """Return a speed as a number between -1 and 1: its hyperbolic tangent in units of 2 m/s."""
+    return math.tanh(speed_m_s / _SPEED_M_S)
 
 
-def _speeds(values: _Numbers) -> _Numbers:
-    return [math.tanh(value / _SPEED_M_S) for value in values]
+@scalar_kernel
+def _encode_resistance(values: Sequence[float], numbers: MutableSequence[float]) -> None:
+    numbers[0] = math.log10(max(values[0], 1.0) / _CLEAN_OHM)
 
 
-def _inertial(values: _Numbers) -> _Numbers:
-    return [*(math.tanh(value / _GRAVITY_M_S2) for value in values[:3]), *(math.tanh(value) for value in values[3:6])]
+@scalar_kernel
+def _encode_amount(values: Sequence[float], numbers: MutableSequence[float]) -> None:
+    numbers[0] = amount(values[0])
+
+
+@scalar_kernel
+def _encode_plain(values: Sequence[float], numbers: MutableSequence[float]) -> None:
+    numbers[0] = values[0]
+
+
+@scalar_kernel
+def _encode_hits(values: Sequence[float], numbers: MutableSequence[float]) -> None:
+    numbers[0] = math.tanh(values[0] / _HITS)
+
+
+@scalar_kernel
+def _encode_planar_wind(values: Sequence[float], numbers: MutableSequence[float]) -> None:
+    numbers[0] = scaled_speed(values[0])
+    numbers[1], numbers[2] = math.sin(values[1]), math.cos(values[1])
+
+
+@scalar_kernel
+def _encode_wind(values: Sequence[float], numbers: MutableSequence[float]) -> None:
+    for axis in range(3):
+        numbers[axis] = scaled_speed(values[axis])
+
+
+@scalar_kernel
+def _encode_inertial(values: Sequence[float], numbers: MutableSequence[float]) -> None:
+    for axis in range(3):
+        numbers[axis] = math.tanh(values[axis] / _GRAVITY_M_S2)
+        numbers[3 + axis] = math.tanh(values[3 + axis])
+
+
+@scalar_kernel
+def _encode_pressure(values: Sequence[float], numbers: MutableSequence[float]) -> None:
+    numbers[0] = math.tanh((values[0] - _SEA_LEVEL_PA) / _PRESSURE_PA)
+
+
+@scalar_kernel
+def _encode_magnetic_field(values: Sequence[float], numbers: MutableSequence[float]) -> None:
+    for axis in range(3):
+        numbers[axis] = values[axis] / _FIELD_UT
+
+
+@scalar_kernel
+def encode_ranges(values: Sequence[float], numbers: MutableSequence[float]) -> None:
+    """Write the `closeness` of as many ranges [m] as there are numbers."""
+    for i in range(len(numbers)):
+        numbers[i] = closeness(values[i])
 
 
 # By quantity and unit of the sensor's description. Pictures have no numbers, and positions no scale without the room.
-_CHANNELS: dict[tuple[str, str], _Channel] = {
-    ("resistance", "ohm"): _Channel(("log_resistance",), lambda v: [math.log10(max(v[0], 1.0) / _CLEAN_OHM)]),
-    ("mixing_ratio", "ppm"): _Channel(("amount",), lambda v: [amount(v[0])]),
-    ("estimated_mixing_ratio", "ppm"): _Channel(("amount",), lambda v: [amount(v[0])]),
-    ("path_integrated_mixing_ratio", "ppm m"): _Channel(("amount",), lambda v: [amount(v[0])]),
-    ("gas_detected", "1"): _Channel(("gas",), lambda v: [v[0]]),
-    ("hits", "1"): _Channel(("hits",), lambda v: [math.tanh(v[0] / _HITS)]),
-    ("apparent_wind", "m/s, rad"): _Channel(("speed", "from_sin", "from_cos"), _planar_wind),
-    ("apparent_wind", "m/s"): _Channel(("x", "y", "z"), _speeds),
-    ("specific_force, angular_velocity", "m/s^2, rad/s"): _Channel(("fx", "fy", "fz", "wx", "wy", "wz"), _inertial),
-    ("pressure", "Pa"): _Channel(("pressure",), lambda v: [math.tanh((v[0] - _SEA_LEVEL_PA) / _PRESSURE_PA)]),
-    ("magnetic_field", "uT"): _Channel(("x", "y", "z"), lambda v: [value / _FIELD_UT for value in v]),
-    ("contact", "1"): _Channel(("contact",), lambda v: [v[0]]),
+CHANNELS: dict[tuple[str, str], Channel] = {
+    ("resistance", "ohm"): Channel(("log_resistance",), _encode_resistance),
+    ("mixing_ratio", "ppm"): Channel(("amount",), _encode_amount),
+    ("estimated_mixing_ratio", "ppm"): Channel(("amount",), _encode_amount),
+    ("path_integrated_mixing_ratio", "ppm m"): Channel(("amount",), _encode_amount),
+    ("gas_detected", "1"): Channel(("gas",), _encode_plain),
+    ("hits", "1"): Channel(("hits",), _encode_hits),
+    ("apparent_wind", "m/s, rad"): Channel(("speed", "from_sin", "from_cos"), _encode_planar_wind),
+    ("apparent_wind", "m/s"): Channel(("x", "y", "z"), _encode_wind),
+    ("specific_force, angular_velocity", "m/s^2, rad/s"): Channel(
+        ("fx", "fy", "fz", "wx", "wy", "wz"), _encode_inertial
+    ),
+    ("pressure", "Pa"): Channel(("pressure",), _encode_pressure),
+    ("magnetic_field", "uT"): Channel(("x", "y", "z"), _encode_magnetic_field),
+    ("contact", "1"): Channel(("contact",), _encode_plain),
 }
 
 
@@ -98,7 +156,7 @@ class ObservationVector:
         low, high = np.array(briefing.bounds.min_m), np.array(briefing.bounds.max_m)
         self._centre_m, self._half_m = (low + high) / 2, np.maximum((high - low) / 2, 1e-9)
         self._time_limit_s = briefing.time_limit_s
-        self._sensors: list[tuple[str, _Channel | None, int]] = []
+        self._sensors: list[tuple[str, Channel | None, int]] = []
         names = ["x", "y", "z", "yaw_sin", "yaw_cos", "vx", "vy", "vz", "time", "refused"]
         left_out: list[str] = []
         for sensor in briefing.sensors:
@@ -107,7 +165,7 @@ class ObservationVector:
                 left_out.append(sensor.name)
                 continue
             names += [f"{sensor.name}.{name}" for name in channels]
-            self._sensors.append((sensor.name, _CHANNELS.get((sensor.quantity, sensor.unit)), len(channels)))
+            self._sensors.append((sensor.name, CHANNELS.get((sensor.quantity, sensor.unit)), len(channels)))
         self.names: tuple[str, ...] = tuple(names)
         self.left_out: tuple[str, ...] = tuple(left_out)
         self._ranges: dict[str, list[float]] = {}
@@ -124,7 +182,7 @@ class ObservationVector:
             *place,
             math.sin(observation.yaw_rad),
             math.cos(observation.yaw_rad),
-            *_speeds(observation.velocity_world_m_s),
+            *map(scaled_speed, observation.velocity_world_m_s),
             observation.time_s / self._time_limit_s,
             float(observation.notice is not None),
         ]
@@ -136,7 +194,9 @@ class ObservationVector:
             elif channel is None:
                 numbers += self._sectors(reading, n_numbers)
             else:
-                numbers += channel.numbers_of(reading.values)
+                encoded = [0.0] * n_numbers
+                channel.encode(reading.values, encoded)
+                numbers += encoded
         return np.clip(np.array(numbers, dtype=np.float32), -1.0, 1.0)
 
     # A lidar's ranges come when they are new; until the next they stand.
@@ -153,7 +213,7 @@ class ObservationVector:
 def _names_of(sensor: SensorDescription) -> tuple[str, ...] | None:
     if sensor.quantity == "range":
         return tuple(f"closeness_{i}" for i in range(_n_ranges(sensor)))
-    channel = _CHANNELS.get((sensor.quantity, sensor.unit))
+    channel = CHANNELS.get((sensor.quantity, sensor.unit))
     return channel.names if channel is not None else None
 
 

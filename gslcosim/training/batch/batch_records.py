@@ -113,11 +113,9 @@ TAPE = np.dtype(
     ]
 )
 
-# What a sensor is.
-MOX, ANEMOMETER, ANEMOMETER_3D, PID, THRESHOLD, BINARY, HITS, AVERAGING, SECOND_ORDER, RANGES, BUMP = range(11)
-# How its values become numbers of an observation.
-LOG_RESISTANCE, PLANAR_WIND, SPEEDS, AMOUNT, PLAIN, COUNT, CLOSENESS = range(7)
-MOST_GASES, MOST_VALUES = 8, 4
+# What a sensor looks at: gas and wind, by a kernel of its own, or what is around it.
+KERNEL, RANGES, BUMP = range(3)
+MOST_GASES, MOST_VALUES, MOST_NUMBERS = 8, 4, 6
 # Gas, wind and velocity of a sample that is seen later.
 SAMPLE_LENGTH = MOST_GASES + 6
 
@@ -125,10 +123,23 @@ INSTRUMENT = np.dtype(
     [
         ("kind", np.int64),
         ("place", np.int64),  # which of the places that are sampled
-        ("numbers", np.int64),  # how its values become numbers
+        ("advance", np.int64),  # addresses of its kernels, see `scalar_compilation`: of `SensorKernel.advance`
+        ("estimate", np.int64),  # of `KernelEstimator.estimate`; 0: there is none
+        ("encode", np.int64),  # of how its values become numbers of an observation, and its estimate; 0: they do not
+        ("encode_estimate", np.int64),
+        (
+            "parameters",
+            np.int64,
+        ),  # addresses of float64: of its kernel, a new one's state, and its estimate
+        ("n_parameters", np.int64),
+        ("new_state", np.int64),
+        ("n_state", np.int64),
+        ("estimate_parameters", np.int64),
+        ("n_estimate_parameters", np.int64),
         ("n_values", np.int64),
         ("first_number", np.int64),  # where they stand in an observation
         ("n_numbers", np.int64),
+        ("estimate_number", np.int64),
         ("first_name", np.int64),  # of its random stream
         ("n_name", np.int64),
         ("has_errors", np.int64),  # whether what follows counts
@@ -140,30 +151,12 @@ INSTRUMENT = np.dtype(
         ("least_value", np.float64),
         ("period_ticks", np.int64),
         ("warm_up_ticks", np.int64),
-        ("speed_noise", np.float64),
-        ("direction_noise", np.float64),
-        ("r0_ohm", np.float64),
-        ("air_ratio", np.float64),
-        ("rise_frac", np.float64),
-        ("decay_frac", np.float64),
-        ("first_memory", np.int64),  # where its samples of late are kept
+        ("first_memory", np.int64),  # where its state is kept, and then its samples of late
         ("delay_ticks", np.int64),
-        ("n_kept", np.int64),  # how many ticks it sums or averages
-        ("threshold_ppm", np.float64),
-        ("own_noise", np.float64),
-        ("hits_per_ppm", np.float64),
-        ("response", np.float64, (3,)),
-        ("recovery", np.float64, (3,)),
+        ("own_noise", np.float64),  # what follows is for ranges
         ("max_range_m", np.float64),
         ("mount_m", np.float64, (3,)),
         ("directions", np.float64, (MOST_VALUES, 3)),
-        ("weight", np.float64, (MOST_GASES,)),  # correction factor of each gas; 0: it is not seen
-        ("law_a", np.float64, (MOST_GASES,)),  # of each gas; 0: it has no effect
-        ("law_b", np.float64, (MOST_GASES,)),
-        ("has_estimate", np.int64),
-        ("estimate_a", np.float64),
-        ("estimate_b", np.float64),
-        ("estimate_number", np.int64),
     ]
 )
 
@@ -171,9 +164,6 @@ GAUGE = np.dtype(
     [
         ("stream", np.uint64, (4,)),
         ("has_begun", np.int64),
-        ("ratio", np.float64),
-        ("first_ppm", np.float64),  # of two lags
-        ("second_ppm", np.float64),
         ("values", np.float64, (MOST_VALUES,)),  # of the last reading
         ("is_warming_up", np.int64),
     ]
@@ -275,7 +265,7 @@ WORK = np.dtype(
         ("rotation", np.float64, (9,)),  # of the vehicle
         ("sample", np.float64, (SAMPLE_LENGTH,)),
         ("raw", np.float64, (MOST_VALUES,)),
-        ("parts", np.float64, (64,)),
+        ("numbers", np.float64, (MOST_NUMBERS,)),
         ("most_filaments", np.int64),  # of what follows: see `gas_readings`
         ("hits", np.int64),  # address of int32
         ("slots", np.int64),  # address of int32
@@ -311,7 +301,8 @@ class Cases(NamedTuple):
 class Searches(NamedTuple):
     """All searches: (n,) records of `SEARCH` and `records.STATE`, (n, n_sensors) of `GAUGE`, and (n, n_memory) numbers.
 
-    The latter are samples of late, see `sensors`, and knots of the (n, n_wanders) records of `WANDER`.
+    The latter are states and samples of late of sensors, see `sensors`, and knots of the (n, n_wanders) records of
+    `WANDER`.
     """
 
     searches: Any

@@ -55,7 +55,7 @@ class PreparedCases:
     """Cases as kernels take them; `kept` holds what their addresses point into.
 
     `briefing` is that of the first case, `names` those of the numbers of an observation; `scenes` are what vehicles may
-    touch, by case; `n_memory` is how many numbers a search keeps of samples of late and of wandering
+    touch, by case; `n_memory` is how many numbers a search keeps of its sensors and of wandering
     paths, `n_wanders` how many such paths it has, `most_filaments` how many
     filaments the largest frame of a tape has.
     """
@@ -303,7 +303,7 @@ def prepare_cases(
         n_memory=preparing.n_memory,
         n_wanders=preparing.n_wanders,
         most_filaments=gas.most_filaments,
-        kept=(*preparing.rooms.kept, *gas.kept),
+        kept=(*preparing.rooms.kept, *gas.kept, *(kept for each in preparing.instruments for kept in each.kept)),
     )
 
 

@@ -1,10 +1,12 @@
 """Environments, instruments and gas of cases as records for the kernels."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numba.core.errors import NumbaError
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
@@ -15,23 +17,15 @@ from gslcosim.environment.openings import solid_boxes
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.gas import FilamentGasSpec, GaussianPlumeGasSpec, MeanderingPlumeGasSpec
 from gslcosim.scenario.models.scenario import AgentSpec
-from gslcosim.scenario.models.sensors import (
-    Anemometer3dSpec,
-    AnemometerSpec,
-    AveragingSensorSpec,
-    BumpSensorSpec,
-    FourRangeFindersSpec,
-    HitCounterSpec,
-    MeasuringSensorSpec,
-    NoisySensorSpec,
-    PidSensorSpec,
-    RangeFinderSpec,
-    SecondOrderSensorSpec,
-    SensorSpec,
-    ThresholdSensorSpec,
-)
+from gslcosim.scenario.models.sensors import BumpSensorSpec, FourRangeFindersSpec, RangeFinderSpec, SensorSpec
+from gslcosim.search.learned.encoding import CHANNELS, Channel, encode_ranges
 from gslcosim.training.batch import batch_records as records
 from gslcosim.training.batch.gas_readings import sort_frames_inplace
+from gslcosim.training.batch.scalar_compilation import (
+    find_advance_address,
+    find_encode_address,
+    find_estimate_address,
+)
 from gslcosim_services.fields.filament_field import MIN_READINGS_FOR_INDEX
 from gslcosim_services.fields.gas_setup import GasSetup, GasTiming, gas_seed, gas_timing, list_gas_names
 from gslcosim_services.fields.mixing_ratio import build_solid_sums, strength_ppm_m3
@@ -44,10 +38,15 @@ from gslcosim_services.fields.models.gaussian_plume import (
 )
 from gslcosim_services.fields.tape import GasTape, tape_hash
 from gslcosim_services.sensing.briefing import find_sensor_kind
-from gslcosim_services.sensing.models.base import SensorKind, estimate_name
-from gslcosim_services.sensing.models.gas_sensors import PID_CORRECTION, two_lag_remainder
-from gslcosim_services.sensing.models.mox import MOX_PARAMETERS, MoxParameters, add_gases
-from gslcosim_services.sensing.models.range_finders import ray_directions_body
+from gslcosim_services.sensing.models.base import (
+    KernelEstimator,
+    KernelSensorKind,
+    SensorKind,
+    estimate_name,
+    is_imperfect,
+    read_errors,
+)
+from gslcosim_services.sensing.models.range_finders import new_contacts, ray_directions_body
 from gslcosim_services.sensing.ray_scene import BIN_M, RayScene
 
 # Edge of the blocks in which the boxes are looked for that a vehicle may touch [m].
@@ -134,7 +133,8 @@ ELSE = "Change it, or fly single environments of gslcosim/Search-v0."
 class BatchInstruments:
     """The sensors of one agent as records of `INSTRUMENT`, the places where they are, and their streams' names.
 
-    `n_memory` is how many numbers a search keeps of their samples of late.
+    `n_memory` is how many numbers a search keeps of their states and samples of late, `kept` holds the arrays that the
+    records point into.
 
     Args:
         agent: The agent.
@@ -152,6 +152,7 @@ class BatchInstruments:
         self._numbers = numbers
         self._tick_s = scenario.tick_ns / NS_PER_S
         self.n_memory = 0
+        self.kept: list[NDArray[np.float64]] = []
         self.rows = np.zeros(len(agent.sensors), records.INSTRUMENT)
         self.names = b""
         places: dict[Vec3, int] = {}
@@ -164,40 +165,69 @@ class BatchInstruments:
         self.places_m: NDArray[np.float64] = np.array(list(places), np.float64).reshape(-1, 3)
 
     def _fill(self, row: Any, sensor: SensorSpec, kind: SensorKind) -> None:
-        self._fill_errors(row, sensor, kind)
         row["mount_m"] = sensor.mount_m
-        if sensor.model in MOX_PARAMETERS:
-            self._as(row, sensor, records.MOX, records.LOG_RESISTANCE, "log_resistance")
-            parameters = add_gases(MOX_PARAMETERS[sensor.model], self._scenario.gas.define)
-            self._fill_mox(row, sensor, kind, parameters)
-        elif isinstance(sensor, AnemometerSpec):
-            self._as(row, sensor, records.ANEMOMETER, records.PLANAR_WIND, "speed", (2, 3))
-            row["speed_noise"], row["direction_noise"] = sensor.speed_noise_std_m_s, sensor.direction_noise_std_rad
-        elif isinstance(sensor, Anemometer3dSpec):
-            self._as(row, sensor, records.ANEMOMETER_3D, records.SPEEDS, "x", (3, 3))
-            row["speed_noise"] = sensor.speed_noise_std_m_s
-        elif isinstance(sensor, RangeFinderSpec | FourRangeFindersSpec):
-            self._fill_ranges(row, sensor)
-        elif isinstance(sensor, BumpSensorSpec):
-            self._as(row, sensor, records.BUMP, records.PLAIN, "contact")
-            self._keep(row, sensor.period_s or self._tick_s)
-        else:
-            self._fill_ppm(row, sensor, kind)
-        row["n_with_errors"] = row["n_values"] if kind.n_with_errors is None else kind.n_with_errors
+        row["first_memory"] = self.n_memory
+        match sensor:
+            case RangeFinderSpec() | FourRangeFindersSpec():
+                directions = ray_directions_body(sensor)
+                row["kind"], row["n_values"] = records.RANGES, len(directions)
+                row["directions"][: len(directions)] = directions
+                row["max_range_m"], row["own_noise"] = sensor.max_range_m, sensor.noise_std
+                names = tuple(f"closeness_{i}" for i in range(len(directions)))
+                self._encode(row, sensor, Channel(names, encode_ranges))
+            case BumpSensorSpec():
+                row["kind"], row["n_values"] = records.BUMP, 1
+                self._keep(row, "new_state", "n_state", new_contacts(sensor, self._tick_s))
+                self._encode(row, sensor, CHANNELS[kind.quantity, kind.unit])
+            case _ if isinstance(kind, KernelSensorKind):
+                self._fill_kernel(row, sensor, kind)
+            case _:
+                raise UsageError(
+                    f"agents[0].sensors: model: expected a sensor of gas, wind or ranges in a batch, was {kind.name}. "
+                    f"{ELSE}"
+                )
+        self.n_memory += int(row["n_state"])
+        self._fill_errors(row, sensor, kind)
         if sensor.delay_s:
             self._delay(row, sensor, kind)
 
-    # `n`: how many values, and numbers that they become.
-    def _as(
-        self, row: Any, sensor: SensorSpec, kind: int, numbers: int, first: str, n: tuple[int, int] = (1, 1)
-    ) -> None:
-        row["kind"], row["numbers"], row["n_values"], row["n_numbers"] = kind, numbers, *n
-        row["first_number"] = self._numbers.index(f"{sensor.name}.{first}")
-        row["first_memory"] = self.n_memory
+    def _fill_kernel(self, row: Any, sensor: SensorSpec, kind: KernelSensorKind) -> None:
+        kernel = kind.kernel(sensor, self._gases, self._tick_s)
+        if kernel.n_values > records.MOST_VALUES:
+            raise UsageError(
+                f"agents[0].sensors: model: expected at most {records.MOST_VALUES} values of a reading in a batch, was "
+                f"{kernel.n_values} of {kind.name}. {ELSE}"
+            )
+        row["kind"], row["n_values"] = records.KERNEL, kernel.n_values
+        row["advance"] = _compile(find_advance_address, kernel.advance, kind)
+        self._keep(row, "parameters", "n_parameters", kernel.parameters)
+        self._keep(row, "new_state", "n_state", kernel.state)
+        self._encode(row, sensor, CHANNELS.get((kind.quantity, kind.unit)))
+        estimator = kind.estimator(self._scenario.gas.gas) if kind.estimator is not None else None
+        if estimator is None:
+            return
+        if not isinstance(estimator, KernelEstimator):
+            raise UsageError(
+                f"agents[0].sensors: model: expected a KernelEstimator in a batch, was {type(estimator).__name__} of "
+                f"{kind.name}. {ELSE}"
+            )
+        row["estimate"] = _compile(find_estimate_address, estimator.estimate, kind)
+        self._keep(row, "estimate_parameters", "n_estimate_parameters", estimator.parameters)
+        channel = CHANNELS.get((estimator.quantity, estimator.unit))
+        if channel is not None:
+            row["encode_estimate"] = find_encode_address(channel.encode)
+            row["estimate_number"] = self._numbers.index(f"{estimate_name(sensor.name)}.{channel.names[0]}")
 
-    def _keep(self, row: Any, kept_s: float) -> None:
-        row["n_kept"] = max(1, round(kept_s / self._tick_s))
-        self.n_memory += int(row["n_kept"])
+    # Readings without a channel are left out of observations, as `ObservationVector` does.
+    def _encode(self, row: Any, sensor: SensorSpec, channel: Channel | None) -> None:
+        if channel is not None:
+            row["encode"], row["n_numbers"] = find_encode_address(channel.encode), len(channel.names)
+            row["first_number"] = self._numbers.index(f"{sensor.name}.{channel.names[0]}")
+
+    def _keep(self, row: Any, name: str, n_name: str, numbers: tuple[float, ...]) -> None:
+        array = np.array(numbers, np.float64)
+        self.kept.append(array)
+        row[name], row[n_name] = array.ctypes.data, len(array)
 
     def _delay(self, row: Any, sensor: SensorSpec, kind: SensorKind) -> None:
         if kind.is_on_board:
@@ -208,67 +238,24 @@ class BatchInstruments:
         row["delay_ticks"] = ticks_from_seconds(sensor.delay_s, self._scenario.tick_ns)
         self.n_memory += (int(row["delay_ticks"]) + 1) * records.SAMPLE_LENGTH
 
-    def _fill_ranges(self, row: Any, sensor: RangeFinderSpec | FourRangeFindersSpec) -> None:
-        directions = ray_directions_body(sensor)
-        n = len(directions)
-        self._as(row, sensor, records.RANGES, records.CLOSENESS, "closeness_0", (n, n))
-        row["directions"][:n] = directions
-        row["max_range_m"], row["own_noise"] = sensor.max_range_m, sensor.noise_std
-
-    def _fill_ppm(self, row: Any, sensor: SensorSpec, kind: SensorKind) -> None:
-        match sensor:
-            case PidSensorSpec():
-                self._as(row, sensor, records.PID, records.AMOUNT, "amount")
-                given = {g.name: g.pid_correction for g in self._scenario.gas.define if g.pid_correction is not None}
-                correction = {**PID_CORRECTION, **given}
-                row["weight"][: len(self._gases)] = [correction.get(gas, 0.0) for gas in self._gases]
-            case ThresholdSensorSpec():
-                is_binary = sensor.model == "binary"
-                numbers, first = (records.PLAIN, "gas") if is_binary else (records.AMOUNT, "amount")
-                self._as(row, sensor, records.BINARY if is_binary else records.THRESHOLD, numbers, first)
-                row["threshold_ppm"], row["own_noise"] = sensor.threshold_ppm, sensor.noise_std
-            case HitCounterSpec():
-                self._as(row, sensor, records.HITS, records.COUNT, "hits")
-                row["hits_per_ppm"] = sensor.hits_per_s_per_ppm * self._tick_s
-                self._keep(row, sensor.period_s or self._tick_s)
-            case AveragingSensorSpec():
-                self._as(row, sensor, records.AVERAGING, records.AMOUNT, "amount")
-                self._keep(row, sensor.averaging_s)
-            case SecondOrderSensorSpec():
-                self._as(row, sensor, records.SECOND_ORDER, records.AMOUNT, "amount")
-                row["response"] = two_lag_remainder(*sensor.response_s, self._tick_s)
-                row["recovery"] = two_lag_remainder(*sensor.recovery_s, self._tick_s)
-            case _:
-                raise UsageError(
-                    f"agents[0].sensors: model: expected a sensor of gas, wind or ranges in a batch, was {kind.name}. "
-                    f"{ELSE}"
-                )
-
-    def _fill_mox(self, row: Any, sensor: SensorSpec, kind: SensorKind, parameters: MoxParameters) -> None:
-        row["r0_ohm"], row["air_ratio"] = parameters.r0_ohm, parameters.air_ratio
-        row["rise_frac"] = -math.expm1(-self._tick_s / parameters.rise_s)
-        row["decay_frac"] = -math.expm1(-self._tick_s / parameters.decay_s)
-        for g, gas in enumerate(self._gases):
-            row["law_a"][g], row["law_b"][g] = parameters.power_law.get(gas, (0.0, 0.0))
-        gas = self._scenario.gas.gas
-        if kind.estimator is not None and kind.estimator(gas) is not None:
-            row["has_estimate"] = 1
-            row["estimate_a"], row["estimate_b"] = parameters.power_law[gas]
-            row["estimate_number"] = self._numbers.index(f"{estimate_name(sensor.name)}.amount")
-
     def _fill_errors(self, row: Any, sensor: SensorSpec, kind: SensorKind) -> None:
-        tick_ns = self._scenario.tick_ns
-        row["max_value"], row["least_value"] = math.inf, kind.least_value
+        tick_ns, errors = self._scenario.tick_ns, read_errors(kind, sensor)
+        row["has_errors"] = is_imperfect(kind, sensor)
+        row["n_with_errors"] = row["n_values"] if kind.n_with_errors is None else kind.n_with_errors
+        row["noise_std"], row["bias"], row["drift_per_s"] = errors.noise_std, errors.bias, errors.drift_per_s
+        row["max_value"], row["least_value"] = errors.max_value, kind.least_value
         row["period_ticks"] = ticks_from_seconds(sensor.period_s, tick_ns) if sensor.period_s else 1
         row["warm_up_ticks"] = ticks_from_seconds(sensor.warm_up_s, tick_ns)
-        if isinstance(sensor, NoisySensorSpec) and not kind.has_own_noise:
-            row["noise_std"] = sensor.noise_std
-        if isinstance(sensor, MeasuringSensorSpec):
-            row["bias"], row["drift_per_s"] = sensor.bias, sensor.drift_per_s
-            row["max_value"] = math.inf if sensor.max_value is None else sensor.max_value
-        is_off = sensor.period_s is None and not (sensor.delay_s or sensor.warm_up_s)
-        is_exact = not (row["noise_std"] or row["bias"] or row["drift_per_s"]) and math.isinf(row["max_value"])
-        row["has_errors"] = not (is_off and is_exact)
+
+
+def _compile(find_address: Callable[[Any], int], kernel: Any, kind: SensorKind) -> int:
+    try:
+        return find_address(kernel)
+    except NumbaError as error:
+        raise UsageError(
+            f"sensor {kind.name}: expected a scalar kernel that can be compiled, was {kernel.__module__}."
+            f"{kernel.__qualname__}. See gslcosim.base.scalar_kernels for what may stand in it.\n{error}"
+        ) from error
 
 
 # Edge of the columns into which filaments are sorted [m].

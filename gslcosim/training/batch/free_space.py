@@ -88,22 +88,44 @@ def norm2(x, y):
     return norm3(x, y, 0.0)
 
 
+# Parts of a sum do not overlap, so that no more than 40 fit into the range of a double.
+_N_PARTS = 64
+
+
+@intrinsic
+def _new_parts(typingctx: Any) -> Any:
+    # Scratch that lasts as long as the call of the kernel: where no references are counted, numba may make no arrays.
+    array_type = types.Array(types.float64, 1, "C")
+    signature = array_type()
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        del signature, arguments
+        length, item_size = cgutils.intp_t(_N_PARTS), cgutils.intp_t(8)
+        data = cgutils.alloca_once(builder, ir.DoubleType(), size=length)
+        array: Any = make_array(array_type)(context, builder)
+        populate_array(array, data=data, shape=[length], strides=[item_size], itemsize=item_size, meminfo=None)
+        return array._getvalue()
+
+    return signature, codegen
+
+
 @reference_free_njit()
-def exact_sum(values, n, parts):
-    """Return the sum of the first n values, rounded once, the same as `math.fsum`.
+def exact_sum(values, first, n):
+    """Return the sum of n values from the first on, rounded once, the same as `math.fsum`.
 
     Args:
-        values: (n or more,) numbers.
+        values: Numbers.
+        first: Where they begin.
         n: How many.
-        parts: (64,) scratch.
 
     Source:
         Shewchuk 1997, doi:10.1007/PL00009321; CPython 3.11, Modules/mathmodule.c, fsum.
     Held by:
         tests/unit/training/batch/test_distances.py
     """
+    parts = _new_parts()
     n_parts = 0
-    for k in range(n):
+    for k in range(first, first + n):
         x = values[k]
         i = 0
         for j in range(n_parts):

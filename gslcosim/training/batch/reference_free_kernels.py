@@ -11,7 +11,7 @@ from numba.core import cpu
 COUNTING_VARIABLE = "GSLCOSIM_COUNT_REFERENCES"
 # The option is numba's own and not documented; a version without it counts.
 COUNTS_REFERENCES = COUNTING_VARIABLE in os.environ or not hasattr(cpu.CPUTargetOptions, "_nrt")
-_OPTIONS: dict[str, Any] = {} if COUNTS_REFERENCES else {"_nrt": False}
+REFERENCE_FREE: dict[str, Any] = {} if COUNTS_REFERENCES else {"_nrt": False}
 
 
 def reference_free_njit(**options: Any) -> Any:
@@ -27,4 +27,4 @@ def reference_free_njit(**options: Any) -> Any:
     Held by:
         tests/integration/training/test_reference_free_kernels.py
     """
-    return numba.njit(cache=True, nogil=True, **_OPTIONS, **options)
+    return numba.njit(cache=True, nogil=True, **REFERENCE_FREE, **options)

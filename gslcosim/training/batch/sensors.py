@@ -3,136 +3,36 @@
 # ruff: noqa: ANN001, ANN201, ANN202, N806 - kernels have no types, and symbols of equations
 # pyright: basic, reportCallIssue=false
 
-import math
-
 import numpy as np
 
-from gslcosim.training.batch.batch_records import (
-    AMOUNT,
-    ANEMOMETER,
-    ANEMOMETER_3D,
-    AVERAGING,
-    BINARY,
-    BUMP,
-    CLOSENESS,
-    COUNT,
-    HITS,
-    LOG_RESISTANCE,
-    MOST_GASES,
-    MOX,
-    PID,
-    PLAIN,
-    PLANAR_WIND,
-    RANGES,
-    SAMPLE_LENGTH,
-    SECOND_ORDER,
-    SPEEDS,
-    THRESHOLD,
-)
-from gslcosim.training.batch.free_space import array_at, copy_inplace, exact_sum, norm2
-from gslcosim.training.batch.pcg64 import next_normal_inplace, next_poisson_inplace
+from gslcosim.search.learned.encoding import scaled_speed
+from gslcosim.training.batch.batch_records import BUMP, MOST_GASES, RANGES, SAMPLE_LENGTH
+from gslcosim.training.batch.free_space import array_at, copy_inplace
+from gslcosim.training.batch.pcg64 import next_normal_inplace, seed_inplace
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
-from gslcosim_services.sensing.ray_kernels import distance_among_boxes
+from gslcosim.training.batch.scalar_compilation import address_of, call_kernel, register_scalar_kernels
+from gslcosim_services.sensing.models.base import add_errors, limit_value
+from gslcosim_services.sensing.models.range_finders import note_contact
+from gslcosim_services.sensing.ray_kernels import distance_among_boxes, noisy_range_m
 
-# See `gslcosim_services.sensing.models.mox` and `gslcosim.search.learned.encoding`.
-_LEAST_RATIO = 0.01
-_SPEED_M_S = 2.0
-_FLOOR_PPM = 0.1
-_MOST_PPM = 10_000.0
-_CLEAN_OHM = 1e4
-_RANGE_M = 1.0
-_HITS = 3.0
-_AMOUNT_SCALE = math.log1p(_MOST_PPM / _FLOOR_PPM)
+register_scalar_kernels()
 
 
 @reference_free_njit()
-def steady_ratio(instrument, n_gases, ppm):
-    """Return Rs/R0 that a MOX sensor settles to in a mixture; see `gslcosim_services.sensing.models.mox.steady_ratio`.
+def switch_on_inplace(instrument, gauge, memory, name, seed):
+    """Make an instrument a new one.
 
     Args:
         instrument: Record of `INSTRUMENT`.
-        n_gases: How many gases there are.
-        ppm: (>= n_gases,) mixing ratios [ppm].
+        gauge: Record of `GAUGE`; written.
+        memory: (n,) numbers of the search, with its state; written.
+        name: Bytes of its stream's name.
+        seed: The search's seed.
     """
-    air = instrument.air_ratio
-    ratio = air
-    for g in range(n_gases):
-        if instrument.law_a[g] != 0.0 and ppm[g] > 0.0:
-            ratio -= max(0.0, air - instrument.law_a[g] * ppm[g] ** instrument.law_b[g])
-    return max(ratio, _LEAST_RATIO)
-
-
-@reference_free_njit()
-def _wrapped(angle_rad):
-    while angle_rad > math.pi:
-        angle_rad -= 2.0 * math.pi
-    while angle_rad <= -math.pi:
-        angle_rad += 2.0 * math.pi
-    return angle_rad
-
-
-@reference_free_njit()
-def _read_wind_inplace(instrument, gauge, sample, raw):
-    # Gases first, then wind, then how the mount moves.
-    u, v = sample[MOST_GASES] - sample[MOST_GASES + 3], sample[MOST_GASES + 1] - sample[MOST_GASES + 4]
-    if instrument.kind == ANEMOMETER_3D:
-        w = sample[MOST_GASES + 2] - sample[MOST_GASES + 5]
-        raw[0] = u + instrument.speed_noise * next_normal_inplace(gauge.stream)
-        raw[1] = v + instrument.speed_noise * next_normal_inplace(gauge.stream)
-        raw[2] = w + instrument.speed_noise * next_normal_inplace(gauge.stream)
-        return
-    speed_draw = next_normal_inplace(gauge.stream)
-    direction_draw = next_normal_inplace(gauge.stream)
-    speed_m_s = norm2(u, v) + instrument.speed_noise * speed_draw
-    direction_rad = math.atan2(0.0 - v, 0.0 - u) + instrument.direction_noise * direction_draw
-    raw[0] = max(0.0, speed_m_s)
-    raw[1] = _wrapped(direction_rad)
-
-
-@reference_free_njit()
-def _read_mox(instrument, gauge, n_gases, sample):
-    if not gauge.has_begun:
-        gauge.ratio = instrument.air_ratio
-    else:
-        target = steady_ratio(instrument, n_gases, sample)
-        frac = instrument.rise_frac if target < gauge.ratio else instrument.decay_frac
-        gauge.ratio += frac * (target - gauge.ratio)
-    return instrument.r0_ohm * gauge.ratio
-
-
-# See `gslcosim_services.sensing.models.gas_sensors`, of which each is one branch here.
-@reference_free_njit()
-def _read_ppm(instrument, gauge, memory, tick, n_gases, sample, parts):
-    kind = instrument.kind
-    if kind == PID:
-        for g in range(n_gases):
-            sample[g] = sample[g] / instrument.weight[g] if instrument.weight[g] != 0.0 else 0.0
-    ppm = sample[0] if n_gases == 1 else exact_sum(sample, n_gases, parts)
-    if kind == THRESHOLD:
-        noise_ppm = instrument.own_noise * next_normal_inplace(gauge.stream)
-        return max(0.0, ppm + noise_ppm) if ppm > instrument.threshold_ppm else 0.0
-    if kind == BINARY:
-        noise_ppm = instrument.own_noise * next_normal_inplace(gauge.stream)
-        return 1.0 if ppm + noise_ppm > instrument.threshold_ppm else 0.0
-    if kind in (HITS, AVERAGING):
-        n = instrument.n_kept
-        kept = memory[instrument.first_memory : instrument.first_memory + n]
-        if kind == AVERAGING:
-            kept[tick % n] = ppm
-            # The oldest first, as a queue has them.
-            return exact_sum(kept, min(tick + 1, n), parts) / min(tick + 1, n)
-        kept[tick % n] = next_poisson_inplace(gauge.stream, instrument.hits_per_ppm * max(0.0, ppm))
-        total = 0.0
-        for k in range(min(tick + 1, n)):
-            total += kept[k]
-        return total
-    if kind == SECOND_ORDER:
-        lags = instrument.response if ppm > gauge.second_ppm else instrument.recovery
-        gap_first, gap_second = gauge.first_ppm - ppm, gauge.second_ppm - ppm
-        gauge.first_ppm = ppm + lags[0] * gap_first
-        gauge.second_ppm = ppm + lags[1] * gap_second + lags[2] * gap_first
-        return max(0.0, gauge.second_ppm)
-    return ppm
+    seed_inplace(gauge.stream, seed, name)
+    gauge.has_begun = gauge.is_warming_up = 0
+    first, n = instrument.first_memory, instrument.n_state
+    copy_inplace(memory[first : first + n], array_at(instrument.new_state, n, np.float64))
 
 
 @reference_free_njit()
@@ -155,8 +55,7 @@ def _read_ranges_inplace(instrument, gauge, room, position_m, rotation, raw):
         )  # fmt: skip
     if instrument.own_noise != 0.0:
         for n in range(instrument.n_values):
-            noisy_m = raw[n] + instrument.own_noise * next_normal_inplace(gauge.stream)
-            raw[n] = min(max(noisy_m, 0.0), limit_m) if raw[n] < limit_m else limit_m
+            raw[n] = noisy_range_m(raw[n], limit_m, instrument.own_noise * next_normal_inplace(gauge.stream))
 
 
 @reference_free_njit()
@@ -173,7 +72,7 @@ def _sample_inplace(instrument, memory, tick, n_gases, work):
         sample[MOST_GASES + 3 + axis] = velocity_m_s[n, axis]
     if instrument.delay_ticks == 0:
         return
-    first, length = instrument.first_memory + instrument.n_kept, instrument.delay_ticks + 1
+    first, length = instrument.first_memory + instrument.n_state, instrument.delay_ticks + 1
     at = first + (tick % length) * SAMPLE_LENGTH
     copy_inplace(memory[at : at + SAMPLE_LENGTH], sample)
     at = first + (max(0, tick - instrument.delay_ticks) % length) * SAMPLE_LENGTH
@@ -198,23 +97,22 @@ def read_inplace(instrument, gauge, memory, search, room, tick, tick_s, n_gases,
     Held by:
         tests/integration/training/test_batch_equals_flight.py
     """
-    kind, raw = instrument.kind, work.raw
-    if kind == RANGES:
+    raw, first, n_state = work.raw, instrument.first_memory, instrument.n_state
+    if instrument.kind == RANGES:
         _read_ranges_inplace(instrument, gauge, room, search.position_m, work.rotation, raw)
-    elif kind == BUMP:
-        kept = memory[instrument.first_memory : instrument.first_memory + instrument.n_kept]
-        kept[tick % instrument.n_kept] = 1.0 if search.is_bumped else 0.0
-        raw[0] = 0.0
-        for k in range(min(tick + 1, instrument.n_kept)):
-            raw[0] = max(raw[0], kept[k])
+    elif instrument.kind == BUMP:
+        raw[0] = note_contact(memory[first : first + n_state], search.is_bumped != 0)
     else:
         _sample_inplace(instrument, memory, tick, n_gases, work)
-        if kind == MOX:
-            raw[0] = _read_mox(instrument, gauge, n_gases, work.sample)
-        elif kind in (ANEMOMETER, ANEMOMETER_3D):
-            _read_wind_inplace(instrument, gauge, work.sample, raw)
-        else:
-            raw[0] = _read_ppm(instrument, gauge, memory, tick, n_gases, work.sample, work.parts)
+        sample = address_of(work.sample)
+        call_kernel(
+            instrument.advance,
+            (
+                instrument.parameters, instrument.n_parameters, address_of(memory) + 8 * first, n_state,
+                sample, n_gases, sample + 8 * MOST_GASES, address_of(gauge.stream),
+                address_of(raw), instrument.n_values,
+            ),
+        )  # fmt: skip
     is_first = not gauge.has_begun
     gauge.has_begun = 1
     if not instrument.has_errors:
@@ -228,32 +126,13 @@ def read_inplace(instrument, gauge, memory, search, room, tick, tick_s, n_gases,
 
 @reference_free_njit()
 def _disturb_inplace(instrument, gauge, tick, tick_s, raw):
-    limit = instrument.max_value
     for k in range(instrument.n_values):
         value = raw[k]
         if k < instrument.n_with_errors:
-            value = value + (instrument.bias + instrument.drift_per_s * tick * tick_s)
-            if instrument.noise_std != 0.0:
-                value = value + instrument.noise_std * next_normal_inplace(gauge.stream)
-            value = min(max(value, -limit), limit)
-            value = max(value, instrument.least_value)
+            bias, drift_per_s, noise_std = instrument.bias, instrument.drift_per_s, instrument.noise_std
+            value = add_errors(value, bias, drift_per_s, tick, tick_s, noise_std, gauge.stream)
+            value = limit_value(value, instrument.max_value, instrument.least_value)
         gauge.values[k] = value
-
-
-@reference_free_njit()
-def amount(ppm):
-    """Return a mixing ratio as a number between -1 and 1; see `gslcosim.search.learned.encoding.amount`."""
-    return math.copysign(math.log1p(abs(ppm) / _FLOOR_PPM) / _AMOUNT_SCALE, ppm)
-
-
-@reference_free_njit()
-def estimated_ppm(instrument, resistance_ohm):
-    """Return the mixing ratio at which a MOX sensor settles, as `sensing.models.mox` does."""
-    ratio = max(resistance_ohm / instrument.r0_ohm, 1e-12)
-    if ratio >= instrument.air_ratio * (1.0 - 1e-9):
-        return 0.0
-    exponent = math.log(ratio / instrument.estimate_a) / instrument.estimate_b
-    return math.exp(min(exponent, 700.0))
 
 
 @reference_free_njit()
@@ -262,40 +141,36 @@ def _show(numbers, i, value):
 
 
 @reference_free_njit()
-def write_reading_inplace(numbers, instrument, gauge):
+def write_reading_inplace(numbers, instrument, gauge, work):
     """Write the numbers of a reading into an observation; see `gslcosim.search.learned.encoding`.
 
     Args:
         numbers: (n,) float32, written where the instrument's stand.
         instrument: Record of `INSTRUMENT`.
         gauge: Record of `GAUGE`.
+        work: Record of `WORK`.
     """
-    i, values, kind = instrument.first_number, gauge.values, instrument.numbers
-    if gauge.is_warming_up:
-        for k in range(instrument.n_numbers):
-            numbers[i + k] = 0.0
-        if instrument.has_estimate:
-            numbers[instrument.estimate_number] = 0.0
-    elif kind == LOG_RESISTANCE:
-        _show(numbers, i, math.log10(max(values[0], 1.0) / _CLEAN_OHM))
-        if instrument.has_estimate:
-            _show(numbers, instrument.estimate_number, amount(estimated_ppm(instrument, values[0])))
-    elif kind == PLANAR_WIND:
-        _show(numbers, i, math.tanh(values[0] / _SPEED_M_S))
-        _show(numbers, i + 1, math.sin(values[1]))
-        _show(numbers, i + 2, math.cos(values[1]))
-    elif kind == AMOUNT:
-        _show(numbers, i, amount(values[0]))
-    elif kind == PLAIN:
-        _show(numbers, i, values[0])
-    elif kind == COUNT:
-        _show(numbers, i, math.tanh(values[0] / _HITS))
-    elif kind == SPEEDS:
-        for k in range(3):
-            _show(numbers, i + k, math.tanh(values[k] / _SPEED_M_S))
-    elif kind == CLOSENESS:
-        for k in range(instrument.n_numbers):
-            _show(numbers, i + k, _RANGE_M / (_RANGE_M + max(values[k], 0.0)))
+    first, n, shown = instrument.first_number, instrument.n_numbers, work.numbers
+    if instrument.encode != 0:
+        shown[:] = 0.0
+        if not gauge.is_warming_up:
+            values = address_of(gauge.values)
+            call_kernel(instrument.encode, (values, instrument.n_values, address_of(shown), n))
+        for k in range(n):
+            _show(numbers, first + k, shown[k])
+    if instrument.encode_estimate != 0:
+        shown[0] = 0.0
+        if not gauge.is_warming_up:
+            _estimate_inplace(instrument, gauge, work.raw)
+            call_kernel(instrument.encode_estimate, (address_of(work.raw), 1, address_of(shown), 1))
+        _show(numbers, instrument.estimate_number, shown[0])
+
+
+@reference_free_njit()
+def _estimate_inplace(instrument, gauge, estimates):
+    given, n = instrument.estimate_parameters, instrument.n_estimate_parameters
+    values = address_of(gauge.values)
+    call_kernel(instrument.estimate, (given, n, values, instrument.n_values, address_of(estimates)))
 
 
 @reference_free_njit()
@@ -303,7 +178,7 @@ def write_pose_inplace(numbers, search, case, time_s):
     """Write place, attitude, velocity, time and notice into an observation, its first ten numbers."""
     for axis in range(3):
         _show(numbers, axis, (search.position_m[axis] - case.centre_m[axis]) / case.half_m[axis])
-        _show(numbers, 5 + axis, math.tanh(search.velocity_m_s[axis] / _SPEED_M_S))
+        _show(numbers, 5 + axis, scaled_speed(search.velocity_m_s[axis]))
     numbers[3], numbers[4] = search.yaw_sin, search.yaw_cos
     _show(numbers, 8, time_s / case.time_limit_s)
     numbers[9] = 1.0 if search.notice else 0.0

@@ -35,9 +35,13 @@ from gslcosim.training.batch.free_space import (
     wind_at_inplace,
 )
 from gslcosim.training.batch.gas_readings import add_tape_inplace, begin_paths_inplace, meandering_ppm
-from gslcosim.training.batch.pcg64 import seed_inplace
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
-from gslcosim.training.batch.sensors import read_inplace, write_pose_inplace, write_reading_inplace
+from gslcosim.training.batch.sensors import (
+    read_inplace,
+    switch_on_inplace,
+    write_pose_inplace,
+    write_reading_inplace,
+)
 from gslcosim_services.fields.models.gaussian_plume import PLUME_RECORD, steady_ppm
 from gslcosim_services.world.simulation_loop import path_force_inplace
 from gslcosim_services.world.vehicle_records import CONSTANTS
@@ -228,13 +232,13 @@ def _go_on(search, path, gauges, memory, wanders, cases, work, tick, task, vecto
 
 
 @reference_free_njit()
-def _write_observation(numbers, search, gauges, cases):
+def _write_observation(numbers, search, gauges, cases, work):
     i_case = search.case
     case = array_at(cases.cases, cases.n_cases, CASE)[i_case]
     instruments = array_at(cases.instruments, (cases.n_cases, cases.n_sensors), INSTRUMENT)
     write_pose_inplace(numbers, search, case, seconds_of(search.tick, case.tick_ns))
     for k in range(gauges.shape[0]):
-        write_reading_inplace(numbers, instruments[i_case, k], gauges[k])
+        write_reading_inplace(numbers, instruments[i_case, k], gauges[k], work)
 
 
 @reference_free_njit()
@@ -277,9 +281,7 @@ def _reset(search, path, gauges, memory, wanders, cases, i_case, seed):
     for k in range(gauges.shape[0]):
         instrument, gauge = instruments[i_case, k], gauges[k]
         name = names[instrument.first_name : instrument.first_name + instrument.n_name]
-        seed_inplace(gauge.stream, seed, name)
-        gauge.has_begun = gauge.is_warming_up = 0
-        gauge.first_ppm = gauge.second_ppm = 0.0
+        switch_on_inplace(instrument, gauge, memory, name, seed)
 
 
 @reference_free_njit()
@@ -339,6 +341,6 @@ def fly(rows, how, case_of, seed_of, tasks, vectors, touch, all_cases, searches,
             if how == STEP:
                 search.command_tick = tick + 1
             _go_on(search, path, gauges, memory, wanders, cases, work, tick, task, vectors[i])
-        _write_observation(observations[i], search, gauges, cases)
+        _write_observation(observations[i], search, gauges, cases, work)
         n_touched += search.touched_at >= 0
     return n_touched

@@ -2,19 +2,20 @@
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, MutableSequence, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.base.errors import GslCosimError, ScenarioError
+from gslcosim.base.errors import GslCosimError, ModelError, ScenarioError
 from gslcosim.base.frames import world_from_body_rotation
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import next_normal, scalar_kernel
 from gslcosim.base.ticks import NS_PER_S, exact_ticks_from_seconds
-from gslcosim.contract.messages import BodyState, CameraImage, Reading
+from gslcosim.contract.messages import BodyState, CameraImage, MountSample, Reading
 from gslcosim.contract.record import build_unchecked_constructor
 from gslcosim.scenario.models.gas import GasDefinition
 from gslcosim.scenario.models.sensors import MeasuringSensorSpec, NoisySensorSpec, OnBoardSensorSpec, SensorSpec
@@ -43,6 +44,7 @@ ESTIMATE_SUFFIX = "_ppm"
 _MAX_NAME_LENGTH = 40
 
 
+@cache  # asked for in every tick
 def estimate_name(sensor: str) -> str:
     """Return the name of the second reading of a sensor, with the mixing ratio that the first one suggests."""
     return sensor[: _MAX_NAME_LENGTH - len(ESTIMATE_SUFFIX)] + ESTIMATE_SUFFIX
@@ -83,6 +85,141 @@ class SensorKind:
         return issubclass(self.settings, OnBoardSensorSpec)
 
 
+@dataclass(frozen=True, kw_only=True)
+class SensorKernel:
+    """What an instrument of gas or wind does in a tick: a scalar kernel, and the numbers that it works with.
+
+    `advance(parameters, state, ppm, wind_m_s, velocity_m_s, stream, values)` reads the true mixing ratio of each gas
+    [ppm by volume], which it may overwrite, wind and velocity of the mount, (3,) each in the world frame [m/s]; it
+    draws from the stream, advances the state, writes the (n_values,) values of the reading, in the unit of the kind of
+    sensor, and returns whether they are saturated. It is called in each tick from tick 0 on. See
+    `gslcosim.base.scalar_kernels` for what may stand in it.
+
+    `parameters` stay as they are, `state` is that of a new instrument.
+    """
+
+    advance: Callable[..., bool]
+    parameters: tuple[float, ...] = ()
+    state: tuple[float, ...] = ()
+    n_values: int = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class KernelSensorKind(SensorKind):
+    """A kind of sensor of gas or wind whose instrument is a scalar kernel, so that it works in batches too.
+
+    `kernel(spec, gases, tick_s)` returns the kernel of an instrument: `spec` is its block, `gases` are the names of the
+    gases in the order in which it gets their mixing ratios, `tick_s` is the length of a tick [s].
+    """
+
+    kernel: Callable[[Any, tuple[str, ...], float], SensorKernel]
+    build: Callable[[Any, float, np.random.Generator], SensorModel] = field(init=False)
+
+    def __post_init__(self) -> None:
+        def build(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
+            return KernelSensor(self, spec, tick_s, rng)
+
+        object.__setattr__(self, "build", build)
+
+
+class KernelSensor:
+    """An instrument of gas or wind in a run, which calls its kernel once a tick.
+
+    State: that of the kernel. Draws what the kernel draws.
+    """
+
+    def __init__(self, kind: KernelSensorKind, spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> None:
+        self._kind = kind
+        self._spec = spec
+        self._tick_s = tick_s
+        self._rng = rng
+        self._sensor, self._quantity, self._unit = spec.name, kind.quantity, kind.unit
+        self._gases: list[str] = []
+        kernel = kind.kernel(spec, (), tick_s)
+        self._advance, self._parameters = kernel.advance, kernel.parameters
+        self._state = list(kernel.state)
+        self._values = [0.0] * kernel.n_values
+
+    def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
+        """Return the reading at the end of the tick; see `SensorModel.read`.
+
+        Raises:
+            ModelError: a value is not finite.
+        """
+        gases: list[str] = []
+        ppm: list[float] = []
+        for amount in sample.gases:
+            gases.append(amount.gas)
+            ppm.append(amount.mixing_ratio_ppm)
+        if gases != self._gases:
+            self._gases = gases
+            self._parameters = self._kind.kernel(self._spec, tuple(gases), self._tick_s).parameters
+        values = self._values
+        is_saturated = self._advance(
+            self._parameters, self._state, ppm, sample.wind_world_m_s, mount_velocity_world_m_s, self._rng, values
+        )
+        # Infinity less itself is not a number, which equals nothing.
+        if (total := sum(values)) - total != 0.0:
+            raise ModelError(f"sensing: expected finite values of sensor {self._sensor}, was {tuple(values)}.")
+        return new_reading(
+            sensor=self._sensor,
+            quantity=self._quantity,
+            unit=self._unit,
+            values=tuple(values),
+            is_saturated=True if is_saturated else False,  # noqa: SIM210 - whatever another package's returns
+        )
+
+
+# Where the numbers of what remembers a time stand: how many ticks it has seen, its sum, and the ring of its ticks.
+N_SEEN, _SUM, RING = range(3)
+
+
+def new_window(time_s: float, tick_s: float) -> tuple[float, ...]:
+    """Return the state of what remembers each tick of a time [s], at least one, before the first tick."""
+    return (0.0,) * (RING + max(1, round(time_s / tick_s)))
+
+
+@scalar_kernel
+def push_value(window: MutableSequence[float], value: float) -> float:
+    """Put the value of a tick into a `new_window` in place of the oldest one, which is returned."""
+    i = RING + int(window[N_SEEN]) % (len(window) - RING)
+    oldest = window[i]
+    window[i] = value
+    window[N_SEEN] += 1.0
+    return oldest
+
+
+@scalar_kernel
+def push_count(window: MutableSequence[float], count: float) -> float:
+    """Put a whole number of a tick into a `new_window`, and return the sum over its time, which is exact."""
+    window[_SUM] += count - push_value(window, count)
+    return window[_SUM]
+
+
+@dataclass(frozen=True)
+class KernelEstimator:
+    """Turns a reading into a second one that tells a mixing ratio, by a scalar kernel; see `SensorKind.estimator`.
+
+    `estimate(parameters, values)` returns the mixing ratio [ppm by volume].
+    """
+
+    estimate: Callable[..., float]
+    parameters: tuple[float, ...]
+    quantity: str
+    unit: str
+
+    def __call__(self, reading: Reading) -> Reading:
+        """Return the second reading."""
+        return new_reading(
+            sensor=estimate_name(reading.sensor),
+            quantity=self.quantity,
+            unit=self.unit,
+            values=(self.estimate(self.parameters, reading.values),),
+            is_saturated=reading.is_saturated,
+            is_warming_up=reading.is_warming_up,
+        )
+
+
 @dataclass(frozen=True)
 class Surroundings:
     """True surroundings of one vehicle at the end of a tick; on-board sensors get them in place of a gas sample.
@@ -109,21 +246,50 @@ class Surroundings:
         return x_m + dx_m, y_m + dy_m, z_m + dz_m
 
 
+@scalar_kernel
+def add_errors(
+    value: float, bias: float, drift_per_s: float, tick: int, tick_s: float, noise_std: float, stream: Any
+) -> float:
+    """Return a value with the errors of an instrument: v + bias + drift_per_s t + N(0, noise_std).
+
+    Draws a number where there is noise. Held by: tests/unit/services/sensing/test_measurement_errors.py
+    """
+    offset = bias + drift_per_s * tick * tick_s
+    if noise_std == 0.0:
+        return value + offset
+    return value + offset + noise_std * next_normal(stream)
+
+
+@scalar_kernel
+def limit_value(value: float, max_value: float, least_value: float) -> float:
+    """Return a value within +- `max_value`, and never below `least_value`.
+
+    Held by: tests/unit/services/sensing/test_measurement_errors.py
+    """
+    return max(min(max(value, -max_value), max_value), least_value)
+
+
 @dataclass(frozen=True, kw_only=True)
-class _Errors:
+class MeasurementErrors:
     """The usual errors of an instrument, in the unit of its readings; those that a sensor does not have are off."""
 
     noise_std: float = 0.0
     bias: float = 0.0
     drift_per_s: float = 0.0
-    max_value: float | None = None
+    max_value: float = math.inf
 
 
-def _read_errors(kind: SensorKind, spec: SensorSpec) -> _Errors:
+def read_errors(kind: SensorKind, spec: SensorSpec) -> MeasurementErrors:
+    """Return the errors that a scenario gives an instrument outside of its model."""
     noise_std = spec.noise_std if isinstance(spec, NoisySensorSpec) and not kind.has_own_noise else 0.0
     if not isinstance(spec, MeasuringSensorSpec):
-        return _Errors(noise_std=noise_std)
-    return _Errors(noise_std=noise_std, bias=spec.bias, drift_per_s=spec.drift_per_s, max_value=spec.max_value)
+        return MeasurementErrors(noise_std=noise_std)
+    return MeasurementErrors(
+        noise_std=noise_std,
+        bias=spec.bias,
+        drift_per_s=spec.drift_per_s,
+        max_value=math.inf if spec.max_value is None else spec.max_value,
+    )
 
 
 class ImperfectSensor:
@@ -148,7 +314,7 @@ class ImperfectSensor:
         self._kind = kind
         self._spec = spec
         self._tick_s = tick_ns / NS_PER_S
-        self._errors = _read_errors(kind, spec)
+        self._errors = read_errors(kind, spec)
         self._rng = rng
         self._period_ticks = _delay_ticks(spec.period_s, tick_ns, f"sensor {spec.name}: period_s") or 1
         delay_ticks = _delay_ticks(spec.delay_s or None, tick_ns, f"sensor {spec.name}: delay_s")
@@ -171,25 +337,19 @@ class ImperfectSensor:
         return self._cold
 
     def _with_errors(self, reading: Reading) -> Reading:
-        n, limit = self._kind.n_with_errors, self._errors.max_value
-        values = [self._disturbed(value) for value in reading.values[:n]]
-        is_over = limit is not None and max(map(abs, values)) >= limit
-        if limit is not None:
-            values = [min(max(value, -limit), limit) for value in values]
-        values = [max(value, self._kind.least_value) for value in values]
+        n, errors, tick = self._kind.n_with_errors, self._errors, self._tick
+        values = [
+            add_errors(value, errors.bias, errors.drift_per_s, tick, self._tick_s, errors.noise_std, self._rng)
+            for value in reading.values[:n]
+        ]
+        is_over = math.isfinite(errors.max_value) and max(map(abs, values)) >= errors.max_value
+        values = [limit_value(value, errors.max_value, self._kind.least_value) for value in values]
         return reading.model_copy(
             update={
                 "values": (*values, *reading.values[len(values) :]),
                 "is_saturated": reading.is_saturated or is_over,
             }
         )
-
-    def _disturbed(self, value: float) -> float:
-        errors = self._errors
-        offset = errors.bias + errors.drift_per_s * self._tick * self._tick_s
-        if errors.noise_std == 0.0:
-            return value + offset
-        return value + offset + errors.noise_std * float(self._rng.standard_normal())
 
 
 def build_sensor(kind: SensorKind, spec: SensorSpec, tick_ns: int, rng: np.random.Generator) -> SensorModel:
@@ -199,10 +359,13 @@ def build_sensor(kind: SensorKind, spec: SensorSpec, tick_ns: int, rng: np.rando
         ScenarioError: its rate or delay is not a whole number of ticks.
     """
     model = kind.build(spec, tick_ns / NS_PER_S, rng)
+    return ImperfectSensor(model, kind, spec, tick_ns, rng) if is_imperfect(kind, spec) else model
+
+
+def is_imperfect(kind: SensorKind, spec: SensorSpec) -> bool:
+    """Return whether an instrument is more than its model: late, slow to read, cold at first, or with errors."""
     is_timed = spec.delay_s or spec.warm_up_s or spec.period_s is not None
-    if not is_timed and _read_errors(kind, spec) == _Errors():
-        return model
-    return ImperfectSensor(model, kind, spec, tick_ns, rng)
+    return bool(is_timed) or read_errors(kind, spec) != MeasurementErrors()
 
 
 def _delay_ticks(duration_s: float | None, tick_ns: int, name: str) -> int:

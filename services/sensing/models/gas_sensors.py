@@ -4,11 +4,13 @@ All respond to the sum of all gases, except for the PID, which weighs them.
 """
 
 import math
-from collections import deque
+from collections.abc import MutableSequence, Sequence
+from typing import Any
 
 import numpy as np
 
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import exact_sum, next_normal, next_poisson, scalar_kernel
 from gslcosim.contract.messages import MountSample, Reading
 from gslcosim.scenario.models.gas import GasDefinition
 from gslcosim.scenario.models.sensors import (
@@ -20,123 +22,158 @@ from gslcosim.scenario.models.sensors import (
     TdlasSensorSpec,
     ThresholdSensorSpec,
 )
-from gslcosim_services.sensing.models.base import SensorKind, SensorModel, new_reading
+from gslcosim_services.sensing.models.base import (
+    N_SEEN,
+    RING,
+    KernelSensorKind,
+    SensorKernel,
+    SensorKind,
+    new_window,
+    push_count,
+    push_value,
+)
 
 # Correction factors at 11.7 eV; what is not in the table is not ionised.
 PID_CORRECTION = {"ethanol": 10.47, "propanol": 2.7, "chlorine": 1.0, "acetone": 1.4}
 
 
-def total_ppm(sample: MountSample) -> float:
+@scalar_kernel
+def total_ppm(ppm: Sequence[float]) -> float:
     """Return the mixing ratio of all gases together [ppm]."""
-    return math.fsum(gas.mixing_ratio_ppm for gas in sample.gases)
+    return ppm[0] if len(ppm) == 1 else exact_sum(ppm, 0, len(ppm))
 
 
-class PidSensor:
-    """A photo-ionisation detector (miniRAE Lite): at once, without noise of its own.
+@scalar_kernel
+def measure_pid(
+    parameters: Sequence[float],
+    state: MutableSequence[float],
+    ppm: MutableSequence[float],
+    wind_m_s: Sequence[float],
+    velocity_m_s: Sequence[float],
+    stream: Any,
+    values: MutableSequence[float],
+) -> bool:
+    """Measure with a photo-ionisation detector (miniRAE Lite): at once, without noise of its own.
 
-    reading = sum over gases of c / CF [ppm]      CF correction factor of each gas
+    reading = sum over gases of c / CF [ppm]      parameters = CF correction factor of each gas, 0 of those not seen
 
-    State: none. Source: GADEN, simulated_gas_sensor/src/fake_gas_sensor.cpp.
+    State: none. See `SensorKernel` for the arguments. Source: GADEN, simulated_gas_sensor/src/fake_gas_sensor.cpp.
     Held by: tests/unit/services/sensing/test_ppm_sensors.py
     """
-
-    def __init__(self, spec: PidSensorSpec, correction: dict[str, float]) -> None:
-        self._sensor = spec.name
-        self._correction = correction
-
-    def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return the reading [ppm]; see `SensorModel.read`."""
-        del mount_velocity_world_m_s
-        correction = self._correction
-        seen = (g.mixing_ratio_ppm / correction[g.gas] for g in sample.gases if g.gas in correction)
-        return _ppm_reading(self._sensor, math.fsum(seen))
+    for i in range(len(ppm)):
+        ppm[i] = ppm[i] / parameters[i] if parameters[i] != 0.0 else 0.0
+    values[0] = total_ppm(ppm)
+    return False
 
 
-class ThresholdSensor:
-    """Reads the mixing ratio where it exceeds a threshold, and 0 elsewhere.
+@scalar_kernel
+def measure_above_threshold(
+    parameters: Sequence[float],
+    state: MutableSequence[float],
+    ppm: MutableSequence[float],
+    wind_m_s: Sequence[float],
+    velocity_m_s: Sequence[float],
+    stream: Any,
+    values: MutableSequence[float],
+) -> bool:
+    """Read the mixing ratio where it exceeds a threshold, and 0 elsewhere.
 
-    S = c for c > threshold, else 0; with `noise_std` in the scenario, c + e (thesis eq. 5.2). State: none.
+    S = c for c > threshold, else 0; with `noise_std` in the scenario, c + e (thesis eq. 5.2);
+    parameters = (threshold, noise_std) [ppm]
+
+    State: none. Draws one number a tick. See `SensorKernel` for the arguments.
     Held by: tests/unit/services/sensing/test_ppm_sensors.py
     """
-
-    def __init__(self, spec: ThresholdSensorSpec, rng: np.random.Generator) -> None:
-        self._spec = spec
-        self._rng = rng
-
-    def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return the reading [ppm]; see `SensorModel.read`. Draws one number a tick."""
-        del mount_velocity_world_m_s
-        noise_ppm = self._spec.noise_std * float(self._rng.standard_normal())
-        ppm = total_ppm(sample)
-        return _ppm_reading(self._spec.name, max(0.0, ppm + noise_ppm) if ppm > self._spec.threshold_ppm else 0.0)
+    noise_ppm = parameters[1] * next_normal(stream)
+    c_ppm = total_ppm(ppm)
+    values[0] = max(0.0, c_ppm + noise_ppm) if c_ppm > parameters[0] else 0.0
+    return False
 
 
-class BinarySensor:
-    """Detector of a mixing ratio, with noise, above a threshold: 1 or 0.
+@scalar_kernel
+def detect_gas(
+    parameters: Sequence[float],
+    state: MutableSequence[float],
+    ppm: MutableSequence[float],
+    wind_m_s: Sequence[float],
+    velocity_m_s: Sequence[float],
+    stream: Any,
+    values: MutableSequence[float],
+) -> bool:
+    """Detect a mixing ratio, with noise, above a threshold: 1 or 0.
 
-    hit = c + N(0, noise_std) > threshold      noise_std [ppm], so that there are misses and false alarms
+    hit = c + N(0, noise_std) > threshold      parameters = (threshold, noise_std) [ppm], so that there are misses and
+                                               false alarms
 
-    State: none. Draws one number a tick. Held by: tests/unit/services/sensing/test_ppm_sensors.py
+    State: none. Draws one number a tick. See `SensorKernel` for the arguments.
+    Held by: tests/unit/services/sensing/test_ppm_sensors.py
     """
-
-    def __init__(self, spec: ThresholdSensorSpec, rng: np.random.Generator) -> None:
-        self._spec = spec
-        self._rng = rng
-
-    def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return 1 for gas and 0 for none; see `SensorModel.read`."""
-        del mount_velocity_world_m_s
-        noise_ppm = self._spec.noise_std * float(self._rng.standard_normal())
-        is_hit = total_ppm(sample) + noise_ppm > self._spec.threshold_ppm
-        return Reading(sensor=self._spec.name, quantity="gas_detected", unit="1", values=(float(is_hit),))
+    noise_ppm = parameters[1] * next_normal(stream)
+    values[0] = 1.0 if total_ppm(ppm) + noise_ppm > parameters[0] else 0.0
+    return False
 
 
-class HitCounter:
-    """Counts hits of gas as infotaxis and its relatives assume: a Poisson number with a mean in proportion to the gas.
+@scalar_kernel
+def count_hits(
+    parameters: Sequence[float],
+    state: MutableSequence[float],
+    ppm: MutableSequence[float],
+    wind_m_s: Sequence[float],
+    velocity_m_s: Sequence[float],
+    stream: Any,
+    values: MutableSequence[float],
+) -> bool:
+    """Count hits of gas as infotaxis and its relatives assume: a Poisson number with a mean in proportion to the gas.
 
-    hits in a tick ~ Poisson(r c dt)      r hits per second and ppm, c mixing ratio [ppm], dt length of the tick [s]
+    hits in a tick ~ Poisson(r c dt)      r hits per second and ppm, c mixing ratio [ppm], dt length of the tick [s];
+                                          parameters = (r dt,)
 
     A reading holds the hits of the last `period_s`, so that a slow counter loses none; without a period, of the tick.
-    State: the hits of each tick within the period. Draws one number a tick.
+    State: the hits of each tick within the period. Draws one number a tick. See `SensorKernel` for the arguments.
     Held by: tests/unit/services/sensing/test_ppm_sensors.py
     """
-
-    def __init__(self, spec: HitCounterSpec, tick_s: float, rng: np.random.Generator) -> None:
-        self._sensor = spec.name
-        self._hits_per_ppm = spec.hits_per_s_per_ppm * tick_s
-        self._hits: deque[int] = deque(maxlen=max(1, round((spec.period_s or tick_s) / tick_s)))
-        self._rng = rng
-
-    def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return the hits of the last period; see `SensorModel.read`."""
-        del mount_velocity_world_m_s
-        self._hits.append(int(self._rng.poisson(self._hits_per_ppm * max(0.0, total_ppm(sample)))))
-        return Reading(sensor=self._sensor, quantity="hits", unit="1", values=(float(sum(self._hits)),))
+    hits = next_poisson(stream, parameters[0] * max(0.0, total_ppm(ppm)))
+    values[0] = push_count(state, hits)
+    return False
 
 
-class AveragingSensor:
-    """The mean of the mixing ratio over the last `averaging_s`, less at the start. State: the samples of that time.
+@scalar_kernel
+def average_gas(
+    parameters: Sequence[float],
+    state: MutableSequence[float],
+    ppm: MutableSequence[float],
+    wind_m_s: Sequence[float],
+    velocity_m_s: Sequence[float],
+    stream: Any,
+    values: MutableSequence[float],
+) -> bool:
+    """Read the mean of the mixing ratio over the last `averaging_s`, less at the start.
 
+    State: the samples of that time. See `SensorKernel` for the arguments.
     Held by: tests/unit/services/sensing/test_ppm_sensors.py
     """
-
-    def __init__(self, spec: AveragingSensorSpec, tick_s: float) -> None:
-        self._sensor = spec.name
-        self._samples_ppm: deque[float] = deque(maxlen=max(1, round(spec.averaging_s / tick_s)))
-
-    def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return the mean [ppm]; see `SensorModel.read`."""
-        del mount_velocity_world_m_s
-        self._samples_ppm.append(total_ppm(sample))
-        return _ppm_reading(self._sensor, math.fsum(self._samples_ppm) / len(self._samples_ppm))
+    push_value(state, total_ppm(ppm))
+    n = min(int(state[N_SEEN]), len(state) - RING)
+    values[0] = exact_sum(state, RING, n) / n
+    return False
 
 
-class SecondOrderSensor:
-    """A slow gas sensor: two lags in series, one pair for response and one for recovery.
+@scalar_kernel
+def advance_two_lags(
+    parameters: Sequence[float],
+    state: MutableSequence[float],
+    ppm: MutableSequence[float],
+    wind_m_s: Sequence[float],
+    velocity_m_s: Sequence[float],
+    stream: Any,
+    values: MutableSequence[float],
+) -> bool:
+    """Advance a slow gas sensor by a tick: two lags in series, one pair for response and one for recovery.
 
     y(s) / x(s) = 1 / ((1 + A s) (1 + B s))      A, B = `response_s` where the input exceeds y, else `recovery_s`
 
-    Each tick is the exact solution for an input held over it. State: the outputs of both lags [ppm], 0 at first.
+    Each tick is the exact solution for an input held over it. State: the outputs of both lags [ppm], 0 at first;
+    parameters = `two_lag_remainder` of response, then of recovery. See `SensorKernel` for the arguments.
 
     Source:
         GSL-Bench thesis, eqs. 5.3 and 5.4 (after Li et al. and Meng et al.). The default time constants are chosen.
@@ -146,23 +183,13 @@ class SecondOrderSensor:
     Held by:
         tests/unit/services/sensing/test_ppm_sensors.py
     """
-
-    def __init__(self, spec: SecondOrderSensorSpec, tick_s: float) -> None:
-        self._sensor = spec.name
-        self._response = two_lag_remainder(*spec.response_s, tick_s)
-        self._recovery = two_lag_remainder(*spec.recovery_s, tick_s)
-        self._first_ppm = 0.0
-        self._second_ppm = 0.0
-
-    def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return the output of the second lag [ppm]; see `SensorModel.read`."""
-        del mount_velocity_world_m_s
-        x = total_ppm(sample)
-        keeps_first, keeps_second, passes = self._response if x > self._second_ppm else self._recovery
-        gap_first, gap_second = self._first_ppm - x, self._second_ppm - x
-        self._first_ppm = x + keeps_first * gap_first
-        self._second_ppm = x + keeps_second * gap_second + passes * gap_first
-        return _ppm_reading(self._sensor, max(0.0, self._second_ppm))
+    x = total_ppm(ppm)
+    i = 0 if x > state[1] else 3
+    gap_first, gap_second = state[0] - x, state[1] - x
+    state[0] = x + parameters[i] * gap_first
+    state[1] = x + parameters[i + 1] * gap_second + parameters[i + 2] * gap_first
+    values[0] = max(0.0, state[1])
+    return False
 
 
 def two_lag_remainder(a_s: float, b_s: float, t: float) -> tuple[float, float, float]:
@@ -176,93 +203,96 @@ def two_lag_remainder(a_s: float, b_s: float, t: float) -> tuple[float, float, f
     return keeps_first, keeps_second, a_s / (a_s - b_s) * (keeps_first - keeps_second)
 
 
-def _ppm_reading(sensor: str, ppm: float) -> Reading:
-    return new_reading(sensor=sensor, quantity="mixing_ratio", unit="ppm", values=(ppm,))
-
-
-def _build_pid_kind(definitions: tuple[GasDefinition, ...]) -> SensorKind:
+def _build_pid_kind(definitions: tuple[GasDefinition, ...]) -> KernelSensorKind:
     defined = {gas.name: gas.pid_correction for gas in definitions if gas.pid_correction is not None}
     correction = {**PID_CORRECTION, **defined}
 
-    def build(spec: PidSensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
-        del tick_s, rng
-        return PidSensor(spec, correction)
+    def kernel(spec: PidSensorSpec, gases: tuple[str, ...], tick_s: float) -> SensorKernel:
+        del spec, tick_s
+        return SensorKernel(advance=measure_pid, parameters=tuple(correction.get(gas, 0.0) for gas in gases))
 
-    return SensorKind(
+    return KernelSensorKind(
         name="pid",
         settings=SENSOR_BLOCKS["pid"],
         quantity="mixing_ratio",
         unit="ppm",
         description="Photo-ionisation detector: values = (ppm,), each gas over its correction factor; no lag.",
-        build=build,
+        kernel=kernel,
         for_gases=_build_pid_kind,
     )
 
 
-def _build_threshold(spec: ThresholdSensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
-    del tick_s
-    return ThresholdSensor(spec, rng)
+def _threshold_kernel(spec: ThresholdSensorSpec, gases: tuple[str, ...], tick_s: float) -> SensorKernel:
+    del gases, tick_s
+    return SensorKernel(advance=measure_above_threshold, parameters=(spec.threshold_ppm, spec.noise_std))
 
 
-def _build_binary(spec: ThresholdSensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
-    del tick_s
-    return BinarySensor(spec, rng)
+def _binary_kernel(spec: ThresholdSensorSpec, gases: tuple[str, ...], tick_s: float) -> SensorKernel:
+    del gases, tick_s
+    return SensorKernel(advance=detect_gas, parameters=(spec.threshold_ppm, spec.noise_std))
 
 
-def _build_averaging(spec: AveragingSensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
-    del rng
-    return AveragingSensor(spec, tick_s)
+def _hit_counter_kernel(spec: HitCounterSpec, gases: tuple[str, ...], tick_s: float) -> SensorKernel:
+    del gases
+    ring = new_window(spec.period_s or tick_s, tick_s)
+    return SensorKernel(advance=count_hits, parameters=(spec.hits_per_s_per_ppm * tick_s,), state=ring)
 
 
-def _build_second_order(spec: SecondOrderSensorSpec, tick_s: float, rng: np.random.Generator) -> SensorModel:
-    del rng
-    return SecondOrderSensor(spec, tick_s)
+def _averaging_kernel(spec: AveragingSensorSpec, gases: tuple[str, ...], tick_s: float) -> SensorKernel:
+    del gases
+    return SensorKernel(advance=average_gas, state=new_window(spec.averaging_s, tick_s))
+
+
+def _second_order_kernel(spec: SecondOrderSensorSpec, gases: tuple[str, ...], tick_s: float) -> SensorKernel:
+    del gases
+    lags = (*two_lag_remainder(*spec.response_s, tick_s), *two_lag_remainder(*spec.recovery_s, tick_s))
+    return SensorKernel(advance=advance_two_lags, parameters=lags, state=(0.0, 0.0))
 
 
 PPM_KINDS = (
     _build_pid_kind(()),
-    SensorKind(
+    KernelSensorKind(
         name="threshold",
         settings=SENSOR_BLOCKS["threshold"],
         quantity="mixing_ratio",
         unit="ppm",
         description="Threshold sensor: values = (ppm,) with noise above threshold_ppm, 0 below.",
-        build=_build_threshold,
+        kernel=_threshold_kernel,
         has_own_noise=True,
     ),
-    SensorKind(
+    KernelSensorKind(
         name="binary",
         settings=SENSOR_BLOCKS["binary"],
         quantity="gas_detected",
         unit="1",
         description="Binary detector: values = (1 or 0,), whether the mixing ratio, with noise, exceeds threshold_ppm.",
-        build=_build_binary,
+        kernel=_binary_kernel,
         has_own_noise=True,
     ),
-    SensorKind(
+    KernelSensorKind(
         name="hit_counter",
         settings=SENSOR_BLOCKS["hit_counter"],
         quantity="hits",
         unit="1",
         description="Hit counter of infotaxis: values = (hits,) in the last period_s, or tick; Poisson with "
         "hits_per_s_per_ppm.",
-        build=HitCounter,
+        kernel=_hit_counter_kernel,
     ),
-    SensorKind(
+    KernelSensorKind(
         name="averaging",
         settings=SENSOR_BLOCKS["averaging"],
         quantity="mixing_ratio",
         unit="ppm",
         description="Averaging sensor: values = (mean ppm of the last averaging_s,).",
-        build=_build_averaging,
+        kernel=_averaging_kernel,
     ),
-    SensorKind(
+    KernelSensorKind(
         name="second_order",
         settings=SENSOR_BLOCKS["second_order"],
         quantity="mixing_ratio",
         unit="ppm",
         description="Slow gas sensor: values = (ppm,) behind two lags, response_s up and recovery_s down.",
-        build=_build_second_order,
+        kernel=_second_order_kernel,
     ),
 )
 

@@ -1,15 +1,14 @@
 """Metal-oxide gas sensors of Figaro's TGS26xx family: resistance falls with gas; quick rise, slow decay."""
 
 import math
+from collections.abc import MutableSequence, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
-import numpy as np
-
-from gslcosim.base.quantities import Vec3
-from gslcosim.contract.messages import GasAmount, MountSample, Reading
+from gslcosim.base.scalar_kernels import scalar_kernel
 from gslcosim.scenario.models.gas import GasDefinition
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SensorSpec
-from gslcosim_services.sensing.models.base import Estimator, SensorKind, estimate_name, new_reading
+from gslcosim_services.sensing.models.base import KernelEstimator, KernelSensorKind, SensorKernel
 
 MIN_RATIO = 0.01
 QUANTITY = "resistance"
@@ -103,36 +102,73 @@ _TABLE = (
 MOX_PARAMETERS = {parameters.model: parameters for parameters in _TABLE}
 
 
-def steady_ratio(parameters: MoxParameters, gases: tuple[GasAmount, ...]) -> float:
+# Where a sensor's numbers stand among the parameters of its kernel: then come A and B of each gas, 0 and 0 where it has
+# no effect.
+_R0_OHM, _AIR_RATIO, _RISE_FRAC, _DECAY_FRAC, _LAWS = range(5)
+
+
+def build_mox_kernel(parameters: MoxParameters, gases: tuple[str, ...], tick_s: float) -> SensorKernel:
+    """Return the kernel of a sensor.
+
+    Args:
+        parameters: The sensor's figures.
+        gases: Names of the gases, in the order in which it gets their mixing ratios.
+        tick_s: Length of a tick [s].
+    """
+    rise_frac, decay_frac = (-math.expm1(-tick_s / lag_s) for lag_s in (parameters.rise_s, parameters.decay_s))
+    laws = [number for gas in gases for number in parameters.power_law.get(gas, (0.0, 0.0))]
+    numbers = (parameters.r0_ohm, parameters.air_ratio, rise_frac, decay_frac, *laws)
+    return SensorKernel(advance=advance_mox, parameters=numbers, state=(0.0,))
+
+
+@scalar_kernel
+def steady_ratio(parameters: Sequence[float], ppm: Sequence[float]) -> float:
     """Return Rs/R0 that a sensor settles to in a mixture.
 
     Rs/R0 = air - sum over gases of max(0, air - A c^B), at least 0.01      c in ppm, A and B of that gas
 
     Gases without figures have no effect.
 
+    Args:
+        parameters: Of `build_mox_kernel`.
+        ppm: (n_gases,) mixing ratios [ppm by volume].
+
     Source:
         GADEN, simulated_gas_sensor/src/fake_gas_sensor.cpp; figures from Figaro's data sheets.
     Held by:
         tests/unit/services/sensing/test_mox.py (floors and steady resistances)
     """
-    air = parameters.air_ratio
-    ratio = air
-    for gas in gases:
-        law = parameters.power_law.get(gas.gas)
-        if law is not None and gas.mixing_ratio_ppm > 0.0:
-            ratio -= max(0.0, air - law[0] * gas.mixing_ratio_ppm ** law[1])
-    return max(ratio, MIN_RATIO)
+    air = ratio = parameters[_AIR_RATIO]
+    k = _LAWS
+    for c in ppm:
+        a = parameters[k]
+        if a != 0.0 and c > 0.0:
+            fall = air - a * c ** parameters[k + 1]
+            if fall > 0.0:
+                ratio -= fall
+        k += 2
+    return ratio if ratio > MIN_RATIO else MIN_RATIO
 
 
-class MoxSensor:
-    """A bare MOX element after its warm-up, without noise, temperature or humidity effects.
+@scalar_kernel
+def advance_mox(
+    parameters: Sequence[float],
+    state: MutableSequence[float],
+    ppm: Sequence[float],
+    wind_m_s: Sequence[float],
+    velocity_m_s: Sequence[float],
+    stream: Any,
+    values: MutableSequence[float],
+) -> bool:
+    """Advance a bare MOX element after its warm-up by a tick, without noise, temperature or humidity effects.
 
     y' = (target - y) / tau      tau = rise time where the target is below y (more gas), else decay time
     A tick of length dt takes y to y + (1 - exp(-dt / tau)) (target - y).
 
-    State: y = Rs/R0, clean air at first. The first reading (tick 0) is that of clean air. The sample is the true
-    mixing ratio. The reading is R0 y [ohm]; `is_saturated` when y is at its least value of 0.01
-    (to a thousandth of it, since it only ever comes close).
+    State: y = Rs/R0, which is never 0 but before the first reading. The first reading (tick 0) is that of clean air.
+    The sample is the true mixing ratio; a diffusion-fed element feels no wind and not its own motion. The reading is
+    R0 y [ohm]; it is saturated when y is at its least value of 0.01 (to a thousandth of it, since it only ever comes
+    close). Draws nothing. See `SensorKernel` for the arguments.
 
     Source:
         First-order response with figures as in GADEN (see `steady_ratio`).
@@ -141,33 +177,20 @@ class MoxSensor:
     Held by:
         tests/unit/services/sensing/test_mox.py, tests/analytic/test_gas_sensor_step.py (63.2 % at tau, any tick length)
     """
-
-    def __init__(self, parameters: MoxParameters, sensor: str, tick_s: float) -> None:
-        self._parameters = parameters
-        self._sensor = sensor
-        self._rise_frac = -math.expm1(-tick_s / parameters.rise_s)
-        self._decay_frac = -math.expm1(-tick_s / parameters.decay_s)
-        self._ratio: float | None = None
-
-    def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
-        """Return the resistance at the end of the tick; see `SensorModel.read`."""
-        del mount_velocity_world_m_s  # a diffusion-fed element does not feel its own motion
-        if self._ratio is None:
-            self._ratio = self._parameters.air_ratio
-        else:
-            target = steady_ratio(self._parameters, sample.gases)
-            frac = self._rise_frac if target < self._ratio else self._decay_frac
-            self._ratio += frac * (target - self._ratio)
-        return new_reading(
-            sensor=self._sensor,
-            quantity=QUANTITY,
-            unit=UNIT,
-            values=(self._parameters.r0_ohm * self._ratio,),
-            is_saturated=self._ratio <= 1.001 * MIN_RATIO,
-        )
+    y = state[0]
+    if y == 0.0:
+        y = parameters[_AIR_RATIO]
+    else:
+        target = steady_ratio(parameters, ppm)
+        frac = parameters[_RISE_FRAC] if target < y else parameters[_DECAY_FRAC]
+        y += frac * (target - y)
+    state[0] = y
+    values[0] = parameters[_R0_OHM] * y
+    return y <= 1.001 * MIN_RATIO
 
 
-def estimated_ppm(parameters: MoxParameters, gas: str, resistance_ohm: float) -> float:
+@scalar_kernel
+def estimate_ppm(parameters: Sequence[float], values: Sequence[float]) -> float:
     """Return the mixing ratio of one gas alone at which a sensor settles to a resistance [ppm by volume].
 
     c = (Rs/R0 / A)^(1 / B) below the ratio of clean air, and 0 from there on; infinity becomes the largest double.
@@ -176,36 +199,25 @@ def estimated_ppm(parameters: MoxParameters, gas: str, resistance_ohm: float) ->
     just below clean air it jumps to the floor, below which the gas has no effect.
 
     Args:
-        parameters: The sensor's; it must have figures of the gas.
-        gas: Which gas.
-        resistance_ohm: The sensor's resistance [ohm].
+        parameters: Of `build_mox_kernel` for this gas alone, of which it must have figures.
+        values: (1,) the sensor's resistance [ohm].
 
     Held by:
         tests/unit/services/sensing/test_mox.py (inverts the steady response)
     """
-    a, b = parameters.power_law[gas]
-    ratio = max(resistance_ohm / parameters.r0_ohm, 1e-12)
-    if ratio >= parameters.air_ratio * (1.0 - 1e-9):
+    ratio = max(values[0] / parameters[_R0_OHM], 1e-12)
+    if ratio >= parameters[_AIR_RATIO] * (1.0 - 1e-9):
         return 0.0
-    exponent = math.log(ratio / a) / b
+    exponent = math.log(ratio / parameters[_LAWS]) / parameters[_LAWS + 1]
     return math.exp(min(exponent, 700.0))
 
 
-def _build_estimator(parameters: MoxParameters, gas: str) -> Estimator | None:
+def _build_estimator(parameters: MoxParameters, gas: str) -> KernelEstimator | None:
     if parameters.power_law.get(gas, (1.0, 0.0))[1] == 0.0:
         return None
-
-    def estimate(reading: Reading) -> Reading:
-        return new_reading(
-            sensor=estimate_name(reading.sensor),
-            quantity=ESTIMATE_QUANTITY,
-            unit=ESTIMATE_UNIT,
-            values=(estimated_ppm(parameters, gas, reading.values[0]),),
-            is_saturated=reading.is_saturated,
-            is_warming_up=reading.is_warming_up,
-        )
-
-    return estimate
+    # How long a tick is makes no difference to it.
+    numbers = build_mox_kernel(parameters, (gas,), 1.0).parameters
+    return KernelEstimator(estimate_ppm, numbers, ESTIMATE_QUANTITY, ESTIMATE_UNIT)
 
 
 def add_gases(parameters: MoxParameters, definitions: tuple[GasDefinition, ...]) -> MoxParameters:
@@ -214,21 +226,21 @@ def add_gases(parameters: MoxParameters, definitions: tuple[GasDefinition, ...])
     return replace(parameters, power_law={**parameters.power_law, **laws})
 
 
-def build_mox_kind(parameters: MoxParameters) -> SensorKind:
+def build_mox_kind(parameters: MoxParameters) -> KernelSensorKind:
     """Return the row of the table of sensor models for one MOX sensor."""
 
-    def build(spec: SensorSpec, tick_s: float, rng: np.random.Generator) -> MoxSensor:
-        del rng  # no noise
-        return MoxSensor(parameters, spec.name, tick_s)
+    def kernel(spec: SensorSpec, gases: tuple[str, ...], tick_s: float) -> SensorKernel:
+        del spec
+        return build_mox_kernel(parameters, gases, tick_s)
 
-    return SensorKind(
+    return KernelSensorKind(
         name=parameters.model,
         settings=SENSOR_BLOCKS[parameters.model],
         quantity=QUANTITY,
         unit=UNIT,
         description=f"MOX gas sensor {parameters.model.upper()}: values = (resistance_ohm,), lower in gas; "
         f"{parameters.r0_ohm * parameters.air_ratio:g} ohm in clean air.",
-        build=build,
+        kernel=kernel,
         least_value=MIN_RATIO * parameters.r0_ohm,
         for_gases=lambda definitions: build_mox_kind(add_gases(parameters, definitions)),
         estimator=lambda gas: _build_estimator(parameters, gas),

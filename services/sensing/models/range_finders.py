@@ -1,7 +1,7 @@
 """Sensors of the surroundings: range finders, lidars, bumpers and cameras."""
 
 import math
-from collections import deque
+from collections.abc import MutableSequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gslcosim.base.errors import ModelError
 from gslcosim.base.frames import rotation_from_rpy
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import scalar_kernel
 from gslcosim.contract.messages import CameraImage, Reading
 from gslcosim.contract.record import NumericArray
 from gslcosim.scenario.models.sensors import (
@@ -22,7 +23,7 @@ from gslcosim.scenario.models.sensors import (
     RangeFinderSpec,
     RaySensorSpec,
 )
-from gslcosim_services.sensing.models.base import SensorKind, Surroundings
+from gslcosim_services.sensing.models.base import SensorKind, Surroundings, new_window, push_count
 
 
 class Bumper:
@@ -35,13 +36,24 @@ class Bumper:
     def __init__(self, spec: BumpSensorSpec, tick_s: float, rng: np.random.Generator) -> None:
         del rng
         self._sensor = spec.name
-        self._touched: deque[bool] = deque(maxlen=max(1, round((spec.period_s or tick_s) / tick_s)))
+        self._contacts = list(new_contacts(spec, tick_s))
 
     def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
         """Return 1 after a contact, else 0; see `SensorModel.read`."""
         del mount_velocity_world_m_s
-        self._touched.append(bool(sample.body.contacts))
-        return Reading(sensor=self._sensor, quantity="contact", unit="1", values=(float(any(self._touched)),))
+        value = note_contact(self._contacts, bool(sample.body.contacts))
+        return Reading(sensor=self._sensor, quantity="contact", unit="1", values=(value,))
+
+
+def new_contacts(spec: BumpSensorSpec, tick_s: float) -> tuple[float, ...]:
+    """Return what a new bumper remembers, for `note_contact`."""
+    return new_window(spec.period_s or tick_s, tick_s)
+
+
+@scalar_kernel
+def note_contact(contacts: MutableSequence[float], is_touched: bool) -> float:  # noqa: FBT001 - a kernel
+    """Take note of a tick, and return 1 where anything touched the vehicle in the bumper's period, else 0."""
+    return 1.0 if push_count(contacts, 1.0 if is_touched else 0.0) > 0.0 else 0.0
 
 
 BUMPER = SensorKind(
@@ -139,8 +151,9 @@ class RangeSensor:
         ranges_m = sample.scene.ranges_m(start_m, rays_world, sample.others, limit_m)
         is_hit = ranges_m < limit_m
         if noise_m:
-            noisy_m = ranges_m + noise_m * self._rng.standard_normal(len(ranges_m))
-            ranges_m = np.where(is_hit, np.clip(noisy_m, 0.0, limit_m), limit_m)
+            from gslcosim_services.sensing.ray_kernels import disturb_ranges_inplace  # see `Imu.read`
+
+            disturb_ranges_inplace(ranges_m, limit_m, noise_m * self._rng.standard_normal(len(ranges_m)))
         shape = self._directions_body.shape[:-1]
         return Reading(
             sensor=self._spec.name,

@@ -2,30 +2,35 @@ import math
 
 import pytest
 
+from gslcosim.base.rng import stream
 from gslcosim.contract.messages import GasAmount, MountSample
+from gslcosim.scenario.models.sensors import make_sensor_spec
+from gslcosim_services.sensing import SENSOR_MODELS
 from gslcosim_services.sensing.models.mox import (
     MIN_RATIO,
     MOX_PARAMETERS,
-    MoxSensor,
+    build_mox_kernel,
     build_mox_kind,
-    estimated_ppm,
+    estimate_ppm,
     steady_ratio,
 )
 
 STILL = (0.0, 0.0, 0.0)
 
 
-def amounts(**ppm):
-    return tuple(GasAmount(gas=gas, mixing_ratio_ppm=x) for gas, x in ppm.items())
-
-
 def sample(**ppm):
-    return MountSample(agent="a", sensor="nose", gases=amounts(**ppm), wind_world_m_s=STILL)
+    gases = tuple(GasAmount(gas=gas, mixing_ratio_ppm=x) for gas, x in ppm.items())
+    return MountSample(agent="a", sensor="nose", gases=gases, wind_world_m_s=STILL)
+
+
+def build_nose(tick_s):
+    return SENSOR_MODELS["tgs2600"].build(make_sensor_spec(model="tgs2600", name="nose"), tick_s, stream(1, "test"))
 
 
 def steady_ohm(model, **ppm):
     parameters = MOX_PARAMETERS[model]
-    return parameters.r0_ohm * steady_ratio(parameters, amounts(**ppm))
+    kernel = build_mox_kernel(parameters, tuple(ppm), 0.1)
+    return parameters.r0_ohm * steady_ratio(kernel.parameters, tuple(ppm.values()))
 
 
 @pytest.mark.parametrize(
@@ -74,15 +79,16 @@ def test_a_gas_without_figures_has_no_effect():
 
 
 def test_the_first_reading_is_that_of_clean_air():
-    sensor = MoxSensor(MOX_PARAMETERS["tgs2600"], "nose", 0.1)
+    sensor = build_nose(0.1)
     reading = sensor.read(sample(ethanol=50.0), STILL)
     assert (reading.sensor, reading.quantity, reading.unit, reading.values) == ("nose", "resistance", "ohm", (50000.0,))
 
 
 def test_decay_is_slower_than_rise():
-    sensor = MoxSensor(MOX_PARAMETERS["tgs2600"], "nose", 0.1)
+    sensor = build_nose(0.1)
     sensor.read(sample(), STILL)
     fall_ohm = 50000.0 - sensor.read(sample(ethanol=10.0), STILL).values[0]
+    low_ohm = math.inf
     for _ in range(1000):
         low_ohm = sensor.read(sample(ethanol=10.0), STILL).values[0]
     back_ohm = sensor.read(sample(), STILL).values[0] - low_ohm
@@ -91,7 +97,7 @@ def test_decay_is_slower_than_rise():
 
 
 def test_saturation_is_reported():
-    sensor = MoxSensor(MOX_PARAMETERS["tgs2600"], "nose", 1.0)
+    sensor = build_nose(1.0)
     readings = [sensor.read(sample(ethanol=1e8), STILL) for _ in range(300)]
     assert not readings[0].is_saturated
     assert readings[-1].is_saturated
@@ -104,17 +110,21 @@ def test_the_estimate_inverts_the_steady_response(model, gas):
     parameters = MOX_PARAMETERS[model]
     floor_ppm = parameters.floor_ppm(gas)
     if math.isinf(floor_ppm):
-        assert build_mox_kind(parameters).estimator(gas) is None
+        estimator = build_mox_kind(parameters).estimator
+        assert estimator is not None
+        assert estimator(gas) is None
         return
+    numbers = build_mox_kernel(parameters, (gas,), 0.1).parameters
     for ppm in (1.01 * floor_ppm, 10.0 * floor_ppm):
-        assert estimated_ppm(parameters, gas, steady_ohm(model, **{gas: ppm})) == pytest.approx(ppm, rel=1e-9)
+        assert estimate_ppm(numbers, (steady_ohm(model, **{gas: ppm}),)) == pytest.approx(ppm, rel=1e-9)
     for clean_ohm in (steady_ohm(model), 1.2 * steady_ohm(model)):
-        assert estimated_ppm(parameters, gas, clean_ohm) == 0.0
+        assert estimate_ppm(numbers, (clean_ohm,)) == 0.0
 
 
 def test_an_impossible_resistance_has_an_estimate_that_is_finite():
+    numbers = build_mox_kernel(MOX_PARAMETERS["tgs2612"], ("ethanol",), 0.1).parameters
     for ohm in (0.0, -5.0, 1e-300):
-        assert math.isfinite(estimated_ppm(MOX_PARAMETERS["tgs2612"], "ethanol", ohm))
+        assert math.isfinite(estimate_ppm(numbers, (ohm,)))
 
 
 def test_the_tgs2602_falls_as_on_its_sheet():

@@ -1,0 +1,71 @@
+"""Scalar kernels: formulas of a model as plain functions, called as they are for one and compiled for many.
+
+One text serves both: a service calls it for each instrument, in plain Python, and batches of searches compile it and
+call it for thousands. So a kernel holds only what gives the same bits in both: numbers, sequences that are read and
+written by an index, `math`, the built-in `abs`, `min`, `max` and `range`, other kernels, and what is below. It makes no
+lists, tuples or slices, and draws random numbers from the stream that it is handed.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+Kernel = TypeVar("Kernel", bound=Callable[..., Any])
+
+_KERNELS: list[Callable[..., Any]] = []
+
+
+def scalar_kernel(function: Kernel) -> Kernel:
+    """Mark a function of a module as a scalar kernel, and return it unchanged.
+
+    The mark lets other compiled code call it, and makes kernels that were compiled before it changed count as old; see
+    `gslcosim.base.kernel_cache`.
+
+    Held by:
+        tests/unit/test_scalar_kernels.py
+    """
+    _KERNELS.append(function)
+    return function
+
+
+def list_scalar_kernels() -> tuple[Callable[..., Any], ...]:
+    """Return all functions that are marked so far, in the order of their import."""
+    return tuple(_KERNELS)
+
+
+# What follows has a compiled twin in `gslcosim.training.batch.scalar_compilation`: what compilers bring differs in last
+# digits.
+
+
+def norm2(x: float, y: float) -> float:
+    """Return sqrt(x^2 + y^2), rounded as `math.hypot` does."""
+    return math.hypot(x, y)
+
+
+def norm3(x: float, y: float, z: float) -> float:
+    """Return sqrt(x^2 + y^2 + z^2), rounded as `math.hypot` does, and `math.dist` of points so far apart."""
+    return math.hypot(x, y, z)
+
+
+def exact_sum(values: Sequence[float], first: int, n: int) -> float:
+    """Return the sum of n values from the first on, rounded once as `math.fsum` does."""
+    return math.fsum(values[first : first + n])
+
+
+def next_normal(stream: Any) -> float:
+    """Draw a number from the standard normal distribution.
+
+    Args:
+        stream: A `numpy.random.Generator`, or its state in compiled code.
+    """
+    return stream.standard_normal()
+
+
+def next_poisson(stream: Any, mean: float) -> float:
+    """Draw a number from the Poisson distribution of a mean.
+
+    Args:
+        stream: A `numpy.random.Generator`, or its state in compiled code.
+        mean: Its mean, >= 0.
+    """
+    return float(stream.poisson(mean))
