@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from gslcosim.scenario.checks import MAX_NUMBER
+from gslcosim.scenario.checks.cross_checks import MAX_NUMBER
 from gslcosim.scenario.loader import MAX_BYTES
 from gslcosim.scenario.model_schema import (
     SchemaNode,

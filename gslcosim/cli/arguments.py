@@ -3,7 +3,6 @@
 import argparse
 import difflib
 import shutil
-import subprocess
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -18,10 +17,9 @@ if TYPE_CHECKING:
     from _typeshed import SupportsWrite
 
     from gslcosim.base.quantities import Vec3
-    from gslcosim.scenario import LoadedScenario, Scenario
+    from gslcosim.scenario import LoadedScenario
     from gslcosim.scenario.loader import RandomPosition
     from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
-    from gslcosim.scenario.problems import Problem, ProblemLike
 
 # Its value may begin with a minus.
 _SORT = "--sort"
@@ -317,50 +315,14 @@ def _newest(runs_dir: Path, file_name: str) -> Path:
     return files[-1]
 
 
-PROBE_LIMIT_S = 60.0
-
-
-def find_rendering_problems(scenario: "Scenario", directory: Path) -> "Iterator[Problem]":
-    """Yield a problem for each camera where nothing can be drawn.
-
-    Args:
-        scenario: Its agents' sensors.
-        directory: Not needed.
-    """
-    from gslcosim.scenario.problems import Problem
-
-    del directory
-    reason = rendering_unavailable_reason() if scenario.cameras else ""
-    if not reason:
-        return
-    cameras = {(agent.name, sensor.name) for agent, sensor in scenario.cameras}
-    for i, agent in enumerate(scenario.agents):
-        for j, sensor in enumerate(agent.sensors):
-            if (agent.name, sensor.name) in cameras:
-                yield Problem(
-                    path=f"agents[{i}].sensors[{j}].model",
-                    expected=f"no {sensor.model} on a machine without EGL and OSMesa, which draw its pictures",
-                    found=f"'{sensor.model}'",
-                    remedy=reason,
-                )
-
-
-def rendering_unavailable_reason() -> str:
-    """Return why no pictures can be drawn here and what helps; empty where they can. Takes half a second."""
-    call = [sys.executable, "-P", "-m", "gslcosim_services.cameras.offscreen_renderer"]
-    try:
-        done = subprocess.run(call, capture_output=True, text=True, timeout=PROBE_LIMIT_S, check=False)
-    except (OSError, subprocess.TimeoutExpired) as error:
-        return f"The driver did not answer: {error}. `gslcosim doctor` tells more."
-    if not done.returncode:
-        return ""
-    said = [line for line in done.stderr.splitlines() if line.strip()]
-    return said[-1] if done.returncode > 0 and said else "The driver crashed; `gslcosim doctor` tells more."
-
-
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the scenario and the options that change it."""
     parser.add_argument("scenario", metavar="SCENARIO", help="a scenario file, or the name of a bundled scenario")
+    add_override_options(parser)
+
+
+def add_override_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that change a scenario."""
     parser.add_argument(
         "--seed", type=parse_whole_number, metavar="N", help="replace the scenario's seed, for example 8"
     )
@@ -400,27 +362,29 @@ def add_template_arguments(languages: str, name: str) -> Callable[[argparse.Argu
     return add_arguments
 
 
-def load_checked(arguments: argparse.Namespace) -> "LoadedScenario":
+def load_checked(arguments: argparse.Namespace, *, prepares_run: bool = True) -> "LoadedScenario":
     """Return the scenario of a command line.
+
+    Args:
+        arguments: As parsed.
+        prepares_run: Whether the caller prepares a run, which then finds problems of the files that it reads.
 
     Raises:
         ScenarioError: there is none, or it has problems.
     """
     from gslcosim.scenario import load_scenario
+    from gslcosim.scenario.checks.registry import list_scenario_checks
 
     # Where services are started elsewhere, pictures are drawn there too.
     named = {name.strip() for words in getattr(arguments, "elsewhere", ()) for name in words.split(",")}
-    draws_here = not named & {"all", "cameras"}
     return load_scenario(
         arguments.scenario,
         overrides=[*arguments.set, *_pace_override(arguments)],
         seed=arguments.seed,
-        checks=(
-            check_places,
-            check_methods,
-            check_stored_gas,
-            check_participants,
-            *((check_drawing,) if draws_here else ()),
+        checks=list_scenario_checks(
+            without=("drawing",) if named & {"all", "cameras"} else (),
+            processes=getattr(arguments, "processes", None),
+            prepares_run=prepares_run,
         ),
         placer=_draw_places,
     )
@@ -438,49 +402,3 @@ def _draw_places(
 def _pace_override(arguments: argparse.Namespace) -> list[str]:
     pace = getattr(arguments, "pace", None)
     return [] if pace is None else [f"pace={pace}"]
-
-
-def check_places(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLike]":
-    """Return what is wrong with the room of a scenario and with the places in it."""
-    from gslcosim.environment.generation import find_environment
-    from gslcosim.environment.positions import find_position_problems, find_position_problems_in
-    from gslcosim.environment.variants import variant_scenarios
-
-    # To build a room once more would take a third of a second, most of it for the compiler of its kernels.
-    made = [find_environment(each, scenario_dir=directory) for each in variant_scenarios(scenario)]
-    if made[0] is not None and all(made):
-        return find_position_problems_in(scenario, made[0])
-    return find_position_problems(scenario, scenario_dir=directory)
-
-
-def check_methods(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLike]":
-    """Return what the agents' methods lack: sensors, grants, channels, right parameters."""
-    from gslcosim_services.sensing.briefing import find_method_problems
-
-    return find_method_problems(scenario, directory)
-
-
-def check_stored_gas(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLike]":
-    """Return why the gas that a scenario plays back, if it does, cannot be its gas."""
-    if scenario.gas.stored is None:
-        return ()  # what reads gas is slow to import
-    from gslcosim_services.fields.models.formula_fields import find_stored_gas_problems
-
-    return find_stored_gas_problems(scenario, directory)
-
-
-def check_participants(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLike]":
-    """Return what is wrong with the ports of the participants of a scenario, if it has some."""
-    del directory
-    if not scenario.participants:
-        return ()  # what knows all ports is slow to import
-    from gslcosim.runtime.services import find_participant_problems
-
-    return find_participant_problems(scenario)
-
-
-def check_drawing(scenario: "Scenario", directory: Path) -> "Iterable[ProblemLike]":
-    """Return which cameras there are where nothing can be drawn."""
-    # its import is of this module
-
-    return find_rendering_problems(scenario, directory)

@@ -47,6 +47,7 @@ from gslcosim.cli.commands import (
     schema,
     train,
     up,
+    validate,
     view,
 )
 from gslcosim.cli.terminal import (
@@ -80,7 +81,7 @@ RUNS = CommandFamily(
 GROUPS = (
     CommandGroup(
         title="run",
-        commands=(up.UP, fly.COMMAND, join.COMMAND, up.VALIDATE, up.SERVE, replay.COMMAND, fork.COMMAND),
+        commands=(up.UP, fly.COMMAND, join.COMMAND, validate.COMMAND, up.SERVE, replay.COMMAND, fork.COMMAND),
     ),
     CommandGroup(
         title="look",

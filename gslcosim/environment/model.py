@@ -10,17 +10,13 @@ from typing import Any, Literal, NamedTuple, Self, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.base.errors import EnvironmentDataError, ScenarioError
+from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.quantities import Vec3
-from gslcosim.scenario.problems import Problem
+from gslcosim.scenario.problems import Problem, ProblemsError
 
 
-class ImpossibleEnvironmentError(ScenarioError):
+class ImpossibleEnvironmentError(ProblemsError):
     """A room cannot be built; the text lists all `problems`, one a line. The scenario or its files have to change."""
-
-    def __init__(self, problems: Sequence[Problem]) -> None:
-        self.problems = tuple(problems)
-        super().__init__("\n".join(_line(problem) for problem in problems))
 
 
 def raise_if_any(problems: Sequence[Problem]) -> None:
@@ -31,11 +27,6 @@ def raise_if_any(problems: Sequence[Problem]) -> None:
     """
     if problems:
         raise ImpossibleEnvironmentError(problems)
-
-
-def _line(problem: Problem) -> str:
-    remedy = f" {problem.remedy}" if problem.remedy else ""
-    return f"{problem.path}: expected {problem.expected}, was {problem.found}.{remedy}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,9 +10,11 @@ from typing import Annotated, Any, Literal, Self, cast
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic_core import ErrorDetails
 
 from gslcosim.base.errors import MethodError
 from gslcosim.base.files import read_regular_file
+from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.yaml_core import CoreLoader
 from gslcosim.contract.messages import ParameterValue, SensorDescription
 
@@ -98,9 +100,11 @@ class Parameter(_CardPart):
     @model_validator(mode="after")
     def _check(self) -> Self:
         if self.default is None and self.type is None:
-            raise ValueError("expected a type beside default: null")
+            raise broken_rule_error(
+                key="type", expected="a type beside default: null", found="none", remedy="For example type: float."
+            )
         if self.default is not None and (problem := self.problem_of(self.default)):
-            raise ValueError(f"default: expected {problem}, was {self.default!r}")
+            raise broken_rule_error(key="default", expected=problem, found=f"{self.default!r}")
         return self
 
     @property
@@ -181,7 +185,7 @@ class Needs(_CardPart):
     def _check_kinds(cls, sensors: dict[str, int]) -> dict[str, int]:
         unknown = [kind for kind in sensors if kind not in INSTRUMENT_KINDS]
         if unknown:
-            raise ValueError(f"expected kinds among {', '.join(INSTRUMENT_KINDS)}, was {', '.join(unknown)}")
+            raise broken_rule_error(expected=f"kinds among {', '.join(INSTRUMENT_KINDS)}", found=", ".join(unknown))
         return sensors
 
 
@@ -254,11 +258,14 @@ def _loaded(path: Path, changed_ns: int, n_bytes: int) -> MethodCard:
     try:
         return MethodCard.model_validate(_with_included(cast(dict[str, Any], fields), path))
     except ValidationError as error:
-        lines = [
-            f"{'.'.join(str(part) for part in problem['loc'])}: {problem['msg'][:1].lower()}{problem['msg'][1:]}"
-            for problem in error.errors(include_url=False)
-        ]
+        lines = [_describe_error(problem) for problem in error.errors(include_url=False)]
         raise MethodError("the method card is wrong: " + "; ".join(lines) + f".\nFile: {path}") from error
+
+
+def _describe_error(problem: ErrorDetails) -> str:
+    keys = [*problem["loc"], *filter(None, [problem.get("ctx", {}).get("key")])]
+    said = problem["msg"].rstrip(". ")
+    return f"{'.'.join(map(str, keys))}: {said[:1].lower()}{said[1:]}"
 
 
 # A card's own parameters replace included ones of their name, in their place, and the others follow.
@@ -266,16 +273,25 @@ def _with_included(fields: dict[str, Any], path: Path) -> dict[str, Any]:
     included, own = fields.get("includes"), fields.get("parameters", {})
     if included is None or not isinstance(own, dict):
         return fields
-    known = sorted(file.stem for file in SHARED_PARAMETERS.glob("*.yaml"))
-    if not isinstance(included, list) or any(name not in known for name in cast(list[object], included)):
+    if not is_list_of_shared_parameters(included):
         raise MethodError(
-            f"the method card is wrong: includes: expected a list of {', '.join(known)}, was {included!r}."
-            f"\nFile: {path}"
+            f"the method card is wrong: includes: expected a list of {', '.join(list_shared_parameters())}, was "
+            f"{included!r}.\nFile: {path}"
         )
     parameters: dict[str, Any] = {}
     for name in cast(list[str], included):
         parameters |= yaml.load((SHARED_PARAMETERS / f"{name}.yaml").read_text(encoding="utf-8"), Loader=CoreLoader)
     return {key: value for key, value in fields.items() if key != "includes"} | {"parameters": parameters | own}
+
+
+def list_shared_parameters() -> list[str]:
+    """Return the names of what a card may include."""
+    return sorted(file.stem for file in SHARED_PARAMETERS.glob("*.yaml"))
+
+
+def is_list_of_shared_parameters(value: object) -> bool:
+    """Return whether a value is a list of names that a card may include."""
+    return isinstance(value, list) and all(name in list_shared_parameters() for name in cast(list[object], value))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from functools import cache, singledispatch
 from importlib.metadata import EntryPoint, distributions
 from pathlib import Path
 
-from gslcosim.base.errors import UsageError
+from gslcosim.base.errors import DataflowError, UsageError
 from gslcosim.contract import keys
 from gslcosim.contract.messages import Briefing, Command
 from gslcosim.contract.participant import WINDOW_TICKS, Core, ParticipantSpec, Read, Write
@@ -235,6 +235,30 @@ def build_dataflow(scenario: Scenario, *, window_ticks: int | None = None) -> Da
         return Dataflow(specs)
     windows = (max(1, spec.window_ticks * window_ticks // WINDOW_TICKS) for spec in specs)
     return Dataflow(tuple(replace(spec, window_ticks=window) for spec, window in zip(specs, windows, strict=True)))
+
+
+def find_service_problems(scenario: Scenario, directory: Path) -> Iterable[Problem]:
+    """Return what keeps the services of other packages and the models of the user's own in a scenario from running.
+
+    Args:
+        scenario: What is run.
+        directory: Not needed.
+    """
+    del directory
+    try:
+        if problems := [*find_participant_problems(scenario)]:
+            return problems
+        build_dataflow(scenario)
+    except UsageError as error:
+        found = ", ".join(f"'{block.name}'" for block in scenario.services)
+        remedy = str(error).removeprefix("services: ")
+        return [Problem(path="services", expected="services that their packages bring", found=found, remedy=remedy)]
+    except DataflowError as error:
+        expected = "services whose reads and writes fit together"
+        remedy = " ".join(str(error).split())
+        found = ", ".join(f"'{block.name}'" for block in scenario.services)
+        return [Problem(path="services", expected=expected, found=found, remedy=remedy)]
+    return ()
 
 
 def find_participant_problems(scenario: Scenario) -> Iterable[Problem]:

@@ -13,7 +13,8 @@ from gslcosim.base.bundled import bundled_scenarios
 from gslcosim.base.errors import ScenarioError, describe_os_error
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.quantities import Vec3
-from gslcosim.scenario.checks import find_cross_problems, find_numbers_too_large
+from gslcosim.scenario.checks.cross_checks import find_cross_problems, find_numbers_too_large
+from gslcosim.scenario.checks.program_checks import find_unusable_paths
 from gslcosim.scenario.model_schema import find_schema_node, format_value, list_kinds, problems_from_validation
 from gslcosim.scenario.models.scenario import SCHEMA, EnvironmentSpec, Scenario, SolverSpec, VehicleSpec
 from gslcosim.scenario.models.wind import Wind
@@ -27,7 +28,6 @@ from gslcosim.scenario.problems import (
     did_you_mean,
     locate,
 )
-from gslcosim.scenario.program_checks import find_unusable_paths
 from gslcosim.scenario.serialization import YamlTree, dump_resolved, read_yaml, with_absolute_gas
 
 _SAYS_NOTHING_OF_PLACES = ("schema", "name", "seed", "tick_ms", "referee", "recording")
@@ -415,6 +415,22 @@ def read_spec_file(
     if problems := [*tree.problems, *locate(list(check(spec)), tree.marks)]:
         raise InvalidScenarioError(problems, name=shown_path)
     return spec
+
+
+def raise_located(problems: Iterable[ProblemLike], path: Path, *, shown_path: str) -> None:
+    """Raise problems of a file that has been read, with the lines where their causes stand; do nothing without any.
+
+    Args:
+        problems: What was found.
+        path: The file.
+        shown_path: How errors name it.
+
+    Raises:
+        InvalidScenarioError: there is at least one problem.
+    """
+    if found := list(problems):
+        tree = read_yaml(read_regular_file(path, max_bytes=MAX_BYTES).decode("utf-8-sig"), source=shown_path)
+        raise InvalidScenarioError(locate(found, tree.marks), name=shown_path)
 
 
 def list_input_files(scenario: Scenario, directory: Path) -> list[Path]:

@@ -13,7 +13,8 @@ from pydantic import BaseModel, StringConstraints, Tag, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticUndefined
 
-from gslcosim.scenario.models.base import RULE, KindedSpec, OneOf
+from gslcosim.base.problems import RULE
+from gslcosim.scenario.models.base import KindedSpec, OneOf
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.problems import (
     Problem,
@@ -241,7 +242,7 @@ def _item_annotation(annotation: Any) -> Any:
 def _value_annotation(annotation: Any) -> Any:
     kind, _ = _split(annotation)
     key, value = typing.get_args(kind) if typing.get_origin(kind) is dict else (None, None)
-    return value if key is str and value is not Any else None
+    return value if key is not None and _split(key)[0] is str and value is not Any else None
 
 
 def _describe(annotation: Any, constraints: tuple[Any, ...], unit: str) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
+from gslcosim.scenario.checks.program_checks import SCRIPT_ENDINGS
 from gslcosim.scenario.problems import (
     InvalidScenarioError,
     LocatedProblem,
@@ -14,7 +15,6 @@ from gslcosim.scenario.problems import (
     child_path,
     parent_path,
 )
-from gslcosim.scenario.program_checks import SCRIPT_ENDINGS
 from gslcosim.scenario.serialization import YamlTree, read_yaml
 
 # Places in a scenario that hold files or folders; the first word of a command is a path only with a slash, and the

@@ -45,6 +45,10 @@ class Problem:
     found: str
     remedy: str = ""
 
+    def __str__(self) -> str:
+        where, remedy = f"{self.path}: " if self.path else "", f" {self.remedy}" if self.remedy else ""
+        return f"{where}expected {self.expected}, was {self.found}.{remedy}"
+
 
 @dataclass(frozen=True, kw_only=True)
 class TextLocation:
@@ -98,6 +102,14 @@ class TextLocations:
                 return self.places[path]
             path = parent_path(path)
         return self.root
+
+
+class ProblemsError(ScenarioError):
+    """Something is impossible for the reasons in `problems`, of which nobody knows yet where they were written."""
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(map(str, problems)))
 
 
 class InvalidScenarioError(ScenarioError):

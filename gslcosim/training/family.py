@@ -16,13 +16,14 @@ from pydantic import BeforeValidator, Field, model_validator
 from gslcosim.base.bundled import bundled_families
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.base.files import read_regular_file
+from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.rng import stream
 from gslcosim.bench.studies.target import collect_bundled_seeds
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.scenario.loader import LoadedScenario, find_scenario, read_spec_file
-from gslcosim.scenario.models.base import Fraction, Name, Positive, Spec, broken_rule_error
+from gslcosim.scenario.models.base import Fraction, Name, Positive, Spec
 from gslcosim.scenario.problems import Problem, did_you_mean
 from gslcosim.training.stepped_run import LearningTask, get_environment_key
 from gslcosim_services.fields.gas_setup import gas_seed

@@ -9,9 +9,11 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from gslcosim.base.bundled import bundled_train_files
 from gslcosim.base.errors import ScenarioError
-from gslcosim.scenario.loader import read_spec_file
-from gslcosim.scenario.models.base import Name, NonNegative, Positive, Spec, broken_rule_error
-from gslcosim.scenario.problems import did_you_mean
+from gslcosim.base.problems import broken_rule_error
+from gslcosim.scenario.checks.registry import find_problems
+from gslcosim.scenario.loader import raise_located, read_spec_file
+from gslcosim.scenario.models.base import Name, NonNegative, Positive, Spec
+from gslcosim.scenario.problems import Problem, ProblemLike, did_you_mean
 from gslcosim.search.learned.policy import ActionSettings
 from gslcosim.training.family import Family, load_family
 from gslcosim.training.trainers.trainer import CtrnnSettings, MethodSettings, TableSettings
@@ -120,11 +122,12 @@ class TrainFile:
         return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
 
-def load_train_file(source: str | Path) -> TrainFile:
+def load_train_file(source: str | Path, *, is_flown: bool = False) -> TrainFile:
     """Read and check a train file, and its family.
 
     Args:
         source: A file, or the name of a bundled one.
+        is_flown: Whether trainer, settings and first cases are checked too, as for a training that begins.
 
     Raises:
         ScenarioError: there is no such file, or it or its family has problems.
@@ -140,9 +143,18 @@ def load_train_file(source: str | Path) -> TrainFile:
     spec = read_spec_file(path, TrainSpec, shown_path=str(path), keys="family and trainer")
     beside = path.parent / spec.family
     family = load_family(beside if beside.is_file() else spec.family)
+    file = TrainFile(spec=spec, family=family, path=path)
+    problems: list[ProblemLike] = []
     if "doping" in spec.model_fields_set and family.spec.doping is None:
-        raise ScenarioError(
-            f"{path}: doping: expected nothing with the family {family.name}, which has no doping, was "
-            f"{str(spec.doping).lower()}. Leave it out, or give the family doping."
+        problems.append(
+            Problem(
+                path="doping",
+                expected=f"nothing with the family {family.name}, which has no doping",
+                found=str(spec.doping).lower(),
+                remedy="Leave it out, or give the family doping.",
+            )
         )
-    return TrainFile(spec=spec, family=family, path=path)
+    if is_flown:
+        problems += find_problems("train", file, path.parent)
+    raise_located(problems, path, shown_path=str(path))
+    return file

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.base.bundled import bundled_agents
-from gslcosim.base.errors import ScenarioError
 from gslcosim.bench.cases.models import EntrySpec
 from gslcosim.environment.geometry_source import build_geometry, find_folder
 from gslcosim.environment.model import EnvironmentGeometry
@@ -14,6 +13,7 @@ from gslcosim.environment.positions import can_start_at
 from gslcosim.environment.store import load_environment
 from gslcosim.methods.card import MethodCard, find_card_beside
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.problems import Problem, ProblemsError
 from gslcosim.scenario.serialization import plain_values
 
 RADIO = "radio"
@@ -74,7 +74,7 @@ def apply_entry(
         is_sandboxed: Whether its program has to be a process in a sandbox.
 
     Raises:
-        ScenarioError: there is no room for its robots, or time follows a clock for one of them.
+        ProblemsError: there is no room for its robots, or time follows a clock for one of them.
     """
     values = plain_values(scenario)
     first = values["agents"][0]
@@ -100,12 +100,18 @@ def close_sources(values: dict[str, Any]) -> None:
     """Close all sources of a scenario's values: what a control flies in.
 
     Raises:
-        ScenarioError: its gas is stored, and cannot be closed.
+        ProblemsError: its gas is stored, and cannot be closed.
     """
     if values["gas"]["model"] == "playback":
-        raise ScenarioError(
-            "controls: expected scenarios whose gas is computed, so that it can be left away, was model: playback. "
-            "Leave out controls."
+        raise ProblemsError(
+            [
+                Problem(
+                    path="controls",
+                    expected="scenarios whose gas is computed, so that it can be left away",
+                    found="model: playback",
+                    remedy="Leave out controls.",
+                )
+            ]
         )
     for source in values["gas"]["sources"]:
         source["release"] = NO_GAS
@@ -116,9 +122,15 @@ def _take_off_the_clock(values: dict[str, Any], name: str) -> None:
     values.pop("pace", None)
     free = [agent["name"] for agent in values["agents"][:1] if agent.get("mode") == "free"]
     if free:
-        raise ScenarioError(
-            f"scenarios: {name}: agents[0].mode: expected a mode that waits for the agent, was free: what comes of it "
-            "depends on the clock. Give the entries a mode, for example mode: on_request."
+        raise ProblemsError(
+            [
+                Problem(
+                    path=f"scenarios: {name}: agents[0].mode",
+                    expected="a mode that waits for the agent",
+                    found="free: what comes of it depends on the clock",
+                    remedy="Give the entries a mode, for example mode: on_request.",
+                )
+            ]
         )
 
 
@@ -149,9 +161,15 @@ def _sensors(entry: EntrySpec, card: MethodCard | None) -> list[dict[str, Any]]:
     if entry.sensors != "by_method":
         return [sensor.model_dump(mode="json", exclude_none=True) for sensor in entry.sensors or ()]
     if card is None:
-        raise ScenarioError(
-            f"entries: {entry.name}: sensors: expected a method with a card (method.yaml beside its program) for "
-            "by_method, was one without. List the sensors instead."
+        raise ProblemsError(
+            [
+                Problem(
+                    path=f"entries: {entry.name}: sensors",
+                    expected="a method with a card (method.yaml beside its program) for by_method",
+                    found="one without",
+                    remedy="List the sensors instead.",
+                )
+            ]
         )
     needs = card.needs.sensors
     model = "tgs2600" if "gas_ohm" in needs else "pid"
@@ -209,7 +227,12 @@ def _starts_around(scenario: Scenario, n: int, scenario_dir: Path) -> list[tuple
                 found.append(place_m)
             if len(found) == n:
                 return found
-    raise ScenarioError(
-        f"entries: robots: expected room for {n} robots {TEAM_SPACING_M:g} m apart around {vehicle.start_m} m, "
-        f"was room for {len(found)}."
+    raise ProblemsError(
+        [
+            Problem(
+                path="entries: robots",
+                expected=f"room for {n} robots {TEAM_SPACING_M:g} m apart around {vehicle.start_m} m",
+                found=f"room for {len(found)}",
+            )
+        ]
     )

@@ -11,9 +11,10 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from gslcosim.base.errors import UsageError
+from gslcosim.base.problems import broken_rule_error
 from gslcosim.contract.messages import ParameterValue
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.base import Name, NonNegative, Positive, Spec, broken_rule_error
+from gslcosim.scenario.models.base import Name, NonNegative, Positive, Spec
 from gslcosim.scenario.models.scenario import KnowledgeSpec, StartSpec
 from gslcosim.scenario.models.sensors import Sensor
 

@@ -33,10 +33,18 @@ from gslcosim.environment.positions import can_start_at, draw_positions, find_po
 from gslcosim.environment.store import load_environment
 from gslcosim.methods.card import MethodCard
 from gslcosim.scenario import Scenario, load_scenario
+from gslcosim.scenario.checks.registry import list_scenario_checks
 from gslcosim.scenario.loader import find_scenario, resolve_values
-from gslcosim.scenario.problems import InvalidScenarioError, ProblemLike, TextLocation, TextLocations, locate
+from gslcosim.scenario.problems import (
+    InvalidScenarioError,
+    LocatedProblem,
+    ProblemLike,
+    ProblemsError,
+    TextLocation,
+    TextLocations,
+    locate,
+)
 from gslcosim.scenario.serialization import plain_values, read_yaml
-from gslcosim_services.sensing.briefing import find_method_problems
 
 # Simulated seconds a worker flies in one by the clock, where nothing has been measured yet.
 DEFAULT_PACE = 120.0
@@ -44,6 +52,8 @@ DEFAULT_PACE = 120.0
 OVERHEAD_S = 0.1
 ROOM_S, PLUME_S = 60.0, 10.0
 BYTES_PER_TRIAL = 9_000
+MAX_PROBLEMS = 100
+"""With so many problems, further cases of a suite are not looked at."""
 
 
 class _Pace(TypedDict):
@@ -232,7 +242,8 @@ def build_plan(loaded: LoadedSuite, *, progress: Progress = lambda _: None) -> P
         progress: Receives how far it is.
 
     Raises:
-        ScenarioError: a scenario, value or entry is wrong, with the place in the suite.
+        ScenarioError: a scenario, value or entry is wrong, with the place in the suite; the problems of all cases
+            together, up to about `MAX_PROBLEMS`.
     """
     owned = list(expand_cases(loaded))
     sources = (*_suite_files(loaded), *(case.source.absolute() for _, case in owned))
@@ -240,14 +251,24 @@ def build_plan(loaded: LoadedSuite, *, progress: Progress = lambda _: None) -> P
     trials: list[Trial] = []
     cases: list[Case] = []
     dropped: list[DroppedCase] = []
+    # By their texts: many cases have the same ones.
+    problems: dict[str, LocatedProblem] = {}
     for owner, case in owned:
-        found = planner.trials_of(loaded, owner, case, first_index=len(trials))
+        try:
+            found = planner.trials_of(loaded, owner, case, first_index=len(trials))
+        except InvalidScenarioError as error:
+            problems |= {str(problem): problem for problem in error.problems}
+            if len(problems) >= MAX_PROBLEMS:
+                break
+            continue
         if isinstance(found, DroppedCase):
             dropped.append(found)
             continue
         cases.append(case)
         trials += found
         progress(len(trials))
+    if problems:
+        raise InvalidScenarioError(list(problems.values()), name=loaded.shown_path)
     if not trials:
         reasons = f" The first: {dropped[0].case}: {dropped[0].reason}" if dropped else ""
         raise ScenarioError(f"{loaded.shown_path}: expected at least one case, was none.{reasons}")
@@ -293,12 +314,11 @@ class _Planner:
                 if problems := find_position_problems(scenario, scenario_dir=directory):
                     if owner.suite.when == "places_are_free":
                         return DroppedCase(case=case.name, reason=_text_of(problems[0]))
-                    raise InvalidScenarioError(
-                        locate(problems, TextLocations(TextLocation(source=case.set_in))), name=case.set_in
-                    )
+                    raise _located_in(case.set_in, problems)
                 resolved = _Resolved(case, scenario, directory, self._room_key(scenario, directory))
             gas_seed = derive_seed(case.suite_seed, "gas", case.scenario, repetition % case.gas_seeds)
             for is_control in (False, True) if repetition < case.n_controls else (False,):
+                resolved.check(entries, is_control=is_control)
                 shared = case_hash(
                     _with_seeds(resolved.scenario, seed, gas_seed), resolved.room,
                     is_control=is_control, repetition=repetition,
@@ -397,6 +417,21 @@ class _Resolved:
         self.has_random_places = _has_random_places(case, scenario)
         self._flown: dict[tuple[str, bool], Scenario] = {}
 
+    def check(self, entries: Sequence[PlannedEntry], *, is_control: bool) -> None:
+        """Raise the problems of all entries in this case as one error; do nothing when there are none.
+
+        Raises:
+            InvalidScenarioError: an entry cannot fly here.
+        """
+        problems: list[LocatedProblem] = []
+        for entry in entries:
+            try:
+                self.flown(entry, is_control=is_control)
+            except InvalidScenarioError as error:
+                problems += error.problems
+        if problems:
+            raise InvalidScenarioError(problems, name=self.case.set_in)
+
     def flown(self, entry: PlannedEntry, *, is_control: bool) -> Scenario:
         """Return what an entry flies."""
         key = (entry.spec.name, is_control)
@@ -418,12 +453,14 @@ class _Resolved:
             )
             if is_control:
                 close_sources(values)
-        except InvalidScenarioError:
-            raise
-        except ScenarioError as error:
-            raise ScenarioError(f"{where}: {error}") from error
+        except ProblemsError as error:
+            raise _located_in(where, error.problems) from error
         values["recording"]["enabled"] = False
-        return resolve_values(values, self.directory, source=where, checks=(find_method_problems,))
+        return resolve_values(values, self.directory, source=where, checks=list_scenario_checks("agents", "services"))
+
+
+def _located_in(source: str, problems: Sequence[ProblemLike]) -> InvalidScenarioError:
+    return InvalidScenarioError(locate(problems, TextLocations(TextLocation(source=source))), name=source)
 
 
 def _text_of(problem: ProblemLike) -> str:

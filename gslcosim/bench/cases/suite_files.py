@@ -19,7 +19,8 @@ from gslcosim.bench.cases.agent_setup import files_in_command, find_program
 from gslcosim.bench.cases.models import EntrySpec, ScenarioSpec, Suite
 from gslcosim.methods.card import CARD_FILE, SHARED_PARAMETERS
 from gslcosim.scenario import Scenario, load_scenario
-from gslcosim.scenario.loader import find_scenario, read_spec_file
+from gslcosim.scenario.checks.registry import find_problems
+from gslcosim.scenario.loader import find_scenario, raise_located, read_spec_file
 from gslcosim.scenario.problems import InvalidScenarioError, did_you_mean
 from gslcosim.scenario.serialization import dump_values, plain_values
 
@@ -152,17 +153,18 @@ class LoadedSuite:
         return self.suite.sandbox == "required" or any(inner.demands_sandbox for inner in self.included)
 
 
-def load_suite(source: str | Path, *, seed: int | None = None) -> LoadedSuite:
+def load_suite(source: str | Path, *, seed: int | None = None, is_flown: bool = False) -> LoadedSuite:
     """Read and check a suite, with all that it includes.
 
     Args:
         source: A file, or the name of a bundled suite.
         seed: Replaces the suite's seed, and that of the suites it includes.
+        is_flown: Whether its scenarios and the programs of its entries have to be there.
 
     Raises:
         ScenarioError: there is no such suite, or it has problems: all of them in one error.
     """
-    return _load(source, seed, within=())
+    return _load(source, seed, within=(), is_flown=is_flown)
 
 
 def find_suite(source: str | Path) -> Path:
@@ -187,17 +189,19 @@ def find_suite(source: str | Path) -> Path:
     )
 
 
-def _load(source: str | Path, seed: int | None, within: tuple[Path, ...]) -> LoadedSuite:
+def _load(source: str | Path, seed: int | None, within: tuple[Path, ...], *, is_flown: bool) -> LoadedSuite:
     path = find_suite(source).resolve()
     if path in within:
         chain = " includes ".join(inner.parent.name for inner in (*within, path))
         raise ScenarioError(f"{source}: include: expected suites that do not include themselves, was {chain}.")
     shown_path = str(source) if Path(source).is_file() else str(path)
     suite = read_spec_file(path, Suite, shown_path=shown_path, keys="scenarios and entries")
+    if is_flown:
+        raise_located(find_problems("suite", suite, path.parent), path, shown_path=shown_path)
     if seed is not None:
         suite = suite.model_copy(update={"seed": seed})
-    included = tuple(_load(_beside(path, name), seed, (*within, path)) for name in suite.include)
-    return LoadedSuite(suite=suite, path=path, directory=path.parent, shown_path=shown_path, included=included)
+    inner = (_load(_beside(path, name), seed, (*within, path), is_flown=is_flown) for name in suite.include)
+    return LoadedSuite(suite=suite, path=path, directory=path.parent, shown_path=shown_path, included=tuple(inner))
 
 
 def _beside(path: Path, name: str) -> str | Path:

@@ -25,7 +25,7 @@ from gslcosim.bench.cases.suite_files import LoadedSuite, load_suite, write_suit
 from gslcosim.bench.execution.pool import POLL_PERIOD_S, Job, JobResult, LocalPool, Pool, iterate_results, n_cores
 from gslcosim.bench.execution.scoring import COMPLETED, Row, row_without_result
 from gslcosim.bench.execution.trial import ALL_CASES, TrialResult, map_keys
-from gslcosim.bench.execution.verification import check_sandbox
+from gslcosim.bench.execution.verification import check_machine
 from gslcosim.bench.results import Results
 from gslcosim.bench.store import (
     MAPS_SCHEMA,
@@ -553,10 +553,10 @@ def run(
         UsageError: the folder cannot be used or written, or the suite demands a sandbox that is not here.
         KeyboardInterrupt: it was interrupted; what was run is kept.
     """
-    loaded = suite if isinstance(suite, LoadedSuite) else load_suite(suite)
+    loaded = suite if isinstance(suite, LoadedSuite) else load_suite(suite, is_flown=True)
     n_workers = jobs or n_cores()
     plan = build_plan(loaded)
-    check_sandbox(plan)
+    check_machine(plan)
     summary = SuiteRun(
         plan,
         ResultsFolder(Path(folder)),

@@ -26,6 +26,8 @@ from gslcosim.runtime.processes.sandbox.selection import (
     is_sandboxed,
     unavailable_reason,
 )
+from gslcosim.scenario.checks.registry import list_scenario_checks
+from gslcosim.scenario.problems import InvalidScenarioError, TextLocation, TextLocations, locate
 
 
 def check_sandbox(plan: Plan) -> None:
@@ -40,6 +42,26 @@ def check_sandbox(plan: Plan) -> None:
             f"{plan.loaded.shown_path}: sandbox: expected a machine that has a sandbox for agents, was one without "
             f"({reasons}). Install bubblewrap, or fly the suite on another machine."
         )
+
+
+def check_machine(plan: Plan) -> None:
+    """Refuse to fly a suite on a machine that lacks what it needs: a sandbox, or what draws pictures of cameras.
+
+    Raises:
+        UsageError: the suite demands a sandbox, and there is none here.
+        ScenarioError: pictures cannot be drawn here.
+    """
+    check_sandbox(plan)
+    # One stands for all: what draws does not depend on the case. To read thousands of scenarios takes its time.
+    likely = (trial for trial in plan.trials if "camera" in trial.scenario_json)
+    seeing = next((trial for trial in likely if trial.resolved.cameras), None)
+    if seeing is None:
+        return
+    source = f"{plan.loaded.shown_path}: case {seeing.case}, entry {seeing.entry}"
+    checks = list_scenario_checks("machine", without=("sandboxes",))
+    problems = [problem for check in checks for problem in check(seeing.resolved, seeing.directory)]
+    if problems:
+        raise InvalidScenarioError(locate(problems, TextLocations(TextLocation(source=source))), name=source)
 
 
 def check_confinable(trials: Sequence[Trial], folder: Path) -> None:

@@ -80,7 +80,7 @@ def find_target(source: str, entry: str, *, repetitions: int | None = None, seed
             )
         loaded = _suite_around(source, chosen, repetitions=repetitions or REPETITIONS, seed=seed)
     else:
-        loaded = load_suite(source, seed=seed)
+        loaded = load_suite(source, seed=seed, is_flown=True)
         if repetitions is not None:
             loaded = with_changed_fields(loaded, repetitions=repetitions)
         chosen = _entry_in(loaded, entry)

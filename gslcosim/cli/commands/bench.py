@@ -315,7 +315,7 @@ def _planned(arguments: argparse.Namespace, *, is_quiet: bool) -> "tuple[LoadedS
     from gslcosim.bench.cases import build_plan, load_suite
     from gslcosim.cli.run_output import show_count_progress
 
-    loaded = load_suite(arguments.suite, seed=arguments.seed)
+    loaded = load_suite(arguments.suite, seed=arguments.seed, is_flown=True)
     with show_count_progress("planning", is_quiet=is_quiet) as report:
         plan = build_plan(loaded, progress=lambda n: report(n, 0))
     return loaded, plan
@@ -323,10 +323,10 @@ def _planned(arguments: argparse.Namespace, *, is_quiet: bool) -> "tuple[LoadedS
 
 # A cluster's nodes tell for themselves, run by run.
 def _check_here(arguments: argparse.Namespace, plan: "Plan") -> None:
-    from gslcosim.bench.execution.verification import check_sandbox
+    from gslcosim.bench.execution.verification import check_machine
 
     if arguments.ray is None:
-        check_sandbox(plan)
+        check_machine(plan)
 
 
 def _pool(arguments: argparse.Namespace, limits: "LimitsSpec") -> "Pool":

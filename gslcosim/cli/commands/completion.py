@@ -9,7 +9,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from gslcosim.base.bundled import bundled_agents, bundled_scenarios, bundled_suites, bundled_train_files
+from gslcosim.base.bundled import (
+    bundled_agents,
+    bundled_families,
+    bundled_scenarios,
+    bundled_suites,
+    bundled_train_files,
+)
 from gslcosim.base.disk_cache import FOLDERS
 from gslcosim.base.plugins import EntryPoints
 from gslcosim.cli.arguments import RUNS_DIR, Command, CommandFamily, CommandGroup, command_parsers
@@ -94,6 +100,7 @@ COMPLETIONS: Mapping[str, Sequence[FindWords]] = {
     "SCENARIO": [_SCENARIOS, _YAML_FILES],
     "SCENARIO_OR_LAYOUT": [_SCENARIOS, _named(_layouts), _YAML_FILES],
     "SUITE": [_SUITES, _YAML_FILES],
+    "validate FILE": [_SCENARIOS, _SUITES, _named(bundled_families), _named(bundled_train_files), _AGENTS, _YAML_FILES],
     "bench sweep SUITE": [_SUITES, _SCENARIOS, _YAML_FILES],
     "bench tune SUITE": [_SUITES, _SCENARIOS, _YAML_FILES],
     "train FILE": [_named(bundled_train_files), _YAML_FILES],

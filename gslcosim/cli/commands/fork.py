@@ -9,15 +9,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import UsageError
-from gslcosim.cli.arguments import (
-    Command,
-    add_runs_dir_option,
-    check_drawing,
-    check_methods,
-    check_places,
-    check_stored_gas,
-    find_in_run,
-)
+from gslcosim.cli.arguments import Command, add_runs_dir_option, find_in_run
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
@@ -91,6 +83,7 @@ def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int
     from gslcosim.cli.run_output import format_summary, show_run_progress
     from gslcosim.runtime.replay.fork import prepare_fork, run_fork
     from gslcosim.runtime.replay.past_run import PastRun
+    from gslcosim.scenario.checks.registry import list_scenario_checks
 
     manifest = find_in_run(arguments.run, runs_dir=arguments.runs_dir, file_name="manifest.json")
     past = PastRun.load(manifest.parent)
@@ -102,7 +95,7 @@ def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int
             *event_overrides(past.scenario, arguments.event),
             *arguments.set,
         ],
-        checks=(check_places, check_methods, check_stored_gas, check_drawing),
+        checks=list_scenario_checks(processes=arguments.processes),
         uses_snapshots=not arguments.from_start,
     )
     if fork.note:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.base.untrusted_input import escape_terminal_text
-from gslcosim.cli.arguments import Command, check_places, parse_positive_number, parse_whole_number
+from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
 
 if TYPE_CHECKING:
@@ -96,9 +96,11 @@ def _numbers(text: str) -> tuple[float, ...]:
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.environment.generation import build_jobs, generate_many
     from gslcosim.environment.positions import draw_positions
+    from gslcosim.scenario.checks.registry import list_scenario_checks
     from gslcosim.scenario.loader import load_recipe
 
-    recipe = load_recipe(arguments.source, overrides=arguments.set, checks=(check_places,), placer=draw_positions)
+    checks = list_scenario_checks("room", without=("stored gas",))
+    recipe = load_recipe(arguments.source, overrides=arguments.set, checks=checks, placer=draw_positions)
     arguments.out = arguments.out or Path("environments") / recipe.name
     if arguments.mesh_study:
         return _study_meshes(recipe, arguments)

@@ -52,7 +52,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.training.train_file import load_train_file
     from gslcosim.training.training_run import Training, build_entry, record_runs
 
-    file = load_train_file(arguments.file)
+    file = load_train_file(arguments.file, is_flown=True)
     name = file.spec.name
     folder = arguments.out or TRAINED_DIR / name
     with _Watch(f"training {name}", is_quiet=arguments.json) as watch:

@@ -1,4 +1,4 @@
-"""`gslcosim up`, `serve` and `validate`: fly a scenario, keep a warm server for it, or name its problems."""
+"""`gslcosim up` and `serve`: fly a scenario, or keep a warm server for it."""
 
 import argparse
 import contextlib
@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gslcosim.base.errors import ExitCode, UsageError
+from gslcosim.base.errors import UsageError
 from gslcosim.cli.arguments import Command, add_pace_option, add_runs_dir_option, add_scenario_arguments, load_checked
 from gslcosim.cli.commands.view import add_live_options, open_live_view
 from gslcosim.cli.terminal import add_json_option, finish_output, write, write_json, write_note
@@ -19,50 +19,6 @@ if TYPE_CHECKING:
     from gslcosim.runtime.network import Network
     from gslcosim.runtime.processes.fork_server import ForkServer
     from gslcosim.runtime.status import RunStatus
-
-VALIDATE_EXAMPLES = """  gslcosim validate my_scenario.yaml
-  gslcosim validate warehouse_empty --set wind.cell_m=0.1
-  gslcosim validate my_scenario.yaml --resolved > complete.yaml"""
-
-
-def _add_validate_arguments(parser: argparse.ArgumentParser) -> None:
-    add_scenario_arguments(parser)
-    parser.add_argument(
-        "--resolved", action="store_true", help="print the scenario with all defaults and changes filled in"
-    )
-    add_json_option(parser)
-
-
-def _run_validate(arguments: argparse.Namespace) -> int:
-    from gslcosim.scenario import dump_resolved
-    from gslcosim.scenario.problems import InvalidScenarioError
-    from gslcosim.scenario.serialization import plain_values
-
-    try:
-        loaded = load_checked(arguments)
-    except InvalidScenarioError as error:
-        if not arguments.json:
-            raise
-        write_json({"valid": False, "problems": [located.as_fields() for located in error.problems]})
-        return ExitCode.USAGE
-    if arguments.json:
-        write_json({"valid": True, "problems": [], "scenario": plain_values(loaded.scenario)})
-    elif arguments.resolved:
-        write(dump_resolved(loaded.scenario).rstrip("\n"))
-    else:
-        agents = ", ".join(agent.name for agent in loaded.scenario.agents)
-        write(f"{arguments.scenario}: valid. Scenario {loaded.name}, seed {loaded.scenario.seed}, agents: {agents}.")
-    return 0
-
-
-VALIDATE = Command(
-    name="validate",
-    summary="check a scenario and tell all its problems at once",
-    examples=VALIDATE_EXAMPLES,
-    add_arguments=_add_validate_arguments,
-    run=_run_validate,
-)
-
 
 Report = Callable[["RunStatus"], None]
 UP_EXAMPLES = """  gslcosim up warehouse_empty

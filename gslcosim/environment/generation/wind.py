@@ -105,7 +105,7 @@ def _own_wind(wind: WindSpec, setup: WindSetup) -> SolvedWind:
         return SolvedWind(frames=_uniform(room, wind))
     if wind.file is not None or (spec.folder_key is not None and wind.solver in ("auto", "stored")):
         progress("Reading the wind", 0.0)
-        stored = _stored(room, spec, wind, scenario_dir)
+        stored = read_stored_wind(room, spec, wind, scenario_dir)
         if stored is not None:
             return stored
     if wind.solver == "stored":
@@ -163,9 +163,20 @@ def _uniform(room: EnvironmentGeometry, wind: WindSpec) -> WindFrames:
 
 
 # Nothing when an imported folder brings no wind. Gaps in a wind are warnings to the user, and stay with the folder.
-def _stored(
+def read_stored_wind(
     room: EnvironmentGeometry, spec: EnvironmentSpec, wind: WindSpec, scenario_dir: Path | None
 ) -> SolvedWind | None:
+    """Return the wind that a scenario names a file or folder of, or that its environment's folder brings, if it does.
+
+    Args:
+        room: What the wind has to fit.
+        spec: Where the room comes from.
+        wind: What the scenario says of the wind.
+        scenario_dir: What relative paths are relative to.
+
+    Raises:
+        EnvironmentDataError: a file is not what it should be.
+    """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         if wind.file is not None:

@@ -20,22 +20,8 @@ from pydantic import (
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
 from gslcosim.base.plugins import EntryPoints, PluginError
+from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
-
-RULE = "scenario_rule"
-
-
-def broken_rule_error(*, expected: str, found: str, remedy: str = "", key: str = "") -> PydanticCustomError:
-    """Return what a model's own validator raises: a rule between the fields of a block that does not hold.
-
-    `key` names the field inside the block that is to be changed; empty for the block as a whole.
-    """
-    return PydanticCustomError(
-        RULE,
-        "expected {expected}, was {found}. {remedy}",
-        {"expected": expected, "found": found, "remedy": remedy, "key": key},
-    )
-
 
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 Positive = Annotated[float, Field(gt=0)]

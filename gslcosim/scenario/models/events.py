@@ -4,17 +4,9 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, SerializeAsAny, model_validator
 
+from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
-from gslcosim.scenario.models.base import (
-    Fraction,
-    Name,
-    NonNegative,
-    OneOf,
-    Positive,
-    Spec,
-    broken_rule_error,
-    format_point,
-)
+from gslcosim.scenario.models.base import Fraction, Name, NonNegative, OneOf, Positive, Spec, format_point
 
 
 class TriggerSpec(Spec):

@@ -7,17 +7,9 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import Field, SerializeAsAny, model_validator
 
 from gslcosim.base.plugins import EntryPoints
+from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
-from gslcosim.scenario.models.base import (
-    KindedSpec,
-    Name,
-    NonNegative,
-    OneOf,
-    Positive,
-    Spec,
-    broken_rule_error,
-    format_point,
-)
+from gslcosim.scenario.models.base import KindedSpec, Name, NonNegative, OneOf, Positive, Spec, format_point
 
 
 class ReleaseSpec(KindedSpec):

@@ -11,18 +11,9 @@ from typing import Annotated, Any, Literal, Self, cast
 from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
+from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
-from gslcosim.scenario.models.base import (
-    Count,
-    Fraction,
-    Name,
-    NonNegative,
-    Positive,
-    RoomEdge,
-    Spec,
-    broken_rule_error,
-    format_point,
-)
+from gslcosim.scenario.models.base import Count, Fraction, Name, NonNegative, Positive, RoomEdge, Spec, format_point
 
 
 def check_box(min_m: Vec3, max_m: Vec3) -> None:

@@ -5,10 +5,11 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import AfterValidator, Field, SerializeAsAny, StringConstraints, model_validator
 
 from gslcosim.base.plugins import EntryPoints
+from gslcosim.base.problems import broken_rule_error
 from gslcosim.contract.environment_messages import WIND
 from gslcosim.contract.messages import ParameterValue
 from gslcosim.contract.participant_messages import VENTILATION, build_own_port
-from gslcosim.scenario.models.base import Name, OneOf, Positive, Spec, broken_rule_error
+from gslcosim.scenario.models.base import Name, OneOf, Positive, Spec
 
 # What a run gives its processes there.
 _OUR_PREFIX = "GSLCOSIM_"

@@ -6,11 +6,12 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from gslcosim.base.errors import VehicleError
+from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
 from gslcosim.contract.messages import ParameterValue
 from gslcosim.contract.participant import Inbox, Read
-from gslcosim.scenario.models.base import Name, NonNegative, Positive, broken_rule_error
+from gslcosim.scenario.models.base import Name, NonNegative, Positive
 from gslcosim.scenario.models.base import Spec as Spec
 from gslcosim.scenario.models.events import Event, EventSpec
 from gslcosim.scenario.models.gas import Gas

@@ -7,8 +7,9 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, SerializeAsAny, TypeAdapter, model_validator
 
 from gslcosim.base.plugins import EntryPoints, PluginError
+from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
-from gslcosim.scenario.models.base import Name, NonNegative, OneOf, Positive, Spec, broken_rule_error, format_point
+from gslcosim.scenario.models.base import Name, NonNegative, OneOf, Positive, Spec, format_point
 
 
 class SensorSpec(Spec):

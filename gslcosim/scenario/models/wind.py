@@ -11,8 +11,9 @@ from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 from pydantic import Field, SerializeAsAny, model_validator
 
 from gslcosim.base.plugins import EntryPoints
+from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
-from gslcosim.scenario.models.base import KindedSpec, NonNegative, OneOf, Positive, Spec, broken_rule_error
+from gslcosim.scenario.models.base import KindedSpec, NonNegative, OneOf, Positive, Spec
 
 # Third parties add theirs under this name; each entry point is a class that derives from `SolverSpec`.
 WIND_ENTRY_POINTS = "gslcosim.wind_solvers"

@@ -77,12 +77,18 @@ def find_batch_refusal(scenario: Scenario, flying: str = EXACT) -> str | None:
         scenario: The scenario.
         flying: One of `FLYING`: how its vehicle is to fly.
     """
-    for key, expected, found in _misfits(scenario, flying):
+    for key, expected, found in list_batch_misfits(scenario, flying):
         return f"{key}: expected {expected}, was {found}. {ELSE}"
     return None
 
 
-def _misfits(scenario: Scenario, flying: str) -> Iterable[tuple[str, str, object]]:
+def list_batch_misfits(scenario: Scenario, flying: str) -> Iterable[tuple[str, str, object]]:
+    """Yield what keeps a scenario from being batched: its key, what is expected there, and what was found.
+
+    Args:
+        scenario: The scenario.
+        flying: One of `FLYING`: how its vehicle is to fly.
+    """
     if len(scenario.agents) != 1:
         yield "agents", "one agent in a batch", len(scenario.agents)
         return

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,14 +21,15 @@ from gslcosim.contract.messages import ParameterValue
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.methods.card import MethodCard, find_unmet_needs
 from gslcosim.runtime.status import RunResult
+from gslcosim.scenario.checks.registry import list_scenario_checks
 from gslcosim.scenario.loader import LoadedScenario, resolve_values
 from gslcosim.scenario.models.scenario import StartSpec
+from gslcosim.scenario.problems import Problem, did_you_mean
 from gslcosim.scenario.serialization import plain_values
 from gslcosim.search.learned.policy import ActionSettings
 from gslcosim.search.learned.recurrent_networks import CtrnnPolicy
 from gslcosim.training.trainers.search_pool import SearchPool
 from gslcosim.training.trainers.trainer import CtrnnSettings, MethodSettings, Weights, check_state, run_searches
-from gslcosim_services.sensing.briefing import find_method_problems
 
 
 class Evolution:
@@ -275,7 +276,7 @@ class CaseRun:
             scenario_dir=directory,
         )  # fmt: skip
         source = f"family {self.family}: entry {self.entry.name}"
-        flown = resolve_values(values, directory, source=source, checks=(find_method_problems,))
+        flown = resolve_values(values, directory, source=source, checks=list_scenario_checks("agents"))
         name = f"{case.name}/{case.scenario.seed}"
         return Trial(
             id=f"{self.entry.name}/{name}", index=0, case=name, scenario=case.name, family=self.family, varied="{}",
@@ -332,9 +333,9 @@ class EvolvedMethod:
     ) -> None:
         self.family, self.cases, self.settings = family, tuple(cases), settings
         self.seed, self.weights = seed, weights
-        if settings.method not in bundled_agents():
-            raise UsageError(f"trainer.method: expected a bundled method, was {settings.method!r}.")
-        self._card = _card_for(settings, self._entry({}))
+        if problem := next(find_method_settings_problems(settings), None):
+            raise UsageError(str(problem))
+        self._card = _find_method_card(settings)
         CaseRun(family=family, case=self.cases[0], entry=self._entry({})).check()
         self._begin = np.array([self._place_of_default(name) for name in settings.ranges])
         self._evolution = Evolution(
@@ -403,8 +404,7 @@ class EvolvedMethod:
         return 2.0 * min(max((float(default) - low) / (high - low), 0.0), 1.0) - 1.0
 
     def _entry(self, parameters: Mapping[str, ParameterValue]) -> EntrySpec:
-        s = self.settings
-        return EntrySpec(name=s.method, start=StartSpec(python=s.method), parameters=dict(parameters), robots=s.robots)
+        return build_method_entry(self.settings, parameters)
 
 
 def _allowed(card: MethodCard, name: str, value: float) -> ParameterValue:
@@ -412,30 +412,54 @@ def _allowed(card: MethodCard, name: str, value: float) -> ParameterValue:
     return round(value) if is_whole else value
 
 
-# Checked before anything is flown.
-def _card_for(settings: MethodSettings, entry: EntrySpec) -> MethodCard:
-    card = find_card(entry, Path())
+def build_method_entry(settings: MethodSettings, parameters: Mapping[str, ParameterValue]) -> EntrySpec:
+    """Return the method of a training as a suite enters it."""
+    start = StartSpec(python=settings.method)
+    return EntrySpec(name=settings.method, start=start, parameters=dict(parameters), robots=settings.robots)
+
+
+def find_method_settings_problems(settings: MethodSettings) -> Iterator[Problem]:
+    """Yield what is wrong with the method of a training, its robots and the ranges of its parameters.
+
+    Args:
+        settings: Of the trainer; places of problems begin with `trainer.`.
+    """
+    if settings.method not in bundled_agents():
+        remedy = did_you_mean(settings.method, bundled_agents())
+        yield Problem(path="trainer.method", expected="a bundled method", found=f"{settings.method!r}", remedy=remedy)
+        return
+    card = find_card(build_method_entry(settings, {}), Path())
     if card is None:
-        raise UsageError(f"trainer.method: expected a method with a card, was {settings.method}, which has none.")
+        found = f"{settings.method}, which has none"
+        yield Problem(path="trainer.method", expected="a method with a card", found=found)
+        return
     least, most = card.robots if isinstance(card.robots, tuple) else (card.robots, card.robots)
     if not least <= settings.robots <= most:
-        raise UsageError(
-            f"trainer.robots: expected {least if least == most else f'{least} to {most}'} for {settings.method}, was "
-            f"{settings.robots}."
-        )
+        expected = f"{least if least == most else f'{least} to {most}'} for {settings.method}"
+        yield Problem(path="trainer.robots", expected=expected, found=f"{settings.robots}")
     if not settings.ranges:
-        raise UsageError("trainer.ranges: expected at least one parameter with its least and most, was none.")
+        expected = "at least one parameter with its least and most"
+        yield Problem(path="trainer.ranges", expected=expected, found="none")
     for name, (low, high) in settings.ranges.items():
-        if not low < high:
-            raise UsageError(f"trainer.ranges.{name}: expected least below most, was {low:g} and {high:g}.")
-        for end in (low, high):
-            given = {name: _allowed(card, name, end)}
-            wrong = find_unmet_needs(card, sensors=(), knows=(), n_channels=0, parameters=given)
-            for shortage in wrong:
-                if shortage.part.startswith("parameters."):
-                    raise UsageError(
-                        f"trainer.ranges.{name}: expected {shortage.expected}, was {shortage.found}. {shortage.remedy}"
-                    )
+        yield from _find_range_problems(card, name, low, high)
+
+
+def _find_range_problems(card: MethodCard, name: str, low: float, high: float) -> Iterator[Problem]:
+    place = f"trainer.ranges.{name}"
+    if not low < high:
+        yield Problem(path=place, expected="least below most", found=f"{low:g} and {high:g}")
+    for end in (low, high):
+        given = {name: _allowed(card, name, end)}
+        for need in find_unmet_needs(card, sensors=(), knows=(), n_channels=0, parameters=given):
+            # The others are about the scenario.
+            if need.part.startswith("parameters."):
+                yield Problem(path=place, expected=need.expected, found=need.found, remedy=need.remedy)
+                return
+
+
+def _find_method_card(settings: MethodSettings) -> MethodCard:
+    card = find_card(build_method_entry(settings, {}), Path())
+    assert card is not None, "a method without a card is a problem of the settings"
     return card
 
 

@@ -4,7 +4,7 @@ One thread and float32: the same numbers come out each time on one machine.
 """
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import Any
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
+from gslcosim.scenario.problems import Problem
 from gslcosim.search.learned.policy import ActionSettings
 from gslcosim.search.learned.recurrent_networks import GruPolicy
 from gslcosim.training.trainers.trainer import Curriculum
@@ -189,6 +190,12 @@ REFUSED = "refused"
 # The outcome of a search that has ended by a collision.
 COLLISION = "collision"
 _OF_VALUES = ("value", "value_bias", "log_spread")
+# Settings by what they allow: whole numbers from 1, numbers above 0 and up to 1, numbers from 0.
+_WHOLE_SETTINGS = ("rounds", "horizon", "segments", "epochs", "parts", "n_encoded", "n_units")
+_SHARE_SETTINGS = ("learning_rate", "discount", "trace", "clip")
+_COST_SETTINGS = (
+    "entropy_weight", "value_weight", "max_gradient", "refused_cost", "collision_cost", "flown_spread",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,20 +231,27 @@ class PpoSettings:
     observations: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
-        for name in ("rounds", "horizon", "segments", "epochs", "parts", "n_encoded", "n_units"):
-            value = getattr(self, name)
+        if problem := next(self.find_problems(vars(self)), None):
+            raise UsageError(f"recurrent_ppo{problem}")
+
+    @classmethod
+    def find_problems(cls, values: Mapping[str, Any]) -> Iterator[Problem]:
+        """Yield what is wrong with settings as plain values; places begin with a dot, or are empty."""
+        known = [item.name for item in fields(cls)]
+        if unknown := sorted(set(values).difference(known)):
+            yield Problem(path="", expected=f"settings among {', '.join(known)}", found=", ".join(unknown))
+        for name in _WHOLE_SETTINGS:
+            value = values.get(name, getattr(cls, name))
             if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-                raise UsageError(f"recurrent_ppo.{name}: expected a whole number from 1, was {value!r}.")
-        for name, most in (("learning_rate", 1.0), ("discount", 1.0), ("trace", 1.0), ("clip", 1.0)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= most:
-                raise UsageError(f"recurrent_ppo.{name}: expected a number above 0 and up to {most:g}, was {value!r}.")
-        for name in (
-            "entropy_weight", "value_weight", "max_gradient", "refused_cost", "collision_cost", "flown_spread",
-        ):  # fmt: skip
-            value = getattr(self, name)
+                yield Problem(path=f".{name}", expected="a whole number from 1", found=f"{value!r}")
+        for name in _SHARE_SETTINGS:
+            value = values.get(name, getattr(cls, name))
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= 1.0:
+                yield Problem(path=f".{name}", expected="a number above 0 and up to 1", found=f"{value!r}")
+        for name in _COST_SETTINGS:
+            value = values.get(name, getattr(cls, name))
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < float("inf"):
-                raise UsageError(f"recurrent_ppo.{name}: expected a number from 0, was {value!r}.")
+                yield Problem(path=f".{name}", expected="a number from 0", found=f"{value!r}")
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "PpoSettings":
@@ -246,9 +260,8 @@ class PpoSettings:
         Raises:
             UsageError: one is unknown or wrong.
         """
-        known = [item.name for item in fields(cls)]
-        if unknown := sorted(set(values).difference(known)):
-            raise UsageError(f"recurrent_ppo: expected settings among {', '.join(known)}, was {', '.join(unknown)}.")
+        if problem := next(cls.find_problems(values), None):
+            raise UsageError(f"recurrent_ppo{problem}" if problem.path else f"recurrent_ppo: {problem}")
         given = dict(values)
         if (names := given.get("observations")) is not None:
             given["observations"] = tuple(map(str, names))

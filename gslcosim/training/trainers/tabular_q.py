@@ -1,6 +1,6 @@
 """Tabular Q-learning over many searches at once, the smallest example of a trainer."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.rng import stream
+from gslcosim.scenario.problems import Problem
 from gslcosim.search.learned.policy import ActionSettings
 from gslcosim.search.learned.value_table import (
     ChangeFeature,
@@ -20,6 +21,12 @@ from gslcosim.search.learned.value_table import (
 )
 from gslcosim.training.trainers.search_pool import SearchPool
 from gslcosim.training.trainers.trainer import TableSettings, Weights, check_state
+
+
+def find_action_problems(action: ActionSettings) -> Iterator[Problem]:
+    """Yield why a table cannot choose among actions: it needs some to choose from."""
+    if not action.n_choices:
+        yield Problem(path="action.kind", expected="heading for trainer.kind: table", found=action.kind)
 
 
 class TabularQ:
@@ -47,8 +54,8 @@ class TabularQ:
     def __init__(
         self, pool: SearchPool, *, action: ActionSettings, settings: TableSettings, seed: int, weights: Weights
     ) -> None:
-        if not action.n_choices:
-            raise UsageError(f"action.kind: expected heading for trainer.kind: table, was {action.kind}.")
+        if problem := next(find_action_problems(action), None):
+            raise UsageError(str(problem))
         self.pool, self.action, self.settings, self.seed, self.weights = pool, action, settings, seed, weights
         self._digits = _digits_of(settings)
         observed = (name for digit in self._digits for name in digit.observed)

@@ -198,7 +198,7 @@ def _build_playback_field(gas: PlaybackGasSpec, setup: GasSetup) -> GasField:
     path = Path(spec.folder)
     stored = _open_stored_gas(path, spec)
     if problems := _find_first_frame_problems(stored, gas):
-        lines = (f"{p.path}: expected {p.expected}, was {p.found}. {p.remedy}".rstrip() for p in problems)
+        lines = map(str, problems)
         raise ScenarioError("\n".join(lines))
     gases = list_gas_names(gas)
     return PlaybackField(

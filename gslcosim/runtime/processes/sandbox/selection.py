@@ -6,7 +6,7 @@ import re
 import stat
 import tempfile
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -31,6 +31,7 @@ from gslcosim.scenario import Scenario
 from gslcosim.scenario.loader import list_input_files
 from gslcosim.scenario.models.participants import ParticipantProgramSpec
 from gslcosim.scenario.models.scenario import AgentSpec
+from gslcosim.scenario.problems import Problem
 
 # More than that is not searched: the run is refused.
 MAX_ENTRIES = 50_000
@@ -252,51 +253,69 @@ def choose_sandbox(agent: ConfinementSpec) -> SandboxKind:
     Raises:
         UsageError: the one that the scenario demands does not work here.
     """
-    if agent.sandbox == "auto":
-        return find_strongest_sandbox()
-    if agent.sandbox == "required":
-        if (strongest := find_strongest_sandbox()) == "none":
-            raise UsageError(
-                f"{agent.place}.sandbox: expected a sandbox on this machine, there is none: "
-                f"{unavailable_reason('bubblewrap')}; {unavailable_reason('landlock')}. Install bubblewrap, or take "
-                "auto."
-            )
-        return strongest
-    if reason := unavailable_reason(agent.sandbox):
-        raise UsageError(
-            f"{agent.place}.sandbox: expected {agent.sandbox} on this machine, but {reason}. Install it, or take "
-            "auto for the strongest that works here; `gslcosim doctor` says which that is."
-        )
-    return agent.sandbox
+    _raise_problem(agent, _find_missing_sandbox(agent))
+    return find_strongest_sandbox() if agent.sandbox in ("auto", "required") else agent.sandbox
 
 
-def _describe_sandbox(agent: AgentSpec, *, is_one_process: bool) -> str:
-    is_object = is_one_process and not agent.start.is_behind_gateway
-    if agent.start.attach or is_object:
-        _check_no_demands(agent)
-        return NONE_STARTED_ELSEWHERE if agent.start.attach else NONE_IN_THIS_PROCESS
-    return _describe_started(agent)
+def find_sandbox_problems(scenario: Scenario, directory: Path) -> Iterator[Problem]:
+    """Yield what a scenario demands for its processes, and this machine or the way they are started does not give.
+
+    Args:
+        scenario: What is to be flown; its `processes` say whether Python agents are objects.
+        directory: Not needed.
+    """
+    del directory
+    is_one_process = scenario.processes == "one"
+    for i, agent in enumerate(scenario.agents):
+        if agent.process == agent.name:
+            problems = _find_unmet_demands(agent, is_one_process=is_one_process)
+            yield from (replace(problem, path=f"agents[{i}].{problem.path}") for problem in problems)
+    for i, participant in enumerate(scenario.participants):
+        problems = _find_unmet_demands_of_process(participant)
+        yield from (replace(problem, path=f"participants[{i}].{problem.path}") for problem in problems)
 
 
-def _describe_started(agent: ConfinementSpec) -> str:
-    kind = choose_sandbox(agent)
-    if agent.limits.are_given and not is_launcher_possible():
-        raise UsageError(f"{agent.place}.limits: expected Linux for limits, was another system. Leave them out.")
-    gaps = list_open_gaps(kind)
-    name = f"landlock {confinement.read_landlock_version()}" if kind == "landlock" else kind
-    return f"{name} (open: {', '.join(gaps)})" if gaps else name
+def _find_unmet_demands(agent: AgentSpec, *, is_one_process: bool) -> Iterator[Problem]:
+    if agent.start.attach or (is_one_process and not agent.start.is_behind_gateway):
+        return _find_demands_without_process(agent)
+    return _find_unmet_demands_of_process(agent)
 
 
-def list_open_gaps(kind: SandboxKind) -> list[str]:
-    """Return in words what a sandbox leaves open on this machine that it closes on others."""
-    if kind == "landlock":
-        return confinement.list_missing_protections(confinement.read_landlock_version())
-    if kind == "bubblewrap" and not confinement.can_filter():
-        return ["keys of the user, perf, watching of files and io_uring are not refused on this kind of processor"]
-    return []
+def _find_unmet_demands_of_process(agent: ConfinementSpec) -> Iterator[Problem]:
+    found = (_find_missing_sandbox(agent), _find_missing_limits(agent), _find_unset_variable(agent, os.environ))
+    return (problem for problem in found if problem is not None)
 
 
-def _check_no_demands(agent: AgentSpec) -> None:
+def _find_missing_sandbox(agent: ConfinementSpec) -> Problem | None:
+    if agent.sandbox == "required" and find_strongest_sandbox() == "none":
+        reasons = f"{unavailable_reason('bubblewrap')}; {unavailable_reason('landlock')}"
+        remedy = f"{reasons[:1].upper()}{reasons[1:]}. Install bubblewrap, or take auto."
+        return Problem(path="sandbox", expected="a sandbox on this machine", found="none", remedy=remedy)
+    if agent.sandbox in ("auto", "required") or not (reason := unavailable_reason(agent.sandbox)):
+        return None
+    return Problem(
+        path="sandbox",
+        expected=f"{agent.sandbox} on this machine",
+        found=f"one where it does not work: {reason}",
+        remedy="Install it, or take auto for the strongest that works here; `gslcosim doctor` says which that is.",
+    )
+
+
+def _find_missing_limits(agent: ConfinementSpec) -> Problem | None:
+    if not agent.limits.are_given or is_launcher_possible():
+        return None
+    return Problem(path="limits", expected="Linux for limits", found="another system", remedy="Leave them out.")
+
+
+def _find_unset_variable(agent: ConfinementSpec, around: Mapping[str, str]) -> Problem | None:
+    name = next((name for name, value in (agent.environment or {}).items() if value is None and name not in around), "")
+    if not name:
+        return None
+    expected = "a variable that is set where gslcosim starts, since it has no value here"
+    return Problem(path=f"environment.{name}", expected=expected, found="unset", remedy="Set it, or write its value.")
+
+
+def _find_demands_without_process(agent: AgentSpec) -> Iterator[Problem]:
     where = "started elsewhere" if agent.start.attach else "an object in this process"
     remedy = (
         "Confine it where it is started, and leave this out."
@@ -310,10 +329,38 @@ def _check_no_demands(agent: AgentSpec) -> None:
     }
     for key, value in wanted.items():
         if value:
-            raise UsageError(
-                f"agents.{agent.name}.{key}: expected an agent with a process that is started here for {value}, was "
-                f"{where}. {remedy}"
-            )
+            expected = f"an agent with a process that is started here for {value}"
+            yield Problem(path=key, expected=expected, found=where, remedy=remedy)
+
+
+def _raise_problem(agent: ConfinementSpec, problem: Problem | None) -> None:
+    if problem is not None:
+        raise UsageError(f"{agent.place}.{problem}")
+
+
+def _describe_sandbox(agent: AgentSpec, *, is_one_process: bool) -> str:
+    is_object = is_one_process and not agent.start.is_behind_gateway
+    if agent.start.attach or is_object:
+        _raise_problem(agent, next(_find_demands_without_process(agent), None))
+        return NONE_STARTED_ELSEWHERE if agent.start.attach else NONE_IN_THIS_PROCESS
+    return _describe_started(agent)
+
+
+def _describe_started(agent: ConfinementSpec) -> str:
+    kind = choose_sandbox(agent)
+    _raise_problem(agent, _find_missing_limits(agent))
+    gaps = list_open_gaps(kind)
+    name = f"landlock {confinement.read_landlock_version()}" if kind == "landlock" else kind
+    return f"{name} (open: {', '.join(gaps)})" if gaps else name
+
+
+def list_open_gaps(kind: SandboxKind) -> list[str]:
+    """Return in words what a sandbox leaves open on this machine that it closes on others."""
+    if kind == "landlock":
+        return confinement.list_missing_protections(confinement.read_landlock_version())
+    if kind == "bubblewrap" and not confinement.can_filter():
+        return ["keys of the user, perf, watching of files and io_uring are not refused on this kind of processor"]
+    return []
 
 
 def build_environment_variables(
@@ -331,12 +378,8 @@ def build_environment_variables(
     """
     around = os.environ if surroundings is None else surroundings
     variables = build_short_environment(command, around)
+    _raise_problem(agent, _find_unset_variable(agent, around))
     for name, value in (agent.environment or {}).items():
-        if value is None and name not in around:
-            raise UsageError(
-                f"{agent.place}.environment.{name}: expected a variable that is set where gslcosim starts, since it "
-                "has no value here, was unset. Set it, or write its value."
-            )
         variables[name] = around[name] if value is None else value
     return variables
 

@@ -5,8 +5,9 @@ import os
 
 import pytest
 
-from gslcosim.cli import arguments
+from gslcosim.base.bundled import bundled_agents
 from gslcosim.cli.main import main
+from gslcosim.runtime import rendering
 from gslcosim.scenario import Scenario, load_scenario
 
 
@@ -106,8 +107,8 @@ def test_cameras_where_nothing_draws_are_problems_of_the_scenario(capsys, monkey
 
 
 def test_a_driver_that_crashes_is_reported(monkeypatch):
-    monkeypatch.setattr(arguments.sys, "executable", "false")
-    assert arguments.rendering_unavailable_reason() == "The driver crashed; `gslcosim doctor` tells more."
+    monkeypatch.setattr(rendering.sys, "executable", "false")
+    assert rendering.rendering_unavailable_reason() == "The driver crashed; `gslcosim doctor` tells more."
 
 
 @pytest.mark.parametrize("command", ["validate", "up"])
@@ -160,3 +161,205 @@ def test_of_thousands_of_problems_the_first_are_reported(tmp_path, capsys):
     lines = capsys.readouterr().err.splitlines()
     assert 100 < len(lines) < 110
     assert "expected fewer problems, was 190" in "".join(lines[:2])
+
+
+WIND_FILE = ["--set=wind.solver={file: WIND}", "--set=wind.cell_m=0.5"]
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [(None, "was missing"), ("1,2\n", "expected"), ("u,v,w\nx,0,0\n", "expected")],
+)
+def test_wind_that_cannot_be_read_is_a_problem_of_the_scenario(capsys, tmp_path, content, told):
+    path = tmp_path / "wind.csv"
+    if content is not None:
+        path.write_text(content)
+    assert main(["validate", "tiny_room", *(each.replace("WIND", str(path)) for each in WIND_FILE)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("--set: wind.solver.file: expected wind that fits the room, was ")
+    assert told in line
+
+
+def test_wind_that_can_be_read_is_none(capsys, tmp_path):
+    (tmp_path / "wind.csv").write_text("0.3,0,0\n")
+    assert (
+        main(["validate", "tiny_room", *(each.replace("WIND", str(tmp_path / "wind.csv")) for each in WIND_FILE)]) == 0
+    )
+    assert capsys.readouterr().out.startswith("tiny_room: valid. ")
+
+
+@pytest.mark.parametrize("command", ["validate", "up"])
+def test_demands_that_cannot_be_met_are_reported_together(capsys, monkeypatch, command):
+    monkeypatch.delenv("GONE", raising=False)
+    monkeypatch.setenv("PATH", "")
+    changes = ["agents[0].sandbox=bubblewrap", "agents[0].environment={GONE: null}"]
+    assert main([command, "tiny_room", *(f"--set={change}" for change in changes)]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.partition(", ")[0] for line in lines[1:]] == [
+        "--set: agents[0].environment.GONE: expected a variable that is set where gslcosim starts",
+        "--set: agents[0].sandbox: expected bubblewrap on this machine",
+    ]
+
+
+SUITE = """schema: gslcosim/suite/1
+name: s
+scenarios: [tiny_rom, tiny_room]
+entries:
+  - {name: a, start: {python: bad.py}}
+  - {name: b, start: {python: dung_beetl}}
+  - {name: c, start: {python: dung_beetle}, parameters: {leg: 1}, parameters_in: {tiny_room: {eps: x}}}
+"""
+
+
+@pytest.mark.parametrize("command", [["validate"], ["bench", "plan"], ["bench", "run"]])
+def test_a_suite_tells_all_problems_of_scenarios_and_entries_at_once(capsys, tmp_path, command):
+    (tmp_path / "bad.py").write_text("def step(:\n")
+    (tmp_path / "suite.yaml").write_text(SUITE)
+    assert main([*command, str(tmp_path / "suite.yaml")]) == 2
+    _, *lines = capsys.readouterr().err.splitlines()
+    assert [line.removeprefix(f"{tmp_path}/").partition(": expected")[0] for line in lines] == [
+        "suite.yaml:3: scenarios[0]",
+        "suite.yaml:5: entries[0].start.python",
+        "suite.yaml:6: entries[1].start.python",
+        "suite.yaml:7: entries[2].parameters.leg",
+        "suite.yaml:7: entries[2].parameters_in.tiny_room.eps",
+    ]
+
+
+@pytest.mark.parametrize("command", [["validate"], ["bench", "plan"]])
+def test_a_suite_tells_what_is_wrong_in_all_cases_at_once(capsys, tmp_path, command):
+    entries = (
+        "[{name: a, start: {python: oracle}, knows: {}}, {name: b, start: {python: surge_cast}, sensors: by_method}]"
+    )
+    (tmp_path / "suite.yaml").write_text(
+        "schema: gslcosim/suite/1\nname: s\nanchors: []\n"
+        f"scenarios: [tiny_room, {{source: warehouse_empty, set: {{wind.cell: 1}}}}]\nentries: {entries}\n"
+    )
+    assert main([*command, str(tmp_path / "suite.yaml")]) == 2
+    _, *lines = capsys.readouterr().err.splitlines()
+    assert [line.partition("scenarios")[2].partition(": expected")[0] for line in lines] == [
+        "[0] tiny_room: entry a: agents[0].knows", "[1] warehouse_empty: wind.cell"
+    ]  # fmt: skip
+
+
+def test_a_suite_without_entries_is_refused(capsys, tmp_path):
+    (tmp_path / "suite.yaml").write_text(
+        "schema: gslcosim/suite/1\nname: s\nscenarios: [tiny_room]\nentries: []\nanchors: []\n"
+    )
+    assert main(["validate", str(tmp_path)]) == 2
+    assert "suite.yaml:4: entries: expected at least one entry, was none." in capsys.readouterr().err
+
+
+CARD = """schema: gslcosim/method/1
+title: X
+family: reactiv
+summary: flies
+paper: none
+needs: {sensors: [gaz]}
+includes: [nope]
+parameters:
+  a: {default: null, origin: x, meaning: y}
+  b: {default: 3, max: 2, origin: x, meaning: y}
+"""
+
+
+def test_a_card_tells_all_its_problems_with_their_lines(capsys, tmp_path):
+    (tmp_path / "method.yaml").write_text(CARD)
+    assert main(["validate", str(tmp_path), "--json"]) == 2
+    printed = json.loads(capsys.readouterr().out)
+    assert [(each["line"], each["path"]) for each in printed["problems"]] == [
+        (3, "family"), (6, "needs.sensors"), (7, "includes"), (9, "parameters.a.type"), (10, "parameters.b.default")
+    ]  # fmt: skip
+    assert printed["problems"][0]["remedy"] == "Did you mean reactive?"
+
+
+def test_a_program_beside_a_card_is_parsed(capsys, tmp_path):
+    (tmp_path / "method.yaml").write_text(bundled_agents()["surge_cast"].with_name("method.yaml").read_text())
+    assert main(["validate", str(tmp_path / "method.yaml")]) == 0
+    (tmp_path / "agent.py").write_text("def step(:\n")
+    assert main(["validate", str(tmp_path / "method.yaml")]) == 2
+    assert "expected a Python file that can be parsed, was 'agent.py'" in capsys.readouterr().err
+
+
+TRAINING = """schema: gslcosim/train/1
+name: t
+family: open_halls
+trainer: {kind: method, method: c_pso, robots: 90, ranges: {inertia: [1, 0]}}
+cases: {training: 30000}
+"""
+
+
+@pytest.mark.parametrize("command", [["validate"], ["train"]])
+def test_a_train_file_tells_all_its_problems_at_once(capsys, tmp_path, command):
+    path = tmp_path / "t.train.yaml"
+    path.write_text(TRAINING)
+    assert main([*command, str(path)]) == 2
+    _, *lines = capsys.readouterr().err.splitlines()
+    assert [line.removeprefix(f"{tmp_path}/").partition(": expected")[0] for line in lines] == [
+        "t.train.yaml:4: trainer.ranges.inertia",
+        "t.train.yaml:4: trainer.robots",
+        "t.train.yaml:5: cases.training",
+    ]
+
+
+def test_settings_of_ppo_are_checked_without_training(capsys, tmp_path):
+    path = tmp_path / "t.train.yaml"
+    settings = "{rounds: 0, clip: 2, speed: 1}"
+    trainer = f"trainer: {{kind: recurrent_ppo, settings: {settings}}}"
+    path.write_text(TRAINING.replace(TRAINING.splitlines()[3], trainer).replace("30000", "3"))
+    assert main(["validate", str(path)]) == 2
+    error = capsys.readouterr().err
+    assert "trainer.settings.rounds: expected a whole number from 1, was 0" in error
+    assert "trainer.settings.clip: expected a number above 0 and up to 1, was 2" in error
+    assert "trainer.settings: expected settings among rounds, horizon" in error
+
+
+FAMILY = """schema: gslcosim/family/1
+name: f
+scenario: hall.yaml
+set: {SET}
+seeds: {training: {first: 700000, count: 4}, validation: {first: 700100, count: 4}, test: {first: 700200, count: 4}}
+"""
+
+
+def test_a_family_is_checked_by_its_first_cases(capsys, tmp_path):
+    (tmp_path / "hall.yaml").write_text(load_scenario("tiny_room").text)
+    (tmp_path / "family.yaml").write_text(FAMILY.replace("{SET}", "{}"))
+    assert main(["validate", str(tmp_path / "family.yaml")]) == 0
+    (tmp_path / "family.yaml").write_text(FAMILY.replace("{SET}", "{'gas.sources[0].position_m': [60, 2, 1]}"))
+    assert main(["validate", str(tmp_path / "family.yaml")]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert [f"seed {seed} of" in line for seed, line in zip((700000, 700100, 700200), lines[1:], strict=True)] == [
+        True
+    ] * 3
+    assert "family.yaml:3: scenario: expected a scenario of which each seed makes a case" in lines[1]
+    assert "gas.sources[0].position_m: expected a point in the room's air" in lines[1]
+
+
+def test_a_training_whose_cases_cannot_be_batched_is_refused(capsys, tmp_path):
+    (tmp_path / "hall.yaml").write_text(load_scenario("tiny_room").text)
+    (tmp_path / "family.yaml").write_text(
+        FAMILY.replace("{SET}", "{events: [{what: wind_changes, at_s: 5, share: 0.5}]}")
+    )
+    path = tmp_path / "t.train.yaml"
+    table = "trainer: {kind: table}\naction: {kind: velocity}"
+    path.write_text(
+        TRAINING.replace(TRAINING.splitlines()[3], table)
+        .replace("30000", "3, validation: 3")
+        .replace("open_halls", "family.yaml")
+    )
+    assert main(["validate", str(path)]) == 2
+    error = capsys.readouterr().err
+    assert "family: expected cases with events as trainer.kind: table flies them: none in a batch, was 1." in error
+    assert "t.train.yaml:5: action.kind: expected heading for trainer.kind: table, was velocity" in error
+
+
+@pytest.mark.parametrize("name", ["smoke", "surge_cast", "open_halls", "open_halls_table"])
+def test_bundled_files_of_each_kind_are_valid(capsys, name):
+    assert main(["validate", name]) == 0
+    assert capsys.readouterr().out.startswith(f"{name}: valid. ")
+
+
+def test_options_that_change_a_scenario_are_refused_with_other_files(capsys):
+    assert main(["validate", "surge_cast", "--resolved"]) == 2
+    assert "--resolved: expected a scenario with it, was the file of a method card" in capsys.readouterr().err

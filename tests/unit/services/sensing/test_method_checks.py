@@ -1,15 +1,15 @@
 import pytest
 
-from gslcosim.cli.arguments import check_methods
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.problems import InvalidScenarioError
+from gslcosim_services.sensing.briefing import find_method_problems
 
 
 def problems_with(*overrides):
     """Return the lines about a bundled scenario with these overrides."""
     try:
         start = ("agents[0].start={python: surge_cast}",)
-        load_scenario("tiny_room", overrides=(*start, *overrides), checks=(check_methods,))
+        load_scenario("tiny_room", overrides=(*start, *overrides), checks=(find_method_problems,))
     except InvalidScenarioError as error:
         return [str(problem) for problem in error.problems]
     return []

@@ -1,13 +1,18 @@
-"""Program checks: whether the programs of agents and participants are there."""
+"""Program checks: whether the programs of agents and participants are there, and are Python where they should be."""
 
+import ast
 import os
 import shutil
 import sys
+import warnings
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import cast
 
 from gslcosim.base.bundled import bundled_agents
+from gslcosim.base.files import read_regular_file
+from gslcosim.methods.card import MethodCard
 from gslcosim.scenario.problems import Problem, child_path, did_you_mean
 
 SCRIPT_ENDINGS = (".py", ".js", ".mjs", ".rb", ".pl", ".lua", ".jl", ".sh", ".m", ".jar", ".php", ".R")
@@ -75,7 +80,7 @@ def _why_no_path(text: str, *, is_argument: bool) -> str:
 
 
 def find_python_problem(name_or_file: str, *, directory: Path, path: str) -> Problem | None:
-    """Return what is wrong with `start.python`, or nothing when the agent's file is there.
+    """Return what is wrong with `start.python`, or nothing when the agent's file is there and is Python.
 
     Args:
         name_or_file: A file relative to `directory`, or the name of a bundled agent.
@@ -84,7 +89,9 @@ def find_python_problem(name_or_file: str, *, directory: Path, path: str) -> Pro
     """
     known = bundled_agents()
     file = (directory / name_or_file).resolve()
-    if file.is_file() or name_or_file in known:
+    if file.is_file():
+        return _find_syntax_problem(file, name_or_file, path)
+    if name_or_file in known:
         return None
     if "/" in name_or_file or name_or_file.endswith(".py"):
         return Problem(path=path, expected="a Python file", found=f"'{name_or_file}'", remedy=f"There is no {file}.")
@@ -125,6 +132,19 @@ def find_command_problem(command: tuple[str, ...], *, directory: Path, path: str
         remedy = f"The file system of {file} is mounted noexec." if is_mounted_so else f"Run: chmod +x {file}"
         return Problem(path=place, expected="a program that may be executed", found=found, remedy=remedy)
     return _problem_of_interpreter(file, directory, place, found) or _problem_of_script(command, directory, path)
+
+
+def find_neighbour_problems(card: MethodCard, directory: Path) -> Iterator[Problem]:
+    """Yield a problem for each Python file beside a method's card that cannot be parsed.
+
+    Args:
+        card: Not needed: a method's programs are what stands beside its card.
+        directory: The card's folder.
+    """
+    del card
+    for file in sorted(directory.glob("*.py")):
+        if problem := _find_syntax_problem(file.resolve(), file.name, ""):
+            yield problem
 
 
 # A script names its interpreter in its first line; the system says only "no such file" where that is missing.
@@ -191,8 +211,43 @@ def _names_in(folder: Path) -> list[str]:
 
 
 def _problem_of_script(command: tuple[str, ...], directory: Path, path: str) -> Problem | None:
-    script = command[1] if len(command) > 1 else ""
-    if not script.endswith(SCRIPT_ENDINGS) or (directory / script).is_file():
+    program, script = (*command, "")[:2]
+    if not script.endswith(SCRIPT_ENDINGS):
         return None
+    if (file := (directory / script).resolve()).is_file():
+        is_for_this_python = script.endswith(".py") and _is_this_python(program, directory)
+        return _find_syntax_problem(file, script, child_path(path, 1)) if is_for_this_python else None
     remedy = f"There is no {(directory / script).resolve()}."
     return Problem(path=child_path(path, 1), expected="a file", found=f"'{script}'", remedy=remedy)
+
+
+# Other versions of Python have another grammar.
+def _is_this_python(program: str, directory: Path) -> bool:
+    found = shutil.which(program) if "/" not in program else str(directory / program)
+    return found is not None and Path(found).resolve() == Path(sys.executable).resolve()
+
+
+def _find_syntax_problem(file: Path, written: str, path: str) -> Problem | None:
+    try:
+        stat = file.stat()
+        found = _describe_syntax_error(file, stat.st_mtime_ns, stat.st_size)
+    except OSError:
+        return None  # what may not be read by a person may be by the agent's process
+    if not found:
+        return None
+    return Problem(path=path, expected="a Python file that can be parsed", found=f"'{written}'", remedy=found)
+
+
+# A suite starts the same few files in thousands of trials.
+@lru_cache(maxsize=256)
+def _describe_syntax_error(file: Path, changed_ns: int, n_bytes: int) -> str:
+    del changed_ns, n_bytes
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            ast.parse(read_regular_file(file), str(file))
+    except SyntaxError as error:
+        place = f"{file}:{error.lineno}" if error.lineno else str(file)
+        return f"Correct {place}: {error.msg}."
+    except (ValueError, RecursionError, MemoryError) as error:
+        return f"Correct {file}: {error or 'it is nested too deeply'}."
+    return ""

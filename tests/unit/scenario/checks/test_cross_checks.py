@@ -2,7 +2,7 @@
 
 import pytest
 
-from gslcosim.scenario import checks
+from gslcosim.scenario.checks import cross_checks
 from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.models.gas import GASES as GAS_NAMES
 from gslcosim.scenario.models.sensors import SENSORS
@@ -97,7 +97,7 @@ def test_values_of_a_wrong_kind_are_left_to_the_models(problem_lines):
 
 
 def test_the_physics_step_is_that_of_the_world():
-    assert checks.PHYSICS_STEP_MS == world.PHYSICS_STEP_MS
+    assert cross_checks.PHYSICS_STEP_MS == world.PHYSICS_STEP_MS
 
 
 def test_the_gases_and_sensors_are_those_that_the_cores_have():

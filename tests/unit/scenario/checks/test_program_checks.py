@@ -7,7 +7,7 @@ import pytest
 
 from gslcosim.base.bundled import bundled_agents, bundled_scenarios
 from gslcosim.base.errors import ScenarioError
-from gslcosim.scenario import program_checks
+from gslcosim.scenario.checks import program_checks
 from gslcosim.scenario.loader import load_scenario
 
 PYTHON = "{python: dung_beetle}"
@@ -136,3 +136,33 @@ def test_what_the_system_cannot_execute_is_a_problem(tmp_path, scenario_file, mo
 def test_a_program_of_this_machine_is_accepted(tmp_path, scenario_file):
     shutil.copy(shutil.which("true"), tmp_path / "prog")
     assert load_scenario(scenario_file((PYTHON, "{command: [./prog]}")))
+
+
+@pytest.mark.parametrize(
+    ("content", "remedy"),
+    [
+        (b"x = 1\ndef step(:\n", ":2: invalid syntax."),
+        (b"x = '\xff'\n", "(unicode error) 'utf-8' codec can't decode byte 0xff"),
+        (b"x = 1\0\n", "null bytes"),
+        (b"(" * 500, ":1: too many nested parentheses."),
+    ],
+)
+@pytest.mark.parametrize("start", ["python: agent.py", "command: [PYTHON, agent.py]"])
+def test_a_python_program_that_cannot_be_parsed_is_a_problem_of_the_scenario(tmp_path, start, content, remedy):
+    (tmp_path / "agent.py").write_bytes(content)
+    file = tmp_path / "hall.yaml"
+    text = load_scenario("tiny_room").text
+    assert PYTHON in text
+    file.write_text(text.replace(PYTHON, f"{{{start.replace('PYTHON', sys.executable)}}}"))
+    with pytest.raises(ScenarioError, match=r"a Python file that can be parsed, was 'agent\.py'") as raised:
+        load_scenario(file)
+    assert remedy in str(raised.value)
+
+
+def test_a_program_for_another_python_is_not_parsed(tmp_path):
+    (tmp_path / "agent.py").write_text("print 'of Python 2'\n")
+    (tmp_path / "python2").write_text("#!/bin/sh\n")
+    (tmp_path / "python2").chmod(0o755)
+    file = tmp_path / "hall.yaml"
+    file.write_text(load_scenario("tiny_room").text.replace(PYTHON, "{command: [./python2, agent.py]}"))
+    load_scenario(file)

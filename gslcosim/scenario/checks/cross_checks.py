@@ -9,6 +9,7 @@ from typing import Any, cast
 from gslcosim.base.errors import VehicleError
 from gslcosim.base.quantities import PHYSICS_STEP_MS
 from gslcosim.base.ticks import NS_PER_S, seconds_from_ticks
+from gslcosim.scenario.checks.program_checks import find_command_problem, find_python_problem
 from gslcosim.scenario.models.base import Spec
 from gslcosim.scenario.models.gas import GASES
 from gslcosim.scenario.models.participants import ParticipantProgramSpec
@@ -22,7 +23,6 @@ from gslcosim.scenario.models.sensors import (
     sensor_names,
 )
 from gslcosim.scenario.problems import Problem, child_path, did_you_mean
-from gslcosim.scenario.program_checks import find_command_problem, find_python_problem
 from gslcosim.vehicles import get_vehicle, is_vehicle
 
 NS_PER_MS = 1_000_000

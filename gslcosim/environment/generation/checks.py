@@ -1,0 +1,58 @@
+"""Checks of a scenario's room: places in it, and the stored wind that blows through it."""
+
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.environment.generation.cache import find_environment
+from gslcosim.environment.positions import find_position_problems, find_position_problems_in
+from gslcosim.environment.variants import variant_scenarios
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.wind import WindSpec
+from gslcosim.scenario.problems import Problem
+
+_BUILDER = "gslcosim.environment.geometry_source"
+
+
+def find_place_problems(scenario: Scenario, directory: Path) -> Iterable[Problem]:
+    """Return what is wrong with the room of a scenario and with the places in it.
+
+    Args:
+        scenario: What is to be flown.
+        directory: The scenario's folder, where relative paths start.
+    """
+    # Where rooms have not been built yet, to build one takes a third of a second, for the compiler of its kernels; to
+    # load a room that was made before takes some milliseconds; to build further ones takes less than that.
+    if _BUILDER not in sys.modules:
+        made = [find_environment(each, scenario_dir=directory) for each in variant_scenarios(scenario)]
+        if made[0] is not None and all(made):
+            return find_position_problems_in(scenario, made[0])
+    return find_position_problems(scenario, scenario_dir=directory)
+
+
+def find_stored_wind_problems(scenario: Scenario, directory: Path) -> Iterable[Problem]:
+    """Return why the wind that a scenario reads from files, or from its environment's folder, cannot be its wind.
+
+    The files are read in full, as the preparation of a run does.
+
+    Args:
+        scenario: Its wind is stored, or may be.
+        directory: The scenario's folder, where relative paths start.
+    """
+    from gslcosim.environment.generation.wind import read_stored_wind
+    from gslcosim.environment.geometry_source import build_geometry, find_source_problems
+
+    spec, wind = scenario.environment, scenario.wind
+    if not isinstance(wind, WindSpec) or find_source_problems(spec, wind, scenario_dir=directory):
+        return ()  # the check of places tells what is wrong with a room, and no wind fits it
+    try:
+        stored = read_stored_wind(build_geometry(spec, wind, scenario_dir=directory), spec, wind, directory)
+    except EnvironmentDataError as error:
+        remedy = " ".join(str(error).split())
+    else:
+        if stored is not None or wind.solver != "stored":
+            return ()
+        remedy = "Take built_in to solve it, or solver: {file: PATH}."
+    path, found = ("wind.solver", wind.kind_name) if wind.file is None else ("wind.solver.file", wind.file)
+    return [Problem(path=path, expected="wind that fits the room", found=f"'{found}'", remedy=remedy)]

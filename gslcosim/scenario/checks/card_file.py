@@ -1,0 +1,54 @@
+"""Method cards as files that a user writes: all problems at once, each with its line."""
+
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from gslcosim.base.errors import ScenarioError, describe_os_error
+from gslcosim.base.files import read_regular_file
+from gslcosim.methods.card import MethodCard, is_list_of_shared_parameters, list_shared_parameters
+from gslcosim.scenario.checks.registry import find_problems
+from gslcosim.scenario.loader import MAX_BYTES
+from gslcosim.scenario.model_schema import format_value, problems_from_validation
+from gslcosim.scenario.problems import InvalidScenarioError, Problem, ProblemLike, locate
+from gslcosim.scenario.serialization import read_yaml
+
+
+def check_card_file(path: Path) -> MethodCard:
+    """Return the card of a file that has no problems, nor has what stands beside it.
+
+    Agents and runs read cards with `gslcosim.methods.card.load_card`, which knows no lines.
+
+    Args:
+        path: The file, as errors name it.
+
+    Raises:
+        ScenarioError: it cannot be read, or has problems: all of them in one error.
+    """
+    try:
+        text = read_regular_file(path, max_bytes=MAX_BYTES).decode("utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = describe_os_error(error) if isinstance(error, OSError) else "no UTF-8"
+        raise ScenarioError(
+            f"{path}: expected a method card that can be read, was one that cannot ({reason})."
+        ) from error
+    tree = read_yaml(text, source=str(path))
+    problems: list[ProblemLike] = []
+    card = None
+    if tree.block is None:
+        found = format_value(tree.values)
+        problems.append(Problem(path="", expected="a block of keys with title, family and summary", found=found))
+    else:
+        included = tree.block.get("includes", [])
+        if not is_list_of_shared_parameters(included):
+            expected = f"a list of {', '.join(list_shared_parameters())}"
+            problems.append(Problem(path="includes", expected=expected, found=format_value(included)))
+        try:
+            card = MethodCard.model_validate({key: value for key, value in tree.block.items() if key != "includes"})
+        except ValidationError as error:
+            problems += problems_from_validation(error, root=MethodCard)
+    if card is not None:
+        problems += find_problems("card", card, path.parent)
+    if card is None or problems or tree.problems:
+        raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=str(path))
+    return card
