@@ -21,7 +21,6 @@ from gslcosim.bench.report.curves import (
     build_plan_drawings,
     compute_start_success,
     profile_curves,
-    rows_by_entry,
     runtime_curves,
     select_tracks,
     success_curves,
@@ -478,9 +477,3 @@ def _matrix(
 
 def _verdict(difference: Estimate, p: float) -> int:
     return int(np.sign(difference.value)) if not math.isnan(p) and p < SIGNIFICANT else 0
-
-
-def count_runs(material: ReportData) -> tuple[int, int]:
-    """Return the numbers of runs with gas and without."""
-    n = sum(len(some) for _, some in rows_by_entry(material, np.ones(len(material.rows), dtype=bool)))
-    return n, len(material.rows) - n

@@ -4,7 +4,6 @@ from pathlib import Path
 
 from gslcosim.base.errors import build_machine_error
 from gslcosim.bench.report.analysis import analyse
-from gslcosim.bench.report.figures import write_figures
 from gslcosim.bench.report.page import render_page
 from gslcosim.bench.report.report_data import load_report_data
 from gslcosim.bench.report.tables import build_leaderboard_json, write_summary, write_tables
@@ -35,6 +34,9 @@ def write_report(results_dir: Path, *, figures: bool = False, mark: Verification
         (results_dir / "leaderboard.json").write_text(build_leaderboard_json(analysis), encoding="utf-8")
         (results_dir / "summary.md").write_text(write_summary(analysis), encoding="utf-8")
         if figures:
+            # It draws with what reads recordings, which takes longer to load than most reports to make.
+            from gslcosim.bench.report.figures import write_figures
+
             write_figures(analysis, results_dir / "figures")
         page.write_text(render_page(analysis), encoding="utf-8")
     except OSError as error:

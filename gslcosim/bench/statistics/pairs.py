@@ -59,11 +59,13 @@ def mcnemar(a: np.ndarray, b: np.ndarray) -> McNemar:
     Source:
         McNemar 1947, doi:10.1007/BF02295996, in the exact form.
     """
+    from scipy import special
+
     a, b = np.asarray(a, dtype=bool), np.asarray(b, dtype=bool)
     check_same_length(a=a, b=b)
     only_a, only_b = int(np.sum(a & ~b)), int(np.sum(b & ~a))
-    n = only_a + only_b
-    return McNemar(a.size, only_a, only_b, min(1.0, 2.0 * _half_binomial_cdf(min(only_a, only_b), n)))
+    tail = float(special.bdtr(min(only_a, only_b), only_a + only_b, 0.5))
+    return McNemar(a.size, only_a, only_b, min(1.0, 2.0 * tail))
 
 
 def paired_difference(
@@ -244,15 +246,6 @@ def _differences(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     a, b = as_finite_row(a, "a"), as_finite_row(b, "b")
     check_same_length(a=a, b=b)
     return a - b
-
-
-# P(X <= k), X binomial of n trials with 1/2; whole numbers of patterns, however large, divide without loss.
-def _half_binomial_cdf(k: int, n: int) -> float:
-    patterns = term = 1
-    for i in range(k):
-        term = term * (n - i) // (i + 1)
-        patterns += term
-    return patterns / 2**n
 
 
 # Sizes of the sums of differences with each pattern of signs.

@@ -101,6 +101,8 @@ def _share_from(scores: np.ndarray, threshold: np.ndarray) -> np.ndarray:
 
 
 def _area(positive: np.ndarray, negative: np.ndarray, level: float) -> Estimate:
+    from scipy import special
+
     m, n = positive.size, negative.size
     if m == 0 or n == 0:
         return UNDEFINED
@@ -113,7 +115,8 @@ def _area(positive: np.ndarray, negative: np.ndarray, level: float) -> Estimate:
         return Estimate(area, *_newcombe(area, m, n, level), m + n)
     half = two_sided_z(level) * math.sqrt(sum(spreads)) / (area * (1.0 - area))
     logit = math.log(area / (1.0 - area))
-    return Estimate(area, _expit(logit - half), _expit(logit + half), m + n)
+    low, high = special.expit([logit - half, logit + half]).tolist()
+    return Estimate(area, low, high, m + n)
 
 
 # Which share of the others each score beats, ties half.
@@ -143,7 +146,3 @@ def _edge(is_outside: Callable[[float], bool], outside: float, inside: float) ->
         else:
             inside = middle
     return 0.5 * (outside + inside)
-
-
-def _expit(x: float) -> float:
-    return 1.0 / (1.0 + math.exp(-x)) if x > 0.0 else math.exp(x) / (1.0 + math.exp(x))
