@@ -2,7 +2,7 @@
 
 from gslcosim.conformance.agent_check import AgentCheck, check_agent
 from gslcosim.conformance.rules import RULES, CheckReport, Finding, Rule, Status
-from gslcosim.conformance.session import SessionLimits
+from gslcosim.conformance.transcript import SessionLimits
 from gslcosim.conformance.transports import ConnectionSpec
 
 __all__ = [

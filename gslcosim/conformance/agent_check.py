@@ -1,48 +1,24 @@
-"""Check of an agent: sessions one after the other, and the rules that their transcripts break."""
+"""Check of an agent: the rules that transcripts of its sessions break."""
 
-import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from gslcosim.base.processes import describe_exit
-from gslcosim.conformance.answers import format_command
-from gslcosim.conformance.rules import RULES, CheckReport, Failure, build_findings
+from gslcosim.conformance.check import Check, find_difference, relabel_failure
+from gslcosim.conformance.rules import RULES, CheckReport, Failure, Rule
 from gslcosim.conformance.session import (
     BELIEF_PERIOD_TICKS,
     MAX_SURPLUS_MESSAGES,
+    AgentTranscript,
     Question,
     ReceivedAnswer,
     ScriptedSession,
-    SessionLimits,
-    SessionScript,
-    Transcript,
-    Variation,
 )
-from gslcosim.conformance.transports import ConnectionSpec, OrphanProcesses, open_transport
-from gslcosim.contract.messages import Command
-
-# After one of these the rest of a check would only repeat it in other words.
-STOPPING_RULES = frozenset(
-    {
-        "joins",
-        "listens-first",
-        "answers",
-        "deadline",
-        "size",
-        "encoding",
-        "contract",
-        "integers",
-        "tick",
-        "finite",
-        "byte-order",
-        "schema",
-        "flood",
-        "stays",
-    }
-)
+from gslcosim.conformance.transcript import SessionLimits, SessionScript
+from gslcosim.conformance.transports import ConnectionSpec, open_transport
 
 
-def find_session_failures(transcript: Transcript, limits: SessionLimits) -> dict[str, Failure]:
+def find_session_failures(transcript: AgentTranscript, limits: SessionLimits) -> dict[str, Failure]:
     """Return the rules broken in one run, each with its first break; how the agent ends is not part of it."""
     found: dict[str, Failure] = {}
     for failure in _iter_failures(transcript, limits):
@@ -55,7 +31,7 @@ def find_session_failures(transcript: Transcript, limits: SessionLimits) -> dict
     return found
 
 
-def find_ending_failures(transcript: Transcript, limits: SessionLimits) -> dict[str, Failure]:
+def find_ending_failures(transcript: AgentTranscript, limits: SessionLimits) -> dict[str, Failure]:
     """Return the rules broken after the agent was sent the end: `ending` or `exit-code`."""
     if transcript.end_sent_at_s is None:
         return {}
@@ -66,33 +42,12 @@ def find_ending_failures(transcript: Transcript, limits: SessionLimits) -> dict[
         expected, got = f"an exit within {limit_s:.3g} s{starting}", f"it still runs {limit_s:.3g} s later"
         return _build_failures(transcript, "ending", sent=sent, expected=expected, got=f"{got}, and was ended by force")
     if transcript.exit_code:
-        got = describe_exit(transcript.exit_code) + _format_log_tail(transcript)
+        got = transcript.append_log_tail(describe_exit(transcript.exit_code))
         return _build_failures(transcript, "exit-code", sent=sent, expected="exit code 0", got=got)
     return {}
 
 
-def relabel_failure(rule: str, failures: dict[str, Failure]) -> dict[str, Failure]:
-    """Return the first of some failures as the break of another rule."""
-    first = next(iter(failures.values()), None)
-    return {} if first is None else {rule: _relabel(rule, first)}
-
-
-def find_difference(rule: str, first: Transcript, second: Transcript, *, sent: str) -> dict[str, Failure]:
-    """Return where the commands of two runs begin to differ, as the break of a rule."""
-    before, after = first.commands(), second.commands()
-    for tick in sorted({*before, *after}):
-        if not are_commands_equal(before.get(tick), after.get(tick)):
-            return _build_failures(
-                second,
-                rule,
-                sent=f"{_describe_observation(tick)}{sent}",
-                expected=f"{_format_command(before.get(tick))}, as in the flight '{first.script.name}'",
-                got=_format_command(after.get(tick)),
-            )
-    return {}
-
-
-def find_repeat_failures(transcript: Transcript, *, may_answer_more: bool) -> dict[str, Failure]:
+def find_repeat_failures(transcript: AgentTranscript, *, may_answer_more: bool) -> dict[str, Failure]:
     """Return where an observation that came again was not answered again, or not with the same bytes.
 
     `may_answer_more` says that it is known already that the agent answers more than once.
@@ -101,7 +56,7 @@ def find_repeat_failures(transcript: Transcript, *, may_answer_more: bool) -> di
         answers = [arrival.answer for arrival in transcript.answers_to(question)]
         if question.n_sent == 1 or not answers:
             continue
-        sent = f"{_describe_observation(question.tick)} again, after its answer and another briefing"
+        sent = f"{transcript.describe_question(question.tick)} again, after its answer and another briefing"
         expected = f"the same bytes as before: {answers[0].shown}"
         if len(answers) < question.n_sent:
             return _build_failures(transcript, "repeats", sent=sent, expected=expected, got="nothing")
@@ -114,20 +69,13 @@ def find_repeat_failures(transcript: Transcript, *, may_answer_more: bool) -> di
     return {}
 
 
-def are_commands_equal(first: Command | None, second: Command | None) -> bool:
-    """Return whether two commands are the same to a run: what one says of its contract does not count."""
-    if first is None or second is None:
-        return first is second
-    return first.model_copy(update={"contract": None}) == second.model_copy(update={"contract": None})
-
-
-def get_slowest_answer_s(transcript: Transcript) -> float | None:
+def get_slowest_answer_s(transcript: AgentTranscript) -> float | None:
     """Return the longest time from a question to its answer [s]."""
     answered = [question for question in transcript.questions if transcript.answers_to(question)]
     return max((transcript.answers_to(q)[0].at_s - q.sent_at_s for q in answered), default=None)
 
 
-def _iter_failures(transcript: Transcript, limits: SessionLimits) -> Iterator[Failure]:
+def _iter_failures(transcript: AgentTranscript, limits: SessionLimits) -> Iterator[Failure]:
     if transcript.joined_at_s is None or _find_early_death(transcript):
         yield _find_absence(transcript, limits)
         return
@@ -155,27 +103,28 @@ def _iter_failures(transcript: Transcript, limits: SessionLimits) -> Iterator[Fa
 
 
 # Over stdio an agent has joined as soon as it is started. One that is gone without a word has never really come.
-def _find_early_death(transcript: Transcript) -> bool:
+def _find_early_death(transcript: AgentTranscript) -> bool:
     is_over = transcript.exited_at_s is not None and transcript.end_sent_at_s is None
     is_first = transcript.joins_by_start and transcript.script.variation == "plain"
     is_mute = not transcript.n_arrivals and len(transcript.questions) <= 1
     return is_first and is_over and is_mute
 
 
-def _find_absence(transcript: Transcript, limits: SessionLimits) -> Failure:
+def _find_absence(transcript: AgentTranscript, limits: SessionLimits) -> Failure:
     got = f"nothing for {limits.join_s:g} s"
     if transcript.exited_at_s is not None:
         got = f"the process {describe_exit(transcript.exit_code or 0)} after {transcript.exited_at_s:.1f} s"
     if transcript.unexpected_messages:
         got += f"; but {transcript.unexpected_messages[0]}"
     expected = f"an agent that has joined within {limits.join_s:g} s, and lives"
-    return _build_failure(
-        transcript, "joins", sent="its environment", expected=expected, got=got + _format_log_tail(transcript)
-    )
+    got = transcript.append_log_tail(got)
+    return _build_failure(transcript, "joins", sent="its environment", expected=expected, got=got)
 
 
-def _find_question_failures(transcript: Transcript, question: Question, limits: SessionLimits) -> Iterator[Failure]:
-    sent = _describe_observation(question.tick)
+def _find_question_failures(
+    transcript: AgentTranscript, question: Question, limits: SessionLimits
+) -> Iterator[Failure]:
+    sent = transcript.describe_question(question.tick)
     answers = transcript.answers_to(question)
     others = [a for a in transcript.arrivals if a.open_tick == question.tick and a not in answers]
     for arrival in (*answers[:1], *others):
@@ -201,7 +150,7 @@ def _find_question_failures(transcript: Transcript, question: Question, limits: 
 
 
 # What came while no question was open, and commands for observations that asked for none, beside the right answer.
-def _find_unasked_failures(transcript: Transcript) -> Iterator[Failure]:
+def _find_unasked_failures(transcript: AgentTranscript) -> Iterator[Failure]:
     asked = {question.tick for question in transcript.questions}
     answered = {question.tick for question in transcript.questions if transcript.answers_to(question)}
     for arrival in transcript.arrivals:
@@ -223,7 +172,7 @@ def _find_unasked_failures(transcript: Transcript) -> Iterator[Failure]:
 
 
 # The vehicle would fly all the same: the validator passes a command without a belief that comes too soon.
-def _find_belief_failures(transcript: Transcript) -> Iterator[Failure]:
+def _find_belief_failures(transcript: AgentTranscript) -> Iterator[Failure]:
     last: int | None = None
     for tick, command in sorted(transcript.commands().items()):
         if command.belief is None:
@@ -231,11 +180,13 @@ def _find_belief_failures(transcript: Transcript) -> Iterator[Failure]:
         if last is not None and tick - last < BELIEF_PERIOD_TICKS:
             got = f"beliefs at ticks {last} and {tick}"
             expected = f"beliefs at least {BELIEF_PERIOD_TICKS} ticks apart"
-            yield _build_failure(transcript, "beliefs", sent=_describe_observation(tick), expected=expected, got=got)
+            yield _build_failure(
+                transcript, "beliefs", sent=transcript.describe_question(tick), expected=expected, got=got
+            )
         last = tick
 
 
-def _find_access_failures(transcript: Transcript) -> Iterator[Failure]:
+def _find_access_failures(transcript: AgentTranscript) -> Iterator[Failure]:
     if transcript.unexpected_messages:
         yield _build_failure(
             transcript,
@@ -256,7 +207,7 @@ def _find_access_failures(transcript: Transcript) -> Iterator[Failure]:
         )
 
 
-def _find_early_leave(transcript: Transcript) -> Iterator[Failure]:
+def _find_early_leave(transcript: AgentTranscript) -> Iterator[Failure]:
     if not _has_left_early(transcript) or transcript.is_abandoned:
         return
     how = transcript.left_how
@@ -264,66 +215,31 @@ def _find_early_leave(transcript: Transcript) -> Iterator[Failure]:
         how = f"the process {describe_exit(transcript.exit_code or 0)}"
     last = max(transcript.sent_ticks, default=None)
     sent = "the briefing" if last is None else f"observations up to tick {last}, and no Ending"
-    got = f"{how} before the end of the run{_format_log_tail(transcript)}"
+    got = transcript.append_log_tail(f"{how} before the end of the run")
     yield _build_failure(transcript, "stays", sent=sent, expected="an agent that stays", got=got)
 
 
-def _has_left_early(transcript: Transcript) -> bool:
+def _has_left_early(transcript: AgentTranscript) -> bool:
     times = [at for at in (transcript.exited_at_s, transcript.left_at_s) if at is not None]
     end_s = transcript.end_sent_at_s
     return bool(times) and (end_s is None or min(times) < end_s)
 
 
-def _build_failures(transcript: Transcript, rule: str, *, sent: str, expected: str, got: str) -> dict[str, Failure]:
+def _build_failures(
+    transcript: AgentTranscript, rule: str, *, sent: str, expected: str, got: str
+) -> dict[str, Failure]:
     return {rule: _build_failure(transcript, rule, sent=sent, expected=expected, got=got)}
 
 
 def _build_failure(
-    transcript: Transcript, rule: str, *, sent: str, expected: str, got: str, remedy: str = ""
+    transcript: AgentTranscript, rule: str, *, sent: str, expected: str, got: str, remedy: str = ""
 ) -> Failure:
     sent = sent or "the briefing and observations"
-    return Failure(rule=rule, flight=transcript.script.name, sent=sent, expected=expected, got=got, remedy=remedy)
-
-
-def _relabel(rule: str, failure: Failure) -> Failure:
-    return Failure(
-        rule=rule,
-        flight=failure.flight,
-        sent=failure.sent,
-        expected=failure.expected,
-        got=f"{failure.got} ({failure.rule})",
-        remedy=failure.remedy,
-    )
-
-
-def _describe_observation(tick: int) -> str:
-    return f"Observation, tick {tick}, awaiting_command true"
-
-
-def _format_command(command: Command | None) -> str:
-    return f"Command {format_command(command)}" if command else "nothing"
+    return transcript.build_failure(rule, sent=sent, expected=expected, got=got, remedy=remedy)
 
 
 def _append_fault(got: str, arrival: ReceivedAnswer) -> str:
     return f"{got}\nA run would say: {arrival.fault}" if arrival.fault and arrival.fault not in got else got
-
-
-def _format_log_tail(transcript: Transcript) -> str:
-    return f"\nThe end of its log: {transcript.log_tail}" if transcript.log_tail else ""
-
-
-SEED, OTHER_SEED = 20_230_117, 7
-# So that an agent that seeds with the clock's seconds does not look right.
-MIN_START_INTERVAL_S = 1.1
-# A start may take so many times as long as the slowest one before.
-START_FACTOR = 2.0
-_VARIATIONS: dict[str, tuple[Variation, str]] = {
-    "unknown-fields": ("unknown fields", ", with fields of a later minor version such as x_text and x_list"),
-    "optional-fields": ("optional fields", ", without the fields that have a default"),
-    "repeats": ("repeats", ", some of them sent again after the answer"),
-}
-_LATER_RULES = ("restart", "determinism", *_VARIATIONS, "early-ending", "stream-end")
-_SESSION_RULES = tuple(rule for rule in RULES if rule not in (*_LATER_RULES, "joins", "ending", "exit-code"))
 
 
 def check_agent(
@@ -341,127 +257,53 @@ def check_agent(
     Raises:
         UsageError: there is no such program.
     """
-    connection.check()
     return AgentCheck(connection, limits or SessionLimits(), report_progress).run()
 
 
 @dataclass
-class AgentCheck:
-    """One agent under check: what was played with it, and the rules it has broken so far."""
+class AgentCheck(Check[AgentTranscript]):
+    """One agent under check."""
 
-    connection: ConnectionSpec
-    limits: SessionLimits
-    report_progress: Callable[[str], None]
-    failures: dict[str, Failure] = field(default_factory=dict[str, Failure])
-    unjudged: dict[str, str] = field(default_factory=dict[str, str])
-    notes: dict[str, str] = field(default_factory=dict[str, str])
-    remarks: list[str] = field(default_factory=list[str])
-    _started_at: float = 0.0
-    _start_s: float = 0.0
+    rules = RULES
+    random_note = "answered rightly; whether as before cannot be told while determinism fails"
 
-    def run(self) -> CheckReport:
-        """Play all runs that still can say something; return the report."""
-        first = self._play("first", "plain")
-        found = find_session_failures(first, self.limits)
-        self._add(found, {} if "listens-first" in found else find_ending_failures(first, self.limits))
-        if STOPPING_RULES & found.keys():
-            self._leave_unjudged(first, found)
-        else:
-            self._note_pace(first)
-            self._repeat_all(first)
-        beyond = {} if OrphanProcesses.is_possible() else {"leaves-nothing": "this system does not tell"}
-        findings = build_findings(self.connection.transport, self.failures, self.unjudged, self.notes, beyond)
-        return CheckReport(
-            command=self.connection.command,
-            transport=self.connection.transport,
-            format=self.connection.format,
-            findings=findings,
-            notes=tuple(self.remarks),
-        )
+    def play_script(self, script: SessionScript) -> AgentTranscript:
+        """Return what happened in a flight; see `Check`."""
+        played = ScriptedSession(open_transport(self.connection), script, self.limits, self.connection.needs()).play()
+        if played.joins_by_start and played.arrivals:
+            self.start_s = max(self.start_s, played.arrivals[0].at_s)
+        return played
 
-    def _repeat_all(self, first: Transcript) -> None:
-        second = self._play("again", "plain")
-        broken = find_session_failures(second, self.limits)
-        if STOPPING_RULES & broken.keys():
-            self._add(relabel_failure("restart", broken))
-            for rule in _LATER_RULES[1:]:
-                self.unjudged[rule] = "needs a second start"
-            return
-        self._add(find_difference("determinism", first, second, sent=", as before"))
-        for rule, (variation, sent) in _VARIATIONS.items():
-            if rule != "repeats" or self.connection.transport == "zenoh":
-                self._vary(rule, variation, sent, first)
-        self._end_otherwise(first)
+    def find_session_failures(self, transcript: AgentTranscript) -> dict[str, Failure]:
+        """Return the rules broken in a flight; see `Check`."""
+        return find_session_failures(transcript, self.limits)
 
-    # Whoever draws at random cannot be compared with itself; it must still answer rightly.
-    def _vary(self, rule: str, variation: Variation, sent: str, first: Transcript) -> None:
-        flight = self._play(variation, variation)
-        broken = find_session_failures(flight, self.limits)
-        if STOPPING_RULES & broken.keys():
-            self._add(relabel_failure(rule, broken))
-            return
-        if rule == "repeats":
-            self._add(find_repeat_failures(flight, may_answer_more="once" in self.failures))
-        if "determinism" in self.failures:
-            self.notes[rule] = "answered rightly; whether as before cannot be told while determinism fails"
-        else:
-            self._add(find_difference(rule, first, flight, sent=sent))
-
-    def _end_otherwise(self, first: Transcript) -> None:
-        if {"ending", "exit-code"} & self.failures.keys():
-            self.unjudged["early-ending"] = "first let it end rightly after a flight"
-        else:
-            early = self._play("ending at once", "ending at once", start_s=START_FACTOR * self._start_s)
-            self._judge_end("early-ending", early)
-        lost = self._play("lost link", "lost link", seed=OTHER_SEED)
-        self._judge_end("stream-end", lost)
-        is_same = not find_difference("", first, lost, sent="")
-        self.remarks.append(
-            f"With another seed it sends {'the same' if is_same else 'other'} commands; both is allowed."
-        )
-
-    def _judge_end(self, rule: str, flight: Transcript) -> None:
-        broken = find_session_failures(flight, self.limits)
-        if flight.end_sent_at_s is None and broken:
-            self._add(relabel_failure(rule, broken))
-            return
-        ends = find_ending_failures(flight, self.limits)
-        if rule == "stream-end":
+    def find_ending_failures(self, transcript: AgentTranscript, rule: str | None = None) -> dict[str, Failure]:
+        """Return the rules broken after the end; see `Check`."""
+        ends = find_ending_failures(transcript, self.limits)
+        if rule is None:
+            return ends
+        if transcript.script.variation == "lost link":
             ends.pop("exit-code", None)  # how it calls a run that has vanished is its own affair
-        self._add(relabel_failure(rule, ends))
+        return relabel_failure(rule, ends)
 
-    def _leave_unjudged(self, first: Transcript, found: dict[str, Failure]) -> None:
-        reason = f"first put right: {', '.join(rule for rule in found if rule in STOPPING_RULES)}"
-        self.unjudged |= dict.fromkeys(_LATER_RULES, reason)
-        if first.end_sent_at_s is None or "listens-first" in found:  # it may have missed Ending, too
-            self.unjudged |= dict.fromkeys(("ending", "exit-code"), reason)
-        if {"joins", "listens-first"} & found.keys():
-            self.unjudged |= dict.fromkeys(_SESSION_RULES, reason)
-        elif not first.commands():
-            judged_by_commands = ("contract", "integers", "tick", "finite", "byte-order", "schema", "once", "deadline")
-            self.unjudged |= dict.fromkeys(judged_by_commands, reason)
-        if "ending" in found:
-            self.unjudged["exit-code"] = reason
+    def find_variation_failures(self, rule: Rule, transcript: AgentTranscript) -> dict[str, Failure]:
+        """Return how an agent that is asked again breaks the rule `repeats`; see `Check`."""
+        if rule.variation != "repeats":
+            return {}
+        return find_repeat_failures(transcript, may_answer_more="once" in self.failures)
 
-    def _note_pace(self, first: Transcript) -> None:
+    def note_pace(self, first: AgentTranscript) -> None:
+        """Note when it joined and how long it decided; see `Check`."""
         slowest_s = get_slowest_answer_s(first)
         if slowest_s is not None:
             self.notes["deadline"] = f"slowest {1e3 * slowest_s:.1f} ms of {self.limits.answer_s:g} s"
         if first.joined_at_s is not None:
             self.notes["joins"] = f"after {first.joined_at_s:.1f} s"
 
-    # Who joins by being started has said nothing yet when the run ends at once: it may still be starting.
-    def _play(self, name: str, variation: Variation, seed: int = SEED, start_s: float = 0.0) -> Transcript:
-        self.report_progress(name)
-        time.sleep(max(0.0, self._started_at + MIN_START_INTERVAL_S - time.monotonic()))
-        self._started_at = time.monotonic()
-        script = SessionScript(name=name, seed=seed, variation=variation, start_s=start_s)
-        played = ScriptedSession(open_transport(self.connection), script, self.limits, self.connection.needs()).play()
-        if played.joins_by_start and played.arrivals:
-            self._start_s = max(self._start_s, played.arrivals[0].at_s)
-        return played
-
-    def _add(self, *found: dict[str, Failure]) -> None:
-        for failures in found:
-            for rule, failure in failures.items():
-                self.failures.setdefault(rule, failure)
+    def remark_on_other_seed(self, first: AgentTranscript, other: AgentTranscript) -> None:
+        """Remark on whether its commands depend on its seed; see `Check`."""
+        is_same = not find_difference("", first, other, sent="")
+        self.remarks.append(
+            f"With another seed it sends {'the same' if is_same else 'other'} commands; both is allowed."
+        )

@@ -7,6 +7,10 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 TransportScope = Literal["all", "zenoh", "gateway"]
+Stage = Literal["opening", "session", "any", "end", "later"]
+Variation = Literal[
+    "plain", "unknown fields", "optional fields", "missing inputs", "repeats", "ending at once", "lost link"
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,12 +19,24 @@ class Rule:
 
     `id` is short and stable; `sentence` says what a right agent does; `remedy` is what the author of a wrong one does
     next; `transports` are those through which the rule has a meaning.
+
+    How a check judges it: `stage` is when, in the first session or in later ones ("any" is judged however far the first
+    came). Where a rule that `stops` is broken, the rest of the check would only repeat it in other words; one that
+    `needs_answers` says nothing of a program that gave none. It is not judged where a rule in `after` is broken.
+    `variation` is what is special in the rule's own session; its answers are those of the first session, although it
+    differs in `change`, where that is not None.
     """
 
     id: str
     sentence: str
     remedy: str
     transports: TransportScope = "all"
+    stage: Stage = "session"
+    stops: bool = False
+    needs_answers: bool = False
+    variation: Variation = "plain"
+    change: str | None = None
+    after: tuple[str, ...] = ()
 
     def applies_to(self, transport: str) -> bool:
         """Return whether the rule has a meaning for agents behind a transport."""
@@ -35,69 +51,91 @@ _AGENT_RULES = (
         remedy="Run the command by itself and read its log. Over Zenoh an agent joins with the user, password "
         "and namespace of GSLCOSIM_JOIN and shows the liveliness token agents/<name>/alive; over tcp and unix it "
         "connects to GSLCOSIM_GATEWAY and sends the frame {token: GSLCOSIM_TOKEN} first.",
+        stage="opening",
+        stops=True,
     ),
     Rule(
         id="listens-first",
         sentence="subscribes to briefing, observation and ending before it shows its liveliness token",
         remedy="Declare the token last: what is published between token and subscription is lost.",
         transports="zenoh",
+        stage="opening",
+        stops=True,
     ),
     Rule(
         id="answers",
         sentence="answers each observation that awaits a command",
         remedy="Send one command whenever awaiting_command is true, and flush it: a buffered line is not sent.",
+        stops=True,
     ),
     Rule(
         id="deadline",
         sentence="answers in time",
         remedy="Compute less for each decision, or raise answer_within_s in the scenario (--timeout here).",
+        stops=True,
+        needs_answers=True,
     ),
     Rule(
         id="size",
         sentence="sends commands of at most 1 MiB",
         remedy="Send the decision only; maps and logs belong into files of your own.",
+        stops=True,
     ),
     Rule(
         id="encoding",
         sentence="sends each command as one msgpack map with texts as keys, or one JSON object on a line of its own",
         remedy="Pack a map (not a list, not a text, no numbers as keys), one a frame, in the --format you have chosen. "
         "Over stdio nothing else may be written to the standard output: notes go to the standard error.",
+        stops=True,
     ),
     Rule(
         id="contract",
         sentence="says of its contract, if anything, what this gslcosim speaks",
         remedy="Build the agent with the contract that `gslcosim schema export` writes, or leave `contract` out.",
+        stops=True,
+        needs_answers=True,
     ),
     Rule(
         id="integers",
         sentence="sends whole numbers as integers",
         remedy="Send tick as an integer: 12, not 12.0 and not '12'. Copy it from the observation as it is.",
+        stops=True,
+        needs_answers=True,
     ),
     Rule(
         id="tick",
         sentence="answers with the tick of the observation that asked",
         remedy="Copy tick from the observation that awaits the command; do not count by yourself.",
+        stops=True,
+        needs_answers=True,
     ),
     Rule(
         id="finite",
         sentence="sends no NaN and no infinity",
         remedy="Look for a division by zero or a mean of nothing in the decision; send kind: hold when in doubt.",
+        stops=True,
+        needs_answers=True,
     ),
     Rule(
         id="byte-order",
         sentence="sends numbers in the byte order of their encoding",
         remedy="Msgpack numbers are big-endian (0xcb and the float64, highest byte first); a msgpack library does it. "
         "Arrays as raw bytes are little-endian, and a command has none: a position is a list of three numbers.",
+        stops=True,
+        needs_answers=True,
     ),
     Rule(
         id="schema",
         sentence="sends commands that fit the schema: the fields that the kind needs, each of its type and range",
         remedy="Compare with Command in docs/messages.md, and with the examples in agents/contract.",
+        stops=True,
+        needs_answers=True,
     ),
     Rule(
         id="once",
         sentence="answers each observation that awaits a command exactly once",
         remedy="Send the command in one place only.",
+        needs_answers=True,
     ),
     Rule(
         id="unasked",
@@ -113,6 +151,7 @@ _AGENT_RULES = (
         id="flood",
         sentence="sends no messages in masses",
         remedy="Send one command for each observation that awaits one; do not send in a loop of your own.",
+        stops=True,
     ),
     Rule(
         id="own-key",
@@ -131,16 +170,19 @@ _AGENT_RULES = (
         id="stays",
         sentence="stays until the end of the run",
         remedy="Read the end of its log: the agent crashed, exited, or closed its link while the run went on.",
+        stops=True,
     ),
     Rule(
         id="ending",
         sentence="exits within 2 s after Ending",
         remedy="Leave the loop when Ending comes, and end threads that would keep the process alive.",
+        stage="end",
     ),
     Rule(
         id="exit-code",
         sentence="exits with code 0 after Ending",
         remedy="Let the program return normally; another code says that it failed.",
+        stage="end",
     ),
     Rule(
         id="leaves-nothing",
@@ -152,22 +194,31 @@ _AGENT_RULES = (
         id="restart",
         sentence="starts and flies a second time",
         remedy="Leave nothing behind that stands in the way of the next start: lock files, fixed ports, half files.",
+        stage="later",
     ),
     Rule(
         id="determinism",
         sentence="sends the same commands again when seed and observations are the same",
         remedy="Draw all random numbers from a generator seeded with the briefing's seed; use neither clock nor "
         "process id, nor files of earlier runs, nor the order of a hash table that differs from run to run.",
+        stage="later",
+        change=", as before",
     ),
     Rule(
         id="unknown-fields",
         sentence="ignores fields and a later minor version that it does not know",
         remedy="Read the fields you need by name and pass over the rest: later versions of the contract add some.",
+        stage="later",
+        variation="unknown fields",
+        change=", with fields of a later minor version such as x_text and x_list",
     ),
     Rule(
         id="optional-fields",
         sentence="does without fields that have a default",
         remedy="Take the default of docs/messages.md where such a field is missing: notice is nil, is_saturated false.",
+        stage="later",
+        variation="optional fields",
+        change=", without the fields that have a default",
     ),
     Rule(
         id="repeats",
@@ -175,17 +226,25 @@ _AGENT_RULES = (
         remedy="Keep the last answer, and send it again when an observation comes with the tick it answers; ignore a "
         "second briefing.",
         transports="zenoh",
+        stage="later",
+        variation="repeats",
+        change=", some of them sent again after the answer",
     ),
     Rule(
         id="early-ending",
         sentence="exits with code 0 when the run ends before the first question",
         remedy="Wait for Ending wherever you wait for an observation: another agent may have ended the run.",
+        stage="later",
+        variation="ending at once",
+        after=("ending", "exit-code"),
     ),
     Rule(
         id="stream-end",
         sentence="exits when the link to the run is lost",
         remedy="Leave when reading gives the end of the stream, or when Zenoh tells that the transport has closed. "
         "Otherwise it is left over when a run is killed.",
+        stage="later",
+        variation="lost link",
     ),
 )
 
@@ -198,101 +257,130 @@ _PARTICIPANT_RULES = (
         sentence="starts, and says hello with the ports that it reads and writes",
         remedy="Run the command by itself and read its log. Send {tick: 0, reads: […], writes: […]} as the first "
         "frame, before anything comes, and flush it; over tcp and unix after {token: GSLCOSIM_TOKEN}.",
+        stage="opening",
+        stops=True,
     ),
     Rule(
         id="ports",
         sentence="names ports that there are, and a word for each of its outputs",
         remedy="Take ports from docs/messages.md, or participant/NAME/PORT. Outputs are ventilation or a word of your "
         "own of lower-case letters, digits and _.",
+        stage="opening",
+        stops=True,
     ),
     Rule(
         id="contract",
         sentence="says of its contract, if anything, what this gslcosim speaks",
         remedy="Build it with the contract that `gslcosim schema export` writes, or leave `contract` out.",
+        stage="opening",
+        stops=True,
     ),
     Rule(
         id="answers",
         sentence="answers the inputs of each tick, in time",
         remedy="Send one ParticipantOutputs for each ParticipantInputs, and flush it: a buffered line is not sent. "
         "Raise answer_within_s in the scenario (--timeout here) where a step takes longer.",
+        stops=True,
     ),
     Rule(
         id="encoding",
         sentence="sends each frame as one map with texts as keys, of at most 1 MiB",
         remedy="Pack one map a frame, in the --format you have chosen. Over stdio nothing else may be written to the "
         "standard output: notes go to the standard error.",
+        stops=True,
     ),
     Rule(
         id="tick",
         sentence="answers with the tick of the inputs, as an integer",
         remedy="Copy tick from ParticipantInputs; do not count by yourself: ticks leap where the period is longer.",
+        stops=True,
     ),
     Rule(
         id="outputs",
         sentence="answers with each of its outputs, and no other",
         remedy="Write the map under every word of its hello, at each tick.",
+        stops=True,
     ),
     Rule(
         id="values",
         sentence="sends finite numbers and truth values, and a `share` of at least 0",
         remedy="Look for a division by zero or a mean of nothing; ventilation needs share, other outputs have names.",
+        stops=True,
     ),
     Rule(
         id="once",
         sentence="answers once, and says nothing that it is not asked",
         remedy="Send the answer in one place only, after the inputs have come.",
+        stops=True,
     ),
     Rule(
         id="stays",
         sentence="stays until the end of the run",
         remedy="Read the end of its log: it crashed, exited, or closed its output while the run went on.",
+        stops=True,
     ),
     Rule(
         id="ending",
         sentence="exits within 2 s after Ending",
         remedy="Leave the loop when Ending comes, and end threads that would keep the process alive.",
+        stage="end",
     ),
     Rule(
         id="exit-code",
         sentence="exits with code 0 after Ending",
         remedy="Let the program return normally; another code says that it failed.",
+        stage="end",
+        after=("ending",),
     ),
     Rule(
         id="leaves-nothing",
         sentence="leaves no process behind when it has ended",
         remedy="End each program that it has started, and wait for it.",
+        stage="any",
     ),
     Rule(
         id="restart",
         sentence="starts and steps a second time",
         remedy="Leave nothing behind that stands in the way of the next start: lock files, fixed ports, half files.",
+        stage="later",
     ),
     Rule(
         id="determinism",
         sentence="gives the same outputs again when briefing and inputs are the same",
         remedy="Draw random numbers from a generator seeded with the briefing's seed; use neither clock nor process "
         "id, nor files of earlier runs, nor the order of a hash table that differs from run to run.",
+        stage="later",
+        change=", as before",
     ),
     Rule(
         id="unknown-fields",
         sentence="ignores fields and a later minor version that it does not know",
         remedy="Read the fields you need by name and pass over the rest: later versions of the contract add some.",
+        stage="later",
+        variation="unknown fields",
+        change=", with fields of a later minor version such as x_text and x_list",
     ),
     Rule(
         id="missing-inputs",
         sentence="does without an input where there is no message yet",
         remedy="A port is missing from inputs before tick 0 where it has a delay, and between the periods of its "
         "writer: keep the last value, or begin with one of your own.",
+        stage="later",
+        variation="missing inputs",
     ),
     Rule(
         id="early-ending",
         sentence="exits with code 0 when the run ends before the first inputs",
         remedy="Wait for Ending wherever you wait for inputs.",
+        stage="later",
+        variation="ending at once",
     ),
     Rule(
         id="stream-end",
         sentence="exits when the link to the run is lost",
         remedy="Leave when reading gives the end of the stream. Otherwise it is left over when a run is killed.",
+        stage="later",
+        variation="lost link",
     ),
 )
 

@@ -3,12 +3,12 @@
 import queue
 import time
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import msgpack
 
 from gslcosim.base.ticks import NS_PER_S
-from gslcosim.conformance.answers import Answer, build_refused_answer, read_answer
+from gslcosim.conformance.answers import Answer, build_refused_answer, format_command, read_answer
 from gslcosim.conformance.scripted_world import (
     AGENT,
     TICK_NS,
@@ -17,6 +17,7 @@ from gslcosim.conformance.scripted_world import (
     build_briefing,
     iter_ticks,
 )
+from gslcosim.conformance.transcript import SessionLimits, SessionScript, Transcript
 from gslcosim.conformance.transports import (
     AgentAbandoned,
     AgentExited,
@@ -36,9 +37,6 @@ from gslcosim.runtime.agents.session import (
     CommandRefused,
 )
 from gslcosim.runtime.agents.validator import BELIEF_PERIOD_S, CommandValidator
-from gslcosim.scenario.models.scenario import AgentSpec
-
-Variation = Literal["plain", "unknown fields", "optional fields", "repeats", "ending at once", "lost link"]
 
 MAX_SURPLUS_MESSAGES = 100
 MAX_MESSAGES = 2000
@@ -46,33 +44,6 @@ MAX_WRONG_ANSWERS = 3
 QUESTION_REPEAT_PERIOD = 3
 END_REASON = "time_limit"
 BELIEF_PERIOD_TICKS = BELIEF_PERIOD_S * NS_PER_S // TICK_NS
-
-
-@dataclass(frozen=True, kw_only=True)
-class SessionLimits:
-    """Time limits of a check [s]: for the agent to join, to answer, to exit, and for what it may still send."""
-
-    join_s: float = 30.0
-    answer_s: float = AgentSpec.model_fields["answer_within_s"].default
-    exit_s: float = 2.0
-    settle_s: float = 0.3
-
-
-@dataclass(frozen=True, kw_only=True)
-class SessionScript:
-    """Script of a session: its name, its seed, and what is special.
-
-    `start_s` is how long the agent may need to start, where it does not show that it has [s].
-    """
-
-    name: str
-    seed: int
-    variation: Variation = "plain"
-    start_s: float = 0.0
-
-    def exit_within_s(self, limits: SessionLimits) -> float:
-        """Return how long after it was sent the end the agent has to exit [s]."""
-        return limits.exit_s + self.start_s
 
 
 @dataclass
@@ -96,10 +67,9 @@ class ReceivedAnswer:
 
 
 @dataclass
-class Transcript:
-    """All that happened in one run; times are seconds since its start, None where something did not happen."""
+class AgentTranscript(Transcript):
+    """All that happened in a session with an agent."""
 
-    script: SessionScript
     joined_at_s: float | None = None
     joins_by_start: bool = False
     unsubscribed_keys: tuple[str, ...] = ()
@@ -114,11 +84,25 @@ class Transcript:
     left_at_s: float | None = None
     left_how: str = ""
     exited_at_s: float | None = None
-    exit_code: int | None = None
     is_abandoned: bool = False
-    end_sent_at_s: float | None = None
-    log_tail: str = ""
-    leftover_processes: tuple[str, ...] = ()
+
+    @property
+    def title(self) -> str:
+        """The session in words; see `Transcript`."""
+        return f"the flight '{self.script.name}'"
+
+    def answers(self) -> dict[int, Command]:
+        """Return the commands by tick; what one says of its contract does not count."""
+        return {tick: command.model_copy(update={"contract": None}) for tick, command in self.commands().items()}
+
+    def describe_question(self, tick: int) -> str:
+        """Return an observation that wants an answer, in words; see `Transcript`."""
+        return f"Observation, tick {tick}, awaiting_command true"
+
+    def format_answer(self, tick: int) -> str:
+        """Return a command in words; see `Transcript`."""
+        command = self.commands().get(tick)
+        return f"Command {format_command(command)}" if command else "nothing"
 
     def answers_to(self, question: Question) -> list[ReceivedAnswer]:
         """Return the valid commands with a question's tick; none if the first came only when it was no longer open."""
@@ -151,9 +135,9 @@ class ScriptedSession:
         validator = CommandValidator(AGENT, belief_every_ticks=BELIEF_PERIOD_TICKS)
         self._session = AgentSession(AGENT, validator, transport, answer_within_s=limits.answer_s)
         self._open_tick: int | None = None
-        self._transcript = Transcript(script, joins_by_start=transport.joins_by_start)
+        self._transcript = AgentTranscript(script, joins_by_start=transport.joins_by_start)
 
-    def play(self) -> Transcript:
+    def play(self) -> AgentTranscript:
         """Play the script from the agent's start to its end; nothing of the agent is left when this returns."""
         transcript = self._transcript
         try:

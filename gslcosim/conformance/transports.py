@@ -8,6 +8,7 @@ import shutil
 import signal
 import sys
 import threading
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, Protocol
@@ -263,6 +264,35 @@ class CheckedProcess:
         self.children = ChildProcesses(lambda _, code, __: self.events.put(AgentExited(code)), are_foreign=True)
         self.orphans = OrphanProcesses(str(self.folder))
         self.leftover_processes: tuple[str, ...] = ()
+        self._listener: Listener | None = None
+
+    def start_behind_gateway(
+        self,
+        name: str,
+        variables: Mapping[str, str],
+        on_stream: Callable[[Stream], None],
+        on_refusal: Callable[[str], None],
+    ) -> None:
+        """Start the process with pipes to it, or with a listener that it connects to.
+
+        Args:
+            name: The process in words.
+            variables: What it finds in its environment, beside the way to the listener.
+            on_stream: Gets the pipes, or each connection whose first frame is right.
+            on_refusal: Gets what is wrong with each other connection.
+        """
+        self.orphans.begin()
+        variables = {**variables, **self.orphans.variables}
+        log, cwd = self.log, self.connection.directory
+        if self.connection.transport == "stdio":
+            pipes = self.children.start_piped(name, self.command(), variables=variables, log=log, cwd=cwd)
+            on_stream(PipeStream(*pipes))
+            return
+        is_unix = self.connection.transport == "unix"
+        listener = self._listener = Listener.open_unix(self.folder / "gateway.sock") if is_unix else Listener.open_tcp()
+        listener.admit(self.connection.format, lambda stream, _: on_stream(stream), on_refusal)
+        variables |= {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token}
+        self.children.start(name, self.command(), variables=variables, log=log, cwd=cwd)
 
     def command(self) -> list[str]:
         """Return the command line, its program looked for in the folder of the check."""
@@ -272,6 +302,8 @@ class CheckedProcess:
 
     def end_process(self) -> str:
         """End the process with all that it leaves behind; return the end of its log."""
+        if self._listener is not None:
+            self._listener.close()
         self.children.end()
         self.leftover_processes = self.orphans.end()
         lines = self.log.read_text(errors="replace").splitlines() if self.log.exists() else []
@@ -414,23 +446,11 @@ class GatewayCheckTransport(CheckedProcess):
         super().__init__(connection)
         self.joins_by_start = connection.transport == "stdio"
         self._link = ThreadedConnection(connection.format, self._on_event)
-        self._listener: Listener | None = None
         self._sent: dict[str, bytes] = {}
 
     def start(self) -> None:
         """Start the agent, and listen for it where it connects; see `CheckTransport`."""
-        self.orphans.begin()
-        variables = {AGENT_VARIABLE: AGENT, **self.orphans.variables}
-        log, cwd = self.log, self.connection.directory
-        if self.connection.transport == "stdio":
-            pipes = self.children.start_piped(AGENT, self.command(), variables=variables, log=log, cwd=cwd)
-            self._open(PipeStream(*pipes))
-            return
-        is_unix = self.connection.transport == "unix"
-        listener = self._listener = Listener.open_unix(self.folder / "gateway.sock") if is_unix else Listener.open_tcp()
-        listener.admit(self.connection.format, lambda stream, _: self._open(stream), self._on_refused_connection)
-        variables |= {GATEWAY_VARIABLE: listener.address, TOKEN_VARIABLE: listener.token}
-        self.children.start(AGENT, self.command(), variables=variables, log=log, cwd=cwd)
+        self.start_behind_gateway(AGENT, {AGENT_VARIABLE: AGENT}, self._open, self._on_refused_connection)
 
     def brief(self, briefing: Briefing, payload: bytes) -> None:
         """Send the agent its briefing; see `AgentTransport`."""
@@ -470,8 +490,6 @@ class GatewayCheckTransport(CheckedProcess):
     def stop(self) -> str:
         """End the link and the process; see `CheckTransport`."""
         self._link.end()
-        if self._listener is not None:
-            self._listener.close()
         return self.end_process()
 
     def _open(self, stream: Stream) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gslcosim.cli.main import main
-from gslcosim.conformance import ConnectionSpec, SessionLimits, participant_check
+from gslcosim.conformance import ConnectionSpec, SessionLimits, check
 from gslcosim.conformance.participant_check import PARTICIPANT_RULES, check_participant
 from gslcosim.conformance.scaffold import PARTICIPANT_TEMPLATES
 
@@ -23,7 +23,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
 
 @pytest.fixture(autouse=True)
 def _without_a_pause_between_starts(monkeypatch):
-    monkeypatch.setattr(participant_check, "MIN_START_INTERVAL_S", 0.0)
+    monkeypatch.setattr(check, "MIN_START_INTERVAL_S", 0.0)
 
 
 def checked(fault, at="3", transport="stdio"):

@@ -5,14 +5,11 @@ from dataclasses import replace
 import msgpack
 import pytest
 
-from gslcosim.conformance.agent_check import (
-    find_difference,
-    find_ending_failures,
-    find_repeat_failures,
-    find_session_failures,
-)
+from gslcosim.conformance.agent_check import find_ending_failures, find_repeat_failures, find_session_failures
 from gslcosim.conformance.answers import read_answer
-from gslcosim.conformance.session import Question, ReceivedAnswer, SessionLimits, SessionScript, Transcript
+from gslcosim.conformance.check import find_difference
+from gslcosim.conformance.session import AgentTranscript, Question, ReceivedAnswer
+from gslcosim.conformance.transcript import SessionLimits, SessionScript
 
 LIMITS = SessionLimits(join_s=10.0, answer_s=1.0)
 
@@ -26,7 +23,7 @@ def sent(tick, at_s, open_tick=None, **changes):
 @pytest.fixture
 def flight():
     """A run in which all is right: observations 0 to 3, of which 2 and 3 ask, and a clean end."""
-    return Transcript(
+    return AgentTranscript(
         SessionScript(name="first", seed=1),
         joined_at_s=0.5,
         sent_ticks={0, 1, 2, 3},
