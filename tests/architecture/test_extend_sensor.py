@@ -1,11 +1,15 @@
 """docs/extend/sensor.md: every step is carried out, on a copy."""
 
 import json
+import os
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+from deadlines import BUILD_S
 
 PAGE = (Path(__file__).parents[2] / "docs" / "extend" / "sensor.md").read_text()
 
@@ -43,3 +47,43 @@ def test_what_it_does_not_have_is_refused_with_its_place(package, gslcosim_with,
     assert done.returncode == 2
     assert "agents[0].sensors[0]" in done.stdout + done.stderr
     assert expected in done.stdout + done.stderr
+
+
+BATCH = """
+import numpy as np
+from gslcosim.training.batch import BatchSearchEnv
+from gslcosim.training.search_env import SearchEnv
+from gslcosim.training.stepped_run import LearningTask
+
+overrides = (
+    "agents[0].vehicle.model=holonomic", "agents[0].vehicle.avoidance=none", "gas.model=gaussian_plume",
+    "agents[0].sensors=[{model: clicks, name: nose, above_ppm: 0.01, delay_s: 0.2}, {model: anemometer, name: wind}]",
+)
+task = LearningTask(scenario="tiny_room", overrides=overrides)
+batch = BatchSearchEnv([task.loaded(1)], 3, action="velocity", hold_s=0.5)
+alone = SearchEnv("tiny_room", overrides=overrides, action="velocity", hold_s=0.5)
+i = batch.observation_names.index("nose.hits")
+shown = set()
+observed, _ = batch.reset(seed=1, options={"cases": np.zeros(3, int), "seeds": np.ones(3, int)})
+single, _ = alone.reset(seed=1)
+for _ in range(25):
+    assert all(np.array_equal(one, single) for one in observed)
+    shown.add(float(single[i]))
+    action = np.array([-0.8, -0.1], np.float32)
+    observed, _, ends, cuts, _ = batch.step(np.stack([action] * 3))
+    single, _, end, cut, _ = alone.step(action)
+    if end or cut:
+        break
+print(len(shown))
+"""
+
+
+@pytest.mark.slow
+def test_it_flies_in_a_batch_as_alone(package):
+    paths = os.pathsep.join([str(package), *filter(None, [os.environ.get("PYTHONPATH")])])
+    done = subprocess.run(
+        [sys.executable, "-c", BATCH], env=os.environ | {"PYTHONPATH": paths}, capture_output=True, text=True,
+        check=False, timeout=BUILD_S,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) > 2, "it has met gas, and has lost it or counted on"

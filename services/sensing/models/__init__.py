@@ -7,7 +7,7 @@ from pathlib import Path
 from gslcosim.base.errors import ScenarioError
 from gslcosim.scenario.models.sensors import SENSOR_OFFERS
 from gslcosim_services.sensing.models.anemometer import ANEMOMETER, ANEMOMETER_3D
-from gslcosim_services.sensing.models.base import SensorKind, SensorModel, build_sensor
+from gslcosim_services.sensing.models.base import KernelSensorKind, SensorKernel, SensorKind, SensorModel, build_sensor
 from gslcosim_services.sensing.models.gas_sensors import PPM_KINDS, TDLAS
 from gslcosim_services.sensing.models.mox import MOX_PARAMETERS, build_mox_kind
 from gslcosim_services.sensing.models.navigation import BAROMETER, GPS, IMU, MAGNETOMETER, POSE
@@ -62,4 +62,13 @@ def _changed_ns(place: str) -> int:
         return 0
 
 
-__all__ = ["SENSOR_MODELS", "SensorKind", "SensorModel", "build_sensor", "sensor_kind", "sensor_names"]
+__all__ = [
+    "SENSOR_MODELS",
+    "KernelSensorKind",
+    "SensorKernel",
+    "SensorKind",
+    "SensorModel",
+    "build_sensor",
+    "sensor_kind",
+    "sensor_names",
+]

@@ -1,5 +1,7 @@
 """Searches of a batch are single runs with the same case, seed and actions, to the bit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -9,6 +11,9 @@ from gslcosim.search.learned.encoding import ObservationVector
 from gslcosim.training.batch import BatchSearchEnv
 from gslcosim.training.search_env import SearchEnv
 from gslcosim.training.stepped_run import LearningTask, SteppedRun
+from gslcosim_services.sensing import SENSOR_MODELS
+from gslcosim_services.sensing.models import SensorKernel
+from gslcosim_services.sensing.models.gas_sensors import measure_pid
 
 # The first one may have to compile the kernels, on a busy machine.
 
@@ -160,6 +165,28 @@ def test_what_cannot_be_batched_is_reported_in_one_sentence(override, sentence):
         BatchSearchEnv([task.loaded(1)], 2)
     assert sentence in str(caught.value)
     assert "Change it, or fly single environments of gslcosim/Search-v0." in str(caught.value)
+
+
+def _opens_a_file(parameters, state, ppm, wind_m_s, velocity_m_s, stream, values):
+    return open("somewhere")  # noqa: PTH123
+
+
+@pytest.mark.parametrize(
+    ("kernel", "sentence"),
+    [
+        (
+            SensorKernel(advance=measure_pid, n_values=5),
+            "expected at most 4 values of a reading in a batch, was 5",
+        ),
+        (SensorKernel(advance=_opens_a_file), "sensor pid: expected a scalar kernel that can be compiled, was "),
+    ],
+)
+def test_a_kernel_that_batches_cannot_have_is_reported(kernel, sentence, monkeypatch):
+    kind = replace(SENSOR_MODELS["pid"], kernel=lambda spec, gases, tick_s: kernel, for_gases=None)
+    monkeypatch.setitem(SENSOR_MODELS, "pid", kind)
+    task = LearningTask(scenario="tiny_room", overrides=(*BALL, "agents[0].sensors[0]={model: pid, name: nose}"))
+    with pytest.raises(UsageError, match=sentence):
+        BatchSearchEnv([task.loaded(1)], 2)
 
 
 def test_ten_thousand_searches_take_less_than_32_mb():
