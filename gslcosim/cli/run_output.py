@@ -2,18 +2,16 @@
 
 import contextlib
 import sys
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.cli.arguments import RECORDING
-from gslcosim.cli.terminal import clear_status_line, draw_status_line, plain_text, table, write_note
+from gslcosim.cli.progress import ProgressLine
+from gslcosim.cli.terminal import table, write_note
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from gslcosim.bench.cases import Plan
     from gslcosim.bench.cases.models import Shard, Trial
     from gslcosim.bench.execution.runner import Progress, RunSummary
@@ -23,10 +21,6 @@ if TYPE_CHECKING:
     from gslcosim.runtime.status import RunResult, RunStatus
 
 Report = Callable[["RunStatus"], None]
-
-REFRESH_HZ = 10
-BAR_WIDTH = 24
-STATUS_COLUMN = 2
 
 _ENDINGS = {
     "success": "The source was found",
@@ -53,46 +47,10 @@ def show_run_progress(title: str, *, is_quiet: bool) -> Iterator[Report]:
     if is_quiet:
         yield lambda _: None
     elif sys.stderr.isatty():
-        from rich.console import Console
-        from rich.live import Live
-
-        line = LiveLine(title)
-        console = Console(stderr=True)
-        with Live(get_renderable=line.render, console=console, refresh_per_second=REFRESH_HZ, transient=True):
-            yield line
+        with ProgressLine(title, is_quiet=False) as line:
+            yield lambda status: line.show(lambda: format_status(status), fraction=status.fraction)
     else:
         yield PlainLines(title)
-
-
-class LiveLine:
-    """One line that is drawn again and again; taking a report costs nothing but an assignment."""
-
-    def __init__(self, title: str) -> None:
-        from rich.spinner import Spinner
-
-        self._title = title
-        self._status: RunStatus | None = None
-        self._spinner = Spinner("dots")
-
-    def __call__(self, status: "RunStatus") -> None:
-        """Take what to show from now on."""
-        self._status = status
-
-    def render(self) -> "Table":
-        """Return the line as it is now."""
-        from rich.progress_bar import ProgressBar
-        from rich.table import Table
-
-        status = self._status
-        line = Table.grid(padding=(0, 1))
-        cells: list[Any] = [self._spinner, plain_text(self._title), plain_text(format_status(status) if status else "")]
-        if status is not None and status.fraction is not None:
-            cells += [ProgressBar(total=1.0, completed=status.fraction, width=BAR_WIDTH)]
-            cells += [f"{100 * status.fraction:3.0f} %"]
-        for i in range(len(cells)):
-            line.add_column(no_wrap=True, overflow="ellipsis" if i == STATUS_COLUMN else "crop")
-        line.add_row(*cells)
-        return line
 
 
 class PlainLines:
@@ -178,8 +136,7 @@ def _figure(value: object, pattern: str) -> str:
     return "-" if value is None else pattern.format(value)
 
 
-# Lines in a pipe come at most so often [s].
-_PLAIN_EVERY_S = 10.0
+# Of suites, in a pipe.
 _BAR = 20
 
 
@@ -247,55 +204,32 @@ def format_plan(plan: "Plan", fields: dict[str, Any]) -> str:
 
 @contextlib.contextmanager
 def show_suite_progress(title: str, *, is_quiet: bool) -> "Iterator[Callable[[Progress], None]]":
-    """Yield what a run reports to: a line that is drawn again on a terminal, a line now and then in a pipe."""
-    line = _Line(is_quiet=is_quiet)
+    """Yield what a suite reports to: a live line on a terminal, a line now and then in a pipe."""
     n_told = 0
 
     def show(progress: "Progress") -> None:
         nonlocal n_told
         for text in progress.lost[n_told:]:
-            line.add(f"{title}: {text}")
+            line.note(f"{title}: {text}")
         n_told = max(n_told, len(progress.lost))
-        line.show(f"{title}: {format_progress(progress)}", is_last=progress.done == progress.total)
+        text, fraction = format_progress(progress), progress.done / progress.total if progress.total else 1.0
+        bar = f"[{'#' * round(fraction * _BAR):<{_BAR}}]"
+        line.show(text, fraction=fraction, plain=f"{bar} {text}", is_last=progress.done == progress.total)
 
-    try:
+    with ProgressLine(title, is_quiet=is_quiet) as line:
         yield show
-    finally:
-        line.end()
-
-
-@contextlib.contextmanager
-def show_count_progress(title: str, *, is_quiet: bool) -> Iterator[Callable[[int, int], None]]:
-    """Yield what work reports to that counts: how many are done, of how many (0: nobody knows)."""
-    line = _Line(is_quiet=is_quiet)
-    try:
-        yield lambda done, total: line.show(f"{title}: {done}{f' of {total}' if total else ' trials'}")
-    finally:
-        line.end()
-
-
-@contextlib.contextmanager
-def show_text_progress(*, is_quiet: bool) -> Iterator[Callable[[str], None]]:
-    """Yield what work reports to that says in words how it goes."""
-    line = _Line(is_quiet=is_quiet)
-    try:
-        yield line.show
-    finally:
-        line.end()
 
 
 def format_progress(progress: "Progress") -> str:
     """Return how a run stands in one line."""
     done, total = progress.done, progress.total
-    share = done / total if total else 1.0
-    bar = f"[{'#' * round(share * _BAR):<{_BAR}}]"
     if progress.phase != "trials":
-        return f"{bar} {progress.phase} {done}/{total}"
+        return f"{progress.phase} {done}/{total}"
     rate = f"{progress.rate_per_s:.1f}/s" if progress.rate_per_s >= 1 else f"{progress.rate_per_s * 60:.1f}/min"
     left = f", {_duration(progress.left_s)} left" if progress.left_s is not None else ""
     found = ", ".join(f"{name} {progress.successes.get(name, 0)}/{n}" for name, n in sorted(progress.flown.items()))
     lost = f" | {progress.n_without_result} without result" if progress.n_without_result else ""
-    return f"{bar} {done}/{total} trials, {rate}{left} | found: {found or 'none yet'}{lost}"
+    return f"{done}/{total} trials, {rate}{left} | found: {found or 'none yet'}{lost}"
 
 
 def format_suite_summary(summary: "RunSummary", page: Path | None, shard: "Shard | None" = None) -> str:
@@ -403,40 +337,6 @@ def _format_figure(figure: dict[str, float] | None, times: float, digits: int) -
 
 def _verified(counts: tuple[int, int] | None) -> str:
     return "no" if counts is None else f"{counts[0]} of {counts[1]}"
-
-
-class _Line:
-    """Progress on standard error: one line drawn again on a terminal, lines some seconds apart in a pipe."""
-
-    def __init__(self, *, is_quiet: bool) -> None:
-        self._is_quiet = is_quiet
-        self._is_terminal = sys.stderr.isatty()
-        self._shown_at = -1e9
-        self._is_drawn = False
-
-    def show(self, text: str, *, is_last: bool = False) -> None:
-        """Show a text in place of the last one."""
-        if self._is_quiet:
-            return
-        now = time.monotonic()
-        if self._is_terminal:
-            draw_status_line(text)
-            self._is_drawn = True
-        elif is_last or now - self._shown_at >= _PLAIN_EVERY_S:
-            self._shown_at = now
-            write_note(text)
-
-    def add(self, text: str) -> None:
-        """Write a line that stays."""
-        if self._is_quiet:
-            return
-        self.end()
-        write_note(text)
-
-    def end(self) -> None:
-        """Leave the line empty."""
-        if self._is_drawn:
-            clear_status_line()
 
 
 def _duration(seconds: float | None) -> str:

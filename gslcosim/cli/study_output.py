@@ -1,21 +1,16 @@
 """Output and shared options of `gslcosim bench sweep` and `gslcosim bench tune`."""
 
 import argparse
-import contextlib
 import math
-import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.cli.arguments import parse_positive_number
-from gslcosim.cli.run_output import show_count_progress
-from gslcosim.cli.terminal import table, write_note
+from gslcosim.cli.terminal import table
 
 if TYPE_CHECKING:
     from gslcosim.bench.cases.models import LimitsSpec
     from gslcosim.bench.execution.pool import Pool
-    from gslcosim.bench.execution.runner import Progress
     from gslcosim.bench.statistics.estimates import Estimate
     from gslcosim.bench.studies.sweep import SettingFigures, SweepResult
     from gslcosim.bench.studies.tuning import EvaluatedSetting, TuningProgress, TuningResult
@@ -46,48 +41,6 @@ def start_pool(jobs: int | None, limits: "LimitsSpec") -> "Pool":
     from gslcosim.bench.execution.pool import LocalPool, n_cores
 
     return LocalPool(jobs or n_cores(), limits)
-
-
-class TuningProgressView:
-    """Shows how a tuning goes: a line for what is under way, and one that stays after each batch."""
-
-    def __init__(self, title: str, *, is_quiet: bool) -> None:
-        """Take what is tuned."""
-        self._title = title
-        self._is_quiet = is_quiet
-        self._stack = contextlib.ExitStack()
-        self._lines: dict[str, Callable[[int, int], None]] = {}
-
-    def progress(self, progress: "Progress") -> None:
-        """Show how far preparing or flying is."""
-        phase = "flights of a batch" if progress.phase == "trials" else progress.phase
-        if phase not in self._lines:
-            line = show_count_progress(f"{self._title}, {phase}", is_quiet=self._is_quiet)
-            self._lines[phase] = self._stack.enter_context(line)
-        self._lines[phase](progress.done, progress.total)
-
-    def stage(self, stage: "TuningProgress") -> None:
-        """Say how the search stands."""
-        # In a pipe lines are reported now and then over the whole search, not again for each batch.
-        if sys.stderr.isatty():
-            self.end()
-        if not self._is_quiet:
-            write_note(format_stage(stage))
-
-    def end(self) -> None:
-        """Leave the line empty."""
-        self._stack.close()
-        self._lines.clear()
-
-
-@contextlib.contextmanager
-def show_tuning_progress(title: str, *, is_quiet: bool) -> Iterator[TuningProgressView]:
-    """Yield what a tuning reports to."""
-    watch = TuningProgressView(title, is_quiet=is_quiet)
-    try:
-        yield watch
-    finally:
-        watch.end()
 
 
 def format_stage(stage: "TuningProgress") -> str:

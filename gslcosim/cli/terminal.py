@@ -7,19 +7,17 @@ can neither move the cursor nor set a title: `escape_terminal_text`.
 import contextlib
 import json
 import os
-import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, TextIO, cast
 
 from gslcosim.base.errors import MachineError, build_machine_error
 from gslcosim.base.untrusted_input import escape_json_text, escape_terminal_text
 
 if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
     from rich.text import Text
-
-_CLEAR_SCREEN = "\x1b[H\x1b[J"
-_CLEAR_LINE = "\r\x1b[2K"
 
 
 def write(text: str = "") -> None:
@@ -30,16 +28,6 @@ def write(text: str = "") -> None:
         BrokenPipeError: its reader is gone.
     """
     _write_result(f"{escape_terminal_text(text)}\n")
-
-
-def write_screen(text: str) -> None:
-    """Clear the terminal and write text at its top.
-
-    Raises:
-        MachineError: it cannot be written.
-        BrokenPipeError: its reader is gone.
-    """
-    _write_result(f"{_CLEAR_SCREEN}{escape_terminal_text(text)}\n")
 
 
 def _write_result(text: str) -> None:
@@ -108,17 +96,6 @@ def write_note(text: str) -> None:
     _write_to_stderr(f"{escape_terminal_text(text)}\n")
 
 
-def draw_status_line(text: str) -> None:
-    """Draw a line on stderr, a terminal, in place of the one that was drawn there last."""
-    width = shutil.get_terminal_size().columns - 1
-    _write_to_stderr(f"{_CLEAR_LINE}{escape_terminal_text(text, is_one_line=True)[:width]}")
-
-
-def clear_status_line() -> None:
-    """Take away the line that `draw_status_line` has drawn."""
-    _write_to_stderr(_CLEAR_LINE)
-
-
 def _write_to_stderr(text: str) -> None:
     try:
         sys.stderr.write(text)
@@ -127,11 +104,47 @@ def _write_to_stderr(text: str) -> None:
         _give_up(sys.stderr)
 
 
-def plain_text(text: str) -> "Text":
+class _GuardedStream:
+    # A stream for Rich, for which the machine's refusals mean what they mean for all that is written.
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._is_result = stream is sys.stdout
+
+    # Whether it is a terminal, its encoding and so on.
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> None:
+        self._guard(lambda: self._stream.write(text))
+
+    def flush(self) -> None:
+        self._guard(self._stream.flush)
+
+    def _guard(self, call: Callable[[], object]) -> None:
+        try:
+            call()
+        except OSError as error:
+            if not self._is_result:
+                _give_up(self._stream)
+            elif isinstance(error, BrokenPipeError):
+                raise
+            else:
+                raise _no_output(error) from error
+
+
+def open_console(stream: TextIO) -> "Console":
+    """Return what draws lines and pages again and again on a stream that is a terminal: stdout or stderr."""
+    from rich.console import Console
+
+    return Console(file=cast("TextIO", _GuardedStream(stream)), highlight=False)
+
+
+def plain_text(text: str, style: str = "") -> "Text":
     """Return text for Rich, in which neither markup (`[red]`) nor control characters mean anything."""
     from rich.text import Text
 
-    return Text(escape_terminal_text(text, is_one_line=True))
+    return Text(escape_terminal_text(text, is_one_line=True), style=style)
 
 
 def escape_library_messages() -> None:
@@ -160,6 +173,19 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     widths = [max(len(row[i]) for row in cells) for i in range(len(headings))]
     lines = ("   ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in cells)
     return "\n".join(line.rstrip() for line in lines)
+
+
+def drawn_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> "Table":
+    """Return the same for a page that is drawn again and again: cells break in their columns, numbers end at one."""
+    from rich.table import Table
+
+    drawn = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), header_style="bold")
+    for i, heading in enumerate(headings):
+        are_numbers = bool(rows) and all(row[i][:1].isdigit() or row[i] == "-" for row in rows)
+        drawn.add_column(heading, justify="right" if are_numbers else "left", overflow="fold")
+    for row in rows:
+        drawn.add_row(*(plain_text(cell) for cell in row))
+    return drawn
 
 
 def add_json_option(parser: Any) -> None:

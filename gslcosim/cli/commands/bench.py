@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from gslcosim.base.errors import ExitCode, UsageError
 from gslcosim.cli.arguments import RECORDING, Command, CommandFamily, parse_positive_number, parse_whole_number
 from gslcosim.cli.commands import sweep, tune
+from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
 
 if TYPE_CHECKING:
@@ -249,7 +250,7 @@ def _verify(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.execution.verification import RepeatableResults, check_confinable, verify_trials
     from gslcosim.bench.store import ResultsFolder
     from gslcosim.bench.verification_marks import prepare_marks
-    from gslcosim.cli.run_output import format_verification, show_count_progress, verification_to_json
+    from gslcosim.cli.run_output import format_verification, verification_to_json
 
     again = RepeatableResults(ResultsFolder(arguments.results))
     seed = secrets.randbelow(1 << 31) if arguments.seed is None else arguments.seed
@@ -262,8 +263,8 @@ def _verify(arguments: argparse.Namespace) -> int:
     prepare_marks()
     pool = _pool(arguments, again.plan.loaded.suite.limits)
     try:
-        with show_count_progress("verifying", is_quiet=arguments.json) as report:
-            verification = verify_trials(again, trials, pool, report, is_trusted=arguments.trusted)
+        with ProgressLine("verifying", is_quiet=arguments.json) as line:
+            verification = verify_trials(again, trials, pool, line.count, is_trusted=arguments.trusted)
     finally:
         pool.close()
     if arguments.json:
@@ -313,11 +314,10 @@ def _chosen(arguments: argparse.Namespace) -> "tuple[Selection, Shard | None]":
 
 def _planned(arguments: argparse.Namespace, *, is_quiet: bool) -> "tuple[LoadedSuite, Plan]":
     from gslcosim.bench.cases import build_plan, load_suite
-    from gslcosim.cli.run_output import show_count_progress
 
     loaded = load_suite(arguments.suite, seed=arguments.seed, is_flown=True)
-    with show_count_progress("planning", is_quiet=is_quiet) as report:
-        plan = build_plan(loaded, progress=lambda n: report(n, 0))
+    with ProgressLine("planning", is_quiet=is_quiet) as line:
+        plan = build_plan(loaded, progress=lambda n: line.count(n, 0))
     return loaded, plan
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from gslcosim.base.errors import build_path_error
 from gslcosim.cli.arguments import RECORDING, Command, add_runs_dir_option, find_in_run
-from gslcosim.cli.run_output import show_text_progress
+from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import add_json_option, write, write_json
 
 EXAMPLES = """  gslcosim extract --to parquet
@@ -46,8 +46,8 @@ def _run(arguments: argparse.Namespace) -> int:
     run = open_run(find_in_run(arguments.run, runs_dir=arguments.runs_dir, file_name=RECORDING))
     out = arguments.out or Path(f"{run.run_id}_{arguments.to}")
     try:
-        with show_text_progress(is_quiet=arguments.json) as report:
-            files = extract_run(run, out, arguments.to, report)
+        with ProgressLine(is_quiet=arguments.json) as line:
+            files = extract_run(run, out, arguments.to, line.show)
     except OSError as error:
         raise build_path_error(error, "--out", "a folder that can be written", path=out) from error
     if arguments.json:

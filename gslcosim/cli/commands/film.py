@@ -5,7 +5,7 @@ from pathlib import Path
 
 from gslcosim.base.errors import UsageError, build_path_error
 from gslcosim.cli.arguments import RECORDING, Command, add_runs_dir_option, find_in_run
-from gslcosim.cli.run_output import show_count_progress
+from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import add_json_option, write, write_json
 
 EXAMPLES = """  gslcosim film --out search.mp4
@@ -66,8 +66,8 @@ def _run(arguments: argparse.Namespace) -> int:
     frames = render_frames(runs, cut, arguments.size, follow=arguments.follow, has_chase_view=not arguments.plan_only)
     n_frames = len(cut.times_s)
     try:
-        with show_count_progress("frames", is_quiet=arguments.json) as report:
-            write_film(frames, arguments.out, lambda done: report(done, n_frames))
+        with ProgressLine("frames", is_quiet=arguments.json) as line:
+            write_film(frames, arguments.out, lambda done: line.count(done, n_frames))
     except ModelError as error:
         raise UsageError(f"{error} Or film the plan alone with --plan-only.") from error
     except OSError as error:

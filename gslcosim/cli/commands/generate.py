@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.base.errors import ExitCode
-from gslcosim.base.untrusted_input import escape_terminal_text
 from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
+from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
 
 if TYPE_CHECKING:
@@ -186,20 +186,8 @@ def _as_fields(outcome: "GenerationResult") -> dict[str, Any]:
 # A bar on a terminal, nothing in a pipe: the table says it all.
 @contextlib.contextmanager
 def _progress_bar(*, is_quiet: bool) -> Iterator[Callable[[str, float], None]]:
-    if is_quiet or not sys.stderr.isatty():
-        yield lambda _text, _fraction: None
-        return
-    from rich.console import Console
-    from rich.markup import escape as escape_markup
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bars:
-        bar = bars.add_task("", total=1.0)
-
-        def draw(text: str, fraction: float) -> None:
-            bars.update(bar, description=escape_markup(escape_terminal_text(text)), completed=fraction)
-
-        yield draw
+    with ProgressLine(is_quiet=is_quiet or not sys.stderr.isatty()) as line:
+        yield lambda text, fraction: line.show(text, fraction=fraction)
 
 
 COMMAND = Command(

@@ -1,12 +1,15 @@
 """`gslcosim runs active`, `top` and `stop`: runs that are active."""
 
 import argparse
+import contextlib
 import sys
 import time
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.cli.arguments import Command
-from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note, write_screen
+from gslcosim.cli.progress import draw_pages
+from gslcosim.cli.terminal import add_json_option, drawn_table, plain_text, table, write, write_json, write_note
 
 if TYPE_CHECKING:
     from gslcosim.runtime.status import ActiveRun
@@ -21,6 +24,7 @@ STOP_EXAMPLES = """  gslcosim runs stop            the only active run
   gslcosim runs stop --all"""
 _RUN_HELP = "the id of a run or the beginning of it, or its folder (default: the only active run)"
 _NONE = "No run is active."
+_HEADINGS = ("participant", "state", "tick", "ticks/s", "busy", "queued", "memory", "resends", "pid", "waits for")
 
 
 def _add_top_arguments(parser: argparse.ArgumentParser) -> None:
@@ -83,20 +87,34 @@ def _top(arguments: argparse.Namespace) -> int:
 
     before = find_active_run(arguments.run)
     is_drawn_again = sys.stdout.isatty() and not arguments.once and not arguments.json
-    while True:
-        time.sleep(arguments.every)
-        now = query_status(before.window)
-        if now is None:
-            write(f"{before.run_id} has ended.\nrun        {before.facts['run_dir']}")
-            return 0
-        rows = participant_rows(before, now)
-        if arguments.json:
-            write_json({**now.facts, "participants": rows})
-        else:
-            (write_screen if is_drawn_again else write)(_page(now, rows))
-        if arguments.once:
-            return 0
-        before = now
+    with _drawn_again() if is_drawn_again else contextlib.nullcontext(_write_page) as show:
+        while True:
+            time.sleep(arguments.every)
+            now = query_status(before.window)
+            if now is None:
+                break
+            rows = participant_rows(before, now)
+            if arguments.json:
+                write_json({**now.facts, "participants": rows})
+            else:
+                show(now, rows)
+            if arguments.once:
+                return 0
+            before = now
+    write(f"{before.run_id} has ended.\nrun        {before.facts['run_dir']}")
+    return 0
+
+
+# Draws each page in place of the last one, which stays at the end.
+@contextlib.contextmanager
+def _drawn_again() -> "Iterator[Callable[[ActiveRun, list[dict[str, Any]]], None]]":
+    with draw_pages() as draw:
+
+        def draw_page(flight: "ActiveRun", rows: list[dict[str, Any]]) -> None:
+            stall = [plain_text(_stall(flight), style="bold red")] if _stall(flight) else []
+            draw(plain_text(_head(flight)), *stall, "", drawn_table(_HEADINGS, [_participant_row(row) for row in rows]))
+
+        yield draw_page
 
 
 def participant_rows(before: "ActiveRun", now: "ActiveRun") -> list[dict[str, Any]]:
@@ -116,19 +134,23 @@ def participant_rows(before: "ActiveRun", now: "ActiveRun") -> list[dict[str, An
     return rows
 
 
-def _page(flight: "ActiveRun", rows: list[dict[str, Any]]) -> str:
+def _write_page(flight: "ActiveRun", rows: list[dict[str, Any]]) -> None:
+    stall = f"\n\n{_stall(flight)}" if _stall(flight) else ""
+    write(f"{_head(flight)}{stall}\n\n{table(_HEADINGS, [_participant_row(row) for row in rows])}")
+
+
+# A run of an older version does not say.
+def _stall(flight: "ActiveRun") -> str:
+    return f"STALLED: {flight.facts['stall']}" if flight.facts.get("stall") else ""
+
+
+def _head(flight: "ActiveRun") -> str:
     facts = flight.facts
-    head = (
+    return (
         f"{flight.run_id}: {facts['state']}{', ' if facts['text'] else ''}{facts['text']}, "
         f"{facts['sim_time_s']:.1f} of {facts['time_limit_s']:g} s simulated, "
         f"{facts['real_time_factor']:.0f} x real time, {facts['wall_s']:.0f} s since its start"
     )
-    headings = (
-        "participant", "state", "tick", "ticks/s", "busy", "queued", "memory", "resends", "pid", "waits for"
-    )  # fmt: skip
-    # A run of an older version does not say.
-    stall = f"\n\nSTALLED: {facts['stall']}" if facts.get("stall") else ""
-    return f"{head}{stall}\n\n{table(headings, [_participant_row(row) for row in rows])}"
 
 
 def _participant_row(row: dict[str, Any]) -> tuple[str, ...]:

@@ -9,10 +9,9 @@ from typing import Any
 
 from gslcosim.base.errors import MachineError, UsageError, describe_os_error
 from gslcosim.cli.arguments import RECORDING, RUNS_DIR, Command, parse_positive_number
+from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import (
     add_json_option,
-    clear_status_line,
-    draw_status_line,
     table,
     write,
     write_json,
@@ -184,11 +183,8 @@ def _run(arguments: argparse.Namespace) -> int:
     folders = [Path(word) for word in words or [RUNS_DIR]]
     key = arguments.sort.removeprefix("-")
     key = arguments.sort.replace(key, SHORT_NAMES.get(key, key))
-    is_terminal = sys.stderr.isatty()
-    tell = (lambda n: draw_status_line(f"{n} runs read")) if is_terminal else None
-    rows = sorted_rows(collect_rows(folders, tell), key, COLUMNS)
-    if is_terminal:
-        clear_status_line()
+    with ProgressLine(is_quiet=not sys.stderr.isatty()) as line:
+        rows = sorted_rows(collect_rows(folders, lambda n: line.show(f"{n} runs read")), key, COLUMNS)
     chosen = [row for row in rows if all(condition.holds(row) for condition in conditions)][: arguments.limit]
     if action == "remove":
         return _remove(chosen, arguments)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
+from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.study_output import RESULTS_DIR, add_target_arguments, format_sweep, start_pool
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
@@ -43,12 +44,12 @@ def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.store import ResultsFolder
     from gslcosim.bench.studies.sweep import SweepPlan
     from gslcosim.bench.studies.target import find_target, parse_varied
-    from gslcosim.cli.run_output import show_count_progress, show_suite_progress
+    from gslcosim.cli.run_output import show_suite_progress
 
     subject = find_target(arguments.suite, arguments.entry, repetitions=arguments.repetitions, seed=arguments.seed)
     sweeper = SweepPlan(subject, parse_varied(arguments.vary, subject))
-    with show_count_progress("planning", is_quiet=arguments.json) as planned:
-        plan = build_plan(sweeper.suite(), progress=lambda n: planned(n, 0))
+    with ProgressLine("planning", is_quiet=arguments.json) as line:
+        plan = build_plan(sweeper.suite(), progress=lambda n: line.count(n, 0))
     folder = ResultsFolder(arguments.results or RESULTS_DIR / "_".join([sweeper.name, *sweeper.varied]))
     with show_suite_progress(sweeper.name, is_quiet=arguments.json) as report:
         summary = SuiteRun(

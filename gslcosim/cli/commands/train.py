@@ -1,14 +1,13 @@
 """`gslcosim train`: learn what a train file says, with checkpoints, curves and evaluation runs."""
 
 import argparse
-import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.base.errors import ExitCode, UsageError
 from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
-from gslcosim.cli.run_output import show_count_progress
+from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
@@ -55,7 +54,8 @@ def _run(arguments: argparse.Namespace) -> int:
     file = load_train_file(arguments.file, is_flown=True)
     name = file.spec.name
     folder = arguments.out or TRAINED_DIR / name
-    with _Watch(f"training {name}", is_quiet=arguments.json) as watch:
+    with ProgressLine(f"training {name}", is_quiet=arguments.json) as line:
+        watch = _Watch(line)
         training = Training(
             file, folder, is_resumed=arguments.resume, tell=watch.tell, show=watch.show,
             command=f"gslcosim train {arguments.file}",
@@ -63,7 +63,7 @@ def _run(arguments: argparse.Namespace) -> int:
         try:
             trained = training.train(rounds=arguments.rounds)
         except KeyboardInterrupt:
-            watch.end()
+            line.end()
             write_note(f"Interrupted. gslcosim train {arguments.file} --out {folder} --resume goes on.")
             return ExitCode.INTERRUPTED
     _draw(trained)
@@ -83,38 +83,25 @@ def _run(arguments: argparse.Namespace) -> int:
 class _Watch:
     """Shows how a training goes: a line for what is under way, with the figures of the last round."""
 
-    def __init__(self, title: str, *, is_quiet: bool) -> None:
-        self._title, self._is_quiet = title, is_quiet
-        self._stack = contextlib.ExitStack()
-        self._lines: dict[str, Callable[[int, int], None]] = {}
-
-    def __enter__(self) -> "_Watch":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.end()
+    def __init__(self, line: ProgressLine) -> None:
+        self._line = line
+        self._phase = ""
 
     def tell(self, what: str, done: int, total: int) -> None:
         """Show how far something is."""
-        if what not in self._lines:
-            self.end()
-            line = show_count_progress(f"{self._title}, {what}", is_quiet=self._is_quiet)
-            self._lines[what] = self._stack.enter_context(line)
-        self._lines[what](done, total)
+        if what != self._phase:
+            self._line.end()
+            self._phase = what
+        self._line.count(done, total, phase=what)
 
     def show(self, figures: Mapping[str, float], last: int) -> None:
         """Show how far the rounds are, and now and then what they come to."""
         done = int(figures["round"])
         self.tell("rounds", done, last)
-        if not self._is_quiet and ("validation_cost" in figures or done == last):
+        if "validation_cost" in figures or done == last:
             values = ", ".join(f"{name} {figures[name]:.3f}" for name in _REPORTED_FIGURES if name in figures)
-            self.end()
-            write_note(f"round {done} of {last}: {values}")
-
-    def end(self) -> None:
-        """Leave the line empty."""
-        self._stack.close()
-        self._lines.clear()
+            self._line.end()
+            self._line.note(f"round {done} of {last}: {values}")
 
 
 def _draw(trained: "TrainingResult") -> None:

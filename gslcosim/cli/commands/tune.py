@@ -1,11 +1,16 @@
 """`gslcosim bench tune`: a search for good parameters of a method, within a budget of runs."""
 
 import argparse
+from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
-from gslcosim.cli.study_output import RESULTS_DIR, add_target_arguments, format_tuning, show_tuning_progress, start_pool
+from gslcosim.cli.progress import ProgressLine
+from gslcosim.cli.study_output import RESULTS_DIR, add_target_arguments, format_stage, format_tuning, start_pool
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
+
+if TYPE_CHECKING:
+    from gslcosim.bench.execution.runner import Progress
 
 EXAMPLES = """  gslcosim bench tune tiny_room --entry dung_beetle --range leg_m=0.2:2.0 --budget 60
   gslcosim bench tune smoke --entry dung_beetle --range leg_m=0.2:2.0:log --range zigzag_rad=0.3:1.4 --budget 400
@@ -53,7 +58,12 @@ def _run(arguments: argparse.Namespace) -> int:
     ranges = parse_ranges(arguments.range, subject) if arguments.range else card_ranges(subject)
     suite, entry = subject.loaded.suite, subject.entry.name
     folder = arguments.results or RESULTS_DIR / f"tune_{suite.name}_{entry}"
-    with show_tuning_progress(f"tuning {entry} in {suite.name}", is_quiet=arguments.json) as watch:
+    with ProgressLine(f"tuning {entry} in {suite.name}", is_quiet=arguments.json) as line:
+
+        def show(progress: "Progress") -> None:
+            phase = "flights of a batch" if progress.phase == "trials" else progress.phase
+            line.count(progress.done, progress.total, phase=phase)
+
         tuner = Tuner(
             subject,
             ranges,
@@ -61,13 +71,13 @@ def _run(arguments: argparse.Namespace) -> int:
             seed=arguments.seed,
             folder=folder,
             start_pool=lambda: start_pool(arguments.jobs, suite.limits),
-            report=watch.progress,
-            tell=watch.stage,
+            report=show,
+            tell=lambda stage: line.note(format_stage(stage)),
         )
         try:
             tuning = tuner.tune()
         except KeyboardInterrupt:
-            watch.end()
+            line.end()
             write_note("Interrupted. The same command goes on.")
             return ExitCode.INTERRUPTED
     fields = tuning_to_json(tuning)

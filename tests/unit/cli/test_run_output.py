@@ -5,14 +5,34 @@ import io
 import pytest
 from rich.console import Console
 
-from gslcosim.cli.run_output import LiveLine, format_agents_table, format_status, show_run_progress
+from gslcosim.cli.progress import ProgressLine
+from gslcosim.cli.run_output import format_agents_table, format_status, show_run_progress
 from gslcosim.runtime.status import RunStatus
 
 
-def drawn(line):
-    """Return the live line as a terminal of 120 columns shows it."""
-    console = Console(file=io.StringIO(), width=120, force_terminal=False)
-    console.print(line.render())
+class TerminalText(io.StringIO):
+    """A terminal that keeps what it was given."""
+
+    def isatty(self):
+        return True
+
+
+def on_terminal(monkeypatch):
+    stream = TerminalText()
+    monkeypatch.setattr("sys.stderr", stream)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "120")
+    return stream
+
+
+def drawn(monkeypatch, *statuses, title="hall", width=120):
+    """Return the live line after reports as a terminal shows it, without its colours."""
+    on_terminal(monkeypatch)
+    console = Console(file=io.StringIO(), width=width, force_terminal=False)
+    with ProgressLine(title, is_quiet=False) as line:
+        for status in statuses:
+            line.show(lambda status=status: format_status(status), fraction=status.fraction)
+        console.print(line.render())
     return console.file.getvalue()
 
 
@@ -29,33 +49,24 @@ def test_a_status_is_said_in_words(status, text):
     assert format_status(status) == text
 
 
-def test_the_live_line_shows_the_last_report():
-    line = LiveLine("hall, seed 7")
-    assert "hall, seed 7" in drawn(line)
-    line(RunStatus(state="starting"))
-    line(RunStatus(state="flying", sim_time_s=3.0, real_time_factor=150.0))
-    assert "hall, seed 7 flying, 3.0 s simulated, 150 x real time" in drawn(line)
+def test_the_live_line_shows_the_last_report(monkeypatch):
+    flying = RunStatus(state="flying", sim_time_s=3.0, real_time_factor=150.0)
+    text = drawn(monkeypatch, RunStatus(state="starting"), flying, title="hall, seed 7")
+    assert "hall, seed 7 flying, 3.0 s simulated, 150 x real time" in text
 
 
-def test_the_live_line_has_a_bar_while_the_share_is_known():
-    line = LiveLine("hall")
-    line(RunStatus(state="preparing", text="Solving the wind", fraction=0.25))
-    assert "━" in drawn(line)
-    assert " 25 %" in drawn(line)
-    line(RunStatus(state="flying", sim_time_s=3.0))
-    assert "━" not in drawn(line)
+def test_the_live_line_has_a_bar_while_the_fraction_is_known(monkeypatch):
+    preparing = RunStatus(state="preparing", text="Solving the wind", fraction=0.25)
+    assert "━" in drawn(monkeypatch, preparing)
+    assert " 25 %" in drawn(monkeypatch, preparing)
+    assert "━" not in drawn(monkeypatch, preparing, RunStatus(state="flying", sim_time_s=3.0))
 
 
-def test_the_live_line_stays_one_line():
-    line = LiveLine("warehouse_empty, seed 7")
-    line(
-        RunStatus(
-            state="starting", text="waiting for world, fields, sensing, referee, recorder, agent_beetle", fraction=0.5
-        )
+def test_the_live_line_stays_one_line(monkeypatch):
+    waiting = "waiting for world, fields, sensing, referee, recorder, agent_beetle"
+    text = drawn(
+        monkeypatch, RunStatus(state="starting", text=waiting, fraction=0.5), title="warehouse_empty, seed 7", width=80
     )
-    console = Console(file=io.StringIO(), width=80, force_terminal=False)
-    console.print(line.render())
-    text = console.file.getvalue()
     assert text.count("\n") == 1
     assert "starting, waiting" in text
     assert "…" in text
@@ -75,12 +86,31 @@ def test_a_pipe_is_reported_once_who_is_late(capsys):
 
 
 def test_a_terminal_gets_the_live_line_and_keeps_nothing_of_it(monkeypatch):
-    terminal = io.StringIO()
-    terminal.isatty = lambda: True
-    monkeypatch.setattr("sys.stderr", terminal)
+    terminal = on_terminal(monkeypatch)
     with show_run_progress("hall", is_quiet=False) as report:
-        assert isinstance(report, LiveLine)
-        report(RunStatus(state="starting"))
+        report(RunStatus(state="preparing", text="Solving the wind", fraction=0.25))
+    shown = terminal.getvalue()
+    assert "Solving the wind" in shown
+    # The last it does is to empty the line.
+    assert shown.rindex("\x1b[2K") > shown.rindex("Solving the wind")
+
+
+def test_a_pipe_gets_lines_of_each_phase_some_seconds_apart_and_notes(capsys):
+    with ProgressLine("suite", is_quiet=False) as line:
+        for i in range(3):
+            line.count(i, 3, phase="rooms")
+            line.count(i, 0)
+        line.note("a worker was lost")
+        line.show("done", plain="[###] done", is_last=True)
+    expected = "suite, rooms: 0 of 3\nsuite: 0 trials\na worker was lost\nsuite: [###] done\n"
+    assert capsys.readouterr().err == expected
+
+
+def test_who_asked_for_quiet_gets_nothing(capsys):
+    with ProgressLine("suite", is_quiet=True) as line:
+        line.count(1, 3)
+        line.note("a worker was lost")
+    assert capsys.readouterr().err == ""
 
 
 def test_figures_that_have_no_meaning_are_dashes():

@@ -2,6 +2,7 @@
 
 import ast
 import contextlib
+import errno
 import io
 import json
 import os
@@ -17,12 +18,14 @@ import pytest
 from rich.console import Console
 
 import gslcosim
+from gslcosim.base.errors import MachineError
 from gslcosim.cli.commands import generate
 from gslcosim.cli.main import main
-from gslcosim.cli.run_output import LiveLine, format_agents_table, format_summary, show_count_progress
-from gslcosim.cli.terminal import draw_status_line, table, write, write_json, write_note, write_screen
+from gslcosim.cli.progress import ProgressLine
+from gslcosim.cli.run_output import format_agents_table, format_summary
+from gslcosim.cli.terminal import drawn_table, open_console, table, write, write_json, write_note
 from gslcosim.data.recording import viewer
-from gslcosim.runtime.status import RunResult, RunStatus, get_status_folder
+from gslcosim.runtime.status import RunResult, get_status_folder
 from gslcosim.teleop import Terminal
 
 PACKAGE = Path(gslcosim.__file__).parent
@@ -50,10 +53,6 @@ def test_each_writer_shows_what_is_foreign(capsys):
     write_note(EVIL)
     output = capsys.readouterr()
     assert output.out == output.err == f"{SHOWN}\n"
-    write_screen(EVIL)
-    assert capsys.readouterr().out == f"\x1b[H\x1b[J{SHOWN}\n"
-    draw_status_line(f"{EVIL}\n2")
-    assert capsys.readouterr().err == f"\r\x1b[2K{SHOWN}\\n2"
     write_json({EVIL: "\x9b"})
     text = capsys.readouterr().out
     assert not obeyed(text)
@@ -66,8 +65,8 @@ def test_a_cell_can_neither_break_its_row_nor_its_column():
 
 
 def test_the_live_line_takes_neither_markup_nor_escape_sequences():
-    line = LiveLine(EVIL)
-    line(RunStatus(state="preparing", text=EVIL, fraction=0.5))
+    with ProgressLine(EVIL, is_quiet=False) as line:
+        line._drawn = (EVIL, f"{EVIL}\n2", 0.5)
     console = Console(file=io.StringIO(), width=240, force_terminal=True, color_system=None)
     console.print(line.render())
     drawn = console.file.getvalue()
@@ -96,12 +95,45 @@ def test_the_progress_bar_takes_neither_markup_nor_escape_sequences(monkeypatch)
     assert TITLE not in drawn
 
 
-def test_the_status_line_of_suites_is_one_harmless_line(monkeypatch):
+def test_the_line_of_suites_is_one_harmless_line(monkeypatch):
     def draw():
-        with show_count_progress(EVIL, is_quiet=False) as report:
-            report(1, 2)
+        with ProgressLine(EVIL, is_quiet=False) as line:
+            line.count(1, 2)
 
-    assert on_a_terminal(monkeypatch, draw) == f"\r\x1b[2K{SHOWN}: 1 of 2\r\x1b[2K"
+    drawn = on_a_terminal(monkeypatch, draw)
+    assert f"{SHOWN} 1 of 2" in drawn
+    assert TITLE not in drawn
+
+
+def test_a_drawn_table_takes_neither_markup_nor_escape_sequences():
+    console = Console(file=io.StringIO(), width=240, force_terminal=True, color_system=None)
+    console.print(drawn_table(("name", "n"), [(EVIL, "1"), (f"{EVIL}\n2", "-")]))
+    drawn = console.file.getvalue()
+    assert drawn.count(SHOWN) == 2
+    assert not obeyed(drawn)
+
+
+class Refusing(io.StringIO):
+    """A terminal that takes nothing."""
+
+    def isatty(self):
+        return True
+
+    def write(self, text):
+        raise OSError(errno.EIO, "Input/output error")
+
+    def fileno(self):
+        raise ValueError("no file")
+
+
+def test_a_terminal_that_is_gone_ends_no_work_and_is_told_of_results(monkeypatch):
+    """As where a person has closed it while a suite goes on under nohup."""
+    monkeypatch.setattr(sys, "stderr", Refusing())
+    with ProgressLine("suite", is_quiet=False) as line:
+        line.count(1, 2)
+    monkeypatch.setattr(sys, "stdout", Refusing())
+    with pytest.raises(MachineError, match="standard output"):
+        open_console(sys.stdout).print("page")
 
 
 def test_the_cockpit_shows_what_agents_say(monkeypatch):
@@ -261,4 +293,4 @@ def test_rich_gets_no_foreign_text_as_markup():
         for path in PACKAGE.rglob("*.py")
         if re.search(r"^\s*(from|import) rich\b", path.read_text(encoding="utf-8"), re.MULTILINE)
     }
-    assert users == {"cli/terminal.py", "cli/run_output.py", "cli/commands/generate.py"}
+    assert users == {"cli/terminal.py", "cli/progress.py"}

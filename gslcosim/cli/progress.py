@@ -1,0 +1,140 @@
+"""Progress on standard error, as a live line on a terminal or lines in a pipe; pages that are drawn again and again."""
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, Self
+
+from gslcosim.cli.terminal import open_console, plain_text, write_note
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.live import Live
+    from rich.table import Table
+
+_REFRESH_HZ = 10
+_BAR_WIDTH = 24
+_TEXT_COLUMN = 2
+# Lines in a pipe come at most so often [s].
+_PLAIN_EVERY_S = 10.0
+
+
+class ProgressLine:
+    """How work goes on: drawn again and again on a terminal, where it leaves nothing; written now and then in a pipe.
+
+    A context manager. On a terminal to say how it goes costs no more than an assignment.
+    """
+
+    def __init__(self, title: str = "", *, is_quiet: bool) -> None:
+        """Take what stands at the beginning of the line, and whether to show nothing."""
+        self._title = title
+        self._is_quiet = is_quiet
+        self._is_terminal = sys.stderr.isatty()
+        self._drawn: tuple[str, str | Callable[[], str], float | None] = (title, "", None)
+        self._live: Live | None = None
+        self._spinner: Any = None
+        self._written_at_s: dict[str, float] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+    def show(
+        self,
+        text: str | Callable[[], str],
+        *,
+        fraction: float | None = None,
+        phase: str = "",
+        plain: str = "",
+        is_last: bool = False,
+    ) -> None:
+        """Show how far the work is.
+
+        Args:
+            text: It in words, or what returns them when they are drawn.
+            fraction: How much is done, for a bar on a terminal; None where nobody knows.
+            phase: A part of the work; lines of each come in a pipe some seconds apart.
+            plain: The words for a pipe; the same where it is empty.
+            is_last: Whether a pipe gets it, whenever the last line came.
+        """
+        if self._is_quiet:
+            return
+        title = f"{self._title}, {phase}" if phase else self._title
+        if self._is_terminal:
+            self._drawn = title, text, fraction
+            self._draw()
+            return
+        now_s = time.monotonic()
+        if is_last or now_s - self._written_at_s.get(phase, -1e9) >= _PLAIN_EVERY_S:
+            self._written_at_s[phase] = now_s
+            words = plain or (text if isinstance(text, str) else text())
+            write_note(f"{title}: {words}" if title else words)
+
+    def count(self, done: int, total: int, *, phase: str = "") -> None:
+        """Show how many are done, of how many (0: nobody knows)."""
+        text = f"{done} of {total}" if total else f"{done} trials"
+        self.show(text, fraction=done / total if total else None, phase=phase)
+
+    def note(self, text: str) -> None:
+        """Write a line that stays."""
+        if not self._is_quiet:
+            write_note(text)
+
+    def end(self) -> None:
+        """Leave nothing of the line, and begin anew with what is shown next."""
+        self._written_at_s.clear()
+        if self._live is not None:
+            self._live.stop()
+            self._live = None
+
+    def render(self) -> "Table":
+        """Return the line as a terminal shows it."""
+        from rich.progress_bar import ProgressBar
+        from rich.spinner import Spinner
+        from rich.table import Table
+
+        title, text, fraction = self._drawn
+        self._spinner = self._spinner or Spinner("dots")
+        line = Table.grid(padding=(0, 1))
+        cells: list[Any] = [self._spinner, plain_text(title), plain_text(text if isinstance(text, str) else text())]
+        if fraction is not None:
+            cells += [ProgressBar(total=1.0, completed=fraction, width=_BAR_WIDTH), f"{100 * fraction:3.0f} %"]
+        for i in range(len(cells)):
+            line.add_column(no_wrap=True, overflow="ellipsis" if i == _TEXT_COLUMN else "crop")
+        line.add_row(*cells)
+        return line
+
+    # What others write meanwhile stands above the line.
+    def _draw(self) -> None:
+        if self._live is None:
+            from rich.live import Live
+
+            console = open_console(sys.stderr)
+            self._live = Live(
+                get_renderable=self.render, console=console, refresh_per_second=_REFRESH_HZ, transient=True
+            )
+            self._live.start()
+
+
+@contextlib.contextmanager
+def draw_pages() -> "Iterator[Callable[..., None]]":
+    """Yield what draws parts of a page, one below the other, on stdout, a terminal, in place of the last page.
+
+    The last one stays.
+
+    Raises:
+        MachineError: the terminal cannot be written to.
+    """
+    from rich.console import Group
+    from rich.live import Live
+
+    console = open_console(sys.stdout)
+    with Live(console=console, auto_refresh=False, redirect_stdout=False, redirect_stderr=False) as live:
+
+        def draw(*parts: "RenderableType") -> None:
+            live.update(Group(*parts), refresh=True)
+
+        yield draw
