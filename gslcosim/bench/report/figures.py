@@ -2,6 +2,7 @@
 
 import importlib
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +10,12 @@ import numpy as np
 
 from gslcosim.base.errors import UsageError
 from gslcosim.bench.report.analysis import Analysis
+from gslcosim.bench.report.charts import LineChart, build_line_charts
 from gslcosim.bench.report.curves import (
-    CurveWithBand,
     PlanDrawing,
     build_plan_drawings,
     compute_start_success,
+    limit_s,
     rows_by_entry,
 )
 from gslcosim.bench.report.page import LineStyle, assign_line_styles
@@ -35,6 +37,7 @@ from gslcosim.data.figures.style import (
 )
 
 _MOST_DRAWN = 12
+_LINE_CHARTS = ("success_over_time", "profile", "runtime", "beliefs", "roc")
 
 
 def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
@@ -51,32 +54,17 @@ def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
     matplotlib = matplotlib_for("figures", extra="report", otherwise=otherwise)
     folder.mkdir(exist_ok=True)
     view, written = analysis.everything, list[Path]()
-    drawings: dict[str, tuple[bool, Callable[[Any], None]]] = {
-        "leaderboard": (bool(view.standings), lambda axes: _leaderboard(analysis, axes)),
-        "success_over_time": (
-            bool(view.curves),
-            lambda axes: _lines(analysis, axes, view.curves, "time [s]", "found the source"),
-        ),
-        "profile": (
-            bool(view.profiles),
-            lambda axes: _lines(analysis, axes, view.profiles, "times the oracle's time", "of all cases", log=True),
-        ),
-        "runtime": (
-            bool(view.runtimes.get("all")),
-            lambda axes: _lines(analysis, axes, view.runtimes["all"], "time [s]", "within 5, 2, 1 and 0.5 m"),
-        ),
-        "beliefs": (
-            bool(view.beliefs.get("mass")),
-            lambda axes: _lines(analysis, axes, view.beliefs["mass"], "time [s]", "probability within the radius",
-                                step=False),
-        ),
-        "roc": (any(d.curve for d in view.declarations), lambda axes: _roc(analysis, axes)),
-        "pairs": (bool(view.pairs), lambda axes: _pairs(analysis, axes)),
-    }  # fmt: skip
+    charts = build_line_charts(view, limit_s(analysis.material.rows))
+    drawings: dict[str, Callable[[Any], None]] = {
+        name: partial(_line_chart, analysis, charts[name]) for name in _LINE_CHARTS if name in charts
+    }
+    if view.standings:
+        drawings["leaderboard"] = partial(_leaderboard, analysis)
+    if view.pairs:
+        drawings["pairs"] = partial(_pairs, analysis)
     with matplotlib.rc_context(STYLE):
-        for name, (has_data, draw) in drawings.items():
-            if has_data:
-                written += _written(folder / name, draw)
+        for name, draw in drawings.items():
+            written += _written(folder / name, draw)
     return written
 
 
@@ -100,33 +88,35 @@ def _drawn(analysis: Analysis) -> list[int]:
     return [row.entry for row in analysis.everything.standings][:_MOST_DRAWN]
 
 
-def _lines(
-    analysis: Analysis,
-    axes: Any,
-    lines: Sequence[CurveWithBand],
-    x: str,
-    y: str,
-    *,
-    log: bool = False,
-    step: bool = True,
-) -> None:
-    looks, by_entry = assign_line_styles(analysis), {line.entry: line for line in lines}
+def _line_chart(analysis: Analysis, chart: LineChart, axes: Any) -> None:
+    looks, by_entry = assign_line_styles(analysis), {line.entry: line for line in chart.lines}
+    # Shares in per cent, as the label says.
+    scale = 100.0 if chart.y.format == "percent" else 1.0
+    step = {"drawstyle": "steps-post"} if chart.is_step else {}
     for entry in _drawn(analysis):
         if (line := by_entry.get(entry)) is None:
             continue
-        look, kind = looks[entry], "post" if step else None
-        style = {"drawstyle": "steps-post"} if step else {}
-        name = analysis.material.entries[entry].name
-        axes.plot(line.x, 100 * line.value, color=_color(look), ls=DASHES[look.dashes], label=safe_text(name), **style)
-        axes.fill_between(
-            line.x, 100 * line.low, 100 * line.high, step=kind, color=_color(look), alpha=0.12, linewidth=0
-        )
-    axes.set(xlabel=x, ylabel=f"{y} [%]", ylim=(0, 102), xlim=(lines[0].x[0], lines[0].x[-1]))
-    if log:
+        look, label = looks[entry], safe_text(analysis.material.entries[entry].name)
+        if line.area is not None:
+            label += f", area {line.area.value:.2f} ({line.area.low:.2f} to {line.area.high:.2f})"
+        axes.plot(line.x, scale * line.value, color=_color(look), ls=DASHES[look.dashes], label=label, **step)
+        if line.low is not None and line.high is not None:
+            axes.fill_between(
+                line.x, scale * line.low, scale * line.high, step="post" if chart.is_step else None,
+                color=_color(look), alpha=0.12, linewidth=0,
+            )  # fmt: skip
+    if chart.has_diagonal:
+        axes.plot([0, 1], [0, scale], color="#999999", lw=0.6, ls=":")
+        axes.set_box_aspect(1)
+    axes.set(xlabel=chart.x.label, ylabel=chart.y.label, xlim=(chart.x.low, chart.x.high),
+             ylim=(scale * chart.y.low, 1.02 * scale * chart.y.high))  # fmt: skip
+    if chart.x.is_log:
         axes.set_xscale("log")
         axes.set_xticks([1, 2, 5, 10, 20, 50], ["1", "2", "5", "10", "20", "50"])
         axes.minorticks_off()
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    # Below the diagonal is room, and what stands there is long.
+    place = {"loc": "lower right"} if chart.has_diagonal else {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
+    axes.legend(**place)
 
 
 def _leaderboard(analysis: Analysis, axes: Any) -> None:
@@ -141,20 +131,6 @@ def _leaderboard(analysis: Analysis, axes: Any) -> None:
     axes.set_yticks(range(len(rows)), names)
     axes.invert_yaxis()
     axes.grid(axis="x", lw=0.4, color="#dddddd")
-
-
-def _roc(analysis: Analysis, axes: Any) -> None:
-    looks = assign_line_styles(analysis)
-    for d in analysis.everything.declarations:
-        if d.curve is not None and d.entry in _drawn(analysis):
-            look, name = looks[d.entry], safe_text(analysis.material.entries[d.entry].name)
-            label = f"{name}, area {d.curve.area.value:.2f} ({d.curve.area.low:.2f} to {d.curve.area.high:.2f})"
-            axes.plot(d.curve.false_positive, d.curve.true_positive, color=_color(look), ls=DASHES[look.dashes],
-                      label=label)  # fmt: skip
-    axes.plot([0, 1], [0, 1], color="#999999", lw=0.6, ls=":")
-    axes.set(xlim=(0, 1), ylim=(0, 1.02), xlabel="declared without gas", ylabel="declared with gas")
-    axes.set_aspect("equal")
-    axes.legend(loc="lower right")
 
 
 def _pairs(analysis: Analysis, axes: Any) -> None:

@@ -13,18 +13,18 @@ from markupsafe import Markup, escape
 
 from gslcosim.bench.report import number_formats
 from gslcosim.bench.report.analysis import Analysis, ReportView
-from gslcosim.bench.report.curves import QUANTUM_M, RADII_M, CurveWithBand, PlanDrawing, encode_plan, limit_s
+from gslcosim.bench.report.charts import ChartAxis, ChartLine, LineChart, build_line_charts
+from gslcosim.bench.report.curves import QUANTUM_M, RADII_M, PlanDrawing, encode_plan, limit_s
 from gslcosim.bench.report.report_data import Floats
 from gslcosim.bench.report.tables import describe_provenance
 from gslcosim.bench.statistics.estimates import Estimate
-from gslcosim.bench.statistics.roc import Roc
 from gslcosim.bench.store import TRIAL_COLUMNS
 
 FOLDER = Path(__file__).parent / "page"
 _FEW_ENTRIES, _SHOWN_AT_FIRST = 10, 8
 _COLORS, _DASHES = 7, 4
 _MOST_LISTED = 40
-_ROC_POINTS = 60
+_ABSCISSA_DIGITS, _MOST_POINTS = 6, 60
 
 
 @dataclass(frozen=True)
@@ -72,6 +72,7 @@ def render_page(analysis: Analysis) -> str:
         view=analysis.everything,
         facts=describe_provenance(analysis),
         columns=TRIAL_COLUMNS,
+        radii_m=RADII_M,
         most_listed=_MOST_LISTED,
         css=Markup((FOLDER / "report.css").read_text(encoding="utf-8")),
         script=Markup((FOLDER / "report.js").read_text(encoding="utf-8")),
@@ -147,7 +148,7 @@ def _data(analysis: Analysis, looks: Sequence[LineStyle]) -> dict[str, Any]:
         "order": [row.entry for row in analysis.everything.standings],
         "limit": limit_s(rows),
         "quantum": QUANTUM_M,
-        "views": [_view(view) for view in analysis.views],
+        "views": [_view(view, limit_s(rows)) for view in analysis.views],
         "rooms": [_room(room) for room in analysis.rooms],
         "starts": [[s.room, s.entry, _number(s.x_m), _number(s.y_m), _to_list(s.success)] for s in analysis.starts],
         "tracks": [
@@ -162,12 +163,12 @@ def _data(analysis: Analysis, looks: Sequence[LineStyle]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _view(view: ReportView) -> dict[str, Any]:
+def _view(view: ReportView, limit: float) -> dict[str, Any]:
     return {
         "key": view.key,
         "label": view.label,
         "scenarios": view.scenarios,
-        "curves": {"t": _list(view.curves[0].x, 6), "lines": _lines(view.curves)} if view.curves else None,
+        "charts": {name: _chart(chart) for name, chart in build_line_charts(view, limit).items()},
         "times": [
             {
                 "e": t.entry, "rmst": _to_list(t.restricted_s), "median": _to_list(t.median_s),
@@ -176,16 +177,6 @@ def _view(view: ReportView) -> dict[str, Any]:
             }
             for t in view.times
         ],
-        "profile": {"x": _list(view.profiles[0].x, 4), "lines": _lines(view.profiles)} if view.profiles else None,
-        "runtime": [
-            {
-                "label": "all radii together" if key == "all" else f"within {RADII_M[key]:g} m",
-                "x": _list(lines[0].x, 6), "lines": _lines(lines),
-            }
-            for key, lines in view.runtimes.items()
-            if lines
-        ]
-        or None,
         "pairs": {
             "order": [row.entry for row in view.standings],
             "cells": [
@@ -195,37 +186,34 @@ def _view(view: ReportView) -> dict[str, Any]:
         }
         if view.pairs
         else None,
-        "roc": _rocs(view),
-        "beliefs": {key: {"x": _list(lines[0].x, 6), "lines": _lines(lines)} for key, lines in view.beliefs.items()}
-        if view.beliefs.get("mass")
-        else None,
     }  # fmt: skip
 
 
-def _rocs(view: ReportView) -> dict[str, Any] | None:
-    curves = [(d.entry, d.curve, d.place_curve) for d in view.declarations if d.curve and d.place_curve]
-    if not curves:
-        return None
+def _chart(chart: LineChart) -> dict[str, Any]:
+    shared_x = chart.shared_x
     return {
-        "roc": [_roc(entry, curve) for entry, curve, _ in curves],
-        "lroc": [_roc(entry, curve) for entry, _, curve in curves],
-    }
-
-
-def _roc(entry: int, curve: Roc) -> dict[str, Any]:
-    x, y = (np.concatenate([[0.0], part]) for part in (curve.false_positive, curve.true_positive))
-    keep = np.unique(np.linspace(0, len(x) - 1, min(_ROC_POINTS, len(x))).round().astype(int))
-    return {
-        "e": entry, "x": _list(x[keep]), "v": _list(y[keep]), "n": curve.n_positive + curve.n_negative,
-        "auc": _to_list(curve.area),
+        "title": chart.title, "x": _axis(chart.x), "y": _axis(chart.y), "step": chart.is_step,
+        "diagonal": chart.has_diagonal, "at": None if shared_x is None else _list(shared_x, _ABSCISSA_DIGITS),
+        "lines": [_line(line, has_own_x=shared_x is None) for line in chart.lines],
     }  # fmt: skip
 
 
-def _lines(lines: Sequence[CurveWithBand]) -> list[dict[str, Any]]:
-    return [
-        {"e": line.entry, "v": _list(line.value), "l": _list(line.low), "h": _list(line.high), "n": line.n}
-        for line in lines
-    ]
+# Lines with places of their own are thinned to what a page of bounded size can hold.
+def _line(line: ChartLine, *, has_own_x: bool) -> dict[str, Any]:
+    n_points = min(_MOST_POINTS, len(line.x)) if has_own_x else len(line.x)
+    keep = np.unique(np.linspace(0, len(line.x) - 1, n_points).round().astype(int))
+    return {
+        "e": line.entry, "x": _list(line.x[keep]) if has_own_x else None, "v": _list(line.value[keep]), "n": line.n,
+        "l": None if line.low is None else _list(line.low[keep]),
+        "h": None if line.high is None else _list(line.high[keep]),
+    }  # fmt: skip
+
+
+def _axis(axis: ChartAxis) -> dict[str, Any]:
+    return {
+        "label": axis.label, "name": axis.name or axis.label, "min": _number(axis.low), "max": _number(axis.high),
+        "format": axis.format, "log": axis.is_log,
+    }  # fmt: skip
 
 
 def _room(room: PlanDrawing) -> dict[str, Any]:

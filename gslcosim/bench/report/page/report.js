@@ -161,7 +161,7 @@
     const tipAt = (v) => {
       const body = h("tbody");
       for (const [line, i] of read(v).slice(0, 14)) body.append(h("tr", {}, h("td", {}, swatch(line.e)), h("td", { class: "left" }, brief(line.e, 30)), h("td", {}, text(line, i)), h("td", {}, number(line, i) === undefined ? "" : `n ${number(line, i)}`)));
-      return [h("b", {}, `${x.name || x.label} ${exact(fx, v)}`), h("table", {}, body)];
+      return [h("b", {}, `${x.name} ${exact(fx, v)}`), h("table", {}, body)];
     };
     const nearest = (pixel) => grid.reduce((best, v) => (Math.abs(X(v) - pixel) < Math.abs(X(best) - pixel) ? v : best), grid[0]);
     const point = (v) => { cross.setAttribute("x1", X(v)); cross.setAttribute("x2", X(v)); cross.setAttribute("visibility", "visible"); };
@@ -181,7 +181,7 @@
         place = Math.max(0, Math.min(grid.length - 1, place + (event.key === "ArrowRight" ? jump : -jump)));
         const v = grid[place], box = svg.getBoundingClientRect();
         point(v); showTip(tipAt(v), box.left + (X(v) * box.width) / width, box.top + 30);
-        spoken.textContent = `${x.name || x.label} ${exact(fx, v)}: ` + read(v).map(([line, i]) => `${name(line.e)} ${text(line, i)}`).join("; ");
+        spoken.textContent = `${x.name} ${exact(fx, v)}: ` + read(v).map(([line, i]) => `${name(line.e)} ${text(line, i)}`).join("; ");
       });
     }
     host.replaceChildren(svg);
@@ -204,30 +204,18 @@
   }
 
   // ---------------------------------------------------------------- plots by name
-  const withX = (lines, x) => shown(lines).map((line) => ({ ...line, x: line.x || x })).sort((a, b) => D.order.indexOf(a.e) - D.order.indexOf(b.e));
+  // Charts of lines come as the page's data describe them; here is only how large they are.
+  function namedChart(figure, layout) {
+    const chart = view().charts[figure.dataset.chart];
+    const lines = shown(chart.lines).map((line) => ({ ...line, x: line.x || chart.at }));
+    lineChart(figure, { ...chart, ...layout, lines: lines.sort((a, b) => D.order.indexOf(a.e) - D.order.indexOf(b.e)) });
+  }
   const PLOTS = {
-    curves(figure) {
-      const c = view().curves;
-      lineChart(figure, { title: "Share of trials that have found the source, over time", step: true, x: { min: 0, max: D.limit, label: "time [s]", name: "by", format: "seconds" }, y: { min: 0, max: 1, label: "found the source [%]", format: "percent" }, lines: withX(c.lines, c.t) });
-    },
+    lines(figure) { namedChart(figure, {}); },
+    runtime(figure) { namedChart(figure, { height: 230, plainEnds: figure.dataset.chart !== "runtime" }); },
+    roc(figure) { namedChart(figure, { plainEnds: true, height: 320, table: false }); },
+    beliefs(figure) { namedChart(figure, { plainEnds: true, height: 290 }); },
     times(figure) { timesChart(figure, view().times); },
-    profile(figure) {
-      const p = view().profile;
-      lineChart(figure, { title: "Share of trials within a multiple of the oracle's time", step: true, x: { min: p.x[0], max: p.x[p.x.length - 1], log: true, label: "multiple of the oracle's time", name: "within", format: "times" }, y: { min: 0, max: 1, label: "of all cases [%]", format: "percent" }, lines: withX(p.lines, p.x) });
-    },
-    runtime(figure) {
-      const radius = +figure.dataset.index, part = view().runtime[radius];
-      lineChart(figure, { title: part.label, height: 230, plainEnds: radius > 0, step: true, x: { min: 0, max: D.limit, label: "time [s]", name: "by", format: "seconds" }, y: { min: 0, max: 1, label: "reached [%]", format: "percent" }, lines: withX(part.lines, part.x) });
-    },
-    roc(figure) {
-      const part = view().roc[figure.dataset.kind];
-      lineChart(figure, { title: figure.dataset.title, diagonal: figure.dataset.kind === "roc", plainEnds: true, height: 320, x: { min: 0, max: 1, label: "false alarms: share of flights without gas", name: "false alarms", format: "percent" }, y: { min: 0, max: 1, label: figure.dataset.kind === "roc" ? "declared, gas present [%]" : "declared within the radius [%]", format: "percent" }, lines: withX(part), table: false });
-    },
-    beliefs(figure) {
-      const part = view().beliefs[figure.dataset.kind], metres = figure.dataset.kind === "distance";
-      const top = metres ? Math.max(1, ...part.lines.flatMap((line) => line.h.filter((v) => v !== null))) : 1;
-      lineChart(figure, { title: figure.dataset.title, plainEnds: true, height: 290, x: { min: 0, max: D.limit, label: "time [s]", name: "at", format: "seconds" }, y: { min: 0, max: top, label: figure.dataset.axis, format: metres ? "metres" : "percent" }, lines: withX(part.lines, part.x) });
-    },
     pairs(figure) { pairsChart(figure, view().pairs); },
     starts(figure) { roomPanels(figure, startPanel); },
     tracks(figure) { roomPanels(figure, trackPanel); },
@@ -417,7 +405,7 @@
     if (!stale.has(figure)) return;
     stale.delete(figure);
     const host = figure.closest("[data-needs]");
-    const there = !host || view()[host.dataset.needs];
+    const there = !host || view().charts[host.dataset.needs] || view()[host.dataset.needs];
     if (host) { host.hidden = !there; const note = host.nextElementSibling; if (note && note.matches(".absent")) note.hidden = Boolean(there); }
     if (there) PLOTS[figure.dataset.plot](figure);
   }

@@ -63,9 +63,10 @@ def test_score_is_the_interquartile_mean_of_the_means_of_cases(usual):
 def test_curves_and_starts_are_those_of_the_rows(usual):
     data, rows = data_of((usual / "report.html").read_text(encoding="utf-8")), rows_of(usual)
     names = [entry["name"] for entry in data["entries"]]
-    for line in data["views"][0]["curves"]["lines"]:
+    chart = data["views"][0]["charts"]["success_over_time"]
+    for line in chart["lines"]:
         flown = [row for row in rows if row["entry"] == names[line["e"]] and not row["is_control"]]
-        for t, value in zip(data["views"][0]["curves"]["t"], line["v"], strict=True):
+        for t, value in zip(chart["at"], line["v"], strict=True):
             share = np.mean([row["success"] and row["time_s"] <= t for row in flown])
             assert value == pytest.approx(share, abs=6e-4)
     for room, entry, x_m, y_m, shown in data["starts"]:
@@ -271,7 +272,7 @@ def test_every_folder_gets_a_page(name, tmp_path):
     assert {link[1:] for link in page.links if link.startswith("#")} <= set(page.ids) | {"leaderboard"}
     assert "nan" not in re.sub(r"[a-z_]*nan[a-z_]+|[a-z_]+nan", "", " ".join(page.text).lower())
     data = data_of(page.html)
-    assert all(view["curves"] is None or view["curves"]["lines"] for view in data["views"])
+    assert all(chart["lines"] for view in data["views"] for chart in view["charts"].values())
     jsonschema.validate(json.loads((folder / "leaderboard.json").read_text(encoding="utf-8")), LEADERBOARD)
 
 
