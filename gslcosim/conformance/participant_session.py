@@ -1,149 +1,35 @@
-"""Session of a check with a participant: scripted inputs, its answers, and the first rule that they break."""
+"""Session of a check with a participant: its answers to scripted inputs, and the first rule that they break."""
 
 import queue
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
-
-import msgpack
 
 from gslcosim.base.errors import ContractError
 from gslcosim.base.processes import describe_exit
-from gslcosim.base.rng import stream
-from gslcosim.base.ticks import seconds_from_ticks
-from gslcosim.conformance.example_messages import load_example
 from gslcosim.conformance.rules import Failure
-from gslcosim.conformance.scripted_world import TICK_NS, add_unknown_fields
+from gslcosim.conformance.scripted_world import (
+    INPUT_TICKS,
+    N_EMPTY_TICKS,
+    ScriptedInputs,
+    add_later_fields,
+    build_check_briefing,
+    get_message_name,
+    pack_fields,
+)
 from gslcosim.conformance.transcript import SessionLimits, SessionScript, Transcript
 from gslcosim.conformance.transports import AgentExited, CheckedProcess, ConnectionSpec
-from gslcosim.contract import codec, keys
-from gslcosim.contract.environment_messages import WIND, WindShare
-from gslcosim.contract.keys import AGENT_PLACEHOLDER as ANY_AGENT
-from gslcosim.contract.keys import KEY_TABLE
-from gslcosim.contract.messages import Bounds, Ending, FieldSamples, Message, ParameterValue
+from gslcosim.contract import codec
+from gslcosim.contract.messages import Ending, Message, ParameterValue
 from gslcosim.contract.participant_messages import (
-    PARTICIPATION_VERSION,
     VENTILATION,
-    ParticipantBriefing,
     ParticipantHello,
     ParticipantInputs,
     ParticipantOutputs,
-    ParticipantValues,
-    PortRead,
-    PortWrite,
-    VehicleOfRun,
-    build_own_port,
 )
-from gslcosim.gateway.connections import (
-    AnswerTimeoutError,
-    BlockingConnection,
-    Stream,
-    StreamEndedError,
-)
-from gslcosim.methods.example_instruments import GAS, ROOM_M, SAMPLED_SENSORS, build_samples
+from gslcosim.gateway.connections import AnswerTimeoutError, BlockingConnection, Stream, StreamEndedError
 from gslcosim.runtime.external.core import PARTICIPANT_VARIABLE
 from gslcosim.runtime.external.protocol import is_valid_name, read_hello, read_outputs
-
-PARTICIPANT_NAME = "model_1"
-VEHICLE_NAME = "beetle"
-# In a row, and over the places where integers get longer in msgpack.
-INPUT_TICKS = (*range(40), *range(120, 131), *range(250, 260), *range(65_530, 65_540))
-# Without any input, as at the beginning of a run where all have a delay.
-N_EMPTY_TICKS = 5
-_HIDDEN_KEYS = (keys.briefing(ANY_AGENT), keys.question(ANY_AGENT), keys.raw_command(ANY_AGENT), keys.ending(ANY_AGENT))
-_OWN_PORT_PREFIX = build_own_port("", "").split("/")[0]
-
-
-def get_message_name(port: str) -> str | None:
-    """Return the type of the message on a port of a run, None where no run has such a port."""
-    parts = port.split("/")
-    if port == WIND:
-        return WindShare.__name__
-    if parts[0] == _OWN_PORT_PREFIX and len(parts) == 3 and all(parts):
-        return ParticipantValues.__name__
-    for channel in KEY_TABLE:
-        wanted = channel.key.split("/")
-        fits = len(parts) == len(wanted) and all(b == ANY_AGENT or a == b for a, b in zip(parts, wanted, strict=True))
-        if fits and all(parts) and channel.key not in _HIDDEN_KEYS:
-            return channel.message
-    return None
-
-
-def build_check_briefing(
-    hello: ParticipantHello, seed: int, parameters: Mapping[str, ParameterValue]
-) -> ParticipantBriefing:
-    """Return the briefing of a participant."""
-    return ParticipantBriefing(
-        tick=0,
-        participant=PARTICIPANT_NAME,
-        contract_version=PARTICIPATION_VERSION,
-        scenario="check",
-        tick_ns=TICK_NS,
-        period_ticks=1,
-        seed=seed,
-        time_limit_s=10_000.0,
-        bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=ROOM_M),
-        gases=(GAS,),
-        vehicles=(VehicleOfRun(agent=VEHICLE_NAME, sensors=SAMPLED_SENSORS),),
-        reads=tuple(PortRead(port=port, delay_ticks=0, message=get_message_name(port) or "") for port in hello.reads),
-        writes=tuple(_build_write(word) for word in hello.writes),
-        parameters=dict(parameters),
-    )
-
-
-class ScriptedInputs:
-    """One session's inputs. The same seed gives the same."""
-
-    def __init__(self, reads: Iterable[str], seed: int) -> None:
-        self._reads = tuple(reads)
-        self._noise = stream(seed, "conformance.inputs")
-
-    def at(self, tick: int) -> ParticipantInputs:
-        """Return the inputs of a tick; to be called for each tick in turn."""
-        inputs = {port: _build_input(port, tick, float(self._noise.standard_normal())) for port in self._reads}
-        return ParticipantInputs(
-            tick=tick,
-            time_s=seconds_from_ticks(tick, TICK_NS),
-            inputs={port: message.model_dump() for port, message in inputs.items()},
-        )
-
-
-def add_later_fields(message: Message) -> dict[str, Any]:
-    """Return the fields of a message as a later minor version might send it, also within the inputs."""
-    fields = message.model_dump()
-    inputs: dict[str, Any] = fields.pop("inputs", {})
-    later = add_unknown_fields(fields)
-    if isinstance(message, ParticipantInputs):
-        is_data = {port: get_message_name(port) == ParticipantValues.__name__ for port in inputs}
-        later["inputs"] = {
-            port: value if is_data[port] else add_unknown_fields(value) for port, value in inputs.items()
-        }
-    return later
-
-
-def pack_fields(fields: Mapping[str, Any]) -> bytes:
-    """Return fields as msgpack."""
-    payload: Any = msgpack.packb(fields)
-    return bytes(payload)
-
-
-def _build_input(port: str, tick: int, noise: float) -> Message:
-    name = get_message_name(port)
-    if name == FieldSamples.__name__:
-        return build_samples(tick, noise, agent=VEHICLE_NAME)
-    if name == ParticipantValues.__name__:
-        return ParticipantValues(tick=tick, values={"level": noise, "is_on": noise > 0})
-    if name == WindShare.__name__:
-        return WindShare(tick=tick, share=abs(noise))
-    return load_example(name).model_copy(update={"tick": tick})
-
-
-def _build_write(word: str) -> PortWrite:
-    if word == VENTILATION:
-        return PortWrite(word=word, port=WIND, message=WindShare.__name__)
-    return PortWrite(word=word, port=build_own_port(PARTICIPANT_NAME, word), message=ParticipantValues.__name__)
-
 
 END_REASON = "the run is over"
 _PROCESS_NAME = "participant"

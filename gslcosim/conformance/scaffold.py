@@ -14,7 +14,7 @@ import yaml
 from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.errors import UsageError
 from gslcosim.base.kernel_cache import get_cache_root
-from gslcosim.conformance.participant_session import PARTICIPANT_NAME
+from gslcosim.conformance.scripted_world import PARTICIPANT_NAME
 from gslcosim.runtime.external.protocol import is_valid_name
 
 TEMPLATES = Path(__file__).parent / "templates"

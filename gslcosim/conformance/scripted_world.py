@@ -1,30 +1,64 @@
-"""Scripted world of a check: small, pure, and the same for every agent; no physics, but all that a session has.
+"""Scripted world of a check, small and pure: every message that it sends to an agent or to a participant.
 
-A vehicle is where its last waypoint was as soon as the next question comes. Ticks leap over the places where integers
-get longer in msgpack, which a run reaches only after hours.
+There are no physics, but all that a session has. A vehicle is where its last waypoint was as soon as the next question
+comes. Ticks leap over the places where integers get longer in msgpack, which a run reaches only after hours.
 """
 
-from collections.abc import Iterator
+import json
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
+import msgpack
 import numpy as np
 
+from gslcosim.base.bundled import bundled_contract
 from gslcosim.base.rng import stream
+from gslcosim.base.ticks import seconds_from_ticks
+from gslcosim.contract import codec, keys
+from gslcosim.contract.environment_messages import WIND, WindShare
+from gslcosim.contract.keys import AGENT_PLACEHOLDER as ANY_AGENT
+from gslcosim.contract.keys import KEY_TABLE
 from gslcosim.contract.messages import (
     CONTRACT_VERSION,
     Bounds,
     Briefing,
     ChannelDescription,
     Command,
+    FieldSamples,
     KnownMap,
+    Message,
     Observation,
+    ParameterValue,
     Vec3,
 )
+from gslcosim.contract.participant_messages import (
+    PARTICIPATION_VERSION,
+    VENTILATION,
+    ParticipantBriefing,
+    ParticipantHello,
+    ParticipantInputs,
+    ParticipantValues,
+    PortRead,
+    PortWrite,
+    VehicleOfRun,
+    build_own_port,
+)
 from gslcosim.contract.record import NumericArray
-from gslcosim.contract.schema import get_contract_hash
+from gslcosim.contract.schema import get_contract_hash, list_published_types
 from gslcosim.methods.card import Needs
-from gslcosim.methods.example_instruments import GAS, MISSION, PLUME, ROOM_M, SOURCE_M, build_readings, build_sensors
+from gslcosim.methods.example_instruments import (
+    GAS,
+    MISSION,
+    PLUME,
+    ROOM_M,
+    SAMPLED_SENSORS,
+    SOURCE_M,
+    build_readings,
+    build_samples,
+    build_sensors,
+)
 
 AGENT = "agent_1"
 OTHER_AGENT = "agent_2"
@@ -156,3 +190,111 @@ def _extend(value: Any, more: dict[str, Any]) -> Any:
     if isinstance(value, dict):
         return {key: _extend(item, more) for key, item in value.items()} | more
     return [_extend(item, more) for item in value] if isinstance(value, list | tuple) else value
+
+
+PARTICIPANT_NAME = "model_1"
+VEHICLE_NAME = "beetle"
+# In a row, and over the places where integers get longer in msgpack.
+INPUT_TICKS = (*range(40), *range(120, 131), *range(250, 260), *range(65_530, 65_540))
+# Without any input, as at the beginning of a run where all have a delay.
+N_EMPTY_TICKS = 5
+_HIDDEN_KEYS = (keys.briefing(ANY_AGENT), keys.question(ANY_AGENT), keys.raw_command(ANY_AGENT), keys.ending(ANY_AGENT))
+_OWN_PORT_PREFIX = build_own_port("", "").split("/")[0]
+
+
+def get_message_name(port: str) -> str | None:
+    """Return the type of the message on a port of a run, None where no run has such a port."""
+    parts = port.split("/")
+    if port == WIND:
+        return WindShare.__name__
+    if parts[0] == _OWN_PORT_PREFIX and len(parts) == 3 and all(parts):
+        return ParticipantValues.__name__
+    for channel in KEY_TABLE:
+        wanted = channel.key.split("/")
+        fits = len(parts) == len(wanted) and all(b == ANY_AGENT or a == b for a, b in zip(parts, wanted, strict=True))
+        if fits and all(parts) and channel.key not in _HIDDEN_KEYS:
+            return channel.message
+    return None
+
+
+def build_check_briefing(
+    hello: ParticipantHello, seed: int, parameters: Mapping[str, ParameterValue]
+) -> ParticipantBriefing:
+    """Return the briefing of a participant."""
+    return ParticipantBriefing(
+        tick=0,
+        participant=PARTICIPANT_NAME,
+        contract_version=PARTICIPATION_VERSION,
+        scenario="check",
+        tick_ns=TICK_NS,
+        period_ticks=1,
+        seed=seed,
+        time_limit_s=10_000.0,
+        bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=ROOM_M),
+        gases=(GAS,),
+        vehicles=(VehicleOfRun(agent=VEHICLE_NAME, sensors=SAMPLED_SENSORS),),
+        reads=tuple(PortRead(port=port, delay_ticks=0, message=get_message_name(port) or "") for port in hello.reads),
+        writes=tuple(_build_write(word) for word in hello.writes),
+        parameters=dict(parameters),
+    )
+
+
+class ScriptedInputs:
+    """One session's inputs. The same seed gives the same."""
+
+    def __init__(self, reads: Iterable[str], seed: int) -> None:
+        self._reads = tuple(reads)
+        self._noise = stream(seed, "conformance.inputs")
+
+    def at(self, tick: int) -> ParticipantInputs:
+        """Return the inputs of a tick; to be called for each tick in turn."""
+        inputs = {port: _build_input(port, tick, float(self._noise.standard_normal())) for port in self._reads}
+        return ParticipantInputs(
+            tick=tick,
+            time_s=seconds_from_ticks(tick, TICK_NS),
+            inputs={port: message.model_dump() for port, message in inputs.items()},
+        )
+
+
+def add_later_fields(message: Message) -> dict[str, Any]:
+    """Return the fields of a message as a later minor version might send it, also within the inputs."""
+    fields = message.model_dump()
+    inputs: dict[str, Any] = fields.pop("inputs", {})
+    later = add_unknown_fields(fields)
+    if isinstance(message, ParticipantInputs):
+        is_data = {port: get_message_name(port) == ParticipantValues.__name__ for port in inputs}
+        later["inputs"] = {
+            port: value if is_data[port] else add_unknown_fields(value) for port, value in inputs.items()
+        }
+    return later
+
+
+def pack_fields(fields: Mapping[str, Any]) -> bytes:
+    """Return fields as msgpack."""
+    payload: Any = msgpack.packb(fields)
+    return bytes(payload)
+
+
+def _build_input(port: str, tick: int, noise: float) -> Message:
+    name = get_message_name(port)
+    if name == FieldSamples.__name__:
+        return build_samples(tick, noise, agent=VEHICLE_NAME)
+    if name == ParticipantValues.__name__:
+        return ParticipantValues(tick=tick, values={"level": noise, "is_on": noise > 0})
+    if name == WindShare.__name__:
+        return WindShare(tick=tick, share=abs(noise))
+    return load_example(name).model_copy(update={"tick": tick})
+
+
+def _build_write(word: str) -> PortWrite:
+    if word == VENTILATION:
+        return PortWrite(word=word, port=WIND, message=WindShare.__name__)
+    return PortWrite(word=word, port=build_own_port(PARTICIPANT_NAME, word), message=ParticipantValues.__name__)
+
+
+@cache
+def load_example(name: str) -> Message:
+    """Return the first golden vector of the message type of a name, such as `BodyPoses`, in the published contract."""
+    message_type = next(item for item in list_published_types() if item.__name__ == name)
+    vectors = json.loads((bundled_contract() / "vectors" / f"{name}.json").read_text(encoding="utf-8"))
+    return codec.decode(message_type, bytes.fromhex(vectors["accept"][0]["msgpack"]))
