@@ -213,6 +213,7 @@ class SuiteRun:
         selection: Selection,
         shard: Shard | None = None,
         flies_failures_again: bool = False,
+        keeps_pool: bool = False,
         report: Callable[[Progress], None] = lambda _: None,
     ) -> None:
         """Prepare to run.
@@ -224,6 +225,7 @@ class SuiteRun:
             selection: Which of the plan's trials.
             shard: Which part of these; all if absent.
             flies_failures_again: Whether trials without result are run again.
+            keeps_pool: Whether the workers are left running, for what else their owner has for them.
             report: Receives progress reports.
         """
         self._plan = plan
@@ -232,6 +234,7 @@ class SuiteRun:
         self._selection = selection
         self._shard = shard
         self._chosen = choose_trials(plan.trials, selection, shard)
+        self._keeps_pool = keeps_pool
         self._flies_failures_again = flies_failures_again
         self._report = report
         self._entries: dict[str, JournalEntry] = {}
@@ -319,7 +322,8 @@ class SuiteRun:
             flown = time.perf_counter()
             prepared = flown if prepared == began else prepared
         finally:
-            pool.close()
+            if not self._keeps_pool:
+                pool.close()
         rows = [self._entries[trial.id].row for trial in todo if trial.id in self._entries]
         taken_s = flown - prepared
         wall |= {"preparing_s": prepared - began, "flying_s": taken_s, "n_trials": len(rows)}

@@ -113,13 +113,8 @@ def is_scenario(source: str) -> bool:
 
 def with_changed_fields(loaded: LoadedSuite, **values: Any) -> LoadedSuite:
     """Return a suite with other values of its fields, and the suites that it includes with the same."""
-    return LoadedSuite(
-        suite=loaded.suite.model_copy(update=values),
-        path=loaded.path,
-        directory=loaded.directory,
-        shown_path=loaded.shown_path,
-        included=tuple(with_changed_fields(inner, **values) for inner in loaded.included),
-    )
+    included = tuple(with_changed_fields(inner, **values) for inner in loaded.included)
+    return replace(loaded, suite=loaded.suite.model_copy(update=values), included=included)
 
 
 def _schema_of(path: Path) -> str:
@@ -226,9 +221,7 @@ def build_setting_suite(subject: StudyTarget, settings: Sequence[Setting], *, na
     )
     title = f"{subject.entry.name} with other parameters"
     suite = bare.suite.model_copy(update={"name": name[:_LONGEST].rstrip("_"), "title": title, "question": ""})
-    return LoadedSuite(
-        suite=suite, path=bare.path, directory=bare.directory, shown_path=bare.shown_path, included=bare.included
-    )
+    return replace(bare, suite=suite)
 
 
 def restrict_cases(loaded: LoadedSuite, chosen: Collection[str]) -> LoadedSuite:

@@ -5,13 +5,14 @@ import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.bench.cases.models import Case, Selection, derive_seed
 from gslcosim.bench.cases.plan import Plan, build_plan, expand_cases
-from gslcosim.bench.execution.pool import Job, JobResult, Pool
+from gslcosim.bench.execution.pool import Pool
 from gslcosim.bench.execution.runner import Progress, SuiteRun
 from gslcosim.bench.statistics.estimates import Estimate
 from gslcosim.bench.store import ResultsFolder
@@ -140,68 +141,23 @@ def _first_that_fly(subject: StudyTarget, lot: Sequence[str], *, n: int) -> list
         n_tried = 2 * n_tried
 
 
-class ReusablePool:
-    """A pool that outlives the runs that use it, so that workers start once; `end` ends them."""
-
-    def __init__(self, start: Callable[[], Pool]) -> None:
-        """Take what starts the workers; it is called at the first run that flies."""
-        self._start = start
-        self._pool: Pool | None = None
-
-    def lent(self) -> "ReusablePool":
-        """Return the pool with its workers started."""
-        if self._pool is None:
-            self._pool = self._start()
-        return self
-
-    def end(self) -> None:
-        """End all workers."""
-        if self._pool is not None:
-            self._pool.close()
-            self._pool = None
-
-    @property
-    def n_workers(self) -> int:
-        """See `Pool`."""
-        return self._lent.n_workers
-
-    @property
-    def peak_mb(self) -> float:
-        """See `Pool`."""
-        return self._lent.peak_mb
-
-    @property
-    def reference_loops_s(self) -> list[float]:
-        """See `Pool`."""
-        return self._lent.reference_loops_s
-
-    def submit(self, job: Job) -> None:
-        """Take a job; see `Pool`."""
-        self._lent.submit(job)
-
-    def wait(self, timeout_s: float) -> list[JobResult]:
-        """Return the jobs that have ended; see `Pool`."""
-        return self._lent.wait(timeout_s)
-
-    def close(self) -> None:
-        """Do nothing: another run may follow."""
-
-    @property
-    def _lent(self) -> Pool:
-        assert self._pool is not None, "a run that flies has asked for its workers"
-        return self._pool
-
-
 class SettingRunner:
     """Runs settings of an evaluation plan into a folder; runs that are there are not repeated."""
 
     def __init__(
-        self, evaluation: EvaluationPlan, folder: ResultsFolder, pool: ReusablePool, report: Callable[[Progress], None]
+        self,
+        evaluation: EvaluationPlan,
+        folder: ResultsFolder,
+        start_pool: Callable[[], Pool],
+        report: Callable[[Progress], None],
     ) -> None:
-        """Take an evaluation plan, the folder of its rows, the workers, and the receiver of progress."""
+        """Take an evaluation plan, the folder of its rows, what starts the workers, and the receiver of progress.
+
+        Workers that `start_pool` returns are not ended here: others go on with them.
+        """
         self.evaluation = evaluation
         self._folder = folder
-        self._pool = pool
+        self._start_pool = start_pool
         self._report = report
         self._plan: Plan | None = None
         self._rows = {row["trial"]: row for row in folder.rows()}
@@ -230,7 +186,10 @@ class SettingRunner:
             self._run(self._plan)
 
     def _run(self, plan: Plan) -> None:
-        summary = SuiteRun(plan, self._folder, self._pool.lent, selection=Selection(), report=self._report).fly()
+        run = SuiteRun(
+            plan, self._folder, self._start_pool, selection=Selection(), keeps_pool=True, report=self._report
+        )
+        summary = run.fly()
         self.n_flown_now += summary.n_flown
         if summary.is_interrupted:
             raise KeyboardInterrupt
@@ -519,20 +478,24 @@ class Tuner:
         with ResultsFolder(self._folder).locked():
             search = OptunaSearch(self._ranges, seed=derive_seed(self._seed, "search"), log=self._folder / STUDY_LOG)
             training, validation = self.evaluations()
-            pool = ReusablePool(self._start_pool)
+            # Workers start at the first run that flies, and serve all others.
+            start_pool = cache(self._start_pool)
             try:
-                runner = SettingRunner(training, ResultsFolder(self._folder / TRAINING), pool, self._report)
+                runner = SettingRunner(training, ResultsFolder(self._folder / TRAINING), start_pool, self._report)
                 n_asked = self._search(search, runner)
                 runner.finish()
                 best = max(self._tried, key=lambda tried: tried.figures.score.value)
                 n_now = runner.n_flown_now
                 validated = None
                 if best is not self._tried[0]:
-                    runner = SettingRunner(validation, ResultsFolder(self._folder / VALIDATION), pool, self._report)
+                    runner = SettingRunner(
+                        validation, ResultsFolder(self._folder / VALIDATION), start_pool, self._report
+                    )
                     validated = self._validate(runner, best.setting)
                     n_now += runner.n_flown_now
             finally:
-                pool.end()
+                if start_pool.cache_info().currsize:
+                    start_pool().close()
         n_used = len(self._tried) * self._budget.per_setting + (self._budget.validation if validated else 0)
         return TuningResult(
             suite=self._subject.loaded.suite.name,

@@ -9,9 +9,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pyarrow.parquet as pq
 import pytest
 
+from gslcosim.bench.execution.pool import Pool
 from gslcosim.bench.store import ResultsFolder
 from gslcosim.bench.studies.target import find_target, parse_ranges
 from gslcosim.bench.studies.tuning import Tuner, TuningProgress, split_budget
@@ -107,7 +109,7 @@ def test_a_tuning_says_what_it_used_and_what_that_is_worth(tuned: Path) -> None:
 def test_an_interrupted_tuning_goes_on_and_ends_the_same(
     tuned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """With another number of workers, too."""
+    """With another number of workers, too, which start once and end with the call."""
     subject = find_target("tiny_room", "dung_beetle")
     ranges = parse_ranges(["leg_m=0.2:2.0"], subject)
 
@@ -115,11 +117,19 @@ def test_an_interrupted_tuning_goes_on_and_ends_the_same(
         if stage.n_settings > 5:
             raise KeyboardInterrupt
 
+    pools: list[Pool] = []
+
+    def start() -> Pool:
+        pools.append(start_pool(2, subject.loaded.suite.limits))
+        return pools[-1]
+
+    children = set(psutil.Process().children(recursive=True))
     with pytest.raises(KeyboardInterrupt):
         Tuner(
-            subject, ranges, split_budget(12, 1), seed=0, folder=tmp_path, tell=stop,
-            start_pool=lambda: start_pool(2, subject.loaded.suite.limits),
+            subject, ranges, split_budget(12, 1), seed=0, folder=tmp_path, tell=stop, start_pool=start,
         ).tune()  # fmt: skip
+    assert len(pools) == 1
+    assert not set(psutil.Process().children(recursive=True)) - children
     n_kept = len(ResultsFolder(tmp_path / "training").rows())
     assert 5 < n_kept < 10
     assert main([*TUNE, "--jobs", "2", "--results", str(tmp_path)]) == 0

@@ -1,12 +1,10 @@
 """Courses: the same runs for every setting, on seeds that no suite has."""
 
-import dataclasses
-
 import pytest
 
 from gslcosim.bench.cases import build_plan, load_suite
 from gslcosim.bench.studies.target import Setting, collect_test_seeds, find_target, parse_ranges
-from gslcosim.bench.studies.tuning import ReusablePool, Tuner, build_evaluation_plan, split_budget
+from gslcosim.bench.studies.tuning import Tuner, build_evaluation_plan, split_budget
 
 DEFAULT = Setting(name="default", parameters={})
 
@@ -61,38 +59,6 @@ def test_a_plan_that_grows_is_that_of_all_settings_at_once():
         (t.id, t.entry, t.case, t.repetition) for t in at_once.trials
     ]
     assert [trial.index for trial in grown.trials] == list(range(12))
-
-
-def test_a_kept_pool_starts_once_and_ends_once():
-    calls = []
-
-    @dataclasses.dataclass
-    class Fake:
-        n_workers: int = 3
-        peak_mb: float = 1.0
-        reference_loops_s: tuple = ()
-
-        def submit(self, job):
-            calls.append(("submit", job))
-
-        def wait(self, timeout_s):
-            calls.append(("wait", timeout_s))
-            return []
-
-        def close(self):
-            calls.append("close")
-
-    kept = ReusablePool(lambda: calls.append("start") or Fake())
-    kept.end()
-    for _ in range(2):
-        pool = kept.lent()
-        pool.submit("job")
-        assert pool.wait(0.5) == []
-        assert (pool.n_workers, pool.peak_mb, pool.reference_loops_s) == (3, 1.0, ())
-        pool.close()
-    kept.end()
-    kept.end()
-    assert calls == ["start", ("submit", "job"), ("wait", 0.5), ("submit", "job"), ("wait", 0.5), "close"]
 
 
 def _no_pool():
