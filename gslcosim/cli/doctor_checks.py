@@ -16,6 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
+from packaging.version import Version
+
 from gslcosim.base.code_identity import COMPUTING_PACKAGES
 
 if TYPE_CHECKING:
@@ -68,10 +72,12 @@ def check_packages(requirements: list[str] | None = None) -> Iterator[CheckResul
         requirements: Texts like `numpy>=2.0`; by default those of the installed gslcosim.
     """
     if requirements is None:
-        requirements = [r for r in importlib.metadata.requires("gslcosim") or [] if "extra ==" not in r]
-    for requirement in requirements:
-        name = re.split(r"[<>=!~; \[]", requirement, maxsplit=1)[0]
-        bounds = requirement[len(name) :].partition(";")[0].strip()
+        requirements = importlib.metadata.requires("gslcosim") or []
+    for requirement in map(Requirement, requirements):
+        # What an extra alone needs.
+        if requirement.marker is not None and not requirement.marker.evaluate({"extra": ""}):
+            continue
+        name, bounds = requirement.name, requirement.specifier
         remedy = f'Run: {sys.executable} -m pip install "{name}{bounds}"'
         try:
             version = importlib.metadata.version(name)
@@ -92,19 +98,9 @@ def check_imports() -> Iterator[CheckResult]:
     yield _graded("compiled packages", "FAIL" if loading.returncode else "OK", text, remedy)
 
 
-def version_fits(version: str, bounds: str) -> bool:
-    """Return whether a version lies within bounds like `>=1.10.2,<1.11`."""
-    has = _version_numbers(version)
-    for bound in filter(None, bounds.split(",")):
-        operator, number = re.match(r"\s*(>=|<=|==|!=|<|>)\s*(.+)", bound).groups()  # type: ignore[union-attr]
-        wanted = _version_numbers(number)
-        fits = {
-            ">=": has >= wanted, "<=": has <= wanted, "==": has == wanted,
-            "!=": has != wanted, "<": has < wanted, ">": has > wanted,
-        }[operator]  # fmt: skip
-        if not fits:
-            return False
-    return True
+def version_fits(version: str, bounds: SpecifierSet) -> bool:
+    """Return whether a version lies within bounds; one that comes before a release counts as that release."""
+    return Version(version).base_version in bounds
 
 
 def check_cores() -> Iterator[CheckResult]:
@@ -253,7 +249,3 @@ def _graded(name: str, level: Level, text: str, remedy: str) -> CheckResult:
 
 def _level(value: float, minimum: float, good: float) -> Level:
     return "OK" if value >= good else "WARN" if value >= minimum else "FAIL"
-
-
-def _version_numbers(text: str) -> tuple[int, ...]:
-    return tuple(int(number) for number in re.findall(r"\d+", text)[:3])

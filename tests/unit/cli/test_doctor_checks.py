@@ -6,6 +6,7 @@ import sys
 from types import SimpleNamespace
 
 import pytest
+from packaging.specifiers import SpecifierSet
 
 from gslcosim.cli import doctor_checks
 from gslcosim.cli.doctor_checks import CheckResult
@@ -26,7 +27,12 @@ def only(findings):
     ],
 )  # fmt: skip
 def test_versions_are_compared_as_numbers(version, bounds, fits):
-    assert doctor_checks.version_fits(version, bounds) is fits
+    assert doctor_checks.version_fits(version, SpecifierSet(bounds)) is fits
+
+
+def test_what_an_extra_or_another_system_needs_is_not_looked_for():
+    unmet = ['never-1; extra == "plot"', 'never-2; sys_platform == "win32"', 'numpy>=1; python_version > "3"']
+    assert only(doctor_checks.check_packages(unmet)).name == "numpy"
 
 
 def test_an_old_python_prevents_flying(monkeypatch):
