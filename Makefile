@@ -123,6 +123,7 @@ docs: .venv/ready-dev contract    # rewrite the generated pages
 contract: .venv/ready-dev   # rewrite the published contract; review the diff
 	rm -rf agents/contract
 	$(BIN)/python docs/_build/contract_files.py agents/contract
+	$(BIN)/python docs/_build/file_schemas.py
 
 setup: .venv/ready-check .venv/ready-test-all  # everything for development
 

@@ -36,6 +36,17 @@ def bundled_agents() -> dict[str, Path]:
     return {path.parent.name: path for path in sorted(_folder_of(AGENTS_PACKAGE).glob(f"*/{AGENT_FILE}"))}
 
 
+def bundled_schemas() -> dict[str, Path]:
+    """Return the JSON Schemas of the files that users write by the word in their `schema`, such as `suite`.
+
+    Each lies in the package of the bundled files that name it by a relative path, which holds wherever that package is.
+    """
+    schemas = {
+        kind: bundled_folder("schemas") / f"{kind}.schema.json" for kind in ("scenario", "suite", "family", "train")
+    }
+    return {**schemas, "method": _folder_of(AGENTS_PACKAGE) / "schemas" / "method.schema.json"}
+
+
 def bundled_folder(name: str) -> Path:
     """Return a folder beside the bundled scenarios, for example of suites."""
     return _folder_of(SCENARIOS_PACKAGE) / name

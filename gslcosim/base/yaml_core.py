@@ -16,6 +16,15 @@ MAX_DIGITS = 1000
 """Number of characters that a number may have; Python's own limit knows decimal ones only."""
 
 
+EDITOR_HEADER = "# yaml-language-server: "
+"""Beginning of the first line of a file that names its JSON Schema, for editors."""
+
+
+def without_editor_header(content: bytes) -> bytes:
+    """Return what a file holds without a first line for editors, which is none of what hashes identify."""
+    return content.partition(b"\n")[2] if content.startswith(EDITOR_HEADER.encode()) else content
+
+
 class YamlNestingError(yaml.MarkedYAMLError):
     """A YAML text is nested deeper than `MAX_NESTING`."""
 

@@ -11,9 +11,10 @@ from typing import Any
 
 import yaml
 
-from gslcosim.base.bundled import bundled_agents
+from gslcosim.base.bundled import bundled_agents, bundled_schemas
 from gslcosim.base.errors import UsageError
 from gslcosim.base.kernel_cache import get_cache_root
+from gslcosim.base.yaml_core import EDITOR_HEADER
 from gslcosim.conformance.scripted_world import PARTICIPANT_NAME
 from gslcosim.runtime.external.protocol import is_valid_name
 
@@ -177,7 +178,9 @@ def create_participant(language: str, name: str, folder: Path) -> str:
             f"start: {{command: [./{name}]}}",
             f"start: {{command: [{sys.executable}, ./{program.name}], format: json}}",
         )
-    (folder / SCENARIO_FILE).write_text(scenario)
+    # The schema of this installation: what it knows is what the scenario may say here.
+    header = f"{EDITOR_HEADER}$schema={bundled_schemas()['scenario'].as_uri()}\n"
+    (folder / SCENARIO_FILE).write_text(header + scenario)
     builds = {
         ".c": f"cc -O2 -ffp-contract=off -o {name} {name}.c -lm",
         ".rs": f"rustc --edition 2021 -O -o {name} {name}.rs",

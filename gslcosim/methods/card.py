@@ -175,7 +175,7 @@ class Needs(_CardPart):
     radio: bool = False
 
     # A list of kinds means one of each.
-    @field_validator("sensors", mode="before")
+    @field_validator("sensors", mode="before", json_schema_input_type=list[str] | dict[str, Count])
     @classmethod
     def _from_list(cls, value: Any) -> Any:
         return dict.fromkeys(value, 1) if isinstance(value, list | tuple) else value

@@ -242,7 +242,9 @@ def _item_annotation(annotation: Any) -> Any:
 def _value_annotation(annotation: Any) -> Any:
     kind, _ = _split(annotation)
     key, value = typing.get_args(kind) if typing.get_origin(kind) is dict else (None, None)
-    return value if key is not None and _split(key)[0] is str and value is not Any else None
+    # Where names have a form of their own, what is wrong with one is told of the block that has it.
+    is_named = key is str or (key is not None and _split(key)[0] is str and _model_in(value) is not None)
+    return value if is_named and value is not Any else None
 
 
 def _describe(annotation: Any, constraints: tuple[Any, ...], unit: str) -> str:

@@ -18,6 +18,7 @@ from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.rng import stream
+from gslcosim.base.yaml_core import without_editor_header
 from gslcosim.bench.studies.target import collect_bundled_seeds
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.model import Environment
@@ -77,7 +78,7 @@ def _drawn_of_list(value: Any) -> Any:
     return {key: tuple(inner) if isinstance(inner, list) else inner for key, inner in block.items()}
 
 
-Axis = dict[str, Annotated[DrawnSpec, BeforeValidator(_drawn_of_list)]]
+Axis = dict[str, Annotated[DrawnSpec, BeforeValidator(_drawn_of_list, json_schema_input_type=list[Any] | DrawnSpec)]]
 
 
 class SeedsSpec(Spec):
@@ -220,7 +221,8 @@ class Family:
     @property
     def identity(self) -> str:
         """A hash of all that decides the cases: the family as resolved, and its scenario."""
-        text = f"{self.spec.model_dump_json()}\n{read_regular_file(self.scenario).decode('utf-8-sig')}"
+        scenario = without_editor_header(read_regular_file(self.scenario)).decode("utf-8-sig")
+        text = f"{self.spec.model_dump_json()}\n{scenario}"
         return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
     def cases(self, split: Split, n: int, *, report: Told = lambda done, total: None) -> list[LoadedScenario]:

@@ -107,7 +107,7 @@ def _scenario_of_text(value: Any) -> Any:
     return {"source": value} if isinstance(value, str) else value
 
 
-ScenarioEntry = Annotated[ScenarioSpec, BeforeValidator(_scenario_of_text)]
+ScenarioEntry = Annotated[ScenarioSpec, BeforeValidator(_scenario_of_text, json_schema_input_type=str | ScenarioSpec)]
 
 
 class Suite(Spec):

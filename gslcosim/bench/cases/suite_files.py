@@ -15,6 +15,7 @@ from gslcosim.base.bundled import SUITE_FILE, bundled_scenarios, bundled_suites
 from gslcosim.base.code_identity import COMPUTING_PACKAGES, hash_result_code
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.base.files import replace_file
+from gslcosim.base.yaml_core import without_editor_header
 from gslcosim.bench.cases.agent_setup import files_in_command, find_program
 from gslcosim.bench.cases.models import EntrySpec, ScenarioSpec, Suite
 from gslcosim.methods.card import CARD_FILE, SHARED_PARAMETERS
@@ -55,7 +56,7 @@ def agent_hash(entry: EntrySpec, directory: Path) -> str:
     digest.update(json.dumps(names).encode())
     for path in list_entry_files(entry, directory):
         digest.update(path.name.encode())
-        digest.update(path.read_bytes())
+        digest.update(without_editor_header(path.read_bytes()))
     return digest.hexdigest()
 
 

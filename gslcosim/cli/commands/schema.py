@@ -1,4 +1,4 @@
-"""`gslcosim schema`: the contract between gslcosim and agents, for every language."""
+"""`gslcosim schema`: the contract between gslcosim and agents, for every language, and schemas of files for editors."""
 
 import argparse
 import shutil
@@ -10,31 +10,60 @@ from gslcosim.cli.terminal import add_json_option, write, write_json
 
 EXAMPLES = """  gslcosim schema export
   gslcosim schema export my_agent/contract
-  gslcosim schema export --json"""
+  gslcosim schema export --json
+  gslcosim schema files"""
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("action", choices=["export"], metavar="export", help="write the files of the contract")
     parser.add_argument(
-        "directory", nargs="?", type=Path, default=Path("contract"), metavar="DIR", help="where to (default: contract)"
+        "action",
+        choices=["export", "files"],
+        metavar="export|files",
+        help="write the files of the contract; or the JSON Schemas by which editors complete and check scenarios, "
+        "suites, method cards, families and train files",
+    )
+    parser.add_argument(
+        "directory", nargs="?", type=Path, metavar="DIR", help="where to (default: contract; for files: schemas)"
     )
     add_json_option(parser)
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    is_contract = arguments.action == "export"
+    folder = arguments.directory or Path("contract" if is_contract else "schemas")
+    try:
+        return (_export_contract if is_contract else _export_file_schemas)(folder, is_json=arguments.json)
+    except OSError as error:
+        place, expected = f"schema {arguments.action}", "a folder that can be written"
+        raise build_path_error(error, place, expected, path=folder) from error
+
+
+def _export_contract(folder: Path, *, is_json: bool) -> int:
     from gslcosim.contract.messages import CONTRACT_VERSION
     from gslcosim.contract.schema import get_contract_hash
 
-    try:
-        files = _copy_contract(arguments.directory)
-    except OSError as error:
-        place, expected = "schema export", "a folder that can be written"
-        raise build_path_error(error, place, expected, path=arguments.directory) from error
-    if arguments.json:
-        folder = str(arguments.directory)
-        write_json({"version": CONTRACT_VERSION, "hash": get_contract_hash(), "directory": folder, "files": files})
+    files = _copy_contract(folder)
+    if is_json:
+        written = {"directory": str(folder), "files": files}
+        write_json({"version": CONTRACT_VERSION, "hash": get_contract_hash(), **written})
     else:
-        write(f"Contract {CONTRACT_VERSION}, hash {get_contract_hash()}: {len(files)} files in {arguments.directory}")
+        write(f"Contract {CONTRACT_VERSION}, hash {get_contract_hash()}: {len(files)} files in {folder}")
+    return 0
+
+
+def _export_file_schemas(folder: Path, *, is_json: bool) -> int:
+    from gslcosim.base.bundled import bundled_schemas
+    from gslcosim.base.yaml_core import EDITOR_HEADER
+
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [path.name for path in bundled_schemas().values()]
+    for path in bundled_schemas().values():
+        shutil.copyfile(path, folder / path.name)
+    if is_json:
+        write_json({"directory": str(folder), "files": files})
+    else:
+        write(f"{len(files)} schemas in {folder}. The first line of a scenario beside that folder:")
+        write(f"{EDITOR_HEADER}$schema={folder.name}/{files[0]}")
     return 0
 
 
@@ -53,7 +82,7 @@ def _copy_contract(folder: Path) -> list[str]:
 
 COMMAND = Command(
     name="schema",
-    summary="write the contract: JSON Schemas, AsyncAPI and golden vectors",
+    summary="write the contract: JSON Schemas, AsyncAPI and golden vectors; or the schemas of files for editors",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,
