@@ -12,7 +12,7 @@ INSTALL = -m pip install --quiet --disable-pip-version-check $(if $(LOCK),--cons
 # The last commit of 0.1.0.
 BASE ?= 9693e5e
 
-.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers bench-table crossings plume-statistics soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check capabilities golden docs contract setup lock bench-training
+.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers bench-table crossings plume-statistics soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check capabilities golden docs docs-site docs-serve contract setup lock bench-training
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -120,6 +120,13 @@ docs: .venv/ready-dev contract    # rewrite the generated pages
 	$(BIN)/python docs/_build/methods_page.py agents docs
 	$(BIN)/python docs/_build/search_page.py > docs/search.md
 
+docs-site: .venv/ready-docs  # build the pages as a site in build/site; what is wrong with a page is an error
+	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -c docs . build/site
+	@echo "Built build/site/index.html"
+
+docs-serve: docs-site        # show the site at http://127.0.0.1:8000
+	$(BIN)/python -m http.server --bind 127.0.0.1 --directory build/site 8000
+
 contract: .venv/ready-dev   # rewrite the published contract; review the diff
 	rm -rf agents/contract
 	$(BIN)/python docs/_build/contract_files.py agents/contract
@@ -137,8 +144,8 @@ lock: .venv/ready           # write requirements.lock anew: the newest versions 
 	@echo "Setting up .venv (once, about half a minute)"
 	@$(PYTHON) -m venv .venv && $(BIN)/python $(INSTALL) --editable . && touch $@
 
-# What the extras dev, check and test-all name.
-.venv/ready-dev .venv/ready-check .venv/ready-test-all: .venv/ready-%: .venv/ready
+# What the extras dev, docs, check and test-all name.
+.venv/ready-dev .venv/ready-docs .venv/ready-check .venv/ready-test-all: .venv/ready-%: .venv/ready
 	@echo "Installing the extra $* into .venv (once)"
 	@$(BIN)/python $(INSTALL) --editable '.[$*]' && touch $@
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-NOTEBOOK = Path(__file__).parents[3] / "docs" / "train.ipynb"
+NOTEBOOK = Path(__file__).parents[3] / "docs" / "train-a-policy.ipynb"
 BUDGET = {"ROUNDS": "2", "ENVS": "8", "CASES": "4"}
 
 
