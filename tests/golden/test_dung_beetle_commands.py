@@ -6,8 +6,9 @@ The series is not physical: it visits walls, corners, refusals, rising and falli
 import json
 
 import pytest
+from built_messages import build_briefing, build_observation
 
-from gslcosim.agent_kit import Briefing, Observation, Reading
+from gslcosim.agent_kit import Briefing, Reading
 from gslcosim.contract.messages import Bounds, SensorDescription
 from gslcosim_agents.dung_beetle.agent import DungBeetle
 
@@ -17,16 +18,9 @@ MAX_M = (15.0, 9.0, 8.0)
 
 
 def briefing(seed: int) -> Briefing:
-    return Briefing(
-        tick=0,
-        agent="beetle",
+    return build_briefing(
         contract_version="1.0",
-        mission="",
-        tick_ns=100_000_000,
         seed=seed,
-        mode="on_request",
-        latency_ticks=1,
-        gas="ethanol",
         bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=MAX_M),
         search_height_m=2.0,
         hold_s=2.0,
@@ -54,15 +48,9 @@ def series(seed: int):
 
 def observations(seed: int):
     for tick, (ohm, upwind_rad, position_m, notice) in enumerate(series(seed)):
-        yield Observation(
-            tick=tick,
-            agent="beetle",
-            time_s=tick / 10,
+        yield build_observation(
+            tick,
             position_world_m=position_m,
-            yaw_rad=0.0,
-            velocity_world_m_s=(0.0, 0.0, 0.0),
-            status="holding",
-            awaiting_command=True,
             readings=(
                 Reading(sensor="nose", quantity="resistance", unit="ohm", values=(ohm,)),
                 Reading(sensor="wind", quantity="apparent_wind", unit="m/s, rad", values=(0.5, upwind_rad)),

@@ -1,46 +1,20 @@
 """Agents of one process: order, repetition, and the failure of one among several."""
 
 import pytest
+from built_messages import build_briefing, build_observation
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation
+from gslcosim.agent_kit import Agent, Command
 from gslcosim.agent_kit.agent import AgentGroup
 from gslcosim.base.errors import ContractError
 from gslcosim.contract import codec
-from gslcosim.contract.messages import CONTRACT_VERSION, Bounds
 
 
 def briefing(name, **changes):
-    fields = {
-        "tick": 0,
-        "agent": name,
-        "contract_version": CONTRACT_VERSION,
-        "mission": "test",
-        "tick_ns": 100_000_000,
-        "seed": 1,
-        "mode": "lockstep",
-        "latency_ticks": 1,
-        "gas": "ethanol",
-        "bounds": Bounds(min_m=(0.0, 0.0, 0.0), max_m=(1.0, 1.0, 1.0)),
-        "search_height_m": 1.0,
-        "hold_s": 1.0,
-        "time_limit_s": 1.0,
-        "sensors": (),
-    }
-    return Briefing(**{**fields, **changes})
+    return build_briefing(**{"agent": name, "mode": "lockstep", **changes})
 
 
 def observation(name, tick, *, is_question=True):
-    return Observation(
-        tick=tick,
-        agent=name,
-        time_s=0.1 * tick,
-        position_world_m=(0.0, 0.0, 0.0),
-        yaw_rad=0.0,
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        status="holding",
-        awaiting_command=is_question,
-        readings=(),
-    )
+    return build_observation(tick, agent=name, awaiting_command=is_question)
 
 
 class Flight:

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from built_messages import build_briefing, build_observation
 
 from gslcosim.contract.messages import (
-    CONTRACT_VERSION,
     Bounds,
     Briefing,
     ChannelDescription,
@@ -76,14 +76,13 @@ def briefing(
         else ()
     )
     fields = {
-        "tick": 0, "agent": name, "contract_version": CONTRACT_VERSION, "mission": "find it", "tick_ns": 100_000_000,
-        "seed": seed, "mode": "on_request", "latency_ticks": 1, "gas": "ethanol",
+        "agent": name, "mission": "find it", "seed": seed,
         "bounds": Bounds(min_m=(0.0, 0.0, 0.0), max_m=size_m), "search_height_m": 2.0, "hold_s": 2.0,
         "time_limit_s": 300.0, "sensors": with_estimates([sensor(*item) for item in sensors]), "channels": channels,
         "parameters": dict(parameters or {}), "known_map": known_map, "plume": plume,
         "known_sources": tuple(known_sources),
     }  # fmt: skip
-    return Briefing(**{**fields, **changes})
+    return build_briefing(**{**fields, **changes})
 
 
 def open_map(size_m=(15.0, 10.0), cell_m=0.25, walls=()) -> KnownMap:
@@ -110,14 +109,12 @@ def observation(
     warming: Sequence[str] = (),
 ) -> Observation:
     """Return an observation; `readings` maps a sensor's name to its value or values, `heard` has (sender, text)."""
-    return Observation(
-        tick=tick,
+    return build_observation(
+        tick,
         agent=name,
-        time_s=tick / 10.0,
         position_world_m=position_m,
         yaw_rad=yaw_rad,
         velocity_world_m_s=velocity_m_s,
-        status="holding",
         awaiting_command=asked,
         readings=tuple(
             Reading(

@@ -1,6 +1,7 @@
 import math
 
 import pytest
+from built_messages import build_briefing, build_observation
 
 from gslcosim.agent_kit import Briefing, Observation, Reading
 from gslcosim.contract.messages import Bounds, SensorDescription
@@ -18,16 +19,10 @@ def briefing(seed: int = 1) -> Briefing:
             name="vane", model="anemometer", quantity="apparent_wind", unit="m/s, rad", mount_body_m=(0.0, 0.0, 0.0)
         ),
     )
-    return Briefing(
-        tick=0,
-        agent="beetle",
+    return build_briefing(
         contract_version="1.0",
         mission="find it",
-        tick_ns=100_000_000,
         seed=seed,
-        mode="on_request",
-        latency_ticks=1,
-        gas="ethanol",
         bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=(15.0, 10.0, 8.0)),
         search_height_m=2.0,
         hold_s=2.0,
@@ -43,18 +38,7 @@ def observation(
         Reading(sensor="nose", quantity="resistance", unit="ohm", values=(ohm,)),
         Reading(sensor="vane", quantity="wind", unit="m/s, rad", values=(0.5, upwind_rad)),
     )
-    return Observation(
-        tick=40,
-        agent="beetle",
-        time_s=4.0,
-        position_world_m=position_m,
-        yaw_rad=0.0,
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        status="holding",
-        awaiting_command=True,
-        readings=readings,
-        notice=notice,
-    )
+    return build_observation(40, time_s=4.0, position_world_m=position_m, readings=readings, notice=notice)
 
 
 def leg_of(command, position_m=(7.0, 5.0, 2.0)) -> tuple[float, float]:

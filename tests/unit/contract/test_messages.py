@@ -1,8 +1,9 @@
 import pytest
+from built_messages import build_observation
 from pydantic import ValidationError
 
 from gslcosim.contract import keys, messages
-from gslcosim.contract.messages import BodyPoses, BodyState, Command, Message, Observation, Reading, Score
+from gslcosim.contract.messages import BodyPoses, BodyState, Command, Message, Reading, Score
 from gslcosim.contract.record import get_pydantic_model
 from gslcosim.contract.schema import get_contract_hash, list_message_types
 
@@ -54,17 +55,7 @@ def test_every_message_is_frozen_strict_and_open_for_later_keys(message_type):
 
 def test_readings_are_found_by_the_name_of_the_sensor():
     reading = Reading(sensor="nose", quantity="resistance", unit="ohm", values=(1.0,))
-    observation = Observation(
-        tick=0,
-        agent="a",
-        time_s=0.0,
-        position_world_m=(0.0, 0.0, 0.0),
-        yaw_rad=0.0,
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        status="on_ground",
-        awaiting_command=False,
-        readings=(reading,),
-    )
+    observation = build_observation(agent="a", status="on_ground", awaiting_command=False, readings=(reading,))
     assert observation.reading("nose") is reading
     with pytest.raises(KeyError, match=r"no sensor 'nase'; there are \['nose'\]"):
         observation.reading("nase")

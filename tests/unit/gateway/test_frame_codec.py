@@ -4,6 +4,7 @@ import json
 
 import msgpack
 import pytest
+from built_messages import build_observation
 
 from gslcosim.base.errors import ContractError
 from gslcosim.contract import codec
@@ -11,18 +12,7 @@ from gslcosim.contract.messages import Ending, Observation
 from gslcosim.gateway import frame_codec
 from gslcosim.gateway.frame_codec import Frame, JsonSplitter, MsgpackSplitter, RefusedFrame
 
-OBSERVATION = Observation(
-    tick=7,
-    agent="beetle",
-    time_s=0.7,
-    position_world_m=(1.0, 2.5, -0.1),
-    yaw_rad=1e-17,
-    velocity_world_m_s=(0.0, 0.0, 0.0),
-    status="holding",
-    awaiting_command=True,
-    readings=(),
-    notice="größer, ↑",
-)
+OBSERVATION = build_observation(7, time_s=0.7, position_world_m=(1.0, 2.5, -0.1), yaw_rad=1e-17, notice="größer, ↑")
 
 
 def with_length(payload):

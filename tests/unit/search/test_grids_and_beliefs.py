@@ -2,8 +2,9 @@ import math
 
 import numpy as np
 import pytest
+from built_messages import build_observation
 
-from gslcosim.contract.messages import Bounds, KnownMap, Observation
+from gslcosim.contract.messages import Bounds, KnownMap
 from gslcosim.contract.record import NumericArray
 from gslcosim.search.beliefs import (
     BeliefPublisher,
@@ -105,10 +106,7 @@ def test_a_belief_is_published_at_most_once_a_second():
     publisher, p = BeliefPublisher(), point_mass(GRID, (0, 0))
 
     def at(tick):
-        return Observation(
-            tick=tick, agent="a", time_s=tick / 10, position_world_m=(0.0, 0.0, 0.0), yaw_rad=0.0,
-            velocity_world_m_s=(0.0, 0.0, 0.0), status="", awaiting_command=True, readings=(),
-        )  # fmt: skip
+        return build_observation(tick, agent="a", status="")
 
     sent = [publisher.message(at(tick), p, GRID) is not None for tick in (0, 1, 9, 10, 15, 21)]
     assert sent == [True, False, False, True, False, True]

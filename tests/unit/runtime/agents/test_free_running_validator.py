@@ -1,18 +1,16 @@
 """The validator of an agent in free mode: one command at each tick, the last that has come, whenever it came."""
 
 import pytest
+from built_messages import build_observation
 
 from gslcosim.base.errors import RunFolderError
 from gslcosim.contract import codec
-from gslcosim.contract.messages import Command, Declaration, Observation, RadioMessage
+from gslcosim.contract.messages import Command, Declaration, RadioMessage
 from gslcosim.runtime.agents.validator import FreeRunningValidator
 
 
 def observation(tick, *, awaiting=False):
-    return Observation(
-        tick=tick, agent="moth", time_s=0.1 * tick, position_world_m=(0, 0, 0), yaw_rad=0.0,
-        velocity_world_m_s=(0, 0, 0), status="holding", awaiting_command=awaiting, readings=(),
-    )  # fmt: skip
+    return build_observation(tick, agent="moth", awaiting_command=awaiting)
 
 
 def waypoint(tick, x_m, **fields):

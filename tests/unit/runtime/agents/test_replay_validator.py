@@ -1,10 +1,11 @@
 """The validator of a fork: before the fork the commands of the past pass, whatever the agent says."""
 
 import pytest
+from built_messages import build_observation
 
 from gslcosim.base.errors import RunFolderError
 from gslcosim.contract import codec
-from gslcosim.contract.messages import Command, Observation
+from gslcosim.contract.messages import Command
 from gslcosim.runtime.agents.validator import ReplayValidator
 
 
@@ -13,10 +14,7 @@ def hold(tick, hold_s=0.0):
 
 
 def observation(tick):
-    return Observation(
-        tick=tick, agent="moth", time_s=0.1 * tick, position_world_m=(0, 0, 0), yaw_rad=0.0,
-        velocity_world_m_s=(0, 0, 0), status="holding", awaiting_command=True, readings=(),
-    )  # fmt: skip
+    return build_observation(tick, agent="moth")
 
 
 def validator(*past, until_tick=10, **others):

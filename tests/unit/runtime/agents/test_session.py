@@ -1,10 +1,11 @@
 """A session lets commands pass, keeps what they leave, and gives up an agent that owes an answer for too long."""
 
 import pytest
+from built_messages import build_observation
 
 from gslcosim.agent_kit import Agent
 from gslcosim.contract import codec
-from gslcosim.contract.messages import Command, Observation
+from gslcosim.contract.messages import Command
 from gslcosim.runtime.agents import session as session_module
 from gslcosim.runtime.agents.session import (
     REPEAT_QUESTION_AFTER_S,
@@ -51,17 +52,7 @@ def clock(monkeypatch):
 
 
 def seen(tick, *, is_asked):
-    observation = Observation(
-        tick=tick,
-        agent="beetle",
-        time_s=0.1 * tick,
-        position_world_m=(0.0, 0.0, 0.0),
-        yaw_rad=0.0,
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        status="holding",
-        awaiting_command=is_asked,
-        readings=(),
-    )
+    observation = build_observation(tick, awaiting_command=is_asked)
     return observation, codec.encode(observation)
 
 

@@ -2,11 +2,12 @@
 
 import msgpack
 import pytest
+from built_messages import build_observation
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gslcosim.contract import codec
-from gslcosim.contract.messages import Command, Observation
+from gslcosim.contract.messages import Command
 from gslcosim.runtime.agents.validator import (
     AGENT_LOST_REASON,
     MAX_COMMAND_BYTES,
@@ -17,17 +18,7 @@ from gslcosim.runtime.agents.validator import (
 
 
 def observation(tick, *, awaiting=True):
-    return Observation(
-        tick=tick,
-        agent="beetle",
-        time_s=0.0,
-        position_world_m=(0.0, 0.0, 0.0),
-        yaw_rad=0.0,
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        status="holding",
-        awaiting_command=awaiting,
-        readings=(),
-    )
+    return build_observation(tick, awaiting_command=awaiting)
 
 
 def waypoint(tick):

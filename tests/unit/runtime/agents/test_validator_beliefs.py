@@ -1,9 +1,10 @@
 """Which beliefs pass an agent's validator: at most one in a second of simulated time."""
 
 import numpy as np
+from built_messages import build_observation
 
 from gslcosim.contract import codec
-from gslcosim.contract.messages import Belief, Command, Observation
+from gslcosim.contract.messages import Belief, Command
 from gslcosim.contract.record import NumericArray
 from gslcosim.runtime.agents.validator import CommandValidator
 
@@ -13,17 +14,7 @@ BELIEF = Belief(
 
 
 def question(tick):
-    return Observation(
-        tick=tick,
-        agent="beetle",
-        time_s=0.0,
-        position_world_m=(0.0, 0.0, 0.0),
-        yaw_rad=0.0,
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        status="on_ground",
-        awaiting_command=True,
-        readings=(),
-    )
+    return build_observation(tick, status="on_ground")
 
 
 def passed(ticks, *, every_ticks=10):

@@ -1,25 +1,16 @@
 """What the validator does with an agent's word about its contract."""
 
 import msgpack
+from built_messages import build_observation
 
 from gslcosim.contract import codec
-from gslcosim.contract.messages import CONTRACT_VERSION, Command, Observation
+from gslcosim.contract.messages import CONTRACT_VERSION, Command
 from gslcosim.contract.schema import format_own_contract
 from gslcosim.runtime.agents.validator import CommandValidator
 
 
 def question(tick):
-    return Observation(
-        tick=tick,
-        agent="beetle",
-        time_s=0.0,
-        position_world_m=(0.0, 0.0, 0.0),
-        yaw_rad=0.0,
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        status="on_ground",
-        awaiting_command=True,
-        readings=(),
-    )
+    return build_observation(tick, status="on_ground")
 
 
 def answer(tick, contract):

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
+from built_messages import build_observation
 
-from gslcosim.contract.messages import Observation, Reading
+from gslcosim.contract.messages import Reading
 from gslcosim.search.maps.kernel_dm import GasMaps, ReadingCollector, choose_next_cell
 from gslcosim.search.senses.instruments import Nose, Vane
 
@@ -10,12 +11,10 @@ VANE = Vane(name="vane")
 
 
 def observation(tick: int, *, x_m: float = 0.0, ppm: float = 1.0, speed_m_s: float = 0.0, warms_up: bool = False):
-    return Observation(
-        tick=tick,
+    return build_observation(
+        tick,
         agent="searcher",
-        time_s=tick / 10.0,
         position_world_m=(x_m, 0.0, 2.0),
-        yaw_rad=0.0,
         velocity_world_m_s=(speed_m_s, 0.0, 0.0),
         status="flying",
         awaiting_command=False,

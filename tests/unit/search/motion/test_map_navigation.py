@@ -2,9 +2,9 @@ import math
 
 import numpy as np
 import pytest
+from built_messages import build_briefing, build_observation
 
 from gslcosim.contract.messages import (
-    CONTRACT_VERSION,
     Bounds,
     Briefing,
     KnownMap,
@@ -34,16 +34,9 @@ def briefing(known_map: KnownMap | None = None) -> Briefing:
             name="vane", model="anemometer", quantity="apparent_wind", unit="m/s, rad", mount_body_m=(0.0, 0.0, 0.0)
         ),
     )
-    return Briefing(
-        tick=0,
+    return build_briefing(
         agent="searcher",
-        contract_version=CONTRACT_VERSION,
         mission="find it",
-        tick_ns=100_000_000,
-        seed=1,
-        mode="on_request",
-        latency_ticks=1,
-        gas="ethanol",
         bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=(10.0, 8.0, 4.0)),
         search_height_m=2.0,
         hold_s=2.0,
@@ -56,15 +49,10 @@ def briefing(known_map: KnownMap | None = None) -> Briefing:
 def observation(
     tick: int, *, position_m=START_M, ppm: float = 0.0, notice: str | None = None, speed_m_s: float = 0.5
 ) -> Observation:
-    return Observation(
-        tick=tick,
+    return build_observation(
+        tick,
         agent="searcher",
-        time_s=tick / 10.0,
         position_world_m=position_m,
-        yaw_rad=0.0,
-        velocity_world_m_s=(0.0, 0.0, 0.0),
-        status="holding",
-        awaiting_command=True,
         readings=(
             Reading(sensor="nose", quantity="mixing_ratio", unit="ppm", values=(ppm,)),
             Reading(sensor="vane", quantity="apparent_wind", unit="m/s, rad", values=(speed_m_s, math.pi)),

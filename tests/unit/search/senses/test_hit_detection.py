@@ -2,6 +2,7 @@ import math
 
 import numpy as np
 import pytest
+from built_messages import build_observation
 
 from gslcosim.contract.messages import Observation, Reading
 from gslcosim.search.senses.hit_detection import (
@@ -20,10 +21,14 @@ STEP_S = 0.1
 
 def observation(tick: int, value: float, *, is_warming_up=False) -> Observation:
     reading = Reading(sensor="nose", quantity="any", unit="any", values=(value,), is_warming_up=is_warming_up)
-    return Observation(
-        tick=tick, agent="a", time_s=tick * STEP_S, position_world_m=(0.0, 0.0, 1.0), yaw_rad=0.0,
-        velocity_world_m_s=(0.0, 0.0, 0.0), status="holding", awaiting_command=False, readings=(reading,),
-    )  # fmt: skip
+    return build_observation(
+        tick,
+        agent="a",
+        time_s=tick * STEP_S,
+        position_world_m=(0.0, 0.0, 1.0),
+        awaiting_command=False,
+        readings=(reading,),
+    )
 
 
 def nose(unit: str) -> Nose:

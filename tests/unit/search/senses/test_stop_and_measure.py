@@ -1,6 +1,7 @@
 import math
 
 import pytest
+from built_messages import build_observation
 
 from gslcosim.contract.messages import Observation, Reading
 from gslcosim.search.senses.instruments import Nose, Vane
@@ -25,10 +26,9 @@ def observation(
         Reading(sensor=name, quantity="any", unit="any", values=value, is_warming_up=name in warming)
         for name, value in values.items()
     )
-    return Observation(
-        tick=tick, agent="a", time_s=tick / 10, position_world_m=position_m, yaw_rad=0.0,
-        velocity_world_m_s=(0.0, 0.0, 0.0), status=status, awaiting_command=False, readings=readings,
-    )  # fmt: skip
+    return build_observation(
+        tick, agent="a", position_world_m=position_m, status=status, awaiting_command=False, readings=readings
+    )
 
 
 def test_a_hold_is_averaged_and_the_flight_before_it_is_not():

@@ -2,9 +2,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from built_messages import build_briefing, build_observation
 
-from gslcosim.agent_kit import Briefing, Observation, RadioReception, Reading
-from gslcosim.contract.messages import Bounds, ChannelDescription, SensorDescription
+from gslcosim.agent_kit import Observation, RadioReception, Reading
+from gslcosim.contract.messages import ChannelDescription, SensorDescription
 from gslcosim.search.motion.declaration import Estimate
 from gslcosim.search.swarms.formations import FormationFlight, formation
 from gslcosim.search.swarms.rounds import Report, ReportedBest, encode
@@ -27,24 +28,23 @@ PLACES_M = {"ada": (4.0, 4.0), "bob": (5.0, 4.0), "cyd": (4.0, 5.0)}
 
 def flight(**changes) -> FormationFlight:
     channel = ChannelDescription(name="radio", members=NAMES, range_m=None, delay_ticks=1, max_bytes=1024)
-    agent_briefing = Briefing(
-        tick=0, agent="ada", contract_version="1.2", mission="", tick_ns=100_000_000, seed=1, mode="on_request",
-        latency_ticks=1, gas="ethanol", bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=(9.0, 9.0, 3.0)),
-        search_height_m=1.0, hold_s=1.0, time_limit_s=60.0, sensors=SENSORS, channels=(channel,),
-    )  # fmt: skip
+    agent_briefing = build_briefing(agent="ada", sensors=SENSORS, channels=(channel,))
     return FormationFlight(agent_briefing, SimpleNamespace(**{**SETTINGS, **changes}))
 
 
 def seen(time_s, *, ppm=0.0, heard=(), notice=None, upwind_rad=0.0, speed_m_s=0.5) -> Observation:
-    return Observation(
-        tick=round(time_s * 10), agent="ada", time_s=time_s, position_world_m=(*PLACES_M["ada"], 1.0), yaw_rad=0.0,
-        velocity_world_m_s=(0.0, 0.0, 0.0), status="holding", awaiting_command=True, notice=notice,
+    return build_observation(
+        round(time_s * 10),
+        agent="ada",
+        time_s=time_s,
+        position_world_m=(*PLACES_M["ada"], 1.0),
+        notice=notice,
         incoming=tuple(RadioReception(sender=who, channel="radio", text=text, sent_tick=0) for who, text in heard),
         readings=(
             Reading(sensor="nose", quantity="", unit="ppm", values=(ppm,)),
             Reading(sensor="vane", quantity="", unit="", values=(speed_m_s, upwind_rad)),
         ),
-    )  # fmt: skip
+    )
 
 
 def says(name, number, time_s, *, amount=0.0, best=None, wind_m_s=(-0.5, 0.0)):

@@ -1,9 +1,10 @@
 import math
 
 import pytest
+from built_messages import build_briefing, build_observation
 
 from gslcosim.agent_kit import Briefing, Observation, RadioReception
-from gslcosim.contract.messages import Bounds, ChannelDescription
+from gslcosim.contract.messages import ChannelDescription
 from gslcosim.search.swarms.rounds import Report, ReportedBest, Team, encode, parse
 
 FULL = Report(
@@ -25,19 +26,18 @@ LONGEST = Report(
 
 def briefing(*members: str, name: str = "one", max_bytes: int = 64, channels: int = 1) -> Briefing:
     channel = ChannelDescription(name="radio", members=members, range_m=None, delay_ticks=1, max_bytes=max_bytes)
-    return Briefing(
-        tick=0, agent=name, contract_version="1.1", mission="", tick_ns=100_000_000, seed=1, mode="on_request",
-        latency_ticks=1, gas="ethanol", bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=(9.0, 9.0, 3.0)),
-        search_height_m=1.0, hold_s=1.0, time_limit_s=60.0, sensors=(), channels=(channel,) * channels,
-    )  # fmt: skip
+    return build_briefing(agent=name, contract_version="1.1", channels=(channel,) * channels)
 
 
 def with_incoming(*texts: tuple[str, str], time_s: float = 50.0, channel: str = "radio") -> Observation:
-    return Observation(
-        tick=round(time_s * 10), agent="one", time_s=time_s, position_world_m=(1.0, 1.0, 1.0), yaw_rad=0.0,
-        velocity_world_m_s=(0.0, 0.0, 0.0), status="holding", awaiting_command=False, readings=(),
+    return build_observation(
+        round(time_s * 10),
+        agent="one",
+        time_s=time_s,
+        position_world_m=(1.0, 1.0, 1.0),
+        awaiting_command=False,
         incoming=tuple(RadioReception(sender=who, channel=channel, text=text, sent_tick=0) for who, text in texts),
-    )  # fmt: skip
+    )
 
 
 def report_text(time_s: float, amount: float = 1.0) -> str:

@@ -1,9 +1,10 @@
 from collections import deque
 
 import pytest
+from built_messages import build_briefing, build_observation
 
-from gslcosim.agent_kit import Briefing, Observation, RadioReception, Reading
-from gslcosim.contract.messages import Bounds, ChannelDescription, SensorDescription
+from gslcosim.agent_kit import RadioReception, Reading
+from gslcosim.contract.messages import ChannelDescription, SensorDescription
 from gslcosim.search.senses.instruments import find_noses, find_vanes
 from gslcosim.search.swarms.rounds import Rounds
 
@@ -18,11 +19,7 @@ SENSORS = (
 
 def rounds_of(name: str, *, members=NAMES, **settings) -> Rounds:
     channel = ChannelDescription(name="radio", members=members, range_m=None, delay_ticks=1, max_bytes=64)
-    agent_briefing = Briefing(
-        tick=0, agent=name, contract_version="1.2", mission="", tick_ns=100_000_000, seed=1, mode="on_request",
-        latency_ticks=1, gas="ethanol", bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=(9.0, 9.0, 3.0)),
-        search_height_m=1.0, hold_s=1.0, time_limit_s=60.0, sensors=SENSORS, channels=(channel,) if members else (),
-    )  # fmt: skip
+    agent_briefing = build_briefing(agent=name, sensors=SENSORS, channels=(channel,) if members else ())
     return Rounds(agent_briefing, find_noses(agent_briefing)[0], find_vanes(agent_briefing)[0], **settings)
 
 
@@ -39,14 +36,17 @@ class Station:
             RadioReception(sender=sender, channel="radio", text=text, sent_tick=0) for sender, text in self.inbox
         )
         self.inbox.clear()
-        observation = Observation(
-            tick=tick, agent=self.name, time_s=time_s, position_world_m=(1.0, 2.0, 1.0), yaw_rad=0.0,
-            velocity_world_m_s=(0.0, 0.0, 0.0), status="holding", awaiting_command=True, incoming=received,
+        observation = build_observation(
+            tick,
+            agent=self.name,
+            time_s=time_s,
+            position_world_m=(1.0, 2.0, 1.0),
+            incoming=received,
             readings=(
                 Reading(sensor="nose", quantity="", unit="ppm", values=(self.ppm,)),
                 Reading(sensor="vane", quantity="", unit="", values=(0.5, 0.0)),
             ),
-        )  # fmt: skip
+        )
         self.rounds.observe(observation)
         now = self.rounds.complete(observation, (self.ppm + 1.0,))
         if now is not None:

@@ -2,9 +2,10 @@ import math
 
 import numpy as np
 import pytest
+from built_messages import build_briefing
 
 from gslcosim.base.errors import MethodError
-from gslcosim.contract.messages import Bounds, Briefing, SensorDescription
+from gslcosim.contract.messages import Briefing, SensorDescription
 from gslcosim.contract.record import NumericArray
 from gslcosim.search.swarms.sniffy_bug import (
     TABLES,
@@ -186,11 +187,7 @@ def briefing_with(*directions) -> Briefing:
         )
         for i, rows in enumerate(directions)
     )  # fmt: skip
-    return Briefing(
-        tick=0, agent="bug", contract_version="1.2", mission="", tick_ns=100_000_000, seed=1, mode="on_request",
-        latency_ticks=1, gas="ethanol", bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=(9.0, 9.0, 3.0)),
-        search_height_m=1.0, hold_s=1.0, time_limit_s=60.0, sensors=sensors,
-    )  # fmt: skip
+    return build_briefing(agent="bug", sensors=sensors)
 
 
 def test_the_four_range_finders_are_found_among_others():

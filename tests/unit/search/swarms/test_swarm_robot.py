@@ -3,10 +3,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from built_messages import build_briefing, build_observation
 
 from gslcosim.contract.messages import (
     Bounds,
-    Briefing,
     ChannelDescription,
     Observation,
     RadioReception,
@@ -47,13 +47,15 @@ def particle(*, name: str = "one", **changes) -> Particle:
         name="radio", members=("one", "two", "three"), range_m=None, delay_ticks=1, max_bytes=64
     )
     return Particle(
-        Briefing(
-            tick=0, agent=name, contract_version="1.2", mission="", tick_ns=100_000_000, seed=5, mode="on_request",
-            latency_ticks=1, gas="ethanol", bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=(10.0, 10.0, 3.0)),
-            search_height_m=1.0, hold_s=1.0, time_limit_s=60.0, sensors=sensors, channels=(channel,),
+        build_briefing(
+            agent=name,
+            seed=5,
+            bounds=Bounds(min_m=(0.0, 0.0, 0.0), max_m=(10.0, 10.0, 3.0)),
+            sensors=sensors,
+            channels=(channel,),
         ),
         SimpleNamespace(**{**vars(SETTINGS), **changes}),
-    )  # fmt: skip
+    )
 
 
 def seen(ppm=0.0, *, time_s=10.0, place_m=(5.0, 5.0), heard=(), wind=(0.5, 0.0), notice=None) -> Observation:
@@ -61,13 +63,17 @@ def seen(ppm=0.0, *, time_s=10.0, place_m=(5.0, 5.0), heard=(), wind=(0.5, 0.0),
         Reading(sensor="nose", quantity="mixing_ratio", unit="ppm", values=(float(ppm),)),
         Reading(sensor="vane", quantity="apparent_wind", unit="m/s, rad", values=wind),
     )
-    return Observation(
-        tick=round(10 * time_s), agent="one", time_s=time_s, position_world_m=(*place_m, 1.0), yaw_rad=0.0,
-        velocity_world_m_s=(0.0, 0.0, 0.0), status="holding", awaiting_command=True, readings=readings, notice=notice,
+    return build_observation(
+        round(10 * time_s),
+        agent="one",
+        time_s=time_s,
+        position_world_m=(*place_m, 1.0),
+        readings=readings,
+        notice=notice,
         incoming=tuple(
             RadioReception(sender=sender, channel="radio", text=text, sent_tick=0) for sender, text in heard
         ),
-    )  # fmt: skip
+    )
 
 
 def taken(robot: Particle, observation: Observation) -> Particle:
