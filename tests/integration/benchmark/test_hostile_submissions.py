@@ -165,7 +165,7 @@ def test_a_python_agent_that_does_nothing_as_a_program_is_refused(here):
     """In a worker its class is enough; as a process it would end at once, and its runs differ."""
     folder, outside = here
     program = folder / "alone.py"
-    program.write_text(AGENT.partition("if __name__")[0])
+    program.write_text(AGENT.format(outside=outside, state=outside).partition("if __name__")[0])
     start = f"agents[0].start={json.dumps({'python': str(program)})}"
     scenario = load_scenario("tiny_room", overrides=[start]).scenario
     trial: Any = SimpleNamespace(entry="e", directory=folder, resolved=scenario)
