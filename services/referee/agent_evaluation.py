@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import scalar_kernel
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.contract.messages import (
     AgentResult,
@@ -28,6 +29,10 @@ Outcome = Literal["success", "time_limit", "collision", "agent_failed", "declare
 GAS_CONTACT_PPM = 0.3
 # What floors and walls give way where a vehicle hits them: it has not left the room [m].
 CONTACT_PENETRATION_M = 0.05
+
+
+# What ends an agent's run in a tick without success, in the order in which it counts; see `find_failure`.
+FAILURES: tuple[Outcome | None, ...] = (None, "agent_failed", "collision", "out_of_bounds")
 
 
 _new_score = build_unchecked_constructor(AgentScore)
@@ -226,13 +231,9 @@ class AgentEvaluation:
 
     def _failure_of(self, body: BodyState, command: Command | None) -> Outcome | None:
         rules = self._rules
-        if body.phase == "failed" or (command is not None and command.kind == "failed"):
-            return "agent_failed"
-        if self._is_touching and rules.ends_on_collision:
-            return "collision"
-        if not _is_inside(body.position_world_m, rules.min_m, rules.max_m):
-            return "out_of_bounds"
-        return None
+        is_failed = body.phase == "failed" or (command is not None and command.kind == "failed")
+        is_in_room = is_inside(body.position_world_m, rules.min_m, rules.max_m)
+        return FAILURES[find_failure(is_failed, self._is_touching, rules.ends_on_collision, is_in_room)]
 
     def _judge(self, body: BodyState, command: Command | None) -> list[RefereeEvent]:
         declares = command is not None and command.kind == "declare_source"
@@ -257,10 +258,7 @@ class AgentEvaluation:
     # To each source; in the plane where heights do not count.
     def _distances_m(self, point_m: Vec3) -> tuple[float, ...]:
         is_horizontal = self._rules.success.is_horizontal
-        return tuple(
-            metrics.distance_m(point_m, metrics.move_to_height(source_m, point_m) if is_horizontal else source_m)
-            for source_m in self._rules.sources_m
-        )
+        return tuple(metrics.source_distance_m(point_m, source_m, is_horizontal) for source_m in self._rules.sources_m)
 
     def _event(self, kind: str, text: str) -> RefereeEvent:
         return RefereeEvent(agent=self.name, kind=kind, text=text)
@@ -275,9 +273,41 @@ _OUTCOME_TEXTS: dict[Outcome, str] = {
 }
 
 
-def _is_inside(point_m: Vec3, min_m: Vec3, max_m: Vec3) -> bool:
-    ranges_m = zip(point_m, min_m, max_m, strict=True)
-    return all(low - CONTACT_PENETRATION_M <= value <= high + CONTACT_PENETRATION_M for value, low, high in ranges_m)
+@scalar_kernel
+def is_inside(point_m: Sequence[float], min_m: Sequence[float], max_m: Sequence[float]) -> bool:
+    """Return whether a point (3,) is in the room, or no further out than floors and walls give way.
+
+    Args:
+        point_m: World frame [m].
+        min_m: (3,) least corner of the room's air, world frame [m].
+        max_m: (3,) greatest corner of it.
+    """
+    for axis in range(3):
+        if not min_m[axis] - CONTACT_PENETRATION_M <= point_m[axis] <= max_m[axis] + CONTACT_PENETRATION_M:
+            return False
+    return True
+
+
+@scalar_kernel
+def find_failure(
+    is_failed: bool,  # noqa: FBT001 - a kernel
+    is_touching: bool,  # noqa: FBT001
+    ends_on_collision: bool,  # noqa: FBT001
+    is_in_room: bool,  # noqa: FBT001
+) -> int:
+    """Return the first failure of a tick as an index of `FAILURES`, 0 for none.
+
+    Args:
+        is_failed: The vehicle or its agent has failed.
+        is_touching: The vehicle touches what it must not.
+        ends_on_collision: Whether that ends its run.
+        is_in_room: `is_inside` of the vehicle's position.
+    """
+    if is_failed:
+        return 1
+    if is_touching and ends_on_collision:
+        return 2
+    return 0 if is_in_room else 3
 
 
 def _spell_out(phase: str) -> str:

@@ -10,12 +10,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import norm3, scalar_kernel
 from gslcosim.contract.messages import Belief, BeliefScore
 
 
 def distance_m(a_world_m: Vec3, b_world_m: Vec3) -> float:
     """Return the straight distance between two points [m]."""
     return math.dist(a_world_m, b_world_m)
+
+
+@scalar_kernel
+def source_distance_m(
+    point_world_m: Sequence[float],
+    source_world_m: Sequence[float],
+    is_horizontal: bool,  # noqa: FBT001 - a kernel
+) -> float:
+    """Return how far a point is from a source [m], in the plane where heights do not count.
+
+    Args:
+        point_world_m: (3,) point, world frame [m].
+        source_world_m: (3,) source, world frame [m].
+        is_horizontal: Whether only the distance in the plane counts.
+    """
+    rise_m = 0.0 if is_horizontal else point_world_m[2] - source_world_m[2]
+    return norm3(point_world_m[0] - source_world_m[0], point_world_m[1] - source_world_m[1], rise_m)
 
 
 def find_nearest(point_world_m: Vec3, places_world_m: Sequence[Vec3]) -> Vec3:

@@ -7,6 +7,7 @@ from functools import singledispatch
 
 from gslcosim.base.errors import ModelError
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import scalar_kernel
 from gslcosim.contract.messages import BeliefScore, BodyState
 from gslcosim.scenario.models.success import (
     AllSourcesSuccess,
@@ -77,6 +78,24 @@ def build_criterion(success: SuccessSpec, sources_m: Sequence[Vec3]) -> Criterio
     )
 
 
+@scalar_kernel
+def is_source_reached(distance_m: float, within_m: float) -> bool:
+    """Return whether a source at a distance [m] is within the success radius [m], which is part of it."""
+    return distance_m <= within_m
+
+
+@scalar_kernel
+def note_source(found: int, i_source: int, distance_m: float, within_m: float) -> int:
+    """Return the sources that are found so far, a bit for each, with one added if it is within the radius [m]."""
+    return found | (1 << i_source) if is_source_reached(distance_m, within_m) else found
+
+
+@scalar_kernel
+def is_every_source_found(found: int, n_sources: int) -> bool:
+    """Return whether the bits of all sources are set; see `note_source`."""
+    return found == (1 << n_sources) - 1
+
+
 class SourceReached(Criterion):
     """The vehicle is within the success radius of a source; a distance equal to the radius is within it."""
 
@@ -86,7 +105,7 @@ class SourceReached(Criterion):
 
     def is_met(self, evidence: Evidence) -> bool:
         """Return whether the nearest source is near enough."""
-        return min(evidence.distances_m) <= self._within_m
+        return is_source_reached(min(evidence.distances_m), self._within_m)
 
 
 class SourceDeclared(Criterion):
@@ -111,16 +130,18 @@ class AllSourcesReached(Criterion):
     def __init__(self, success: AllSourcesSuccess, sources_m: Sequence[Vec3]) -> None:
         self._within_m = success.within_m
         self._sources_m = tuple(sources_m)
-        self._found: set[int] = set()
+        # A bit for each source.
+        self._found = 0
 
     def news(self, evidence: Evidence) -> Sequence[str]:
         """Remember the sources that are near enough, and name those that are new."""
         texts: list[str] = []
         for i, distance_m in enumerate(evidence.distances_m):
-            if distance_m <= self._within_m and i not in self._found:
-                self._found.add(i)
+            before = self._found
+            self._found = note_source(before, i, distance_m, self._within_m)
+            if self._found != before:
                 x, y, z = self._sources_m[i]
-                counted = f"{len(self._found)} of {len(self._sources_m)}"
+                counted = f"{self._found.bit_count()} of {len(self._sources_m)}"
                 texts.append(
                     f"comes within {distance_m:.2f} m of the source at ({x:.2f}, {y:.2f}, {z:.2f}) m: {counted}"
                 )
@@ -129,7 +150,7 @@ class AllSourcesReached(Criterion):
     def is_met(self, evidence: Evidence) -> bool:
         """Return whether no source is left."""
         del evidence
-        return len(self._found) == len(self._sources_m)
+        return is_every_source_found(self._found, len(self._sources_m))
 
 
 class SourceMapped(Criterion):

@@ -167,8 +167,6 @@ _SOLID = 1
 _CLEARANCE_M = 0.1
 # What rounding may move a place by.
 _ROUNDING_M = 1e-6
-# What floors and walls give way; see `gslcosim_services.referee.agent_evaluation`.
-_GIVES_WAY_M = 0.05
 
 
 @intrinsic
@@ -312,16 +310,6 @@ def _stops_between(state, axis, longest_s):
     by_force = longest_s * longest_s * state[2, axis] / 12.0
     low, high = min(by_speed, 0.0) + min(by_force, 0.0), max(by_speed, 0.0) + max(by_force, 0.0)
     return place_m + low - _ROUNDING_M, place_m + high + _ROUNDING_M
-
-
-@reference_free_njit()
-def is_in_room(room, position_m):
-    """Return whether a place (3,) is in the room, or no further out than floors and walls give way."""
-    for axis in range(3):
-        value = position_m[axis]
-        if not room.origin_m[axis] - _GIVES_WAY_M <= value <= room.max_m[axis] + _GIVES_WAY_M:
-            return False
-    return True
 
 
 @reference_free_njit()

@@ -12,24 +12,14 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic, overload, register_jitable
+from numba.extending import intrinsic, overload
 from numba.np.arrayobj import make_array
 
 from gslcosim.base import scalar_kernels
 from gslcosim.base.c_calls import call_address
 from gslcosim.training.batch.free_space import array_at, exact_sum, norm2, norm3
 from gslcosim.training.batch.pcg64 import next_normal_inplace, next_poisson_inplace
-from gslcosim.training.batch.reference_free_kernels import REFERENCE_FREE
-
-_registered: set[Callable[..., Any]] = set()
-
-
-def register_scalar_kernels() -> None:
-    """Let compiled code call the scalar kernels that are imported so far."""
-    for kernel in scalar_kernels.list_scalar_kernels():
-        if kernel not in _registered:
-            _registered.add(kernel)
-            register_jitable(kernel)
+from gslcosim.training.batch.reference_free_kernels import REFERENCE_FREE, register_scalar_kernels
 
 
 # Compiled, the functions that scalar kernels share are these.

@@ -10,12 +10,10 @@ from gslcosim.training.batch.batch_records import BUMP, MOST_GASES, RANGES, SAMP
 from gslcosim.training.batch.free_space import array_at, copy_inplace
 from gslcosim.training.batch.pcg64 import next_normal_inplace, seed_inplace
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
-from gslcosim.training.batch.scalar_compilation import address_of, call_kernel, register_scalar_kernels
+from gslcosim.training.batch.scalar_compilation import address_of, call_kernel
 from gslcosim_services.sensing.models.base import add_errors, limit_value
 from gslcosim_services.sensing.models.range_finders import note_contact
 from gslcosim_services.sensing.ray_kernels import distance_among_boxes, noisy_range_m
-
-register_scalar_kernels()
 
 
 @reference_free_njit()

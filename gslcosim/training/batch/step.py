@@ -2,6 +2,8 @@
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 """Step of a batch: vehicle, gas, sensors and referee, tick by tick, each search from question to question."""
 
+import math
+
 import numpy as np
 
 from gslcosim.training.batch.autopilot import end_tick, fly_lagged_tick, receive_task, take_off
@@ -28,7 +30,6 @@ from gslcosim.training.batch.batch_records import (
 from gslcosim.training.batch.free_space import (
     array_at,
     copy_inplace,
-    is_in_room,
     norm3,
     seconds_of,
     touches,
@@ -43,15 +44,14 @@ from gslcosim.training.batch.sensors import (
     write_reading_inplace,
 )
 from gslcosim_services.fields.models.gaussian_plume import PLUME_RECORD, steady_ppm
+from gslcosim_services.referee.agent_evaluation import find_failure, is_inside
+from gslcosim_services.referee.metrics import source_distance_m
+from gslcosim_services.referee.success import is_every_source_found, is_source_reached, note_source
 from gslcosim_services.world.simulation_loop import path_force_inplace
 from gslcosim_services.world.vehicle_records import CONSTANTS
 
-
-@reference_free_njit()
-def _distance_m(case, sources_m, i, p):
-    source_m = sources_m[case.first_source + i]
-    rise_m = 0.0 if case.is_horizontal else p[2] - source_m[2]
-    return norm3(p[0] - source_m[0], p[1] - source_m[1], rise_m)
+# Failures of `FAILURES`, of which the agent's own cannot be in a batch.
+_OUTCOME_OF_FAILURE = (SEARCHES_ON, SEARCHES_ON, COLLISION, OUT_OF_BOUNDS)
 
 
 @reference_free_njit()
@@ -73,27 +73,24 @@ def judge_inplace(search, case, room, sources_m, tick):
     """
     if search.command_tick == tick:
         search.n_commands += 1
-    nearest_m = _distance_m(case, sources_m, 0, search.position_m)
-    is_within = nearest_m <= case.within_m
-    found = 1 if is_within else 0
-    for i in range(1, case.n_sources):
-        distance_m = _distance_m(case, sources_m, i, search.position_m)
+    nearest_m, found = math.inf, search.found_sources
+    for i in range(case.n_sources):
+        distance_m = source_distance_m(search.position_m, sources_m[case.first_source + i], case.is_horizontal != 0)
         nearest_m = min(nearest_m, distance_m)
-        if distance_m <= case.within_m:
-            is_within = True
-            found |= 1 << i
+        found = note_source(found, i, distance_m, case.within_m)
     search.scored_distance_m = nearest_m
     search.scored_path_length_m = search.path_length_m
     search.scored_n_commands = search.n_commands
-    if search.is_touching and case.ends_on_collision:
-        search.outcome = COLLISION
-    elif not is_in_room(room, search.position_m):
-        search.outcome = OUT_OF_BOUNDS
-    else:
-        search.found_sources |= found
-        is_met = is_within
-        if case.criterion != NEAREST_SOURCE:
-            is_met = search.found_sources == (1 << case.n_sources) - 1
+    is_in_room = is_inside(search.position_m, room.origin_m, room.max_m)
+    is_failed = False
+    failure = find_failure(is_failed, search.is_touching != 0, case.ends_on_collision != 0, is_in_room)
+    search.outcome = _OUTCOME_OF_FAILURE[failure]
+    if failure == 0:
+        search.found_sources = found
+        if case.criterion == NEAREST_SOURCE:
+            is_met = is_source_reached(nearest_m, case.within_m)
+        else:
+            is_met = is_every_source_found(found, case.n_sources)
         if is_met:
             search.outcome = SUCCESS
     if search.outcome == SEARCHES_ON and seconds_of(tick, case.tick_ns) >= case.time_limit_s:
