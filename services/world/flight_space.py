@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import scalar_kernel
 from gslcosim.environment.model import Cell, Closed, Environment, Grid
 from gslcosim.environment.paths.planner import MARGIN_M, FreeSpace, free_space
 from gslcosim.environment.variants import DynamicEnvironment
@@ -16,6 +17,28 @@ from gslcosim.environment.variants import DynamicEnvironment
 _SOLID = int(Cell.SOLID)
 # What a vehicle may stray from its reference while it brakes.
 CLEARANCE_M = 0.1
+
+
+@scalar_kernel
+def is_out_of_bounds(value: float, low: float, high: float, margin: float) -> bool:
+    """Return whether a coordinate is nearer than a margin to one of two bounds, or beyond it."""
+    return not low + margin <= value <= high - margin
+
+
+@scalar_kernel
+def is_stop_beyond(stop_m: float, speed_m_s: float, low_m: float, high_m: float, radius_m: float) -> bool:
+    """Return whether a vehicle that moves towards a face of the room would stop too near to it, along one axis.
+
+    Args:
+        stop_m: Where it would come to rest [m].
+        speed_m_s: How it moves now [m/s].
+        low_m: The room's lower face [m].
+        high_m: The room's upper face [m].
+        radius_m: The vehicle's radius, which it keeps with a clearance [m].
+    """
+    if speed_m_s > 0.0:
+        return stop_m > high_m - radius_m - CLEARANCE_M
+    return speed_m_s < 0.0 and stop_m < low_m + radius_m + CLEARANCE_M
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +102,7 @@ class FlightSpace:
         for axis, value, low, high, margin in zip(
             "xyz", position_world_m, grid.origin_m, grid.max_m, margins_m, strict=True
         ):
-            if not low + margin <= value <= high - margin:
+            if is_out_of_bounds(value, low, high, margin):
                 return f"{name}: expected {axis} within {low + margin:g} to {high - margin:g} m, was {value:g} m."
         return None
 
@@ -106,8 +129,8 @@ class FlightSpace:
         for axis, stop, speed, low, high in zip(
             "xyz", stop_world_m, velocity_world_m_s, grid.origin_m, grid.max_m, strict=True
         ):
-            least, most = low + self.radius_m + CLEARANCE_M, high - self.radius_m - CLEARANCE_M
-            if (speed > 0 and stop > most) or (speed < 0 and stop < least):
+            if is_stop_beyond(stop, speed, low, high, self.radius_m):
+                least, most = low + self.radius_m + CLEARANCE_M, high - self.radius_m - CLEARANCE_M
                 return (
                     f"{name}: expected a stop at {axis} within {least:g} to {most:g} m, was heading for {stop:.2f} m."
                 )

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import scalar_kernel
 from gslcosim.base.ticks import seconds_from_ticks, ticks_from_seconds
 from gslcosim_services.world.flight_space import FlightSpace
 from gslcosim_services.world.leg_planners import AT_REST, FlightPlanner, Leg, LegPlanner, MotionState, RoverPlanner
@@ -209,9 +210,27 @@ def check_arrival(tick: int, follower: PathFollower) -> Literal["under_way", "pa
     if follower.leg is not None and follower.leg.is_passed:
         return "passed"
     distance_m = math.dist(follower.position_m, follower.trajectory.end_world_m)
-    if distance_m <= ARRIVAL_RADIUS_M and math.hypot(*follower.velocity_m_s) < ARRIVAL_SPEED_M_S:
+    if has_arrived(distance_m, math.hypot(*follower.velocity_m_s)):
         return "there"
-    return "late" if follower.late_s(tick) >= ARRIVAL_TIMEOUT_S else "under_way"
+    return "late" if is_too_late(follower.late_s(tick)) else "under_way"
+
+
+@scalar_kernel
+def has_arrived(distance_m: float, speed_m_s: float) -> bool:
+    """Return whether a vehicle whose path is over is where it leads to: near its end [m], and slow [m/s]."""
+    return distance_m <= ARRIVAL_RADIUS_M and speed_m_s < ARRIVAL_SPEED_M_S
+
+
+@scalar_kernel
+def is_too_late(late_s: float) -> bool:
+    """Return whether a vehicle will not arrive any more, whose path has been over for a time [s]."""
+    return late_s >= ARRIVAL_TIMEOUT_S
+
+
+@scalar_kernel
+def back_off_frac(distance_m: float) -> float:
+    """Return how far a stuck vehicle backs off from its goal, as a fraction of its distance from it [m]."""
+    return BACK_OFF_M / distance_m if distance_m > ARRIVAL_RADIUS_M else 0.0
 
 
 def back_off(tick: int, follower: PathFollower, space: FlightSpace) -> str:
@@ -227,7 +246,7 @@ def back_off(tick: int, follower: PathFollower, space: FlightSpace) -> str:
     """
     end_m = follower.trajectory.end_world_m
     distance_m = math.dist(follower.position_m, end_m)
-    back = BACK_OFF_M / distance_m if distance_m > ARRIVAL_RADIUS_M else 0.0
+    back = back_off_frac(distance_m)
     x_m, y_m, z_m = (p + back * (p - end) for p, end in zip(follower.position_m, end_m, strict=True))
     is_free = space.refusal("back", (x_m, y_m, z_m)) is None
     follower.stay(tick, (x_m, y_m, z_m) if is_free else follower.position_m)

@@ -33,6 +33,7 @@ from gslcosim.training.batch.free_space import (
 )
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
 from gslcosim_services.world.multirotor_control import drag_force
+from gslcosim_services.world.path_follower import back_off_frac, has_arrived, is_too_late
 from gslcosim_services.world.simulation_loop import path_force_inplace
 from gslcosim_services.world.trajectory import (
     allowed_lateral_deviation_m,
@@ -92,11 +93,6 @@ def fly_lagged_tick(search, path, vehicle, case, room, work, tick, time_s):
             p[axis] += dt_s * v[axis]
 
 
-# See `path_follower` and `autopilot` of `gslcosim_services.world`.
-_ARRIVED_WITHIN_M = 0.15
-_ARRIVED_BELOW_M_S = 0.2
-_GIVE_UP_AFTER_S = 10.0
-_BACK_OFF_M = 0.1
 _TO_POINT = False
 
 
@@ -288,17 +284,17 @@ def _notice_arrival(search, path, case, room, tick):
         return
     p, v, end = search.position_m, search.velocity_m_s, path.end_world_m
     distance_m = norm3(p[0] - end[0], p[1] - end[1], p[2] - end[2])
-    if distance_m <= _ARRIVED_WITHIN_M and norm3(v[0], v[1], v[2]) < _ARRIVED_BELOW_M_S:
+    if has_arrived(distance_m, norm3(v[0], v[1], v[2])):
         _arrive(search, tick)
-    elif seconds_of(tick - path.start_tick, case.tick_ns) - path.duration_s >= _GIVE_UP_AFTER_S:
+    elif is_too_late(seconds_of(tick - path.start_tick, case.tick_ns) - path.duration_s):
         _give_up(search, path, case, room, tick, distance_m)
 
 
-# See `arrival.give_up`: it rests a little back from where it got stuck.
+# See `back_off`: it rests a little back from where it got stuck.
 @reference_free_njit()
 def _give_up(search, path, case, room, tick, distance_m):
     p, end = search.position_m, path.end_world_m
-    back = _BACK_OFF_M / distance_m if distance_m > _ARRIVED_WITHIN_M else 0.0
+    back = back_off_frac(distance_m)
     x_m, y_m, z_m = p[0] + back * (p[0] - end[0]), p[1] + back * (p[1] - end[1]), p[2] + back * (p[2] - end[2])
     if is_place_refused(room, case.radius_m, x_m, y_m, z_m):
         x_m, y_m, z_m = p[0], p[1], p[2]

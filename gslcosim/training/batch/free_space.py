@@ -15,6 +15,7 @@ from numba.np.arrayobj import make_array, populate_array
 
 from gslcosim.environment.grid_kernels import trilinear_wind
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
+from gslcosim_services.world.flight_space import CLEARANCE_M, is_out_of_bounds, is_stop_beyond
 from gslcosim_services.world.trajectory import DURATION_GROWTH, MIN_DURATION_S, plan_quickest_inplace, polynomial_at
 from gslcosim_services.world.vehicle_records import STATE
 
@@ -163,8 +164,6 @@ def exact_sum(values, first, n):
 
 
 _SOLID = 1
-# What a vehicle may stray from its reference while it brakes; see `gslcosim_services.world.flight_space`.
-_CLEARANCE_M = 0.1
 # What rounding may move a place by.
 _ROUNDING_M = 1e-6
 
@@ -234,9 +233,9 @@ def is_place_refused(room, radius_m, x_m, y_m, z_m):
         tests/integration/training/test_batch_equals_flight.py
     """
     low, high = room.origin_m, room.max_m
-    if not (low[0] <= x_m <= high[0] and low[1] <= y_m <= high[1]):
+    if is_out_of_bounds(x_m, low[0], high[0], 0.0) or is_out_of_bounds(y_m, low[1], high[1], 0.0):
         return True
-    if not (low[2] + radius_m <= z_m <= high[2] - radius_m):
+    if is_out_of_bounds(z_m, low[2], high[2], radius_m):
         return True
     return _is_solid_at(room, x_m, y_m, z_m, 0)
 
@@ -255,10 +254,7 @@ def is_edge_ahead(room, radius_m, stop_m, velocity_m_s):
         tests/integration/training/test_batch_equals_flight.py
     """
     for axis in range(3):
-        least = room.origin_m[axis] + radius_m + _CLEARANCE_M
-        most = room.max_m[axis] - radius_m - _CLEARANCE_M
-        speed, stop = velocity_m_s[axis], stop_m[axis]
-        if (speed > 0 and stop > most) or (speed < 0 and stop < least):
+        if is_stop_beyond(stop_m[axis], velocity_m_s[axis], room.origin_m[axis], room.max_m[axis], radius_m):
             return True
     moves = velocity_m_s[0] != 0.0 or velocity_m_s[1] != 0.0 or velocity_m_s[2] != 0.0
     return moves and _is_solid_at(room, stop_m[0], stop_m[1], stop_m[2], 0)
@@ -282,7 +278,7 @@ def is_open_ahead(room, radius_m, state, longest_s):
     x0, x1 = _stops_between(state, 0, longest_s)
     y0, y1 = _stops_between(state, 1, longest_s)
     z0, z1 = _stops_between(state, 2, longest_s)
-    keeps_m = radius_m + _CLEARANCE_M
+    keeps_m = radius_m + CLEARANCE_M
     low, high = room.origin_m, room.max_m
     if x0 < low[0] + keeps_m or y0 < low[1] + keeps_m or z0 < low[2] + keeps_m:
         return False
