@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gslcosim.base.errors import GslCosimError, UsageError, build_path_error
+from gslcosim.base.files import hold_lock
 from gslcosim.base.kernel_cache import get_cache_root
 
 if sys.platform != "win32":
@@ -102,7 +103,7 @@ def remove_entries(
     doomed: list[Path] = []
     try:
         # Whoever begins to use an entry waits until it has its other name, under which nobody finds it.
-        with _locked(root):
+        with hold_lock(root / _LOCK):
             for entry in choose(list_entries(root)):
                 if not entry.is_in_use:
                     doomed.append(entry.folder.with_name(f"{_EVICTED}{secrets.token_hex(8)}"))
@@ -199,7 +200,7 @@ class _Lease:
             if (self._pid, self._root) == (os.getpid(), root) and name in self._names:
                 return
             root.mkdir(parents=True, exist_ok=True)
-            with _locked(root):
+            with hold_lock(root / _LOCK):
                 # The file of a process that has forked this one is that one's, and stays locked by both.
                 if (self._pid, self._root) != (os.getpid(), root):
                     self._begin(root)
@@ -220,19 +221,6 @@ class _Lease:
 
 
 _lease = _Lease()
-
-
-@contextlib.contextmanager
-def _locked(root: Path) -> Generator[None]:
-    if sys.platform == "win32":
-        yield
-        return
-    descriptor = os.open(root / _LOCK, os.O_RDWR | os.O_CREAT, 0o600)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)
 
 
 # Those of processes that have not ended: their locks are held.

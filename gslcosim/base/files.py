@@ -143,6 +143,19 @@ def _open_folder(root: Path, name: str) -> Iterator[tuple[int | None, str]]:
 if sys.platform != "win32":
     import fcntl
 
+
+@contextlib.contextmanager
+def hold_lock(path: Path) -> Iterator[None]:
+    """Hold the lock of a file, which is made where there is none, against other processes; waits for them."""
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+    try:
+        if sys.platform != "win32":
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
+
+
 PREFIX = "gslcosim-"
 # Locked by the owner for as long as it lives; the lock ends with its process, however that ends.
 OWNER_FILE = ".owner"

@@ -10,20 +10,18 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from pathlib import Path
 
 from gslcosim.base.bundled import bundled_agents, bundled_scenarios
 from gslcosim.base.errors import GslCosimError
+from gslcosim.base.files import hold_lock
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE, PACKAGE_DIR
 from gslcosim.base.processes import build_parent_death_prefix, build_python_command
 from gslcosim.methods.card import find_card_beside
 from gslcosim.runtime.processes.sandbox.selection import choose_sandbox
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.method_scenario import METHOD_SCENARIO, build_method_scenario
-
-if sys.platform != "win32":
-    import fcntl
 
 COMPILE_TIMEOUT_S = 600.0
 _MARKERS_FOLDER = "agents"
@@ -49,7 +47,8 @@ def compile_agent_kernels(
         notify(name)
         with contextlib.suppress(OSError, subprocess.SubprocessError):
             mark.parent.mkdir(parents=True, exist_ok=True)
-            with _file_lock(mark.with_suffix(".lock")):
+            # Of several workers of a benchmark one compiles, and the others wait for it.
+            with hold_lock(mark.with_suffix(".lock")):
                 if not mark.exists():
                     _compile_in_subprocess(name)
                     mark.touch()
@@ -64,18 +63,6 @@ def _compile_in_subprocess(name: str) -> None:
         timeout=COMPILE_TIMEOUT_S,
         check=False,
     )
-
-
-# Of several workers of a benchmark one compiles, and the others wait for it.
-@contextlib.contextmanager
-def _file_lock(path: Path) -> Generator[None]:
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
-    try:
-        if sys.platform != "win32":
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)
 
 
 def _list_sandboxed_agents(scenario: Scenario, directory: Path, *, is_one_process: bool) -> list[str]:
