@@ -1,6 +1,30 @@
-"""Problems of what a user writes: rules between the fields of a model that do not hold."""
+"""Problems of what a user writes: where, what was expected and found, and the remedy."""
+
+from dataclasses import dataclass
 
 from pydantic_core import PydanticCustomError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """One thing that is wrong with what somebody has written.
+
+    Attributes:
+        where: The place in the file, for example `agents[0].vehicle.start_m`; empty for the whole.
+        expected: Allowed values there, as the rest of a sentence.
+        found: Value found there.
+        remedy: Remedy, a whole sentence, or empty.
+    """
+
+    where: str
+    expected: str
+    found: str
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        where, remedy = f"{self.where}: " if self.where else "", f" {self.remedy}" if self.remedy else ""
+        return f"{where}expected {self.expected}, was {self.found}.{remedy}"
+
 
 RULE = "scenario_rule"
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.base.problems import Problem
 from gslcosim.environment.formats.environment_folders import (
     import_gaden,
     import_gsl_bench,
@@ -33,7 +34,6 @@ from gslcosim.environment.variants import (
     scenario_in_variant,
 )
 from gslcosim.scenario.models.scenario import EnvironmentSpec, GeometrySpec, Scenario, SolverSpec, WindSpec
-from gslcosim.scenario.problems import Problem
 
 
 def find_folder(spec: EnvironmentSpec, scenario_dir: Path | None) -> Path:
@@ -105,7 +105,7 @@ def _problems_without_doors(spec: EnvironmentSpec, wind: SolverSpec, scenario_di
         key = spec.folder_key or ""
         return [
             Problem(
-                path=f"environment.{key}",
+                where=f"environment.{key}",
                 expected=f"the folder of a whole environment of {_MAKERS[key]}",
                 found=str(getattr(spec, key)),
                 remedy=str(error).replace("\n", " "),
@@ -127,7 +127,7 @@ def _problems_of_geometry(spec: GeometrySpec, wind: SolverSpec, scenario_dir: Pa
         remedy = str(error).replace("\n", " ")
         return [
             Problem(
-                path="environment.geometry.files",
+                where="environment.geometry.files",
                 expected="files of geometry that can be read",
                 found=", ".join(spec.files),
                 remedy=remedy,

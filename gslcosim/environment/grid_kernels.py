@@ -9,9 +9,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.problems import Problem
 from gslcosim.environment.model import LAYOUT_PATH, Box, Cell, EnvironmentGeometry, Grid, Opening, point_text
 from gslcosim.environment.openings import FACES, Face, cells_at, voxelize
-from gslcosim.scenario.problems import Problem
 
 SOLID = 1
 
@@ -309,7 +309,7 @@ def find_occupancy_problems(room: EnvironmentGeometry) -> list[Problem]:
     is_open = ~voxelize(room.boxes, room.grid)
     problems = [
         Problem(
-            path=_path_to_blame(room),
+            where=_path_to_blame(room),
             expected=f"air at the {opening.name}, {point_text(opening.min_m)} to {point_text(opening.max_m)} m",
             found="obstacles in front of all of it",
             remedy=f"Move the obstacles or the {opening.name}.",
@@ -325,7 +325,7 @@ def find_occupancy_problems(room: EnvironmentGeometry) -> list[Problem]:
     if inlets and any(not is_reached[cells_at(outlet, room.grid)].any() for outlet in outlets):
         problems.append(
             Problem(
-                path=_path_to_blame(room),
+                where=_path_to_blame(room),
                 expected="a way for the air from the inlet to the outlet, at least one cell wide",
                 found=f"obstacles that divide the room; the inlet's part has {int(is_reached.sum())} of "
                 f"{int(is_open.sum())} free cells",

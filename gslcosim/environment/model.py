@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
-from gslcosim.scenario.problems import Problem, ProblemsError
+from gslcosim.scenario.problems import ProblemsError
 
 
 class ImpossibleEnvironmentError(ProblemsError):

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.model import OBSTACLE_RGBA, Box, Environment, Grid, Opening, point_text
 from gslcosim.scenario.models.scenario import OpeningSpec
-from gslcosim.scenario.problems import Problem
 
 # Width (along y) and height of inlet and outlet, Table 9.2 of the GSL-Bench thesis.
 THESIS_OPENING_M = (1.5, 2.4)
@@ -78,7 +78,7 @@ def find_opening_problems(opening: OpeningSpec, grid: Grid, path: str) -> list[P
     if face is None:
         return [
             Problem(
-                path=path,
+                where=path,
                 expected=f"a rectangle flat on one face of the room, {_span(grid)}",
                 found=f"{_box(opening.min_m, opening.max_m)}",
                 remedy="Give min_m and max_m one coordinate in common, on the face, such as x = 0 in both.",
@@ -91,7 +91,7 @@ def find_opening_problems(opening: OpeningSpec, grid: Grid, path: str) -> list[P
         if low_m < room_low_m - _ON_FACE_M or high_m > room_high_m + _ON_FACE_M:
             problems.append(
                 Problem(
-                    path=path,
+                    where=path,
                     expected=f"{_AXES[axis]} inside the face, from {room_low_m:g} to {room_high_m:g} m",
                     found=f"{low_m:g} to {high_m:g} m",
                 )
@@ -183,7 +183,7 @@ def find_inflow_problems(velocity_m_s: Vec3, face: Face) -> Sequence[Problem]:
     sign = "+" if face.inward > 0 else "-"
     return (
         Problem(
-            path="wind.inlet_velocity_m_s",
+            where="wind.inlet_velocity_m_s",
             expected=f"a wind that enters the room through the inlet on {face.name}, with a part along "
             f"{sign}{_AXES[face.axis]}",
             found=f"[{velocity_m_s[0]:g}, {velocity_m_s[1]:g}, {velocity_m_s[2]:g}]",

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
 from gslcosim.environment.model import Box, Cell, EnvironmentGeometry, point_text
@@ -18,7 +19,6 @@ from gslcosim.environment.variants import door_box, find_variants, variant_scena
 from gslcosim.scenario.loader import RandomPosition
 from gslcosim.scenario.models.events import DoorClosesSpec, SourceMovesSpec
 from gslcosim.scenario.models.scenario import AgentSpec, EnvironmentSpec, Scenario, SolverSpec, VehicleSpec
-from gslcosim.scenario.problems import Problem
 
 MAX_VARIANTS = 16
 
@@ -31,7 +31,7 @@ def find_moving_door_problems(scenario: Scenario, room: EnvironmentGeometry) -> 
     n_situations = len(find_variants(scenario))
     if n_situations > MAX_VARIANTS:
         yield Problem(
-            path="events",
+            where="events",
             expected=f"at most {MAX_VARIANTS} combinations of closed doors and inlets, each of which is a room",
             found=f"{n_situations}",
             remedy="Give the events of doors and wind times (at_s): then only those that follow each other count.",
@@ -43,7 +43,7 @@ def find_moving_door_problems(scenario: Scenario, room: EnvironmentGeometry) -> 
         hits = _hits(scenario, room, doors[event.door])
         if hits:
             yield Problem(
-                path=f"events[{i}].door",
+                where=f"events[{i}].door",
                 expected="a door that closes on no vehicle's start and on no source",
                 found=f"{event.door}, which closes on {' and '.join(hits)}",
                 remedy=f"Move the door, or {hits[0]}.",
@@ -120,7 +120,7 @@ def find_position_problems(scenario: Scenario, *, scenario_dir: Path | None = No
     except EnvironmentDataError as error:
         return [
             Problem(
-                path="environment.path",
+                where="environment.path",
                 expected="the folder of a whole environment",
                 found=f"{spec.path}",
                 remedy=str(error).replace("\n", " "),
@@ -220,7 +220,7 @@ def _problem_of_point(position_m: Vec3, room: EnvironmentGeometry, path: str) ->
         return None
     free_m = nearest_free_point_m(position_m, room)
     return Problem(
-        path=path,
+        where=path,
         expected="a point in the room's air",
         found=f"{point_text(position_m)}, {found}",
         remedy=f"Nearest free point: {point_text(free_m)}." if free_m else "",
@@ -259,7 +259,7 @@ def _problem_of_height(vehicle: VehicleSpec, room: EnvironmentGeometry, path: st
         return None
     where = f"the ceiling is at {room.grid.max_m[2]:g} m and the {vehicle.model} keeps {radius_m:g} m from it"
     return Problem(
-        path=path,
+        where=path,
         expected=f"a height between {low_m:g} and {high_m:g} m ({where} and from the floor)",
         found=f"{vehicle.search_height_m:g} m",
         remedy=f"For example {min(2.0, (low_m + high_m) / 2):.3g} m." if low_m < high_m else "The room is too low.",
@@ -279,7 +279,7 @@ def _problem_of_start(vehicle: VehicleSpec, room: EnvironmentGeometry, path: str
         found = f"{', '.join(hits)} in it"
     free_m = nearest_start_m(vehicle, room)
     return Problem(
-        path=path,
+        where=path,
         expected=expected,
         found=f"{point_text(vehicle.start_m)}, {found}",
         remedy=f"Nearest free start: {point_text(free_m)}." if free_m else "",
@@ -337,7 +337,7 @@ def _problems_of_neighbours(agents: Sequence[AgentSpec]) -> list[Problem]:
             continue
         problems.append(
             Problem(
-                path=f"agents[{j}].vehicle.start_m",
+                where=f"agents[{j}].vehicle.start_m",
                 expected=f"at least {least_m:g} m, seen from above, from the start of {first.name}",
                 found=f"{point_text(b.start_m)}, which is {apart_m:.3g} m from it",
                 remedy=f"Move it {least_m - apart_m:.2f} m further away.",

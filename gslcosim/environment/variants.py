@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import ModelError
+from gslcosim.base.problems import Problem
 from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.contract.environment_messages import WIND, WindShare
 from gslcosim.contract.participant import Inbox
@@ -25,7 +26,6 @@ from gslcosim.environment.openings import cells_at, voxelize
 from gslcosim.scenario.models.events import DoorClosesSpec, DoorOpensSpec, EventSpec, WindChangesSpec
 from gslcosim.scenario.models.geometry import DoorSpec
 from gslcosim.scenario.models.scenario import Scenario, find_due_events
-from gslcosim.scenario.problems import Problem
 
 DOOR_RGBA = (0.55, 0.36, 0.20, 1.0)
 
@@ -88,7 +88,7 @@ def find_door_problems(room: EnvironmentGeometry, doors: Sequence[DoorSpec]) -> 
         if door.name in names:
             problems.append(
                 Problem(
-                    path=f"{DOORS_PATH}[{i}].name",
+                    where=f"{DOORS_PATH}[{i}].name",
                     expected="a name that no other door or box of the room has",
                     found=f"'{door.name}'",
                     remedy=f"For example {door.name}_{i + 1}.",
@@ -114,7 +114,7 @@ def find_cut_off_openings(room: EnvironmentGeometry, path: str) -> list[Problem]
     is_reached = find_reachable_cells(is_air, inlets, room.grid)
     return [
         Problem(
-            path=path,
+            where=path,
             expected=f"a way for the air from the inlet to the {opening.name}, whichever doors are closed",
             found=f"none with {', '.join(_closed_in(room))} closed",
             remedy="Move the door, or add openings to environment.layout.",
@@ -135,7 +135,7 @@ def _problem_of_place(room: EnvironmentGeometry, door: DoorSpec, path: str) -> P
         a < low - 1e-9 or b > high + 1e-9 for a, b, low, high in zip(door.min_m, door.max_m, low_m, high_m, strict=True)
     ):
         return Problem(
-            path=path,
+            where=path,
             expected=f"a door inside the room, which reaches from {point_text(low_m)} to {point_text(high_m)} m",
             found=corners,
             remedy="Move it, or cut it to the room.",
@@ -143,7 +143,7 @@ def _problem_of_place(room: EnvironmentGeometry, door: DoorSpec, path: str) -> P
     is_door = voxelize([door_box(door)], room.grid)
     if (room.occupancy[is_door] == Cell.SOLID).all():
         return Problem(
-            path=path,
+            where=path,
             expected="a door that closes a gap: at least one cell of air in it",
             found=f"{corners}, which is solid without it",
             remedy="Leave a gap in the wall where the door is.",

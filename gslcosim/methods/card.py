@@ -1,7 +1,6 @@
 """Card of a search method: a YAML file beside its program, kinds of instruments, and the check of its needs."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
@@ -14,7 +13,7 @@ from pydantic_core import ErrorDetails
 
 from gslcosim.base.errors import MethodError
 from gslcosim.base.files import read_regular_file
-from gslcosim.base.problems import broken_rule_error
+from gslcosim.base.problems import Problem, broken_rule_error
 from gslcosim.base.yaml_core import CoreLoader
 from gslcosim.contract.messages import ParameterValue, SensorDescription
 
@@ -294,19 +293,6 @@ def is_list_of_shared_parameters(value: object) -> bool:
     return isinstance(value, list) and all(name in list_shared_parameters() for name in cast(list[object], value))
 
 
-@dataclass(frozen=True, kw_only=True)
-class UnmetNeed:
-    """Something that a method lacks, or a parameter that is wrong; `part` is its place under the agent's block."""
-
-    part: str
-    expected: str
-    found: str
-    remedy: str
-
-    def __str__(self) -> str:
-        return f"{self.part}: expected {self.expected}, was {self.found}. {self.remedy}"
-
-
 def find_unmet_needs(
     card: MethodCard,
     *,
@@ -314,7 +300,7 @@ def find_unmet_needs(
     knows: Collection[str],
     n_channels: int,
     parameters: Mapping[str, Any],
-) -> list[UnmetNeed]:
+) -> list[Problem]:
     """Return all that keeps a method from flying.
 
     Args:
@@ -333,55 +319,55 @@ def find_unmet_needs(
     ]
 
 
-def _missing_sensors(card: MethodCard, sensors: tuple[SensorDescription, ...]) -> Iterable[UnmetNeed]:
+def _missing_sensors(card: MethodCard, sensors: tuple[SensorDescription, ...]) -> Iterable[Problem]:
     for kind, n_needed in card.needs.sensors.items():
         n_found = count_instruments(kind, sensors)
         if n_found < n_needed:
-            yield UnmetNeed(
-                part="sensors",
+            yield Problem(
+                where="sensors",
                 expected=f"at least {n_needed} of kind {kind} for {card.title}",
                 found=f"{n_found} ({', '.join(sensor.model for sensor in sensors) or 'no sensors'})",
                 remedy=f"Add for example {INSTRUMENT_KINDS[kind][1]}.",
             )
 
 
-def _missing_grants(card: MethodCard, knows: Collection[str]) -> Iterable[UnmetNeed]:
+def _missing_grants(card: MethodCard, knows: Collection[str]) -> Iterable[Problem]:
     for item in card.needs.knows:
         if item not in knows:
-            yield UnmetNeed(
-                part="knows",
+            yield Problem(
+                where="knows",
                 expected=f"{item}: true for {card.title}",
                 found="not granted",
                 remedy=f"Add knows: {{{item}: true}} to the agent.",
             )
 
 
-def _missing_radio(card: MethodCard, n_channels: int) -> Iterable[UnmetNeed]:
+def _missing_radio(card: MethodCard, n_channels: int) -> Iterable[Problem]:
     if card.needs.radio and not n_channels:
-        yield UnmetNeed(
-            part="name",
+        yield Problem(
+            where="name",
             expected=f"an agent on a radio channel for {card.title}",
             found="one without",
             remedy="Add for example channels: [{name: radio}] to the scenario.",
         )
 
 
-def _wrong_parameters(card: MethodCard, parameters: Mapping[str, Any]) -> Iterable[UnmetNeed]:
+def _wrong_parameters(card: MethodCard, parameters: Mapping[str, Any]) -> Iterable[Problem]:
     for name, value in parameters.items():
         parameter = card.parameters.get(name)
         if parameter is None:
             known = ", ".join(card.parameters) or "none"
             nearest = get_close_matches(name, card.parameters, n=1)
             hint = f"Did you mean {nearest[0]}?" if nearest else "Leave it out."
-            yield UnmetNeed(
-                part=f"parameters.{name}",
+            yield Problem(
+                where=f"parameters.{name}",
                 expected=f"a parameter of {card.title} ({known})",
                 found=f"'{name}'",
                 remedy=hint,
             )
         elif expected := parameter.problem_of(value):
-            yield UnmetNeed(
-                part=f"parameters.{name}",
+            yield Problem(
+                where=f"parameters.{name}",
                 expected=expected,
                 found=f"{value!r}" if isinstance(value, str) else f"{value}",
                 remedy=f"Its default is {parameter.default}.",

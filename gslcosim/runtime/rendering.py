@@ -5,8 +5,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from gslcosim.base.problems import Problem
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.problems import Problem
 
 PROBE_LIMIT_S = 60.0
 
@@ -27,7 +27,7 @@ def find_rendering_problems(scenario: Scenario, directory: Path) -> Iterator[Pro
         for j, sensor in enumerate(agent.sensors):
             if (agent.name, sensor.name) in cameras:
                 yield Problem(
-                    path=f"agents[{i}].sensors[{j}].model",
+                    where=f"agents[{i}].sensors[{j}].model",
                     expected=f"no {sensor.model} on a machine without EGL and OSMesa, which draw its pictures",
                     found=f"'{sensor.model}'",
                     remedy=reason,

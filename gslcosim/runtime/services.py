@@ -12,6 +12,7 @@ from importlib.metadata import EntryPoint, distributions
 from pathlib import Path
 
 from gslcosim.base.errors import DataflowError, UsageError
+from gslcosim.base.problems import Problem
 from gslcosim.contract import keys
 from gslcosim.contract.messages import Briefing, Command
 from gslcosim.contract.participant import WINDOW_TICKS, Core, ParticipantSpec, Read, Write
@@ -23,7 +24,6 @@ from gslcosim.runtime.warmup import warm_up
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.participants import ParticipantProgramSpec, ServiceSpec
 from gslcosim.scenario.models.scenario import AgentSpec, Processes
-from gslcosim.scenario.problems import Problem
 
 ServiceGroup = tuple[str, ...]
 
@@ -252,12 +252,12 @@ def find_service_problems(scenario: Scenario, directory: Path) -> Iterable[Probl
     except UsageError as error:
         found = ", ".join(f"'{block.name}'" for block in scenario.services)
         remedy = str(error).removeprefix("services: ")
-        return [Problem(path="services", expected="services that their packages bring", found=found, remedy=remedy)]
+        return [Problem(where="services", expected="services that their packages bring", found=found, remedy=remedy)]
     except DataflowError as error:
         expected = "services whose reads and writes fit together"
         remedy = " ".join(str(error).split())
         found = ", ".join(f"'{block.name}'" for block in scenario.services)
-        return [Problem(path="services", expected=expected, found=found, remedy=remedy)]
+        return [Problem(where="services", expected=expected, found=found, remedy=remedy)]
     return ()
 
 

@@ -12,6 +12,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from gslcosim.base.bundled import bundled_scenarios
 from gslcosim.base.errors import ScenarioError, describe_os_error
 from gslcosim.base.files import read_regular_file
+from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
 from gslcosim.scenario.checks.cross_checks import find_cross_problems, find_numbers_too_large
 from gslcosim.scenario.checks.program_checks import find_unusable_paths
@@ -19,15 +20,7 @@ from gslcosim.scenario.model_schema import find_schema_node, format_value, list_
 from gslcosim.scenario.models.scenario import SCHEMA, EnvironmentSpec, Scenario, SolverSpec, VehicleSpec
 from gslcosim.scenario.models.wind import Wind
 from gslcosim.scenario.overrides import SET_OPTION, apply_overrides
-from gslcosim.scenario.problems import (
-    InvalidScenarioError,
-    Problem,
-    ProblemLike,
-    TextLocation,
-    TextLocations,
-    did_you_mean,
-    locate,
-)
+from gslcosim.scenario.problems import InvalidScenarioError, TextLocation, TextLocations, did_you_mean, locate
 from gslcosim.scenario.serialization import YamlTree, dump_resolved, read_yaml, with_absolute_gas
 
 _SAYS_NOTHING_OF_PLACES = ("schema", "name", "seed", "tick_ms", "referee", "recording")
@@ -134,14 +127,14 @@ def replace_random_positions(values: dict[str, Any], directory: Path, placer: Pl
     ]
 
 
-def drop_consequent_problems(problems: Sequence[ProblemLike]) -> list[ProblemLike]:
+def drop_consequent_problems(problems: Sequence[Problem]) -> list[Problem]:
     """Return problems without those of places that only wait for the others to be solved, if there are others."""
-    causes = [p for p in problems if not (isinstance(p, Problem) and p.expected == _AFTER_THE_OTHERS)]
+    causes = [p for p in problems if p.expected != _AFTER_THE_OTHERS]
     return causes or list(problems)
 
 
 def _refusal(path: str, expected: str) -> Problem:
-    return Problem(path=path, expected=expected, found=RANDOM)
+    return Problem(where=path, expected=expected, found=RANDOM)
 
 
 def _spots(values: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
@@ -181,7 +174,7 @@ __all__ = [
     "resolve_values",
 ]
 
-Check = Callable[[Scenario, Path], Iterable[ProblemLike]]
+Check = Callable[[Scenario, Path], Iterable[Problem]]
 
 _ENDINGS = (".yaml", ".yml")
 _MOST_TREES = 8
@@ -339,18 +332,18 @@ def _check_sizes(tree: YamlTree) -> None:
         raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=tree.marks.root.source)
 
 
-def _check(tree: YamlTree, directory: Path, known: Sequence[Problem]) -> tuple[Scenario | None, list[ProblemLike]]:
+def _check(tree: YamlTree, directory: Path, known: Sequence[Problem]) -> tuple[Scenario | None, list[Problem]]:
     values = tree.block
     if values is None:
         expected = find_schema_node(()).describe()
-        return None, [Problem(path="", expected=expected, found=format_value(tree.values))]
+        return None, [Problem(where="", expected=expected, found=format_value(tree.values))]
     scenario, found = _validate(values)
     scenario = scenario and with_absolute_gas(scenario, directory)
-    known_paths = {problem.path for problem in known}
-    problems: list[ProblemLike] = [*known, *(problem for problem in found if problem.path not in known_paths)]
+    known_paths = {problem.where for problem in known}
+    problems: list[Problem] = [*known, *(problem for problem in found if problem.where not in known_paths)]
     problems += find_cross_problems(values, directory=directory)
-    spoilt = [located.problem.path for located in tree.problems]
-    return scenario, [p for p in problems if not any(_is_inside(p.path, path) for path in spoilt)]
+    spoilt = [located.problem.where for located in tree.problems]
+    return scenario, [p for p in problems if not any(_is_inside(p.where, path) for path in spoilt)]
 
 
 # JSON, because strict models take its lists as tuples and its whole numbers as reals, but no text as a number.
@@ -362,16 +355,16 @@ def _validate(values: Any) -> tuple[Scenario | None, list[Problem]]:
 
 
 def _check_places(
-    tree: YamlTree, scenario: Scenario | None, problems: list[ProblemLike], directory: Path, checks: Sequence[Check]
-) -> list[ProblemLike]:
+    tree: YamlTree, scenario: Scenario | None, problems: list[Problem], directory: Path, checks: Sequence[Check]
+) -> list[Problem]:
     if scenario is None and tree.block is not None:
-        places = extract_position_values(tree.block, [problem.path for problem in problems])
+        places = extract_position_values(tree.block, [problem.where for problem in problems])
         scenario = _validate(places)[0] if places else None
     if scenario is None:
         return []
-    known = {problem.path for problem in problems}
+    known = {problem.where for problem in problems}
     found = [problem for check in checks for problem in check(scenario, directory)]
-    return [problem for problem in found if problem.path not in known]
+    return [problem for problem in found if problem.where not in known]
 
 
 def _is_inside(path: str, part: str) -> bool:
@@ -405,7 +398,7 @@ def read_spec_file(
         ) from error
     tree = read_yaml(text, source=shown_path)
     if tree.block is None:
-        problem = Problem(path="", expected=f"a block of keys with {keys}", found=format_value(tree.values))
+        problem = Problem(where="", expected=f"a block of keys with {keys}", found=format_value(tree.values))
         raise InvalidScenarioError(locate([problem], tree.marks), name=shown_path)
     try:
         spec = model.model_validate_json(json.dumps(tree.block), strict=True)
@@ -417,7 +410,7 @@ def read_spec_file(
     return spec
 
 
-def raise_located(problems: Iterable[ProblemLike], path: Path, *, shown_path: str) -> None:
+def raise_located(problems: Iterable[Problem], path: Path, *, shown_path: str) -> None:
     """Raise problems of a file that has been read, with the lines where their causes stand; do nothing without any.
 
     Args:
@@ -522,7 +515,7 @@ def _from_layout(text: str, source: str, overrides: Sequence[str]) -> Recipe:
     tree = apply_overrides(read_yaml(text, source=source), overrides)
     values = cast("dict[str, Any]", tree.block)
     problems = [
-        Problem(path=key, expected=f"one of the keys {', '.join(LAYOUT_KEYS)}", found="an unknown key")
+        Problem(where=key, expected=f"one of the keys {', '.join(LAYOUT_KEYS)}", found="an unknown key")
         for key in values
         if key not in LAYOUT_KEYS
     ]
@@ -530,7 +523,7 @@ def _from_layout(text: str, source: str, overrides: Sequence[str]) -> Recipe:
         recipe = _from_values(values, Path(source).stem)
     except ValidationError as error:
         problems += [
-            replace(each, path=each.path.removeprefix("environment.")) for each in problems_from_validation(error)
+            replace(each, where=each.where.removeprefix("environment.")) for each in problems_from_validation(error)
         ]
         recipe = None
     if recipe is None or problems or tree.problems:

@@ -13,11 +13,10 @@ from pydantic import BaseModel, StringConstraints, Tag, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticUndefined
 
-from gslcosim.base.problems import RULE
+from gslcosim.base.problems import RULE, Problem
 from gslcosim.scenario.models.base import KindedSpec, OneOf
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.problems import (
-    Problem,
     child_path,
     did_you_mean,
     nearest_key,
@@ -432,19 +431,19 @@ def problems_from_validation(error: ValidationError, *, root: type[BaseModel] = 
     problems: dict[str, Problem] = {}
     if (n_more := error.error_count() - _MAX_PROBLEMS) > 0:
         found = f"{n_more} more than those that are told"
-        problems[""] = Problem(path="", expected="fewer problems", found=found, remedy="Correct these first.")
+        problems[""] = Problem(where="", expected="fewer problems", found=found, remedy="Correct these first.")
     for details in error.errors(include_url=False)[:_MAX_PROBLEMS]:
         problem = _problem_of(details, root)
         if problem is not None:
-            problems.setdefault(problem.path, problem)
+            problems.setdefault(problem.where, problem)
     suggested = {place for problem in problems.values() if (place := _suggested_path(problem))}
-    return [p for p in problems.values() if not (p.found == MISSING and p.path in suggested)]
+    return [p for p in problems.values() if not (p.found == MISSING and p.where in suggested)]
 
 
 # A misspelled key is one problem, not two: the key that it stands for is then missing as well.
 def _suggested_path(problem: Problem) -> str | None:
     match = re.match(r"Did you mean (\w+)\?", problem.remedy)
-    return child_path(parent_path(problem.path), match[1]) if match and problem.found == _UNKNOWN_KEY else None
+    return child_path(parent_path(problem.where), match[1]) if match and problem.found == _UNKNOWN_KEY else None
 
 
 def _problem_of(details: ErrorDetails, root: type[BaseModel]) -> Problem | None:
@@ -455,7 +454,7 @@ def _problem_of(details: ErrorDetails, root: type[BaseModel]) -> Problem | None:
         case rule if rule == RULE:
             context = details.get("ctx", {})
             path = child_path(slot.path, context["key"]) if context["key"] else slot.path
-            return Problem(path=path, expected=context["expected"], found=context["found"], remedy=context["remedy"])
+            return Problem(where=path, expected=context["expected"], found=context["found"], remedy=context["remedy"])
         case "default_factory_not_called":
             return None  # what the default depends on is wrong, and told
         case "extra_forbidden":
@@ -463,7 +462,7 @@ def _problem_of(details: ErrorDetails, root: type[BaseModel]) -> Problem | None:
         case "missing" if isinstance(location[-1], int):
             return _wrong_value(find_schema_node(location[:-1], root=root), value)
         case "missing":
-            return Problem(path=slot.path, expected=slot.describe(), found=MISSING)
+            return Problem(where=slot.path, expected=slot.describe(), found=MISSING)
         case "union_tag_invalid" | "union_tag_not_found" if isinstance(value, dict):
             return _unknown_kind(slot, typing.cast("dict[str, Any]", value))
         case "too_short" if isinstance(value, list) and typing.cast("list[Any]", value):
@@ -474,7 +473,7 @@ def _problem_of(details: ErrorDetails, root: type[BaseModel]) -> Problem | None:
 
 def _wrong_value(slot: SchemaNode, value: Any) -> Problem:
     return Problem(
-        path=slot.path, expected=slot.describe(), found=format_value(value), remedy=_value_remedy(slot, value)
+        where=slot.path, expected=slot.describe(), found=format_value(value), remedy=_value_remedy(slot, value)
     )
 
 
@@ -482,7 +481,7 @@ def _unknown_kind(slot: SchemaNode, block: dict[str, Any]) -> Problem:
     kinds, tag_key = list_kinds(slot.annotation), find_tag_key(slot.annotation)
     kind = block.get(tag_key)
     return Problem(
-        path=child_path(slot.path, tag_key),
+        where=child_path(slot.path, tag_key),
         expected=f"one of {', '.join(kinds[:-1])} or {kinds[-1]}",
         found=format_value(kind),
         remedy=did_you_mean(kind, kinds) if isinstance(kind, str) else "",
@@ -495,7 +494,7 @@ def _unknown_key(location: tuple[Segment, ...], key: str, value: Any, root: type
     path = child_path(block.path, key)
     expected = f"one of the keys {', '.join(keys)}"
     if (remedy := _kinds_that_have(location, key, root)) and key not in keys:
-        return Problem(path=path, expected=expected, found=_UNKNOWN_KEY, remedy=remedy)
+        return Problem(where=path, expected=expected, found=_UNKNOWN_KEY, remedy=remedy)
     match = nearest_key(key, keys)
     homes = [home for home in paths_of_key(key, root=root) if home != block.path]
     if match:
@@ -504,7 +503,7 @@ def _unknown_key(location: tuple[Segment, ...], key: str, value: Any, root: type
         remedy = f"{key} belongs to {' or '.join(home or 'the top level' for home in homes)}."
     else:
         remedy = ""
-    return Problem(path=path, expected=expected, found=_UNKNOWN_KEY, remedy=remedy)
+    return Problem(where=path, expected=expected, found=_UNKNOWN_KEY, remedy=remedy)
 
 
 # A key that other kinds of the same block have.

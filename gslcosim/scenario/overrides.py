@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
+from gslcosim.base.problems import Problem
 from gslcosim.scenario.checks.program_checks import SCRIPT_ENDINGS
 from gslcosim.scenario.problems import (
     InvalidScenarioError,
     LocatedProblem,
-    Problem,
     TextLocation,
     TextLocations,
     child_path,
@@ -156,7 +156,7 @@ def _mark(marks: TextLocations, path: str, place: TextLocation) -> None:
 
 
 def _refusal(source: str, path: str, expected: str, found: str, remedy: str) -> InvalidScenarioError:
-    problem = Problem(path=path, expected=expected, found=found, remedy=remedy)
+    problem = Problem(where=path, expected=expected, found=found, remedy=remedy)
     return InvalidScenarioError([LocatedProblem(place=TextLocation(source=source), problem=problem)], name=source)
 
 

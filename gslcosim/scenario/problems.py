@@ -5,49 +5,11 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from gslcosim.base.errors import ScenarioError
+from gslcosim.base.problems import Problem
 
 _MAX_SHOWN = 400
-
-
-class ProblemLike(Protocol):
-    """Problem that a check reports: the place in the scenario, what it expected and found, and the remedy."""
-
-    @property
-    def path(self) -> str:
-        """The place, for example `gas.sources[0].position_m`."""
-        ...
-
-    @property
-    def expected(self) -> str:
-        """Allowed values there, as the rest of a sentence."""
-        ...
-
-    @property
-    def found(self) -> str:
-        """Value found there."""
-        ...
-
-    @property
-    def remedy(self) -> str:
-        """Remedy, a whole sentence, or empty."""
-        ...
-
-
-@dataclass(frozen=True, kw_only=True)
-class Problem:
-    """One thing that is wrong with a scenario; `path` is its place, for example `agents[0].vehicle.start_m`."""
-
-    path: str
-    expected: str
-    found: str
-    remedy: str = ""
-
-    def __str__(self) -> str:
-        where, remedy = f"{self.path}: " if self.path else "", f" {self.remedy}" if self.remedy else ""
-        return f"{where}expected {self.expected}, was {self.found}.{remedy}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,11 +29,11 @@ class LocatedProblem:
     """A problem with the place where its cause was written."""
 
     place: TextLocation
-    problem: ProblemLike
+    problem: Problem
 
     def __str__(self) -> str:
         problem = self.problem
-        where = f"{self.place}: {_shortened(problem.path)}" if problem.path else f"{self.place}"
+        where = f"{self.place}: {_shortened(problem.where)}" if problem.where else f"{self.place}"
         remedy = f" {_shortened(problem.remedy)}" if problem.remedy else ""
         return _in_one_line(f"{where}: expected {problem.expected}, was {_shortened(problem.found)}.{remedy}")
 
@@ -81,7 +43,7 @@ class LocatedProblem:
         return {
             "source": self.place.source,
             "line": self.place.line,
-            "path": problem.path,
+            "path": problem.where,
             "expected": problem.expected,
             "found": problem.found,
             "remedy": problem.remedy,
@@ -123,9 +85,9 @@ class InvalidScenarioError(ScenarioError):
         super().__init__("\n".join(lines))
 
 
-def locate(problems: Iterable[ProblemLike], marks: TextLocations) -> tuple[LocatedProblem, ...]:
+def locate(problems: Iterable[Problem], marks: TextLocations) -> tuple[LocatedProblem, ...]:
     """Return problems with the places where their causes were written."""
-    return tuple(LocatedProblem(place=marks.place_of(problem.path), problem=problem) for problem in problems)
+    return tuple(LocatedProblem(place=marks.place_of(problem.where), problem=problem) for problem in problems)
 
 
 def child_path(parent: str, key: str | int) -> str:
@@ -153,7 +115,7 @@ def _in_one_line(text: str) -> str:
 
 def _reading_order(located: LocatedProblem) -> tuple[bool, int, str, str]:
     line = located.place.line
-    return (line is None, line or 0, located.problem.path, located.problem.expected)
+    return (line is None, line or 0, located.problem.where, located.problem.expected)
 
 
 # The ending of a key's name and what a number under it counts. Longer endings come first.

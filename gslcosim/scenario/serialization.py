@@ -14,6 +14,7 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 from gslcosim.base import yaml_core
+from gslcosim.base.problems import Problem
 from gslcosim.base.yaml_core import (
     TAG,
     CoreLoader,
@@ -27,7 +28,6 @@ from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 from gslcosim.scenario.problems import (
     InvalidScenarioError,
     LocatedProblem,
-    Problem,
     TextLocation,
     TextLocations,
     child_path,
@@ -80,10 +80,10 @@ def read_yaml(text: str, *, source: str, root_path: str = "") -> YamlTree:
         values = reader.read(node, root_path)
     except YamlNestingError as error:
         expected = f"lists and blocks at most {MAX_LEVELS} deep"
-        problem = Problem(path="", expected=expected, found=f"a nest of more than {yaml_core.MAX_NESTING} levels")
+        problem = Problem(where="", expected=expected, found=f"a nest of more than {yaml_core.MAX_NESTING} levels")
         raise InvalidScenarioError(locate([problem], TextLocations(root)), name=source) from error
     except YamlSizeError as error:
-        problem = Problem(path="", expected=f"at most {MAX_VALUES} values", found="more")
+        problem = Problem(where="", expected=f"at most {MAX_VALUES} values", found="more")
         raise InvalidScenarioError(locate([problem], TextLocations(root)), name=source) from error
     except yaml.YAMLError as error:
         raise _syntax_error(error, text, source) from error
@@ -160,7 +160,7 @@ class _NodeReader:
                 return parse_real_number(text)
 
     def _refuse(self, path: str, expected: str, found: str, remedy: str = "") -> None:
-        self.problems.append(Problem(path=path, expected=expected, found=found, remedy=remedy))
+        self.problems.append(Problem(where=path, expected=expected, found=found, remedy=remedy))
 
     def _place(self, node: yaml.Node) -> TextLocation:
         return TextLocation(source=self._source, line=node.start_mark.line + 1, column=node.start_mark.column + 1)
@@ -169,7 +169,7 @@ class _NodeReader:
 def _syntax_error(error: yaml.YAMLError, text: str, source: str) -> InvalidScenarioError:
     line, column, expected, found, remedy = _describe_syntax_error(error, text)
     place = TextLocation(source=f"{source}:{line}:{column}")
-    problem = Problem(path="", expected=expected, found=found, remedy=remedy)
+    problem = Problem(where="", expected=expected, found=found, remedy=remedy)
     return InvalidScenarioError([LocatedProblem(place=place, problem=problem)], name=source)
 
 

@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from gslcosim.base.bundled import bundled_families
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.base.files import read_regular_file
-from gslcosim.base.problems import broken_rule_error
+from gslcosim.base.problems import Problem, broken_rule_error
 from gslcosim.base.rng import stream
 from gslcosim.base.yaml_core import without_editor_header
 from gslcosim.bench.studies.target import collect_bundled_seeds
@@ -25,7 +25,7 @@ from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.scenario.loader import LoadedScenario, find_scenario, read_spec_file
 from gslcosim.scenario.models.base import Fraction, Name, Positive, Spec
-from gslcosim.scenario.problems import Problem, did_you_mean
+from gslcosim.scenario.problems import did_you_mean
 from gslcosim.training.stepped_run import LearningTask, get_environment_key
 from gslcosim_services.fields.gas_setup import gas_seed
 from gslcosim_services.fields.models.filament_gas import build_cached_plume
@@ -346,7 +346,7 @@ def _taken_seeds(spec: FamilySpec) -> Iterator[Problem]:
         taken = sorted(seed for seed in collect_bundled_seeds() if seed in seeds)
         if taken:
             yield Problem(
-                path=f"seeds.{split}",
+                where=f"seeds.{split}",
                 expected="seeds that no bundled suite flies: suites test",
                 found=f"{seeds.first} to {seeds.last}, with {taken[0]} of a suite among them",
                 remedy="Begin elsewhere.",

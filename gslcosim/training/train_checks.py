@@ -5,9 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from gslcosim.base.errors import ScenarioError, UsageError
+from gslcosim.base.problems import Problem
 from gslcosim.scenario.checks.registry import list_scenario_checks
 from gslcosim.scenario.loader import LoadedScenario
-from gslcosim.scenario.problems import InvalidScenarioError, Problem
+from gslcosim.scenario.problems import InvalidScenarioError
 from gslcosim.training.batch.case_builder import list_batch_misfits
 from gslcosim.training.family import SPLITS, Family, Split
 from gslcosim.training.train_file import PpoFileSettings, TrainFile
@@ -42,7 +43,7 @@ def find_trainer_problems(file: TrainFile, directory: Path) -> Iterator[Problem]
         seeds = file.family.spec.seeds.of(split)
         if n > seeds.count:
             yield Problem(
-                path=f"cases.{split}",
+                where=f"cases.{split}",
                 expected=f"at most {seeds.count}, as many as the seeds that {file.family.name} has for it",
                 found=str(n),
                 remedy=f"Lower it, or raise seeds.{split}.count of the family.",
@@ -68,13 +69,13 @@ def find_flight_problems(file: TrainFile, directory: Path) -> Iterator[Problem]:
     for split in splits:
         case, problems = _load_first_case(file.family, split)
         if case is None:
-            yield from (replace(problem, path="family") for problem in problems)
+            yield from (replace(problem, where="family") for problem in problems)
         elif isinstance(trainer, MethodSettings):
             yield from _find_method_problems(file, trainer, case)
         else:
             for key, expected, found in list_batch_misfits(case.scenario, file.spec.flying):
                 yield Problem(
-                    path="family",
+                    where="family",
                     expected=f"cases with {key} as trainer.kind: {trainer.kind} flies them: {expected}",
                     found=str(found),
                     remedy=f"Take another family, or trainer.kind: method. It is seed {case.scenario.seed} of {split}.",
@@ -94,7 +95,7 @@ def _load_first_case(family: Family, split: Split) -> tuple[LoadedScenario | Non
         return case, []
     seed = family.spec.seeds.of(split).first
     expected, found = "a scenario of which each seed makes a case", f"one that is wrong with seed {seed} of {split}"
-    return None, [Problem(path="scenario", expected=expected, found=found, remedy=line) for line in lines]
+    return None, [Problem(where="scenario", expected=expected, found=found, remedy=line) for line in lines]
 
 
 def _find_method_problems(file: TrainFile, trainer: MethodSettings, case: LoadedScenario) -> Iterator[Problem]:
@@ -106,7 +107,7 @@ def _find_method_problems(file: TrainFile, trainer: MethodSettings, case: Loaded
         found = error.problems if isinstance(error, InvalidScenarioError) else (error,)
         for each in found:
             expected = f"a method that has all that it needs in the cases of {file.family.name}"
-            yield Problem(path="trainer.method", expected=expected, found=f"'{trainer.method}'", remedy=str(each))
+            yield Problem(where="trainer.method", expected=expected, found=f"'{trainer.method}'", remedy=str(each))
 
 
 def _find_ppo_problems(trainer: PpoFileSettings) -> Iterator[Problem]:
@@ -116,14 +117,14 @@ def _find_ppo_problems(trainer: PpoFileSettings) -> Iterator[Problem]:
         load_jax()
     except UsageError as error:
         yield Problem(
-            path="trainer.kind",
+            where="trainer.kind",
             expected="a trainer whose packages are installed",
             found=f"'{trainer.kind}'",
             remedy=str(error).removeprefix("trainer: "),
         )
     problems = [*PpoSettings.find_problems(trainer.settings)]
-    yield from (replace(problem, path=f"trainer.settings{problem.path}") for problem in problems)
+    yield from (replace(problem, where=f"trainer.settings{problem.where}") for problem in problems)
     parts = trainer.settings.get("parts", PpoSettings.parts)
     if not problems and trainer.searches % parts:
         expected = f"a divisor of {trainer.searches} searches"
-        yield Problem(path="trainer.settings.parts", expected=expected, found=str(parts))
+        yield Problem(where="trainer.settings.parts", expected=expected, found=str(parts))

@@ -9,11 +9,11 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from gslcosim.base.bundled import bundled_train_files
 from gslcosim.base.errors import ScenarioError
-from gslcosim.base.problems import broken_rule_error
+from gslcosim.base.problems import Problem, broken_rule_error
 from gslcosim.scenario.checks.registry import find_problems
 from gslcosim.scenario.loader import raise_located, read_spec_file
 from gslcosim.scenario.models.base import Name, NonNegative, Positive, Spec
-from gslcosim.scenario.problems import Problem, ProblemLike, did_you_mean
+from gslcosim.scenario.problems import did_you_mean
 from gslcosim.search.learned.policy import ActionSettings
 from gslcosim.training.family import Family, load_family
 from gslcosim.training.trainers.trainer import CtrnnSettings, MethodSettings, TableSettings
@@ -144,11 +144,11 @@ def load_train_file(source: str | Path, *, is_flown: bool = False) -> TrainFile:
     beside = path.parent / spec.family
     family = load_family(beside if beside.is_file() else spec.family)
     file = TrainFile(spec=spec, family=family, path=path)
-    problems: list[ProblemLike] = []
+    problems: list[Problem] = []
     if "doping" in spec.model_fields_set and family.spec.doping is None:
         problems.append(
             Problem(
-                path="doping",
+                where="doping",
                 expected=f"nothing with the family {family.name}, which has no doping",
                 found=str(spec.doping).lower(),
                 remedy="Leave it out, or give the family doping.",

@@ -8,6 +8,7 @@ import numpy as np
 
 from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.errors import MethodError
+from gslcosim.base.problems import Problem
 from gslcosim.base.rng import stream
 from gslcosim.contract.messages import (
     CONTRACT_VERSION,
@@ -26,7 +27,6 @@ from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.gas import FilamentsSpec
 from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.models.sensors import RaySensorSpec, TurnedSensorSpec
-from gslcosim.scenario.problems import Problem
 from gslcosim_services.sensing.models import SensorKind, sensor_kind, sensor_names
 from gslcosim_services.sensing.models.base import estimate_name
 from gslcosim_services.sensing.models.mox import ESTIMATE_QUANTITY, ESTIMATE_UNIT
@@ -206,7 +206,7 @@ def find_method_problems(scenario: Scenario, directory: Path) -> Iterator[Proble
         except MethodError as error:
             text, _, file = str(error).rpartition("\nFile: ")
             yield Problem(
-                path=f"agents[{i}].start",
+                where=f"agents[{i}].start",
                 expected=f"an agent with a right {CARD_FILE}",
                 found="one whose card is not",
                 remedy=f"{file}: {text.rstrip('.')}.",
@@ -225,7 +225,7 @@ def _find_problems(i: int, agent: AgentSpec, card: MethodCard, scenario: Scenari
     )
     for shortage in shortages:
         yield Problem(
-            path=f"agents[{i}].{shortage.part}",
+            where=f"agents[{i}].{shortage.where}",
             expected=shortage.expected,
             found=shortage.found,
             remedy=shortage.remedy,

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.base.bundled import bundled_agents
+from gslcosim.base.problems import Problem
 from gslcosim.bench.cases.models import EntrySpec
 from gslcosim.environment.geometry_source import build_geometry, find_folder
 from gslcosim.environment.model import EnvironmentGeometry
@@ -13,7 +14,7 @@ from gslcosim.environment.positions import can_start_at
 from gslcosim.environment.store import load_environment
 from gslcosim.methods.card import MethodCard, find_card_beside
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.problems import Problem, ProblemsError
+from gslcosim.scenario.problems import ProblemsError
 from gslcosim.scenario.serialization import plain_values
 
 RADIO = "radio"
@@ -106,7 +107,7 @@ def close_sources(values: dict[str, Any]) -> None:
         raise ProblemsError(
             [
                 Problem(
-                    path="controls",
+                    where="controls",
                     expected="scenarios whose gas is computed, so that it can be left away",
                     found="model: playback",
                     remedy="Leave out controls.",
@@ -125,7 +126,7 @@ def _take_off_the_clock(values: dict[str, Any], name: str) -> None:
         raise ProblemsError(
             [
                 Problem(
-                    path=f"scenarios: {name}: agents[0].mode",
+                    where=f"scenarios: {name}: agents[0].mode",
                     expected="a mode that waits for the agent",
                     found="free: what comes of it depends on the clock",
                     remedy="Give the entries a mode, for example mode: on_request.",
@@ -164,7 +165,7 @@ def _sensors(entry: EntrySpec, card: MethodCard | None) -> list[dict[str, Any]]:
         raise ProblemsError(
             [
                 Problem(
-                    path=f"entries: {entry.name}: sensors",
+                    where=f"entries: {entry.name}: sensors",
                     expected="a method with a card (method.yaml beside its program) for by_method",
                     found="one without",
                     remedy="List the sensors instead.",
@@ -230,7 +231,7 @@ def _starts_around(scenario: Scenario, n: int, scenario_dir: Path) -> list[tuple
     raise ProblemsError(
         [
             Problem(
-                path="entries: robots",
+                where="entries: robots",
                 expected=f"room for {n} robots {TEAM_SPACING_M:g} m apart around {vehicle.start_m} m",
                 found=f"room for {len(found)}",
             )

@@ -13,6 +13,7 @@ from typing import Any, TypedDict
 from gslcosim.base.errors import ScenarioError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.kernel_cache import get_cache_root
+from gslcosim.base.problems import Problem
 from gslcosim.base.untrusted_input import MalformedFileError, read_json
 from gslcosim.bench.cases.agent_setup import apply_entry, build_environment, close_sources, find_card
 from gslcosim.bench.cases.models import (
@@ -38,7 +39,6 @@ from gslcosim.scenario.loader import find_scenario, resolve_values
 from gslcosim.scenario.problems import (
     InvalidScenarioError,
     LocatedProblem,
-    ProblemLike,
     ProblemsError,
     TextLocation,
     TextLocations,
@@ -459,12 +459,12 @@ class _Resolved:
         return resolve_values(values, self.directory, source=where, checks=list_scenario_checks("agents", "services"))
 
 
-def _located_in(source: str, problems: Sequence[ProblemLike]) -> InvalidScenarioError:
+def _located_in(source: str, problems: Sequence[Problem]) -> InvalidScenarioError:
     return InvalidScenarioError(locate(problems, TextLocations(TextLocation(source=source))), name=source)
 
 
-def _text_of(problem: ProblemLike) -> str:
-    return f"{problem.path}: expected {problem.expected}, was {problem.found}."
+def _text_of(problem: Problem) -> str:
+    return f"{problem.where}: expected {problem.expected}, was {problem.found}."
 
 
 def _load(case: Case, seed: int) -> tuple[Scenario, Path]:

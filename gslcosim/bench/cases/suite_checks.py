@@ -6,12 +6,13 @@ from pathlib import Path
 
 from gslcosim.base.bundled import bundled_scenarios
 from gslcosim.base.errors import MethodError, ScenarioError
+from gslcosim.base.problems import Problem
 from gslcosim.bench.cases.agent_setup import find_card
 from gslcosim.bench.cases.models import EntrySpec, Suite
 from gslcosim.methods.card import CARD_FILE, find_unmet_needs
 from gslcosim.scenario.checks.program_checks import find_command_problem, find_python_problem
 from gslcosim.scenario.loader import find_scenario
-from gslcosim.scenario.problems import Problem, did_you_mean
+from gslcosim.scenario.problems import did_you_mean
 
 
 def find_scenario_problems(suite: Suite, directory: Path) -> Iterator[Problem]:
@@ -27,7 +28,7 @@ def find_scenario_problems(suite: Suite, directory: Path) -> Iterator[Problem]:
             find_scenario(beside if beside.is_file() else spec.source)
         except ScenarioError:
             yield Problem(
-                path=f"scenarios[{i}]",
+                where=f"scenarios[{i}]",
                 expected="a scenario file beside the suite, or a bundled scenario",
                 found=f"'{spec.source}'",
                 remedy=did_you_mean(spec.source, bundled_scenarios()) or f"There is no {beside}.",
@@ -45,7 +46,7 @@ def find_entry_problems(suite: Suite, directory: Path) -> Iterator[Problem]:
     """
     for i, entry in enumerate(suite.entries):
         problems = [*_find_program_problems(entry, directory)] or [*_find_card_problems(entry, directory)]
-        yield from (replace(problem, path=f"entries[{i}].{problem.path}") for problem in problems)
+        yield from (replace(problem, where=f"entries[{i}].{problem.where}") for problem in problems)
 
 
 def _find_program_problems(entry: EntrySpec, directory: Path) -> Iterator[Problem]:
@@ -64,7 +65,7 @@ def _find_card_problems(entry: EntrySpec, directory: Path) -> Iterator[Problem]:
     except MethodError as error:
         text, _, file = str(error).rpartition("\nFile: ")
         yield Problem(
-            path="start",
+            where="start",
             expected=f"an agent with a right {CARD_FILE}",
             found="one whose card is not",
             remedy=f"{file}: {text.rstrip('.')}.",
@@ -75,9 +76,9 @@ def _find_card_problems(entry: EntrySpec, directory: Path) -> Iterator[Problem]:
     for key, given in [("parameters", entry.parameters), *_list_special_parameters(entry)]:
         for need in find_unmet_needs(card, sensors=(), knows=(), n_channels=0, parameters=given):
             # The others are about the scenario.
-            if need.part.startswith("parameters."):
-                place = f"{key}.{need.part.removeprefix('parameters.')}"
-                yield Problem(path=place, expected=need.expected, found=need.found, remedy=need.remedy)
+            if need.where.startswith("parameters."):
+                place = f"{key}.{need.where.removeprefix('parameters.')}"
+                yield Problem(where=place, expected=need.expected, found=need.found, remedy=need.remedy)
 
 
 def _list_special_parameters(entry: EntrySpec) -> list[tuple[str, dict[str, object]]]:

@@ -444,7 +444,7 @@ def check_value(option: str, name: str, value: Any, card: MethodCard | None) -> 
     if card is None:
         return tuple(value) if isinstance(value, list) else value
     shortages = find_unmet_needs(card, sensors=(), knows=(), n_channels=0, parameters={name: value})
-    wrong = next((each for each in shortages if each.part.startswith(_PART)), None)
+    wrong = next((each for each in shortages if each.where.startswith(_PART)), None)
     if wrong is not None:
         raise UsageError(f"{option} {name}: expected {wrong.expected}, was {wrong.found}. {wrong.remedy}")
     return card.parameters[name].parsed(value)

@@ -5,12 +5,12 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.base.problems import Problem
 from gslcosim.environment.generation.cache import find_environment
 from gslcosim.environment.positions import find_position_problems, find_position_problems_in
 from gslcosim.environment.variants import variant_scenarios
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.wind import WindSpec
-from gslcosim.scenario.problems import Problem
 
 _BUILDER = "gslcosim.environment.geometry_source"
 
@@ -55,4 +55,4 @@ def find_stored_wind_problems(scenario: Scenario, directory: Path) -> Iterable[P
             return ()
         remedy = "Take built_in to solve it, or solver: {file: PATH}."
     path, found = ("wind.solver", wind.kind_name) if wind.file is None else ("wind.solver.file", wind.file)
-    return [Problem(path=path, expected="wind that fits the room", found=f"'{found}'", remedy=remedy)]
+    return [Problem(where=path, expected="wind that fits the room", found=f"'{found}'", remedy=remedy)]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.geometry.cell_kernels import TOUCHED
 from gslcosim.environment.geometry.mesh_formats import Part, load_parts
@@ -45,7 +46,6 @@ from gslcosim.environment.model import (
 from gslcosim.environment.openings import Face, are_overlapping, border_m, boxes_from_solid, cells_at, snap_range
 from gslcosim.scenario.models.geometry import GeometryOpeningSpec, GeometrySpec
 from gslcosim.scenario.models.scenario import SolverSpec
-from gslcosim.scenario.problems import Problem
 
 OPENINGS_PATH = "environment.geometry.openings"
 
@@ -233,7 +233,7 @@ def _missing(opening: GeometryOpeningSpec, parts: Sequence[Part], path: str) -> 
     names = sorted({name for part in parts for name in (part.name, *part.names)})
     shown = ", ".join(names[:20]) + (f" and {len(names) - 20} more" if len(names) > 20 else "")
     return Problem(
-        path=f"{path}.surface",
+        where=f"{path}.surface",
         expected=f"the name of a part of the files: {shown}",
         found=f"{opening.surface}",
         remedy="Name a mesh, node, group, material, solid or geom, or give the place as a box.",
@@ -292,7 +292,7 @@ def _opening(
 def _problem(plug: GeometryOpening, expected: str, found: str) -> Problem:
     span = f"{point_text(plug.min_m.tolist())} to {point_text(plug.max_m.tolist())} m"
     return Problem(
-        path=plug.path,
+        where=plug.path,
         expected=f"at {plug.name}, {span}, {expected}",
         found=found,
         remedy="Move the opening onto the wall of the air, or say with free_point_m where the air is.",
@@ -377,7 +377,7 @@ def _problems_of_kinds(plugs: Sequence[GeometryOpening], wind: SolverSpec) -> li
         return []
     return [
         Problem(
-            path=OPENINGS_PATH,
+            where=OPENINGS_PATH,
             expected=f"at least one {kind}, since wind.solver is {wind.solver}",
             found="none",
             remedy=f"List one, or name a surface of the files {kind}; or take wind.solver: uniform.",
@@ -479,7 +479,7 @@ def _seed_of_point(point_m: Vec3, voxels: SurfaceVoxels) -> NDArray[np.int64]:
     raise_if_any(
         [
             Problem(
-                path=f"{GEOMETRY_PATH}.free_point_m",
+                where=f"{GEOMETRY_PATH}.free_point_m",
                 expected="a point in the air, at least a cell away from all surfaces",
                 found=f"{point_text(point_m)}, {'in a cell that a surface passes' if is_inside else 'outside'}",
                 remedy="Take a point in the middle of the air.",
@@ -498,7 +498,7 @@ def _check_closed(case: _Case, voxels: SurfaceVoxels, is_air: Cells, seeds: NDAr
 
 def _no_air(case: _Case) -> Problem:
     return Problem(
-        path=f"{GEOMETRY_PATH}.free_point_m",
+        where=f"{GEOMETRY_PATH}.free_point_m",
         expected=f"cells of {case.wind.cell_m:g} m that no surface touches, beside an opening or in the middle",
         found="none",
         remedy="Say where the air is, check scale, or take smaller cells with wind.cell_m.",
@@ -513,7 +513,7 @@ def _grid_of_bounds(case: _Case) -> Grid:
     raise_if_any(
         [
             Problem(
-                path=f"{GEOMETRY_PATH}.bounds_m.max_m[{axis}]",
+                where=f"{GEOMETRY_PATH}.bounds_m.max_m[{axis}]",
                 expected=f"a whole number of the {cell_m:g} m cells of wind.cell_m above {bounds.min_m[axis]:g} m",
                 found=f"{bounds.max_m[axis]:g} m, which is {length:.4g} cells",
                 remedy=f"Nearest: {bounds.min_m[axis] + max(1, round(length)) * cell_m:g} m.",
@@ -543,7 +543,7 @@ def _check_size(lengths: Sequence[float], cell_m: float) -> None:
         raise_if_any(
             [
                 Problem(
-                    path="wind.cell_m",
+                    where="wind.cell_m",
                     expected=f"cells that divide the geometry into at most {MAX_CELLS:.3g}",
                     found=f"{cell_m:g} m, which makes {n_cells:.3g} of {sides_m} m",
                     remedy=f"Take cells of at least {cell_m * (n_cells / MAX_CELLS) ** (1 / 3):.2g} m; files in "
@@ -568,7 +568,7 @@ def _with_openings(case: _Case, grid: Grid, is_air: Cells) -> tuple[Cells, tuple
     raise_if_any(
         [
             Problem(
-                path=OPENINGS_PATH,
+                where=OPENINGS_PATH,
                 expected="openings apart from each other",
                 found=f"{first.name} and {second.name} that overlap",
                 remedy="Move one of them, or list them as one.",

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.problems import Problem
 from gslcosim.environment.geometry.cell_kernels import (
     BORDER,
     CROSSED,
@@ -21,7 +22,6 @@ from gslcosim.environment.geometry.cell_kernels import (
 )
 from gslcosim.environment.geometry.mesh_formats import Part
 from gslcosim.environment.model import Grid, point_text
-from gslcosim.scenario.problems import Problem
 
 # Corners closer than this are one: coordinates of files have single precision [m].
 SAME_M = 1e-5
@@ -366,7 +366,7 @@ def describe_leaks(leaks: list[Leak], surfaces: Surfaces) -> Problem:
     more = f", and {len(leaks) - MAX_SHOWN} more" if len(leaks) > MAX_SHOWN else ""
     low_m, high_m = surfaces.corners_m.min(axis=(0, 1)), surfaces.corners_m.max(axis=(0, 1))
     return Problem(
-        path="environment.geometry",
+        where="environment.geometry",
         expected="surfaces and openings that close the air in",
         found=", ".join(texts) + more,
         remedy="Close the mesh there, declare an opening there, take larger cells than the hole with wind.cell_m, or "

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Literal
 
+from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.grid_kernels import build_occupancy, find_occupancy_problems
 from gslcosim.environment.layouts.families import (
@@ -58,7 +59,6 @@ from gslcosim.scenario.models.geometry import (
     WindTunnelSpec,
 )
 from gslcosim.scenario.models.scenario import SolverSpec
-from gslcosim.scenario.problems import Problem
 
 
 def build_furniture(layout: Layout) -> tuple[Box, ...]:
@@ -174,7 +174,7 @@ def _problems_of_further_openings(layout: Layout, wind: SolverSpec, grid: Grid, 
 def _problem_of_overlap(first: Opening, second: Opening, path: str) -> Problem:
     corners = [f"{point_text(each.min_m)} to {point_text(each.max_m)} m" for each in (first, second)]
     return Problem(
-        path=path,
+        where=path,
         expected=f"{first.name} and {second.name} apart from each other",
         found=f"{first.name} {corners[0]} and {second.name} {corners[1]}, which overlap",
         remedy="Move one of them.",
@@ -187,7 +187,7 @@ def _problems_of_size(size_m: Vec3, cell_m: float) -> list[Problem]:
         coarser_m = cell_m * (n_cells / MAX_CELLS) ** (1 / 3)
         return [
             Problem(
-                path="wind.cell_m",
+                where="wind.cell_m",
                 expected=f"cells that divide the room into at most {MAX_CELLS:.3g}",
                 found=f"{cell_m:g} m, which makes {n_cells:.3g}",
                 remedy=f"Take cells of at least {_rounded_up(coarser_m):g} m, or a smaller room.",
@@ -206,7 +206,7 @@ def _problem_of_length(size_m: Vec3, axis: int, cell_m: float) -> Problem:
     below = max(1, math.floor(n))
     finer_m = _common_divisor_m(size_m, cell_m)
     return Problem(
-        path=f"{LAYOUT_PATH}.size_m[{axis}]",
+        where=f"{LAYOUT_PATH}.size_m[{axis}]",
         expected=f"a whole number of the {cell_m:g} m cells of wind.cell_m",
         found=f"{size_m[axis]:g} m, which is {n:.4g} cells",
         remedy=f"Nearest: {below * cell_m:g} m or {(below + 1) * cell_m:g} m"
@@ -233,7 +233,7 @@ def _common_divisor_m(size_m: Vec3, cell_m: float) -> float | None:
 
 def _problem_of_name(name: str, path: str, kind: str, number: int) -> Problem:
     return Problem(
-        path=f"{path}.name",
+        where=f"{path}.name",
         expected=f"a name that no other {kind} has",
         found=name,
         remedy=f"For example {name}_{number}.",
@@ -258,7 +258,7 @@ def _problems_of_extent(spec: BoxSpec, size_m: Vec3, path: str) -> list[Problem]
         if low_m < 0.0 or high_m > length_m + 1e-9:
             problems.append(
                 Problem(
-                    path=path,
+                    where=path,
                     expected=f"{'xyz'[axis]} inside the room, from 0 to {length_m:g} m",
                     found=f"{low_m:g} to {high_m:g} m",
                     remedy=_clipped_text(low_m, high_m, length_m),

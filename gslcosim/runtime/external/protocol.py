@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from gslcosim.base.errors import ContractError
+from gslcosim.base.problems import Problem
 from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Message
@@ -23,7 +24,7 @@ from gslcosim.gateway.frame_codec import MAX_FRAME_BYTES
 from gslcosim.runtime.dataflow import ONCE, find_port_problems, find_undelayed_cycle
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.participants import ParticipantProgramSpec
-from gslcosim.scenario.problems import Problem, did_you_mean
+from gslcosim.scenario.problems import did_you_mean
 
 # Names of processes and of who is at fault in a run, beside those of services.
 _RESERVED_NAMES = ("supervisor", "runtime", "fork_server")
@@ -66,11 +67,11 @@ def find_declaration_problems(
     if problems := [*find_port_problems(specs)]:
         where, _, rest = problems[0].partition(": expected ")
         expected, _, was = rest.rstrip(".").rpartition(", ")
-        return [Problem(path="participants", expected=f"{expected} ({where})", found=was.removeprefix("was "))]
+        return [Problem(where="participants", expected=f"{expected} ({where})", found=was.removeprefix("was "))]
     if cycle := find_undelayed_cycle(specs):
         ring = " → ".join([*cycle, cycle[0]])
         expected = "a delay of at least 1 tick on one of the reads in each ring"
-        return [Problem(path="participants", expected=expected, found=ring, remedy="Add delay: 1 to one of them.")]
+        return [Problem(where="participants", expected=expected, found=ring, remedy="Add delay: 1 to one of them.")]
     return []
 
 
@@ -79,7 +80,7 @@ def _find_reserved_names(scenario: Scenario, services: Sequence[str]) -> Iterato
     for i, own in enumerate(scenario.participants):
         if own.name in (*services, *others, *_RESERVED_NAMES) or own.name.startswith(_AGENT_PREFIX):
             yield Problem(
-                path=f"participants[{i}].name",
+                where=f"participants[{i}].name",
                 expected=f"a name that no service has, and that does not begin with {_AGENT_PREFIX}",
                 found=f"'{own.name}'",
                 remedy=f"For example my_{own.name}.",
@@ -95,12 +96,12 @@ def _find_unknown_ports(scenario: Scenario, specs: Sequence[ParticipantSpec]) ->
             if read.port not in known:
                 expected = f"a port of this run ({', '.join(sorted(known))})"
                 remedy = did_you_mean(read.port, known)
-                yield Problem(path=path, expected=expected, found=f"'{read.port}'", remedy=remedy)
+                yield Problem(where=path, expected=expected, found=f"'{read.port}'", remedy=remedy)
                 continue
             announcer = known[read.port].announced_in
             if announcer is not None and delays.get(announcer, read.delay + 1) > read.delay:
                 yield Problem(
-                    path=path,
+                    where=path,
                     expected=f"{announcer}, which announces {read.port}, among the reads with a delay of at most "
                     f"{read.delay}",
                     found=f"a delay of {delays[announcer]}" if announcer in delays else "none",

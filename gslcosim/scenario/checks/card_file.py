@@ -6,11 +6,12 @@ from pydantic import ValidationError
 
 from gslcosim.base.errors import ScenarioError, describe_os_error
 from gslcosim.base.files import read_regular_file
+from gslcosim.base.problems import Problem
 from gslcosim.methods.card import MethodCard, is_list_of_shared_parameters, list_shared_parameters
 from gslcosim.scenario.checks.registry import find_problems
 from gslcosim.scenario.loader import MAX_BYTES
 from gslcosim.scenario.model_schema import format_value, problems_from_validation
-from gslcosim.scenario.problems import InvalidScenarioError, Problem, ProblemLike, locate
+from gslcosim.scenario.problems import InvalidScenarioError, locate
 from gslcosim.scenario.serialization import read_yaml
 
 
@@ -33,16 +34,16 @@ def check_card_file(path: Path) -> MethodCard:
             f"{path}: expected a method card that can be read, was one that cannot ({reason})."
         ) from error
     tree = read_yaml(text, source=str(path))
-    problems: list[ProblemLike] = []
+    problems: list[Problem] = []
     card = None
     if tree.block is None:
         found = format_value(tree.values)
-        problems.append(Problem(path="", expected="a block of keys with title, family and summary", found=found))
+        problems.append(Problem(where="", expected="a block of keys with title, family and summary", found=found))
     else:
         included = tree.block.get("includes", [])
         if not is_list_of_shared_parameters(included):
             expected = f"a list of {', '.join(list_shared_parameters())}"
-            problems.append(Problem(path="includes", expected=expected, found=format_value(included)))
+            problems.append(Problem(where="includes", expected=expected, found=format_value(included)))
         try:
             card = MethodCard.model_validate({key: value for key, value in tree.block.items() if key != "includes"})
         except ValidationError as error:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from gslcosim.base.errors import VehicleError
+from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import PHYSICS_STEP_MS
 from gslcosim.base.ticks import NS_PER_S, seconds_from_ticks
 from gslcosim.scenario.checks.program_checks import find_command_problem, find_python_problem
@@ -22,7 +23,7 @@ from gslcosim.scenario.models.sensors import (
     mox_sensor_names,
     sensor_names,
 )
-from gslcosim.scenario.problems import Problem, child_path, did_you_mean
+from gslcosim.scenario.problems import child_path, did_you_mean
 from gslcosim.vehicles import get_vehicle, is_vehicle
 
 NS_PER_MS = 1_000_000
@@ -49,7 +50,7 @@ def find_numbers_too_large(values: object, path: str = "") -> Iterator[Problem]:
         for i, value in enumerate(cast("list[object]", values)):
             yield from find_numbers_too_large(value, child_path(path, i))
     elif isinstance(values, int | float) and MAX_NUMBER < abs(values) < math.inf:
-        yield Problem(path=path, expected=f"a number of at most {MAX_NUMBER:g}", found=_shown_number(values))
+        yield Problem(where=path, expected=f"a number of at most {MAX_NUMBER:g}", found=_shown_number(values))
 
 
 def _shown_number(number: float) -> str:
@@ -62,14 +63,14 @@ def find_partial_ticks(path: str, duration_s: float | None, tick_ns: int) -> Ite
     if duration_s is None or not duration_s > 0:
         return
     if duration_s > MAX_DURATION_S:
-        yield Problem(path=path, expected=f"at most {MAX_DURATION_S:g} s", found=f"{duration_s:g} s")
+        yield Problem(where=path, expected=f"at most {MAX_DURATION_S:g} s", found=f"{duration_s:g} s")
         return
     if is_whole(duration_s, tick_ns):
         return
     below = int(duration_s * NS_PER_S // tick_ns)
     nearest = [f"{seconds_from_ticks(n, tick_ns):g}" for n in (below, below + 1) if n >= 1]
     yield Problem(
-        path=path,
+        where=path,
         expected=f"a whole number of {tick_ns / NS_PER_MS:g} ms ticks",
         found=f"{duration_s:g} s",
         remedy=f"Nearest: {' or '.join(nearest)}.",
@@ -115,7 +116,7 @@ def number_in(block: dict[str, Any], key: str, model: type[Spec]) -> float | Non
 def build_unknown_name_problem(path: str, name: str, known: Sequence[str]) -> Problem:
     """Return the problem of a name that is none of the known ones."""
     return Problem(
-        path=path,
+        where=path,
         expected=f"one of {', '.join(known[:-1])} or {known[-1]}",
         found=f"'{name}'",
         remedy=did_you_mean(name, known),
@@ -162,7 +163,7 @@ def _wrong_times(event: dict[str, Any], values: dict[str, Any], path: str) -> It
         yield from find_partial_ticks(f"{path}.when.delay_s", delay_s, int(tick_ms) * NS_PER_MS)
     if at_s is not None and limit_s is not None and at_s > limit_s:
         yield Problem(
-            path=f"{path}.at_s",
+            where=f"{path}.at_s",
             expected=f"a time up to the end of the run, {limit_s:g} s",
             found=f"{at_s:g} s",
             remedy="Let it happen sooner, or raise referee.stop.time_limit_s.",
@@ -182,7 +183,7 @@ def _deaf_gas(values: dict[str, Any], path: str, of: str) -> Iterator[Problem]:
     model = gas.get("model", "filament")
     if model != "filament" or gas.get("tape") is True:
         yield Problem(
-            path=f"{path}.what",
+            where=f"{path}.what",
             expected=f"no event of {of} with gas that cannot follow it",
             found="gas.tape: true" if model == "filament" else f"gas.model: {model}",
             remedy="Take gas.model: filament without a tape.",
@@ -194,7 +195,7 @@ def _wrong_wind(event: dict[str, Any], values: dict[str, Any], path: str) -> Ite
     yield from _deaf_gas(values, path, "the wind")
     if event.get("inlet_velocity_m_s") is not None and _has_stored_wind(values):
         yield Problem(
-            path=f"{path}.inlet_velocity_m_s",
+            where=f"{path}.inlet_velocity_m_s",
             expected="none where the wind is stored, and not made of an inlet",
             found="one",
             remedy="Take share, or a wind.solver that makes the wind: built_in, uniform or openfoam.",
@@ -211,7 +212,7 @@ def _has_stored_wind(values: dict[str, Any]) -> bool:
 def _wrong_doors(values: dict[str, Any]) -> Iterator[Problem]:
     if blocks_in(block_in(values, "environment"), "doors") and _has_stored_wind(values):
         yield Problem(
-            path="environment.doors",
+            where="environment.doors",
             expected="none where the wind is stored: with a door it would be another",
             found="some",
             remedy="Take environment.layout or geometry, and a wind.solver that makes the wind: built_in or uniform.",
@@ -237,7 +238,7 @@ def _wrong_door(event: dict[str, Any], values: dict[str, Any], path: str) -> Ite
     if is_open is (event.get("what") == "door_opens"):
         since = f"since {times[id(last[0])]:g} s" if last else "from the start"
         yield Problem(
-            path=f"{path}.what",
+            where=f"{path}.what",
             expected=f"an event of a door that is {'closed' if is_open else 'open'} then",
             found=f"{event.get('what')} of {name}, which is {'open' if is_open else 'closed'} {since}",
             remedy=f"Leave it out, or write is_open: {'false' if is_open else 'true'} at the door.",
@@ -253,7 +254,7 @@ def _wrong_source(event: dict[str, Any], values: dict[str, Any], path: str) -> I
         return
     if i >= len(sources):
         yield Problem(
-            path=f"{path}.source",
+            where=f"{path}.source",
             expected=f"the place of a source in gas.sources, from 0 to {len(sources) - 1}",
             found=f"{i}",
             remedy="Places count from 0.",
@@ -262,7 +263,7 @@ def _wrong_source(event: dict[str, Any], values: dict[str, Any], path: str) -> I
         kind = block_in(sources.get(i, {}), "release").get("kind", "constant")
         if kind not in _EVEN_RELEASES:
             yield Problem(
-                path=f"{path}.source",
+                where=f"{path}.source",
                 expected=f"a source whose release is {' or '.join(_EVEN_RELEASES)}",
                 found=f"{i}, whose release is {kind}",
                 remedy="A schedule of rates is release: {kind: scheduled, schedule: …}.",
@@ -281,7 +282,7 @@ def _wrong_sensor(event: dict[str, Any], values: dict[str, Any], path: str) -> I
     own = SENSOR_BLOCKS.get(model)
     if what in _DISTURBING and own is not None and not issubclass(own, MeasuringSensorSpec):
         yield Problem(
-            path=f"{path}.sensor",
+            where=f"{path}.sensor",
             expected=f"a sensor that has {_DISTURBING[what]} as a setting",
             found=f"'{name}', a {model}",
             remedy="It can drop out, stick and recover.",
@@ -301,14 +302,14 @@ def _wrong_rotor(event: dict[str, Any], values: dict[str, Any], path: str) -> It
         return
     if rotors is None:
         yield Problem(
-            path=f"{path}.agent",
+            where=f"{path}.agent",
             expected="an agent whose vehicle has rotors",
             found=f"'{agent}', which has a {model}",
             remedy="Leave the event out.",
         )
     elif isinstance(i, int) and i >= rotors.n_rotors:
         yield Problem(
-            path=f"{path}.rotor",
+            where=f"{path}.rotor",
             expected=f"a rotor of {model}, from 0 to {rotors.n_rotors - 1}",
             found=f"{i}",
             remedy="Rotors count from 0.",
@@ -319,7 +320,7 @@ def _wrong_channel(event: dict[str, Any], values: dict[str, Any], path: str) -> 
     channels, name = [str(channel.get("name")) for _, channel in blocks_in(values, "channels")], event.get("channel")
     if not channels:
         yield Problem(
-            path=f"{path}.what",
+            where=f"{path}.what",
             expected="no event of radio in a scenario without channels",
             found=str(event.get("what")),
             remedy="Add channels, or leave the event out.",
@@ -334,7 +335,7 @@ def _agents(values: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 def _not_there(path: str, kind: str, name: str, known: Sequence[str]) -> Problem:
     return Problem(
-        path=path,
+        where=path,
         expected=f"the name of {'an' if kind[0] in 'aeiou' else 'a'} {kind} ({', '.join(known) or 'there is none'})",
         found=f"'{name}'",
         remedy=did_you_mean(name, known),
@@ -397,7 +398,7 @@ def _repeats(path: str, blocks: list[tuple[int, dict[str, Any]]]) -> Iterator[Pr
         place = child_path(child_path(path, i), "name")
         if name in first:
             yield Problem(
-                path=place,
+                where=place,
                 expected=f"a name that no other of {path} has",
                 found=f"'{name}', as {first[name]}",
                 remedy=f"For example {name}_{i + 1}.",
@@ -415,7 +416,7 @@ def _wrong_hosts(values: dict[str, Any]) -> Iterator[Problem]:
         host = block_in(agent, "start").get("process_of")
         if isinstance(host, str) and host not in own:
             yield Problem(
-                path=f"agents[{i}].start.process_of",
+                where=f"agents[{i}].start.process_of",
                 expected=f"an agent with a process of its own ({', '.join(own) or 'there is none'})",
                 found=f"'{host}'",
                 remedy=did_you_mean(host, own),
@@ -430,7 +431,7 @@ def _wrong_members(values: dict[str, Any]) -> Iterator[Problem]:
         for j, member in enumerate(members if listed != TO_ALL else ()):
             if member not in agents:
                 yield Problem(
-                    path=f"channels[{i}].members[{j}]",
+                    where=f"channels[{i}].members[{j}]",
                     expected=f"the name of an agent ({', '.join(agents)})",
                     found=f"'{member}'",
                     remedy=did_you_mean(member, list(agents)),
@@ -442,7 +443,7 @@ def _wrong_members(values: dict[str, Any]) -> Iterator[Problem]:
 def _deaf_members(i_channel: int, members: list[dict[str, Any]]) -> Iterator[Problem]:
     if len(members) == 1:
         yield Problem(
-            path=f"channels[{i_channel}].members",
+            where=f"channels[{i_channel}].members",
             expected="at least two agents",
             found=str(members[0]["name"]),
             remedy="Leave the channel out, or add an agent.",
@@ -450,14 +451,14 @@ def _deaf_members(i_channel: int, members: list[dict[str, Any]]) -> Iterator[Pro
     for member in members:
         if member["name"] == TO_ALL:
             yield Problem(
-                path=f"channels[{i_channel}].members",
+                where=f"channels[{i_channel}].members",
                 expected=f"agents with other names than '{TO_ALL}', which addresses all of them",
                 found=f"'{TO_ALL}'",
                 remedy="Rename the agent.",
             )
         if block_in(member, "start").get("observations") == "asked":
             yield Problem(
-                path=f"channels[{i_channel}].members",
+                where=f"channels[{i_channel}].members",
                 expected="agents that get all observations, for messages come with any of them",
                 found=f"'{member['name']}', with start.observations: asked",
                 remedy=f"Set observations: all for {member['name']}.",
@@ -512,7 +513,7 @@ def _place(directory: Path, written: str) -> Path:
 
 
 def _missing(path: str, expected: str, written: str, what: str) -> Problem:
-    return Problem(path=path, expected=expected, found=f"'{written}'", remedy=f"There is no {what}.")
+    return Problem(where=path, expected=expected, found=f"'{written}'", remedy=f"There is no {what}.")
 
 
 def _unknown_gases(values: dict[str, Any]) -> Iterator[Problem]:
@@ -521,7 +522,7 @@ def _unknown_gases(values: dict[str, Any]) -> Iterator[Problem]:
     for i, name in enumerate(defined):
         if name in GASES or name in defined[:i]:
             yield Problem(
-                path=f"gas.define[{i}].name",
+                where=f"gas.define[{i}].name",
                 expected="a name that no other gas has",
                 found=f"'{name}'",
                 remedy=f"For example my_{name}.",
@@ -548,7 +549,7 @@ def _taken_by_estimates(values: dict[str, Any]) -> Iterator[Problem]:
         for j, sensor in sensors:
             if str(sensor.get("name")) in taken:
                 yield Problem(
-                    path=f"agents[{i}].sensors[{j}].name",
+                    where=f"agents[{i}].sensors[{j}].name",
                     expected="a name that no estimate of a MOX sensor has",
                     found=f"'{sensor.get('name')}'",
                     remedy="For example true_gas.",
@@ -562,7 +563,7 @@ def _broken_times(values: dict[str, Any]) -> Iterator[Problem]:
     if tick_ms % PHYSICS_STEP_MS:
         below = max(1, int(tick_ms // PHYSICS_STEP_MS)) * PHYSICS_STEP_MS
         yield Problem(
-            path="tick_ms",
+            where="tick_ms",
             expected=f"a multiple of the physics step of {PHYSICS_STEP_MS} ms",
             found=f"{tick_ms:g}",
             remedy=f"Nearest: {below} or {below + PHYSICS_STEP_MS}.",
@@ -590,7 +591,7 @@ def _unpaced(values: dict[str, Any]) -> Iterator[Problem]:
     for i, agent in blocks_in(values, "agents"):
         if agent.get("mode") == "free":
             yield Problem(
-                path=f"agents[{i}].mode",
+                where=f"agents[{i}].mode",
                 expected="free only where simulated time follows the clock on the wall",
                 found="free, without pace",
                 remedy="Add pace: 1, or --pace 1 to fly; without a clock take on_request.",
@@ -604,7 +605,7 @@ def _broken_gas_times(step_s: float | None, warm_up_s: float | None, tick_ns: in
     step_ns = round(step_s * NS_PER_S)
     if not step_ns or (step_ns % tick_ns and tick_ns % step_ns):
         yield Problem(
-            path="gas.step_s",
+            where="gas.step_s",
             expected=f"a whole multiple or a whole fraction of the tick of {tick_ns / NS_PER_S:g} s",
             found=f"{step_s:g} s",
             remedy=f"Nearest: {_nearest_step_s(step_ns, tick_ns):g}.",
@@ -612,7 +613,7 @@ def _broken_gas_times(step_s: float | None, warm_up_s: float | None, tick_ns: in
     elif warm_up_s is not None and warm_up_s > 0 and not is_whole(warm_up_s, step_ns):
         steps = int(warm_up_s * NS_PER_S // step_ns)
         yield Problem(
-            path="gas.warm_up_s",
+            where="gas.warm_up_s",
             expected=f"a whole number of gas steps of {step_s:g} s",
             found=f"{warm_up_s:g} s",
             remedy=f"Nearest: {steps * step_ns / NS_PER_S:g} or {(steps + 1) * step_ns / NS_PER_S:g}.",

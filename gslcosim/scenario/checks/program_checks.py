@@ -12,8 +12,9 @@ from typing import cast
 
 from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.files import read_regular_file
+from gslcosim.base.problems import Problem
 from gslcosim.methods.card import MethodCard
-from gslcosim.scenario.problems import Problem, child_path, did_you_mean
+from gslcosim.scenario.problems import child_path, did_you_mean
 
 SCRIPT_ENDINGS = (".py", ".js", ".mjs", ".rb", ".pl", ".lua", ".jl", ".sh", ".m", ".jar", ".php", ".R")
 """Endings by which the second word of a command is known as a file."""
@@ -61,7 +62,7 @@ def find_unusable_paths(values: object, path: str = "") -> Iterator[Problem]:
         for at, text in texts:
             is_argument = key == "command" and not at.endswith("[0]")
             if isinstance(text, str) and (found := _why_no_path(text, is_argument=is_argument)):
-                yield Problem(path=at, expected="a path that a file can have", found=found)
+                yield Problem(where=at, expected="a path that a file can have", found=found)
 
 
 def _why_no_path(text: str, *, is_argument: bool) -> str:
@@ -94,10 +95,10 @@ def find_python_problem(name_or_file: str, *, directory: Path, path: str) -> Pro
     if name_or_file in known:
         return None
     if "/" in name_or_file or name_or_file.endswith(".py"):
-        return Problem(path=path, expected="a Python file", found=f"'{name_or_file}'", remedy=f"There is no {file}.")
+        return Problem(where=path, expected="a Python file", found=f"'{name_or_file}'", remedy=f"There is no {file}.")
     beside = f"{name_or_file}.py"
     return Problem(
-        path=path,
+        where=path,
         expected="a bundled agent (`gslcosim list` names them) or a file like ./my_agent.py",
         found=f"'{name_or_file}'",
         remedy=f"Did you mean ./{beside}?" if (directory / beside).is_file() else did_you_mean(name_or_file, known),
@@ -122,15 +123,15 @@ def find_command_problem(command: tuple[str, ...], *, directory: Path, path: str
         is_beside = (directory / command[0]).is_file()
         remedy = f"Did you mean ./{command[0]}?" if is_beside else "Is it installed?"
         return Problem(
-            path=place, expected="a program on the PATH, or a path like ./my_agent", found=found, remedy=remedy
+            where=place, expected="a program on the PATH, or a path like ./my_agent", found=found, remedy=remedy
         )
     file = (directory / command[0]).resolve()
     if not file.is_file():
-        return Problem(path=place, expected="a program", found=found, remedy=f"There is no {file}.")
+        return Problem(where=place, expected="a program", found=found, remedy=f"There is no {file}.")
     if not os.access(file, os.X_OK):
         is_mounted_so = file.stat().st_mode & _EXECUTABLE_BITS != 0
         remedy = f"The file system of {file} is mounted noexec." if is_mounted_so else f"Run: chmod +x {file}"
-        return Problem(path=place, expected="a program that may be executed", found=found, remedy=remedy)
+        return Problem(where=place, expected="a program that may be executed", found=found, remedy=remedy)
     return _problem_of_interpreter(file, directory, place, found) or _problem_of_script(command, directory, path)
 
 
@@ -174,7 +175,7 @@ def _problem_of_interpreter(file: Path, directory: Path, place: str, found: str)
     if not missing:
         return None
     expected = "a script whose interpreter is there"
-    return Problem(path=place, expected=expected, found=f"{found} with #!{' '.join(words)}", remedy=remedy)
+    return Problem(where=place, expected=expected, found=f"{found} with #!{' '.join(words)}", remedy=remedy)
 
 
 # What the system says it cannot execute, which is known from the first bytes where no other program has taken them on.
@@ -184,14 +185,14 @@ def _problem_of_format(file: Path, beginning: bytes, place: str, found: str) -> 
     if not beginning.startswith(_ELF):
         remedy = f"Name that in the first line of {file}, for example #!/bin/sh, or before it in the command."
         return Problem(
-            path=place, expected="a program, or a script that names its interpreter", found=found, remedy=remedy
+            where=place, expected="a program, or a script that names its interpreter", found=found, remedy=remedy
         )
     kind = beginning[_MACHINE_AT]
     own = _machine_of_this()
     if kind == own or kind == _ALSO.get(own):
         return None
     return Problem(
-        path=place,
+        where=place,
         expected=f"a program for this machine's processor ({os.uname().machine})",
         found=found,
         remedy=f"{file} was built for another one: build it here.",
@@ -218,7 +219,7 @@ def _problem_of_script(command: tuple[str, ...], directory: Path, path: str) -> 
         is_for_this_python = script.endswith(".py") and _is_this_python(program, directory)
         return _find_syntax_problem(file, script, child_path(path, 1)) if is_for_this_python else None
     remedy = f"There is no {(directory / script).resolve()}."
-    return Problem(path=child_path(path, 1), expected="a file", found=f"'{script}'", remedy=remedy)
+    return Problem(where=child_path(path, 1), expected="a file", found=f"'{script}'", remedy=remedy)
 
 
 # Other versions of Python have another grammar.
@@ -235,7 +236,7 @@ def _find_syntax_problem(file: Path, written: str, path: str) -> Problem | None:
         return None  # what may not be read by a person may be by the agent's process
     if not found:
         return None
-    return Problem(path=path, expected="a Python file that can be parsed", found=f"'{written}'", remedy=found)
+    return Problem(where=path, expected="a Python file that can be parsed", found=f"'{written}'", remedy=found)
 
 
 # A suite starts the same few files in thousands of trials.

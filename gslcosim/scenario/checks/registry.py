@@ -13,8 +13,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
+from gslcosim.base.problems import Problem
 from gslcosim.scenario.models.scenario import Processes, Scenario
-from gslcosim.scenario.problems import ProblemLike
 
 FileKind = Literal["scenario", "suite", "card", "family", "train"]
 Subject = Literal["room", "agents", "services", "machine"]
@@ -49,7 +49,7 @@ class Check:
     is_needed: Callable[[Any], bool] = _is_always_needed
     is_part_of_preparation: bool = False
 
-    def find(self, content: Any, directory: Path) -> Iterable[ProblemLike]:
+    def find(self, content: Any, directory: Path) -> Iterable[Problem]:
         """Return the problems of what a file holds.
 
         Args:
@@ -141,7 +141,7 @@ def list_scenario_checks(
     without: Sequence[str] = (),
     processes: Processes | None = None,
     prepares_run: bool = True,
-) -> tuple[Callable[[Scenario, Path], Iterable[ProblemLike]], ...]:
+) -> tuple[Callable[[Scenario, Path], Iterable[Problem]], ...]:
     """Return the checks of scenarios in the order of the registry, as `load_scenario` takes them.
 
     Args:
@@ -159,8 +159,8 @@ def list_scenario_checks(
         and not (prepares_run and check.is_part_of_preparation)
     ]
 
-    def with_processes(check: Check) -> Callable[[Scenario, Path], Iterable[ProblemLike]]:
-        def find(scenario: Scenario, directory: Path) -> Iterable[ProblemLike]:
+    def with_processes(check: Check) -> Callable[[Scenario, Path], Iterable[Problem]]:
+        def find(scenario: Scenario, directory: Path) -> Iterable[Problem]:
             spread = scenario if processes is None else scenario.model_copy(update={"processes": processes})
             return check.find(spread, directory)
 
@@ -169,7 +169,7 @@ def list_scenario_checks(
     return tuple(check.find if processes is None else with_processes(check) for check in chosen)
 
 
-def find_problems(of: FileKind, content: Any, directory: Path) -> Iterator[ProblemLike]:
+def find_problems(of: FileKind, content: Any, directory: Path) -> Iterator[Problem]:
     """Yield the problems that all checks of a kind of file find.
 
     Args:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.errors import MethodError, SimulationFault, UsageError
+from gslcosim.base.problems import Problem
 from gslcosim.base.rng import stream
 from gslcosim.bench.cases.agent_setup import apply_entry, find_card
 from gslcosim.bench.cases.models import EntrySpec, Trial
@@ -24,7 +25,7 @@ from gslcosim.runtime.status import RunResult
 from gslcosim.scenario.checks.registry import list_scenario_checks
 from gslcosim.scenario.loader import LoadedScenario, resolve_values
 from gslcosim.scenario.models.scenario import StartSpec
-from gslcosim.scenario.problems import Problem, did_you_mean
+from gslcosim.scenario.problems import did_you_mean
 from gslcosim.scenario.serialization import plain_values
 from gslcosim.search.learned.policy import ActionSettings
 from gslcosim.search.learned.recurrent_networks import CtrnnPolicy
@@ -426,20 +427,20 @@ def find_method_settings_problems(settings: MethodSettings) -> Iterator[Problem]
     """
     if settings.method not in bundled_agents():
         remedy = did_you_mean(settings.method, bundled_agents())
-        yield Problem(path="trainer.method", expected="a bundled method", found=f"{settings.method!r}", remedy=remedy)
+        yield Problem(where="trainer.method", expected="a bundled method", found=f"{settings.method!r}", remedy=remedy)
         return
     card = find_card(build_method_entry(settings, {}), Path())
     if card is None:
         found = f"{settings.method}, which has none"
-        yield Problem(path="trainer.method", expected="a method with a card", found=found)
+        yield Problem(where="trainer.method", expected="a method with a card", found=found)
         return
     least, most = card.robots if isinstance(card.robots, tuple) else (card.robots, card.robots)
     if not least <= settings.robots <= most:
         expected = f"{least if least == most else f'{least} to {most}'} for {settings.method}"
-        yield Problem(path="trainer.robots", expected=expected, found=f"{settings.robots}")
+        yield Problem(where="trainer.robots", expected=expected, found=f"{settings.robots}")
     if not settings.ranges:
         expected = "at least one parameter with its least and most"
-        yield Problem(path="trainer.ranges", expected=expected, found="none")
+        yield Problem(where="trainer.ranges", expected=expected, found="none")
     for name, (low, high) in settings.ranges.items():
         yield from _find_range_problems(card, name, low, high)
 
@@ -447,13 +448,13 @@ def find_method_settings_problems(settings: MethodSettings) -> Iterator[Problem]
 def _find_range_problems(card: MethodCard, name: str, low: float, high: float) -> Iterator[Problem]:
     place = f"trainer.ranges.{name}"
     if not low < high:
-        yield Problem(path=place, expected="least below most", found=f"{low:g} and {high:g}")
+        yield Problem(where=place, expected="least below most", found=f"{low:g} and {high:g}")
     for end in (low, high):
         given = {name: _allowed(card, name, end)}
         for need in find_unmet_needs(card, sensors=(), knows=(), n_channels=0, parameters=given):
             # The others are about the scenario.
-            if need.part.startswith("parameters."):
-                yield Problem(path=place, expected=need.expected, found=need.found, remedy=need.remedy)
+            if need.where.startswith("parameters."):
+                yield Problem(where=place, expected=need.expected, found=need.found, remedy=need.remedy)
                 return
 
 

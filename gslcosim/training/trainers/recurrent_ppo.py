@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
-from gslcosim.scenario.problems import Problem
+from gslcosim.base.problems import Problem
 from gslcosim.search.learned.policy import ActionSettings
 from gslcosim.search.learned.recurrent_networks import GruPolicy
 from gslcosim.training.trainers.trainer import Curriculum
@@ -239,19 +239,19 @@ class PpoSettings:
         """Yield what is wrong with settings as plain values; places begin with a dot, or are empty."""
         known = [item.name for item in fields(cls)]
         if unknown := sorted(set(values).difference(known)):
-            yield Problem(path="", expected=f"settings among {', '.join(known)}", found=", ".join(unknown))
+            yield Problem(where="", expected=f"settings among {', '.join(known)}", found=", ".join(unknown))
         for name in _WHOLE_SETTINGS:
             value = values.get(name, getattr(cls, name))
             if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-                yield Problem(path=f".{name}", expected="a whole number from 1", found=f"{value!r}")
+                yield Problem(where=f".{name}", expected="a whole number from 1", found=f"{value!r}")
         for name in _SHARE_SETTINGS:
             value = values.get(name, getattr(cls, name))
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= 1.0:
-                yield Problem(path=f".{name}", expected="a number above 0 and up to 1", found=f"{value!r}")
+                yield Problem(where=f".{name}", expected="a number above 0 and up to 1", found=f"{value!r}")
         for name in _COST_SETTINGS:
             value = values.get(name, getattr(cls, name))
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < float("inf"):
-                yield Problem(path=f".{name}", expected="a number from 0", found=f"{value!r}")
+                yield Problem(where=f".{name}", expected="a number from 0", found=f"{value!r}")
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "PpoSettings":
@@ -261,7 +261,7 @@ class PpoSettings:
             UsageError: one is unknown or wrong.
         """
         if problem := next(cls.find_problems(values), None):
-            raise UsageError(f"recurrent_ppo{problem}" if problem.path else f"recurrent_ppo: {problem}")
+            raise UsageError(f"recurrent_ppo{problem}" if problem.where else f"recurrent_ppo: {problem}")
         given = dict(values)
         if (names := given.get("observations")) is not None:
             given["observations"] = tuple(map(str, names))

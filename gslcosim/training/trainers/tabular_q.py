@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
+from gslcosim.base.problems import Problem
 from gslcosim.base.rng import stream
-from gslcosim.scenario.problems import Problem
 from gslcosim.search.learned.policy import ActionSettings
 from gslcosim.search.learned.value_table import (
     ChangeFeature,
@@ -26,7 +26,7 @@ from gslcosim.training.trainers.trainer import TableSettings, Weights, check_sta
 def find_action_problems(action: ActionSettings) -> Iterator[Problem]:
     """Yield why a table cannot choose among actions: it needs some to choose from."""
     if not action.n_choices:
-        yield Problem(path="action.kind", expected="heading for trainer.kind: table", found=action.kind)
+        yield Problem(where="action.kind", expected="heading for trainer.kind: table", found=action.kind)
 
 
 class TabularQ:

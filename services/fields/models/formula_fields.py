@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import EnvironmentDataError, ScenarioError
+from gslcosim.base.problems import Problem
 from gslcosim.environment.model import Grid, point_text
 from gslcosim.scenario.models.gas import GasSpec, PlaybackGasSpec, PlaybackSpec
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.scenario.problems import Problem
 from gslcosim_services.fields.filament.plume import Filaments
 from gslcosim_services.fields.frame_formats import GasFrame
 from gslcosim_services.fields.gas_field import NO_FILAMENTS, GasField, PointGrid, Visibility
@@ -227,7 +227,7 @@ def find_stored_gas_problems(scenario: Scenario, directory: Path) -> list[Proble
         )
     except EnvironmentDataError as error:
         expected, remedy = "frames of gas, or a movie, that can be read", str(error).replace("\n", " ")
-        return [Problem(path="gas.playback.folder", expected=expected, found=spec.folder, remedy=remedy)]
+        return [Problem(where="gas.playback.folder", expected=expected, found=spec.folder, remedy=remedy)]
 
 
 def _open_stored_gas(path: Path, spec: PlaybackSpec) -> GasMovie | GasPlayback:
@@ -247,7 +247,7 @@ def _find_frame_problems(frame: GasFrame, gas: GasSpec) -> list[Problem]:
     if frame.gas is not None and frame.gas != gas.gas:
         expected = f"{frame.gas}, the gas of the stored frames"
         remedy = f"Write gas: {frame.gas}."
-        problems.append(Problem(path="gas.gas", expected=expected, found=gas.gas, remedy=remedy))
+        problems.append(Problem(where="gas.gas", expected=expected, found=gas.gas, remedy=remedy))
     place_m = frame.source_position_m
     if place_m is None:
         return problems
@@ -256,7 +256,7 @@ def _find_frame_problems(frame: GasFrame, gas: GasSpec) -> list[Problem]:
     if gaps_m[i] > _SOURCE_TOLERANCE_M:
         problems.append(
             Problem(
-                path=f"gas.sources[{i}].position_m",
+                where=f"gas.sources[{i}].position_m",
                 expected=f"the place of the source in the stored frames, within {_SOURCE_TOLERANCE_M:g} m",
                 found=f"{point_text(gas.sources[i].position_m)}, which is {gaps_m[i]:.3g} m from it",
                 remedy=f"Write position_m: {point_text(place_m)}.",

@@ -55,7 +55,7 @@ def test_solvers_get_a_patch_for_each_opening():
 )
 def test_openings_that_cannot_be_are_refused(opening, path, found):
     (problem,) = find_layout_problems(layout(opening), WIND)
-    assert problem.path == f"environment.layout.{path}"
+    assert problem.where == f"environment.layout.{path}"
     assert found in problem.found
 
 

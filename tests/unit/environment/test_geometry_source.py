@@ -38,13 +38,13 @@ def test_inlets_of_an_imported_room_have_the_scenario_s_wind():
 def test_wind_that_does_not_enter_an_imported_room_is_a_problem():
     spec = EnvironmentSpec(gsl_bench=str(ROOM_1))
     (problem,) = find_source_problems(spec, WindSpec(inlet_velocity_m_s=(-1.0, 0.0, 0.0)))
-    assert problem.path == "wind.inlet_velocity_m_s"
+    assert problem.where == "wind.inlet_velocity_m_s"
     assert "x_min" in problem.expected
 
 
 def test_a_folder_that_is_no_environment_is_a_problem_of_its_key(tmp_path):
     (problem,) = find_source_problems(EnvironmentSpec(gsl_bench=str(tmp_path)), WindSpec())
-    assert problem.path == "environment.gsl_bench"
+    assert problem.where == "environment.gsl_bench"
     assert "head.txt" in problem.remedy
 
 
@@ -60,6 +60,6 @@ def test_what_is_wrong_with_geometry_is_reported_with_its_place_in_the_scenario(
         return find_source_problems(spec, WindSpec(), scenario_dir=tmp_path)
 
     (damaged,) = problems_with("half.stl")
-    assert damaged.path == "environment.geometry.files"
+    assert damaged.where == "environment.geometry.files"
     assert "half.stl: expected a whole stl file" in damaged.remedy
-    assert {problem.path for problem in problems_with("lid.stl")} == {"environment.geometry.openings"}
+    assert {problem.where for problem in problems_with("lid.stl")} == {"environment.geometry.openings"}

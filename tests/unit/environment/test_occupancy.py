@@ -99,13 +99,13 @@ def test_flood_fill_from_a_solid_seed_reaches_nothing():
 
 def test_an_opening_behind_an_obstacle_is_refused():
     (problem,) = find_occupancy_problems(room(((0.0, 0.0, 0.0), (0.2, 2.0, 2.0))))
-    assert problem.path == "environment.layout.obstacles"
+    assert problem.where == "environment.layout.obstacles"
     assert "inlet" in problem.expected
 
 
 def test_a_room_divided_between_inlet_and_outlet_is_refused_with_the_count_of_cells():
     (problem,) = find_occupancy_problems(room(((2.0, 0.0, 0.0), (2.05, 3.0, 2.0))))
-    assert problem.path == "environment.layout.obstacles"
+    assert problem.where == "environment.layout.obstacles"
     assert "the inlet's part has 1500 of 2850 free cells" in problem.found
 
 

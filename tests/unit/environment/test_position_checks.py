@@ -53,7 +53,7 @@ def test_the_default_room_has_no_problems():
 
 def test_a_source_in_an_obstacle_is_refused_with_the_nearest_free_point():
     problem = only_problem(sources=((2.0, 2.0, 2.0), (5.0, 2.9, 1.0)))
-    assert problem.path == "gas.sources[1].position_m"
+    assert problem.where == "gas.sources[1].position_m"
     assert problem.found == "[5, 2.9, 1], inside shelf"
     assert offered(problem) == pytest.approx((5.1, 3.1, 1.1), abs=0.21)
 
@@ -91,7 +91,7 @@ def test_the_nearest_free_point_is_the_nearest_of_all_air_cells():
 
 def test_a_start_in_an_obstacle_is_refused_with_a_start_that_is_free():
     problem = only_problem((5.0, 2.5, 0.2))
-    assert problem.path == "agents[0].vehicle.start_m"
+    assert problem.where == "agents[0].vehicle.start_m"
     assert problem.found == "[5, 2.5, 0.2], inside shelf"
     assert find_position_problems(scenario(offered(problem))) == []
 
@@ -121,7 +121,7 @@ def test_a_start_on_top_of_an_obstacle_is_allowed():
 
 def test_a_start_outside_the_room_is_refused_with_a_start_that_is_free():
     problem = only_problem((50.0, 50.0, 0.2))
-    assert problem.path == "agents[0].vehicle.start_m"
+    assert problem.where == "agents[0].vehicle.start_m"
     assert find_position_problems(scenario(offered(problem))) == []
 
 
@@ -130,20 +130,20 @@ def test_a_start_outside_the_room_is_refused_with_a_start_that_is_free():
 )
 def test_search_heights_keep_the_vehicles_radius_from_floor_and_ceiling(height_m, is_allowed):
     problems = find_position_problems(scenario(search_height_m=height_m))
-    assert [p.path for p in problems] == ([] if is_allowed else ["agents[0].vehicle.search_height_m"])
+    assert [p.where for p in problems] == ([] if is_allowed else ["agents[0].vehicle.search_height_m"])
     assert all("ceiling is at 5 m" in p.expected and p.found == f"{height_m:g} m" for p in problems)
 
 
 def test_vehicles_that_start_in_each_other_are_refused():
     problem = only_problem((10.0, 8.0, 0.2), (10.5, 8.0, 0.2))
-    assert problem.path == "agents[1].vehicle.start_m"
+    assert problem.where == "agents[1].vehicle.start_m"
     assert problem.found == "[10.5, 8, 0.2], which is 0.5 m from it"
     assert problem.remedy == "Move it 0.26 m further away."
 
 
 def test_all_problems_of_all_places_are_reported():
     bad = scenario((5.0, 2.5, 0.2), (50.0, 8.0, 0.2), sources=((5.0, 2.5, 1.0), (-1.0, 0.0, 0.0)), search_height_m=9.0)
-    assert [problem.path for problem in find_position_problems(bad)] == [
+    assert [problem.where for problem in find_position_problems(bad)] == [
         "gas.sources[0].position_m",
         "gas.sources[1].position_m",
         "agents[0].vehicle.search_height_m",
@@ -155,7 +155,7 @@ def test_all_problems_of_all_places_are_reported():
 
 def test_problems_of_the_room_come_before_those_of_its_places():
     problems = find_position_problems(scenario((50.0, 8.0, 0.2), environment={"layout": {"size_m": [15.1, 15, 8]}}))
-    assert [problem.path for problem in problems] == ["environment.layout.size_m[0]"]
+    assert [problem.where for problem in problems] == ["environment.layout.size_m[0]"]
 
 
 def test_places_in_a_saved_environment_are_checked_the_same_way(tmp_path):
@@ -170,5 +170,5 @@ def test_places_in_a_saved_environment_are_checked_the_same_way(tmp_path):
 
 def test_a_missing_environment_folder_is_a_problem_of_its_path(tmp_path):
     (problem,) = find_position_problems(scenario(environment={"path": "nowhere"}), scenario_dir=tmp_path)
-    assert (problem.path, problem.found) == ("environment.path", "nowhere")
+    assert (problem.where, problem.found) == ("environment.path", "nowhere")
     assert "no such folder" in problem.remedy

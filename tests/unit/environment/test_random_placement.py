@@ -78,7 +78,7 @@ def test_settings_of_the_wind_do_not_keep_places_from_being_drawn(load, wind):
 def test_a_room_with_problems_is_reported_and_its_random_places_with_it(load):
     with pytest.raises(InvalidScenarioError) as caught:
         load(environment={"layout": {"kind": "warehouse_simple", "size_m": [15.03, 15, 8]}})
-    paths = [located.problem.path for located in caught.value.problems]
+    paths = [located.problem.where for located in caught.value.problems]
     assert "gas.sources[0].position_m" in paths
 
 
@@ -106,7 +106,7 @@ def test_what_keeps_places_from_being_drawn_is_reported_and_not_what_follows_fro
         changes = {"agents": [{**SCENARIO["agents"][0], **changes}]}
     with pytest.raises(InvalidScenarioError) as caught:
         load(**changes)
-    assert [located.problem.path for located in caught.value.problems] == [path]
+    assert [located.problem.where for located in caught.value.problems] == [path]
 
 
 # A closet in a small hall: its door lets air through, and an Iris not.

@@ -40,7 +40,7 @@ def test_between_its_steps_the_wind_is_written_all_the_same():
 
 def test_an_unknown_port_is_named_with_the_nearest_one():
     problem = problem_of(f"{{name: fan, {START}, reads: [{{port: truth/sample}}], writes: [state]}}")
-    assert problem.path == "participants[0].reads[0].port"
+    assert problem.where == "participants[0].reads[0].port"
     assert problem.found == "'truth/sample'"
     assert problem.remedy == "Did you mean truth/samples?"
 
@@ -61,7 +61,7 @@ def test_an_announced_port_needs_its_announcement():
 @pytest.mark.parametrize("name", ["world", "cameras", "agent_fan", "supervisor"])
 def test_names_of_services_and_sessions_are_taken(name):
     problem = problem_of(f"{{name: {name}, {START}, writes: [state]}}")
-    assert problem.path == "participants[0].name"
+    assert problem.where == "participants[0].name"
     assert problem.remedy == f"For example my_{name}."
 
 

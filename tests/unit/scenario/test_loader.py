@@ -4,8 +4,9 @@ import pytest
 
 from gslcosim.base.bundled import bundled_scenarios
 from gslcosim.base.errors import ScenarioError
+from gslcosim.base.problems import Problem
 from gslcosim.scenario.loader import load_scenario
-from gslcosim.scenario.problems import InvalidScenarioError, Problem
+from gslcosim.scenario.problems import InvalidScenarioError
 
 
 def test_a_loaded_scenario_says_where_it_came_from(scenario_file, tmp_path):
@@ -88,7 +89,7 @@ def far_away(scenario, directory):
     """A check of places that does not like any of them."""
     assert directory.is_dir()
     for i, agent in enumerate(scenario.agents):
-        yield Problem(path=f"agents[{i}].vehicle.start_m", expected="home", found=f"{agent.vehicle.start_m}")
+        yield Problem(where=f"agents[{i}].vehicle.start_m", expected="home", found=f"{agent.vehicle.start_m}")
 
 
 def test_further_checks_are_reported_with_their_lines_among_the_others(problem_lines):
@@ -113,7 +114,7 @@ def test_places_are_not_guessed_when_something_that_says_where_is_wrong(problem_
 
 
 def test_a_place_is_reported_once(problem_lines):
-    wrong = Problem(path="name", expected="another", found="this")
+    wrong = Problem(where="name", expected="another", found="this")
     assert len(problem_lines(("name: hall", "name: 5"), checks=[lambda *_: [wrong]])) == 1
 
 

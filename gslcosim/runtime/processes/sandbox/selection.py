@@ -13,6 +13,7 @@ from typing import Literal
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import open_regular_file
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE
+from gslcosim.base.problems import Problem
 from gslcosim.base.spawn import build_short_environment
 from gslcosim.runtime.agents.loader import build_start_command, resolve_command
 from gslcosim.runtime.processes.sandbox import confinement
@@ -31,7 +32,6 @@ from gslcosim.scenario import Scenario
 from gslcosim.scenario.loader import list_input_files
 from gslcosim.scenario.models.participants import ParticipantProgramSpec
 from gslcosim.scenario.models.scenario import AgentSpec
-from gslcosim.scenario.problems import Problem
 
 # More than that is not searched: the run is refused.
 MAX_ENTRIES = 50_000
@@ -269,10 +269,10 @@ def find_sandbox_problems(scenario: Scenario, directory: Path) -> Iterator[Probl
     for i, agent in enumerate(scenario.agents):
         if agent.process == agent.name:
             problems = _find_unmet_demands(agent, is_one_process=is_one_process)
-            yield from (replace(problem, path=f"agents[{i}].{problem.path}") for problem in problems)
+            yield from (replace(problem, where=f"agents[{i}].{problem.where}") for problem in problems)
     for i, participant in enumerate(scenario.participants):
         problems = _find_unmet_demands_of_process(participant)
-        yield from (replace(problem, path=f"participants[{i}].{problem.path}") for problem in problems)
+        yield from (replace(problem, where=f"participants[{i}].{problem.where}") for problem in problems)
 
 
 def _find_unmet_demands(agent: AgentSpec, *, is_one_process: bool) -> Iterator[Problem]:
@@ -290,11 +290,11 @@ def _find_missing_sandbox(agent: ConfinementSpec) -> Problem | None:
     if agent.sandbox == "required" and find_strongest_sandbox() == "none":
         reasons = f"{unavailable_reason('bubblewrap')}; {unavailable_reason('landlock')}"
         remedy = f"{reasons[:1].upper()}{reasons[1:]}. Install bubblewrap, or take auto."
-        return Problem(path="sandbox", expected="a sandbox on this machine", found="none", remedy=remedy)
+        return Problem(where="sandbox", expected="a sandbox on this machine", found="none", remedy=remedy)
     if agent.sandbox in ("auto", "required") or not (reason := unavailable_reason(agent.sandbox)):
         return None
     return Problem(
-        path="sandbox",
+        where="sandbox",
         expected=f"{agent.sandbox} on this machine",
         found=f"one where it does not work: {reason}",
         remedy="Install it, or take auto for the strongest that works here; `gslcosim doctor` says which that is.",
@@ -304,7 +304,7 @@ def _find_missing_sandbox(agent: ConfinementSpec) -> Problem | None:
 def _find_missing_limits(agent: ConfinementSpec) -> Problem | None:
     if not agent.limits.are_given or is_launcher_possible():
         return None
-    return Problem(path="limits", expected="Linux for limits", found="another system", remedy="Leave them out.")
+    return Problem(where="limits", expected="Linux for limits", found="another system", remedy="Leave them out.")
 
 
 def _find_unset_variable(agent: ConfinementSpec, around: Mapping[str, str]) -> Problem | None:
@@ -312,7 +312,7 @@ def _find_unset_variable(agent: ConfinementSpec, around: Mapping[str, str]) -> P
     if not name:
         return None
     expected = "a variable that is set where gslcosim starts, since it has no value here"
-    return Problem(path=f"environment.{name}", expected=expected, found="unset", remedy="Set it, or write its value.")
+    return Problem(where=f"environment.{name}", expected=expected, found="unset", remedy="Set it, or write its value.")
 
 
 def _find_demands_without_process(agent: AgentSpec) -> Iterator[Problem]:
@@ -330,7 +330,7 @@ def _find_demands_without_process(agent: AgentSpec) -> Iterator[Problem]:
     for key, value in wanted.items():
         if value:
             expected = f"an agent with a process that is started here for {value}"
-            yield Problem(path=key, expected=expected, found=where, remedy=remedy)
+            yield Problem(where=key, expected=expected, found=where, remedy=remedy)
 
 
 def _raise_problem(agent: ConfinementSpec, problem: Problem | None) -> None:

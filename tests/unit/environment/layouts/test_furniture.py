@@ -91,4 +91,4 @@ def test_an_obstacle_may_not_have_the_name_of_a_rack():
     taken = build_furniture(layout_of("warehouse_simple"))[0].name
     box = BoxSpec(name=taken, min_m=(7.0, 1.0, 0.0), max_m=(8.0, 2.0, 1.0))
     (problem,) = find_layout_problems(layout_of("warehouse_simple", obstacles=(box,)), WindSpec())
-    assert (problem.path, problem.found) == ("environment.layout.obstacles[0].name", taken)
+    assert (problem.where, problem.found) == ("environment.layout.obstacles[0].name", taken)

@@ -80,7 +80,7 @@ def test_default_openings_shrink_with_the_room():
 
 def test_a_side_that_is_no_whole_number_of_cells_is_refused_with_the_nearest_sizes():
     problem = only_problem(LayoutSpec(size_m=(15.0, 15.1, 8.0)))
-    assert problem.path == "environment.layout.size_m[1]"
+    assert problem.where == "environment.layout.size_m[1]"
     assert problem.found == "15.1 m, which is 75.5 cells"
     assert problem.remedy == "Nearest: 15 m or 15.2 m; or wind.cell_m 0.1."
 
@@ -90,31 +90,31 @@ def test_a_side_with_no_useful_common_cell_gets_no_advice_on_cells():
 
 
 def test_a_room_thinner_than_a_cell_is_refused():
-    assert only_problem(LayoutSpec(size_m=(15.0, 15.0, 0.05))).path == "environment.layout.size_m[2]"
+    assert only_problem(LayoutSpec(size_m=(15.0, 15.0, 0.05))).where == "environment.layout.size_m[2]"
 
 
 def test_an_absurd_number_of_cells_is_refused_before_anything_is_built():
     problem = only_problem(LayoutSpec(size_m=(1000.0, 1000.0, 100.0)), WindSpec(cell_m=0.01))
-    assert (problem.path, problem.found) == ("wind.cell_m", "0.01 m, which makes 1e+14")
+    assert (problem.where, problem.found) == ("wind.cell_m", "0.01 m, which makes 1e+14")
     assert problem.remedy.startswith("Take cells of at least 0.8 m")
 
 
 def test_an_opening_off_the_faces_is_refused():
     problem = only_problem(LayoutSpec(outlet=opening((14.0, 1.0, 0.0), (14.0, 2.0, 2.0))))
-    assert problem.path == "environment.layout.outlet"
+    assert problem.where == "environment.layout.outlet"
     assert problem.found == "[14, 1, 0] to [14, 2, 2] m"
     assert "[0, 0, 0] to [15, 15, 8] m" in problem.expected
 
 
 def test_an_opening_that_leaves_its_face_is_refused():
     problem = only_problem(LayoutSpec(inlet=opening((0.0, 14.0, 0.0), (0.0, 16.0, 2.0))))
-    assert problem.path == "environment.layout.inlet"
+    assert problem.where == "environment.layout.inlet"
     assert (problem.expected, problem.found) == ("y inside the face, from 0 to 15 m", "14 to 16 m")
 
 
 def test_overlapping_openings_are_refused():
     problem = only_problem(LayoutSpec(inlet=opening((15.0, 13.0, 0.0), (15.0, 14.0, 2.0))), UNIFORM)
-    assert problem.path == "environment.layout.inlet"
+    assert problem.where == "environment.layout.inlet"
     assert "overlap" in problem.found
 
 
@@ -128,7 +128,7 @@ def test_openings_that_share_an_edge_are_allowed():
 @pytest.mark.parametrize("velocity_m_s", [(-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)])
 def test_a_wind_that_does_not_enter_through_the_inlet_is_refused(velocity_m_s):
     problem = only_problem(LayoutSpec(), WindSpec(inlet_velocity_m_s=velocity_m_s))
-    assert problem.path == "wind.inlet_velocity_m_s"
+    assert problem.where == "wind.inlet_velocity_m_s"
     assert "x_min" in problem.expected
     assert "+x" in problem.expected
 
@@ -141,7 +141,7 @@ def test_still_air_and_uniform_wind_may_have_any_direction():
 def test_an_obstacle_outside_the_room_is_refused():
     box = BoxSpec(name="shelf", min_m=(14.0, 3.0, 0.0), max_m=(16.0, 4.0, 2.0))
     problem = only_problem(LayoutSpec(obstacles=(box,)))
-    assert problem.path == "environment.layout.obstacles[0]"
+    assert problem.where == "environment.layout.obstacles[0]"
     assert (problem.found, problem.remedy) == ("14 to 16 m", "Cut it to 14 to 15 m.")
 
 
@@ -150,7 +150,7 @@ def test_a_name_taken_twice_is_refused(name):
     first = BoxSpec(name="shelf", min_m=(1.0, 3.0, 0.0), max_m=(2.0, 4.0, 2.0))
     second = BoxSpec(name=name, min_m=(5.0, 3.0, 0.0), max_m=(6.0, 4.0, 2.0))
     problem = only_problem(LayoutSpec(obstacles=(first, second)))
-    assert (problem.path, problem.found) == ("environment.layout.obstacles[1].name", name)
+    assert (problem.where, problem.found) == ("environment.layout.obstacles[1].name", name)
 
 
 def test_all_problems_come_in_one_error():

@@ -42,7 +42,7 @@ def test_demands_are_judged_by_how_the_caller_spreads_the_run():
 
     def problems(processes):
         checks = list_scenario_checks("machine", processes=processes)
-        return [problem.path for check in checks for problem in check(loaded.scenario, loaded.directory)]
+        return [problem.where for check in checks for problem in check(loaded.scenario, loaded.directory)]
 
     assert problems("separate") == []
     assert problems("one") == ["agents[0].limits"]
