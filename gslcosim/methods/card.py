@@ -267,7 +267,7 @@ def _describe_error(problem: ErrorDetails) -> str:
     return f"{'.'.join(map(str, keys))}: {said[:1].lower()}{said[1:]}"
 
 
-# A card's own parameters replace included ones of their name, in their place, and the others follow.
+# A card's own parameters come first, and replace included ones of their name.
 def _with_included(fields: dict[str, Any], path: Path) -> dict[str, Any]:
     included, own = fields.get("includes"), fields.get("parameters", {})
     if included is None or not isinstance(own, dict):
@@ -280,7 +280,9 @@ def _with_included(fields: dict[str, Any], path: Path) -> dict[str, Any]:
     parameters: dict[str, Any] = {}
     for name in cast(list[str], included):
         parameters |= yaml.load((SHARED_PARAMETERS / f"{name}.yaml").read_text(encoding="utf-8"), Loader=CoreLoader)
-    return {key: value for key, value in fields.items() if key != "includes"} | {"parameters": parameters | own}
+    return {key: value for key, value in fields.items() if key != "includes"} | {
+        "parameters": own | {name: value for name, value in parameters.items() if name not in own}
+    }
 
 
 def list_shared_parameters() -> list[str]:

@@ -111,6 +111,7 @@ OTHERS = {
     "list": "reads what is installed",
     "schema": "writes files of the contract",
     "doctor": "looks at the machine",
+    "completion": "prints a script",
     "cache": "lists a folder of our own by names and sizes",
     "agent check": "starts a program",
     "agent new": "writes a folder",

@@ -140,10 +140,10 @@ def test_every_bundled_agent_has_a_right_card(name):
     assert card.title
 
 
-def test_a_card_takes_over_included_parameters_and_replaces_some_in_their_place(card):
+def test_a_card_has_its_own_parameters_first_then_included_ones_that_it_does_not_replace(card):
     own = {"n_headings": {**CARD["parameters"]["n_legs"], "default": 4}, "extra": CARD["parameters"]["step_m"]}
     whole, changed = card(includes=["information"], parameters={}), card(includes=["information"], parameters=own)
-    assert [*whole.parameters, "extra"] == list(changed.parameters)
+    assert list(changed.parameters) == [*own, *(name for name in whole.parameters if name not in own)]
     assert changed.parameters["n_headings"].default == 4
     assert changed.parameters["cell_m"] == whole.parameters["cell_m"]
 
