@@ -15,8 +15,18 @@ use_kernel_cache()
 support_old_names()
 
 
-# By name, so that nothing is imported before it is used, and the rooms below do not know of it.
+# What a person calls, by where it is; imported when it is asked for, so that a start stays short.
+_FUNCTIONS = {"open_run": "gslcosim.data.run"}
+_MODULES = ("agent_kit", "bench", "search", "training")
+
+
 def __getattr__(name: str) -> Any:
-    if name == "open_run":
-        return importlib.import_module("gslcosim.data.run").open_run
+    if name in _FUNCTIONS:
+        return getattr(importlib.import_module(_FUNCTIONS[name]), name)
+    if name in _MODULES:
+        return importlib.import_module(f"{__name__}.{name}")
     raise AttributeError(f"module 'gslcosim' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted(["__doc__", "__file__", "__name__", "__path__", "__version__", *_FUNCTIONS, *_MODULES])

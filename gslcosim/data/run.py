@@ -79,6 +79,16 @@ class RunData:
         self._rows = RecordingReader(self._past.run_dir.recording)
         self._agents = {names.agent.name: names for names in build_entities(self.scenario)}
 
+    def __repr__(self) -> str:
+        """Return what the run is: scenario, seed, methods, and how it ended."""
+        flown = ", ".join(f"{agent} ({method})" for agent, method in self.methods.items())
+        if self.result is None:
+            ended = "without a result"
+        else:
+            outcomes = ", ".join(f"{agent['name']} {agent['outcome']}" for agent in self.result["agents"])
+            ended = f"{self.result['sim_time_s']:.1f} s simulated, {outcomes}"
+        return f"<Run {self.run_id}: seed {self.scenario.seed}, {flown}; {ended}>"
+
     @property
     def agents(self) -> tuple[str, ...]:
         """Names of all agents, in the scenario's order."""
