@@ -32,7 +32,7 @@ def run(line, folder):
         line = re.sub(rf"\b{word}\b", value, line)
     path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
     return subprocess.run(
-        ["sh", "-e", "-c", line], cwd=folder, env={**os.environ, "PATH": path}, capture_output=True, text=True,
+        ["bash", "-e", "-c", line], cwd=folder, env={**os.environ, "PATH": path}, capture_output=True, text=True,
         timeout=PROCESS_S, check=False,
     )  # fmt: skip
 
