@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.base.plugins import PluginError
-from gslcosim.base.yaml_core import without_editor_header
 from gslcosim.cli.arguments import Command
 from gslcosim.cli.terminal import add_json_option, table, write, write_json
 
@@ -166,6 +165,8 @@ def _write_settings(rows: list[Row]) -> None:
 
 
 def _first_comment(path: Path) -> str:
+    from gslcosim.base.yaml_core import without_editor_header
+
     first = without_editor_header(path.read_bytes()).decode().lstrip().partition("\n")[0]
     return first.lstrip("# ").strip() if first.startswith("#") else ""
 

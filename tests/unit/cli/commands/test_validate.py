@@ -8,6 +8,7 @@ import pytest
 from gslcosim.base.bundled import bundled_agents
 from gslcosim.cli.main import main
 from gslcosim.runtime import rendering
+from gslcosim.runtime.processes.sandbox.bubblewrap import find_bubblewrap_failure
 from gslcosim.scenario import Scenario, load_scenario
 
 
@@ -188,10 +189,19 @@ def test_wind_that_can_be_read_is_none(capsys, tmp_path):
     assert capsys.readouterr().out.startswith("tiny_room: valid. ")
 
 
+@pytest.fixture
+def without_bubblewrap(monkeypatch):
+    """A machine on which bubblewrap is not found, whatever this process knows of it already."""
+    monkeypatch.setenv("PATH", "")
+    find_bubblewrap_failure.cache_clear()
+    yield
+    find_bubblewrap_failure.cache_clear()
+
+
+@pytest.mark.usefixtures("without_bubblewrap")
 @pytest.mark.parametrize("command", ["validate", "up"])
 def test_demands_that_cannot_be_met_are_reported_together(capsys, monkeypatch, command):
     monkeypatch.delenv("GONE", raising=False)
-    monkeypatch.setenv("PATH", "")
     changes = ["agents[0].sandbox=bubblewrap", "agents[0].environment={GONE: null}"]
     assert main([command, "tiny_room", *(f"--set={change}" for change in changes)]) == 2
     lines = capsys.readouterr().err.splitlines()
