@@ -141,7 +141,7 @@ def test_a_granted_plume_narrows_the_rate():
 
 SPY = """
 import importlib, sys
-sys.path.insert(0, {folder!r})
+sys.path[:0] = {folders!r}
 from ribbon_world import Ribbon, fly
 
 def signatures():
@@ -168,7 +168,11 @@ sys.exit(f"compiled in flight: {{late}}" if late else 0)
 def test_nothing_is_compiled_in_flight(agent_type):
     """In a process of its own: what other tests have compiled would hide it."""
     name = Path(importlib.import_module(agent_type.__module__).__file__).parent.name
-    program = SPY.format(folder=str(Path(__file__).parent), name=name, kind=agent_type.__name__)
+    program = SPY.format(
+        folders=[str(Path(__file__).parent), str(Path(__file__).parents[2] / "shared")],
+        name=name,
+        kind=agent_type.__name__,
+    )
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=PROCESS_S
     )
