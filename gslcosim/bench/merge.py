@@ -22,7 +22,7 @@ _MOST_NAMED = 8
 
 @dataclass(frozen=True, kw_only=True)
 class MergeSummary:
-    """What was merged: `n_trials` of the `n_chosen` that the shards share, and the shards that were not there."""
+    """Merged shards: `n_trials` of the `n_chosen` that the shards share, and the shards that were not there."""
 
     folder: Path
     n_shards: int

@@ -21,9 +21,9 @@ _PLAIN_EVERY_S = 10.0
 
 
 class ProgressLine:
-    """How work goes on: drawn again and again on a terminal, where it leaves nothing; written now and then in a pipe.
+    """Progress of long work: drawn again and again on a terminal, written now and then in a pipe.
 
-    A context manager. On a terminal to say how it goes costs no more than an assignment.
+    A context manager. On a terminal it leaves nothing behind, and an update costs no more than an assignment.
     """
 
     def __init__(self, title: str = "", *, is_quiet: bool) -> None:

@@ -37,7 +37,7 @@ class SessionScript:
 
 @dataclass
 class Transcript(ABC):
-    """What happened in one session; times are seconds since its start, None where something did not happen."""
+    """Transcript of one session; times are seconds since its start, None where something did not happen."""
 
     script: SessionScript
     end_sent_at_s: float | None = None

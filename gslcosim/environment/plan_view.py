@@ -38,12 +38,12 @@ class PlanOpening:
 
     @property
     def is_inlet(self) -> bool:
-        """Whether air comes in by it."""
+        """True where air comes in by it."""
         return self.opening.kind == "inlet"
 
     @property
     def is_at_side(self) -> bool:
-        """Whether it is a line at a side; otherwise it is a rectangle in the floor or the ceiling."""
+        """True for a line at a side; otherwise it is a rectangle in the floor or the ceiling."""
         return self.inward != (0.0, 0.0)
 
     def path_m(self) -> list[tuple[float, float]]:

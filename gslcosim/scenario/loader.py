@@ -374,6 +374,21 @@ def _is_inside(path: str, part: str) -> bool:
 S = TypeVar("S", bound=BaseModel)
 
 
+def read_text(path: Path, *, shown_path: str) -> str:
+    """Return the text of a file that a user wrote; `shown_path` is how errors name it.
+
+    Raises:
+        ScenarioError: it cannot be read, or is no UTF-8.
+    """
+    try:
+        return read_regular_file(path, max_bytes=MAX_BYTES).decode("utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = describe_os_error(error) if isinstance(error, OSError) else "no UTF-8"
+        raise ScenarioError(
+            f"{shown_path}: expected a file of UTF-8 text, was one that cannot be read ({reason})."
+        ) from error
+
+
 def read_spec_file(
     path: Path, model: type[S], *, shown_path: str, keys: str, check: Callable[[S], Iterable[Problem]] = lambda _: ()
 ) -> S:
@@ -389,13 +404,7 @@ def read_spec_file(
     Raises:
         ScenarioError: it cannot be read, or has problems: all of them in one error.
     """
-    try:
-        text = read_regular_file(path, max_bytes=MAX_BYTES).decode("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = describe_os_error(error) if isinstance(error, OSError) else "no UTF-8"
-        raise ScenarioError(
-            f"{shown_path}: expected a file of UTF-8 text, was one that cannot be read ({reason})."
-        ) from error
+    text = read_text(path, shown_path=shown_path)
     tree = read_yaml(text, source=shown_path)
     if tree.block is None:
         problem = Problem(where="", expected=f"a block of keys with {keys}", found=format_value(tree.values))

@@ -58,7 +58,7 @@ class Stream:
 
     @property
     def is_of_agent(self) -> bool:
-        """Whether each agent has one."""
+        """True where each agent has one."""
         return self.entity.startswith(f"{self.root}/{{agent}}")
 
     def at(self, **names: str) -> str:

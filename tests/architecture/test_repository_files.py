@@ -1,4 +1,4 @@
-"""What a repository's host and a citation read names what there is."""
+"""Workflows, forms, hooks and the citation name targets, tools and versions that exist."""
 
 import re
 from pathlib import Path

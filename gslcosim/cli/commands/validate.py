@@ -24,7 +24,7 @@ EXAMPLES = """  gslcosim validate my_scenario.yaml
 
 @dataclass(frozen=True, kw_only=True)
 class _ValidFile:
-    """What a valid file comes to: a sentence, and its content by kind for `--json`."""
+    """Outcome of the check of a valid file: a sentence, and its content by kind for `--json`."""
 
     sentence: str
     content: dict[str, Any]

@@ -4,12 +4,10 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from gslcosim.base.errors import ScenarioError, describe_os_error
-from gslcosim.base.files import read_regular_file
 from gslcosim.base.problems import Problem
 from gslcosim.methods.card import MethodCard, is_list_of_shared_parameters, list_shared_parameters
 from gslcosim.scenario.checks.registry import find_problems
-from gslcosim.scenario.loader import MAX_BYTES
+from gslcosim.scenario.loader import read_text
 from gslcosim.scenario.model_schema import format_value, problems_from_validation
 from gslcosim.scenario.problems import InvalidScenarioError, locate
 from gslcosim.scenario.serialization import read_yaml
@@ -26,13 +24,7 @@ def check_card_file(path: Path) -> MethodCard:
     Raises:
         ScenarioError: it cannot be read, or has problems: all of them in one error.
     """
-    try:
-        text = read_regular_file(path, max_bytes=MAX_BYTES).decode("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = describe_os_error(error) if isinstance(error, OSError) else "no UTF-8"
-        raise ScenarioError(
-            f"{path}: expected a method card that can be read, was one that cannot ({reason})."
-        ) from error
+    text = read_text(path, shown_path=str(path))
     tree = read_yaml(text, source=str(path))
     problems: list[Problem] = []
     card = None

@@ -75,7 +75,7 @@ from gslcosim_services.sensing.models.range_finders import ray_directions_body
 
 
 class WindColumnRows:
-    """What an anemometer's curve does not draw, as a named column of single precision: a wind, or where it is from.
+    """Column of an anemometer that no curve draws, in single precision: a wind, or where it is from.
 
     Args:
         stream: Which it is; its component is the column's name.

@@ -87,7 +87,7 @@ class SensorKind:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorKernel:
-    """What an instrument of gas or wind does in a tick: a scalar kernel, and the numbers that it works with.
+    """Instrument of gas or wind in one tick: a scalar kernel, and the numbers that it works with.
 
     `advance(parameters, state, ppm, wind_m_s, velocity_m_s, stream, values)` reads the true mixing ratio of each gas
     [ppm by volume], which it may overwrite, wind and velocity of the mount, (3,) each in the world frame [m/s]; it
