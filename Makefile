@@ -12,7 +12,7 @@ INSTALL = -m pip install --quiet --disable-pip-version-check $(if $(LOCK),--cons
 # The last commit of 0.1.0.
 BASE ?= 9693e5e
 
-.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers bench-table crossings plume-statistics soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check capabilities golden docs docs-site docs-serve dist contract setup lock bench-training
+.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers bench-table crossings plume-statistics soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check capabilities golden docs docs-site docs-serve readability dist contract setup lock bench-training
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -126,6 +126,9 @@ docs-site: .venv/ready-docs  # build the pages as a site in build/site; what is 
 
 docs-serve: docs-site        # show the site at http://127.0.0.1:8000
 	$(BIN)/python -m http.server --bind 127.0.0.1 --directory build/site 8000
+
+readability: .venv/ready    # words, long and passive sentences of each page, at BASE=COMMIT and now
+	@$(BIN)/python docs/_build/readability.py $(BASE)
 
 dist: .venv/ready-check      # build the source package and the wheel in dist, and check what an index would refuse
 	rm -rf dist
