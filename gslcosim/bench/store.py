@@ -8,6 +8,7 @@ many workers the suite is run. `tracks.parquet` has a row for each agent of each
 import base64
 import json
 import os
+import re
 import shutil
 import sys
 import zlib
@@ -146,8 +147,19 @@ TRACK_COLUMNS = (
     Column("belief_mass_near", _SERIES, "probability of the belief within the success radius; NaN without one"),
 )
 
-TRIALS = pa.schema([(column.name, column.type) for column in TRIAL_COLUMNS])
-TRACKS = pa.schema([(column.name, column.type) for column in TRACK_COLUMNS])
+
+# As in the tables of a run, `meaning` and `unit` are metadata of the file's fields.
+def _build_schema(columns: Sequence[Column]) -> pa.Schema:
+    fields: list[pa.Field[Any]] = []
+    for column in columns:
+        unit = re.search(r"\[(.+?)\]$", column.meaning)
+        metadata = {"meaning": column.meaning, **({"unit": unit[1]} if unit else {})}
+        fields.append(pa.field(column.name, column.type, metadata=metadata))
+    return pa.schema(fields)
+
+
+TRIALS = _build_schema(TRIAL_COLUMNS)
+TRACKS = _build_schema(TRACK_COLUMNS)
 
 
 def is_machine_dependent(column: str) -> bool:

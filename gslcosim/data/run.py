@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,10 @@ from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim_services.recorder.entities import build_entities, source_events
 from gslcosim_services.recorder.stream_table import CONTACTS, EVENTS, FAULTS, MARKS, RADIO, WAYPOINTS
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+    import xarray as xr
 
 
 def open_run(path: Path | str) -> "RunData":
@@ -103,6 +107,40 @@ class RunData:
     def methods(self) -> Mapping[str, str]:
         """By agent the name of what decides for it: of its Python file, else of its program."""
         return {agent.name: _method_of(agent, self.scenario.agents) for agent in self.scenario.agents}
+
+    @cached_property
+    def table_names(self) -> tuple[str, ...]:
+        """Names of all tables that `table` gives, one for each stream and agent."""
+        from gslcosim.data.tables import build_tables
+
+        return tuple(table.name for table in build_tables(self))
+
+    def table(self, name: str) -> "pa.Table":
+        """Return one stream as an Arrow table; `.to_pandas()` makes a data frame of it.
+
+        Args:
+            name: One of `table_names`, such as `track_beetle`; or what several agents have, such as `track` or
+                `readings`: then the tables of all agents below each other, with a column `agent` first.
+
+        Returns:
+            The same columns as the files of `gslcosim extract`; each field has `meaning` and `unit` as metadata.
+
+        Raises:
+            UsageError: the run has no table of that name.
+        """
+        from gslcosim.data.tables import read_table
+
+        return read_table(self, name)
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return the gas in the layer of the map as an xarray dataset: see `build_gas_dataset`.
+
+        Raises:
+            UsageError: the extra `xarray` is not installed, or the run recorded no gas.
+        """
+        from gslcosim.data.gas_dataset import build_gas_dataset
+
+        return build_gas_dataset(self)
 
     @property
     def commands(self) -> Mapping[str, tuple[Command, ...]]:

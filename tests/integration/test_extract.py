@@ -11,6 +11,7 @@ import pyarrow.parquet
 import pytest
 
 import gslcosim
+from gslcosim.base.errors import UsageError
 from gslcosim.cli.main import main
 from gslcosim.data.run import RunData
 
@@ -59,6 +60,38 @@ def test_tables_hold_what_the_run_holds(flown, tmp_path, capsys):
     gas = pyarrow.parquet.read_table(folder / "gas_ethanol.parquet")
     last = gas["mixing_ratio_ppm"].to_numpy()[gas["time_s"].to_numpy() == gas["time_s"][-1].as_py()]
     np.testing.assert_array_equal(np.sort(last), np.sort((p := run.gas_slices["ethanol"].at(99.0))[p > 0]))
+
+
+@pytest.mark.slow
+def test_a_table_of_a_run_is_the_file_of_extract(flown, tmp_path):
+    run = gslcosim.open_run(flown)
+    folder = extracted(flown, "parquet", tmp_path)
+    assert {f"{name}.parquet" for name in run.table_names} == {path.name for path in folder.glob("*.parquet")}
+    track = run.table("track_beetle")
+    assert track.equals(pyarrow.parquet.read_table(folder / "track_beetle.parquet"), check_metadata=True)
+    assert track.schema.field("x_m").metadata[b"unit"] == b"m"
+    of_all = run.table("track")
+    assert of_all.column_names == ["agent", *track.column_names]
+    assert set(of_all["agent"].to_pylist()) == {"beetle"}
+    with pytest.raises(UsageError, match=r"expected a table of track_beetle, .*, was 'pose'"):
+        run.table("pose")
+
+
+@pytest.mark.slow
+@pytest.mark.extras
+def test_xarray_opens_a_run_and_what_extract_writes_of_it(flown, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    run = gslcosim.open_run(flown)
+    gas = run.to_xarray()
+    slices = run.gas_slices["ethanol"]
+    np.testing.assert_array_equal(gas["ethanol_ppm"].sel(time_s=5.0, method="ffill").values, slices.at(5.0))
+    assert gas["ethanol_ppm"].max() > 0
+    assert xarray.open_dataset(flown).equals(gas)
+    folder = extracted(flown, "netcdf", tmp_path)
+    with xarray.open_dataset(folder / "gas.nc") as written:
+        assert written.equals(gas)
+    with xarray.open_dataset(folder / "wind.nc") as written:
+        np.testing.assert_array_equal(written["wind_x_m_s"].values, run.environment.wind.velocity_m_s[..., 0])
 
 
 @pytest.mark.slow
@@ -163,10 +196,27 @@ def test_rosbag2_is_read_back(flown, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_program_of_the_page_runs(flown, monkeypatch, capsys):
-    (program,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    exec(compile(program.replace("RUN", str(flown)), str(PAGE), "exec"), {"__name__": "__main__"})
+def test_the_program_of_the_page_runs(flown, capsys):
+    run_blocks(flown, slice(1))
     assert "nose ('response_ohm',)" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+@pytest.mark.extras
+def test_the_programs_with_pandas_and_xarray_run(flown, capsys):
+    pytest.importorskip("pandas")
+    pytest.importorskip("xarray")
+    names = run_blocks(flown, slice(None))
+    assert len(names["readings"]) == len(gslcosim.open_run(flown).table("readings_beetle"))
+    assert float(capsys.readouterr().out.split()[-1]) > 0
+
+
+def run_blocks(flown, which):
+    """Run programs of the page one after the other on a run, and return the names they defined."""
+    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)[which]
+    names = {"__name__": "__main__"}
+    exec(compile("\n".join(blocks).replace('"RUN"', repr(str(flown))), str(PAGE), "exec"), names)
+    return names
 
 
 def test_a_folder_with_files_and_a_missing_run_are_reported(tmp_path, capsys):

@@ -15,7 +15,7 @@ EXAMPLES = """  gslcosim environment export hall --to gaden --out hall_gaden
   gslcosim environment export warehouse_empty --to vtk --out warehouse_vtk
   gslcosim environment export hall --to gaden --gaden-wind points --out hall_points"""
 
-FORMATS = ("gaden", "gsl_bench", "vtk", "stl", "openfoam_points", "mjcf")
+FORMATS = ("gaden", "gsl_bench", "vtk", "netcdf", "zarr", "stl", "openfoam_points", "mjcf")
 GADEN_WINDS = ("components", "components_text", "points", "iterations")
 
 
@@ -66,7 +66,7 @@ def _environment_of(source: str) -> "Environment":
 COMMAND = Command(
     name="export",
     old_name="export",
-    summary="write an environment in the format of GADEN, GSL-Bench, VTK, STL, OpenFOAM points or MJCF",
+    summary="write an environment in the format of GADEN, GSL-Bench, VTK, NetCDF, Zarr, STL, OpenFOAM points or MJCF",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

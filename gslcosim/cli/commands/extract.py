@@ -1,4 +1,4 @@
-"""`gslcosim extract`: a run as tables or as messages of ROS 2."""
+"""`gslcosim extract`: a run as tables, gridded data or messages of ROS 2."""
 
 import argparse
 from pathlib import Path
@@ -10,9 +10,10 @@ from gslcosim.cli.terminal import add_json_option, write, write_json
 
 EXAMPLES = """  gslcosim extract --to parquet
   gslcosim extract runs/night_42 --to csv --out night_42_tables
+  gslcosim extract --to netcdf
   gslcosim extract warehouse_empty-seed7-2025 --to rosbag2 --out bags/night_42"""
 
-FORMATS = ("parquet", "csv", "mcap", "rosbag2")
+FORMATS = ("parquet", "csv", "netcdf", "zarr", "mcap", "rosbag2")
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,8 +27,8 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--to",
         choices=FORMATS,
         required=True,
-        help="parquet or csv: a table for each stream and a dictionary of columns; mcap or rosbag2: messages of ROS 2 "
-        "(extra ros)",
+        help="parquet or csv: a table for each stream and a dictionary of columns; netcdf or zarr: gas and wind on "
+        "their grids (extra xarray); mcap or rosbag2: messages of ROS 2 (extra ros)",
     )
     parser.add_argument(
         "--out",
@@ -60,7 +61,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 COMMAND = Command(
     name="extract",
-    summary="write a run as tables (Parquet, CSV) or as messages of ROS 2 (MCAP, rosbag2)",
+    summary="write a run as tables (Parquet, CSV), grids (NetCDF, Zarr) or messages of ROS 2 (MCAP, rosbag2)",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

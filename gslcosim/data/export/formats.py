@@ -5,12 +5,14 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from gslcosim.base.errors import UsageError
+from gslcosim.data.export.datasets import write_run_datasets
 from gslcosim.data.export.ros_topics import iterate_messages, write_mcap, write_rosbag2
 from gslcosim.data.export.ros_types import ros_types
 from gslcosim.data.export.tables import write_tables
 from gslcosim.data.run import RunData
+from gslcosim.environment.formats.datasets import import_xarray
 
-ExtractFormat = Literal["parquet", "csv", "mcap", "rosbag2"]
+ExtractFormat = Literal["parquet", "csv", "netcdf", "zarr", "mcap", "rosbag2"]
 EXTRACT_FORMATS: tuple[ExtractFormat, ...] = get_args(ExtractFormat)
 
 
@@ -22,15 +24,15 @@ def extract_run(
     Args:
         run: What to write.
         folder: Where; a new folder or an empty one.
-        to: `parquet` and `csv` write a table for each stream and a dictionary of all columns; `mcap` and `rosbag2`
-            write messages of ROS 2.
+        to: `parquet` and `csv` write a table for each stream and a dictionary of all columns; `netcdf` and `zarr` the
+            gas and the wind on their grids; `mcap` and `rosbag2` messages of ROS 2.
         progress: Receives what is being written.
 
     Returns:
         The files that were written.
 
     Raises:
-        UsageError: the folder holds something, or the extra `ros` is not installed.
+        UsageError: the folder holds something, or the extra `ros` or `xarray` is not installed.
         EnvironmentDataError: the room is needed and is not the one that was run in.
         OSError: the machine refuses.
     """
@@ -41,6 +43,10 @@ def extract_run(
     if to in ("parquet", "csv"):
         folder.mkdir(parents=True, exist_ok=True)
         return tuple(write_tables(run, folder, to, lambda table: progress(f"table {table}")))
+    if to in ("netcdf", "zarr"):
+        import_xarray()
+        folder.mkdir(parents=True, exist_ok=True)
+        return tuple(write_run_datasets(run, folder, to, progress))
     types = ros_types()
 
     def report_count(n_messages: int) -> None:

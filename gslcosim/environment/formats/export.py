@@ -1,4 +1,4 @@
-"""Export of an environment: GADEN, GSL-Bench, VTK, OpenFOAM points, STL and MJCF."""
+"""Export of an environment: GADEN, GSL-Bench, VTK, NetCDF, Zarr, OpenFOAM points, STL and MJCF."""
 
 import json
 import re
@@ -21,6 +21,7 @@ from gslcosim.environment.formats.data_files import (
     format_occupancy,
     format_rows,
 )
+from gslcosim.environment.formats.datasets import GriddedFormat, build_environment_dataset, write_dataset
 from gslcosim.environment.formats.environment_folders import GRID_SUFFIX, HEAD_SUFFIX, OCCUPANCY_DIR, WIND_DIR
 from gslcosim.environment.model import Box, Cell, Environment
 from gslcosim.environment.store import SCENE_FILE
@@ -129,7 +130,7 @@ def _write_frame(environment: Environment, velocity_m_s: NDArray[np.float32], pa
     return imageToVTK(str(path), origin=grid.origin_m, spacing=(grid.cell_m,) * 3, cellData=cell_data)
 
 
-Format = Literal["gaden", "gsl_bench", "vtk", "stl", "openfoam_points", "mjcf"]
+Format = Literal["gaden", "gsl_bench", "vtk", GriddedFormat, "stl", "openfoam_points", "mjcf"]
 GadenWind = Literal["components", "components_text", "points", "iterations"]
 FORMATS: tuple[Format, ...] = get_args(Format)
 GADEN_WINDS: tuple[GadenWind, ...] = get_args(GadenWind)
@@ -165,6 +166,7 @@ def export_environment(
 
     Raises:
         EnvironmentDataError: the folder holds something.
+        UsageError: the extra `xarray` is needed and not installed.
     """
     folder.mkdir(parents=True, exist_ok=True)
     if any(folder.iterdir()):
@@ -178,6 +180,8 @@ def export_environment(
         return _to_gsl_bench(environment, folder, name)
     if to == "vtk":
         return ExportResult(files=write_vtk(environment, folder, name))
+    if to in ("netcdf", "zarr"):
+        return ExportResult(files=(write_dataset(build_environment_dataset(environment), folder, name, to),))
     if to == "openfoam_points":
         return ExportResult(files=_write_points(environment, folder, "U", _FOAM_POINTS, is_place_first=True))
     if to == "stl":

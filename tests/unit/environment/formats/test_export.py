@@ -15,6 +15,7 @@ from gslcosim.environment.formats.export import GADEN_WINDS, export_environment
 from gslcosim.environment.formats.wind_files import load_wind
 from gslcosim.environment.layouts.layouts import build_layout
 from gslcosim.environment.model import Cell, Grid, WindFrames, with_wind
+from gslcosim.environment.store import save_environment
 from gslcosim.scenario.models.geometry import SimpleWarehouseSpec
 from gslcosim.scenario.models.scenario import WindSpec
 
@@ -164,3 +165,26 @@ def test_large_origins_keep_their_digits(environment, tmp_path):
     moved = dataclasses.replace(environment, grid=grid)
     export_environment(moved, tmp_path / "out", "gaden")
     assert import_gaden(tmp_path / "out").grid == grid
+
+
+@pytest.mark.extras
+@pytest.mark.parametrize("to", ["netcdf", "zarr"])
+def test_gridded_files_hold_every_cell_with_its_coordinates_and_units(environment, tmp_path, to):
+    xarray = pytest.importorskip("xarray")
+    (path,) = export_environment(environment, tmp_path / "out", to).files
+    with xarray.open_dataset(path, engine={"netcdf": "h5netcdf", "zarr": "zarr"}[to]) as dataset:
+        wind = np.stack([dataset[f"wind_{axis}_m_s"].values for axis in "xyz"], axis=-1)
+        np.testing.assert_array_equal(wind, environment.wind.velocity_m_s)
+        np.testing.assert_array_equal(dataset["occupancy"].values, environment.occupancy)
+        np.testing.assert_allclose(dataset["y_m"].values, environment.grid.axis_centres_m(1))
+        assert dataset["time_s"].values.tolist() == [0.0, 0.5, 1.0]
+        assert dataset["wind_x_m_s"].attrs["units"] == "m s-1"
+
+
+@pytest.mark.extras
+def test_xarray_opens_an_environment_folder(environment, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    folder = save_environment(environment, tmp_path / "environment")
+    dataset = xarray.open_dataset(folder or tmp_path / "environment", drop_variables=["occupancy"])
+    np.testing.assert_array_equal(dataset["wind_z_m_s"].values, environment.wind.velocity_m_s[..., 2])
+    assert "occupancy" not in dataset
