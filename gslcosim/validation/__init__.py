@@ -1,0 +1,1 @@
+"""Our physics and methods beside measurements."""
