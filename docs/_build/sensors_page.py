@@ -8,7 +8,7 @@ from pathlib import Path
 from gslcosim.scenario.model_schema import SettingRow, list_settings
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SENSORS
 from gslcosim_services.sensing.models import SENSOR_MODELS
-from gslcosim_services.sensing.models.gas_sensors import PID_CORRECTION
+from gslcosim_services.sensing.models.gas_sensors import PID_GASES
 from gslcosim_services.sensing.models.mox import MOX_PARAMETERS, MoxParameters
 
 _BLOCK = re.compile(r"(<!-- table (\w+), rewritten by `make docs` -->\n)(.*?)(\n<!-- end of table -->)", re.DOTALL)
@@ -68,8 +68,15 @@ def _law(parameters: MoxParameters, gas: str) -> str:
 
 
 def _pid_rows() -> str:
-    rows = [f"| {gas} | {factor:g} |" for gas, factor in PID_CORRECTION.items()]
-    return "\n".join(["| gas | CF |", "|---|---|", *rows]) + "\n"
+    rows = [
+        f"| {name} | {gas.ionisation_ev:g} | {_factor(gas.cf_10_6_ev)} | {_factor(gas.cf_11_7_ev)} |"
+        for name, gas in PID_GASES.items()
+    ]
+    return "\n".join(["| gas | ionisation energy [eV] | CF at 10.6 eV | CF at 11.7 eV |", "|---|---|---|---|", *rows]) + "\n"
+
+
+def _factor(factor: float | None) -> str:
+    return "not seen" if factor is None else f"{factor:g}"
 
 
 if __name__ == "__main__":

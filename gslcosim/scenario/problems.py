@@ -131,6 +131,7 @@ UNIT_OF_ENDING = {
     "_px": "pixels",
     "_pa": "pascals",
     "_ut": "microteslas",
+    "_ev": "electronvolts",
     "_k": "kelvins",
     "_ppm": "ppm",
     "_ms": "milliseconds",

@@ -103,14 +103,14 @@ class GasDefinition(Spec):
     """A gas that gslcosim does not know by itself.
 
     `specific_gravity` is its density relative to air; `mox` gives the response of MOX sensors, which otherwise do not
-    notice it; `pid_correction` is its correction factor at 11.7 eV (absent: not ionised).
+    notice it; `pid_correction` is its correction factor with the lamp that is flown (absent: not ionised).
     """
 
     name: Name = Field(description="what the gas is called")
     specific_gravity: Positive = Field(description="density relative to air")
     mox: tuple[PowerLawSpec, ...] = Field(default=(), description="response of MOX sensors (absent: none)")
     pid_correction: Positive | None = Field(
-        default=None, description="correction factor at 11.7 eV (absent: not ionised)"
+        default=None, description="correction factor of PIDs with the lamp that is flown (absent: not ionised)"
     )
 
 

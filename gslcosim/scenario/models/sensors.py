@@ -92,8 +92,25 @@ class MoxSensorSpec(MeasuringSensorSpec):
     has_estimates: ClassVar[bool] = True
 
 
+# Lamps that are sold: krypton, and argon behind a lithium fluoride window.
+PID_LAMPS_EV = (10.6, 11.7)
+
+
 class PidSensorSpec(MeasuringSensorSpec):
     """A photo-ionisation detector."""
+
+    lamp_ev: Positive = Field(default=11.7, description="energy of its lamp's photons: 10.6 or 11.7")
+
+    @model_validator(mode="after")
+    def _check_lamp(self) -> Self:
+        if self.lamp_ev not in PID_LAMPS_EV:
+            raise broken_rule_error(
+                key="lamp_ev",
+                expected="10.6 or 11.7, for which there are correction factors",
+                found=f"{self.lamp_ev:g}",
+                remedy="10.6 is the usual lamp; 11.7 sees more gases.",
+            )
+        return self
 
 
 class ThresholdSensorSpec(MeasuringSensorSpec):

@@ -11,7 +11,7 @@ VALUES = {
     "mount_m": (0.1, 0.0, 0.0), "mount_rpy_rad": (0.0, 0.1, 0.0), "beam_body": (0.0, 0.0, -1.0),
     "response_s": (3.0, 4.0), "recovery_s": (5.0, 6.0), "imu": {"rate_hz": 50.0}, "gps": {"correlation_s": 9.0},
     "barometer": {"noise_std_pa": 3.0}, "magnetometer": {"correlation_s": 9.0}, "pose": {"position_noise_m": 0.5},
-    "lidar": {"n_azimuths": 4}, "camera": {"width_px": 32},
+    "lamp_ev": 10.6, "lidar": {"n_azimuths": 4}, "camera": {"width_px": 32},
 }  # fmt: skip
 
 

@@ -2,11 +2,13 @@ import math
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from gslcosim.base.rng import stream
 from gslcosim.contract.messages import GasAmount, MountSample
 from gslcosim.scenario.models.sensors import make_sensor_spec
 from gslcosim_services.sensing import SENSOR_MODELS
+from gslcosim_services.sensing.models.gas_sensors import PID_GASES
 
 STILL = (0.0, 0.0, 0.0)
 
@@ -26,10 +28,34 @@ def values_of(sensor, samples):
 
 
 @pytest.mark.parametrize(
-    ("gas", "factor"), [("ethanol", 10.47), ("propanol", 2.7), ("chlorine", 1.0), ("acetone", 1.4)]
+    ("gas", "at_10_6_ev", "at_11_7_ev"),
+    [
+        ("ethanol", 7.9, 3.1),
+        ("propanol", 6.0, 2.7),
+        ("chlorine", math.inf, 1.0),
+        ("acetone", 1.1, 1.4),
+        ("butane", math.inf, 1.2),
+    ],
 )
-def test_a_pid_divides_by_the_correction_factor(gas, factor):
-    assert values_of(instrument_of("pid"), [sample(**{gas: 50.0})])[0] == pytest.approx(50.0 / factor)
+def test_a_pid_divides_by_the_correction_factor_of_its_lamp(gas, at_10_6_ev, at_11_7_ev):
+    gases = [sample(**{gas: 50.0})]
+    assert values_of(instrument_of("pid", lamp_ev=10.6), gases)[0] == pytest.approx(50.0 / at_10_6_ev)
+    assert values_of(instrument_of("pid", lamp_ev=11.7), gases)[0] == pytest.approx(50.0 / at_11_7_ev)
+    assert values_of(instrument_of("pid"), gases)[0] == pytest.approx(50.0 / at_11_7_ev)
+
+
+def test_a_pid_answers_to_gases_below_the_energy_of_its_lamp_alone():
+    """A factor is none of the energies; 10.47 eV stood for ethanol's factor once."""
+    for gas in PID_GASES.values():
+        for lamp_ev in (10.6, 11.7):
+            factor = gas.correction(lamp_ev)
+            assert factor == 0.0 or gas.ionisation_ev < lamp_ev
+            assert factor != gas.ionisation_ev
+
+
+def test_a_pid_has_one_of_two_lamps():
+    with pytest.raises(ValidationError, match=r"expected 10\.6 or 11\.7"):
+        make_sensor_spec(model="pid", name="s", lamp_ev=9.8)
 
 
 def test_a_pid_adds_gases_and_is_blind_to_some():
