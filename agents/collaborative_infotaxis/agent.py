@@ -7,15 +7,13 @@ import math
 
 import numpy as np
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, RadioMessage, run
-from gslcosim.search.beliefs import BeliefPublisher, CellGrid
-from gslcosim.search.information.grid_search import arrival_radius_m, assumed_dispersal, direction_spread_rad
+from gslcosim.agent_kit import Briefing, Command, Observation, RadioMessage, run
+from gslcosim.search.beliefs import CellGrid
+from gslcosim.search.information.information_agent import arrival_radius_m, assumed_dispersal, direction_spread_rad
 from gslcosim.search.information.objectives import find_min_cost_index
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import declaration
-from gslcosim.search.motion.declaration import DeclarationGuard, by_entropy, by_mass
+from gslcosim.search.motion.declaration import Estimate, by_entropy, by_mass
 from gslcosim.search.motion.legs import LegPlanner, leg_end
-from gslcosim.search.random_stream import RandomStream
+from gslcosim.search.search_agent import SearchAgent
 from gslcosim.search.senses.hit_detection import Finding, GasEvidence
 from gslcosim.search.senses.instruments import find_noses, find_vane
 from gslcosim.search.senses.wind_field import WindRecord
@@ -30,22 +28,22 @@ N_PLANNED = 2
 Place = tuple[float, float]
 
 
-class CollaborativeInfotaxis(Agent):
+class CollaborativeInfotaxis(SearchAgent):
     """One robot of the team; its belief rests on the findings of all, its choice on where the others are going."""
 
+    program = __file__
+
     def __init__(self, briefing: Briefing) -> None:
-        s = self.settings = load_settings(briefing, __file__)
-        self.team, self.pilot = (
-            Team(briefing),
-            LegPlanner(briefing, RandomStream(briefing.seed), margin_m=s.wall_margin_m),
-        )
+        super().__init__(briefing)
+        s = self.settings
+        self.team, self.pilot = Team(briefing), LegPlanner(briefing, self.draws, margin_m=s.wall_margin_m)
         self.evidence = GasEvidence(find_noses(briefing)[0], every_s=s.stop_s, threshold_ppm=s.threshold_ppm)
         self.winds = WindRecord(find_vane(briefing), step_s=WIND_STEP_S, n_steps=max(1, round(s.wind_memory_s)))
-        grid = CellGrid.covering(briefing.bounds, s.cell_m)
+        self.grid = CellGrid.covering(briefing.bounds, s.cell_m)
         known_map = briefing.known_map
         self.belief = SharedBelief(
-            grid,
-            np.ones(grid.shape, np.bool_) if known_map is None else grid.free_cells(known_map),
+            self.grid,
+            np.ones(self.grid.shape, np.bool_) if known_map is None else self.grid.free_cells(known_map),
             assumed_dispersal(briefing, s, 2),
             floor=s.floor,
             power=s.power,
@@ -54,8 +52,6 @@ class CollaborativeInfotaxis(Agent):
         )
         self.reports: list[Report] = []
         self.aimed_m: Place | None = None
-        self.publisher, self.declared = BeliefPublisher(), DeclarationGuard()
-        self.height_m = briefing.search_height_m
         self.choose((1.0, 1.0), 0.0)
 
     def observe(self, observation: Observation) -> None:
@@ -68,23 +64,26 @@ class CollaborativeInfotaxis(Agent):
         for name, report in self.team.receive(observation):
             self.take(name, report)
 
-    def decide(self, observation: Observation) -> Command:
-        """Return the next stop, or a declaration, and send the last findings."""
-        self.observe(observation)
-        if self.pilot.is_busy(observation):
-            return self.pilot.stay(observation)
-        s, p, grid = self.settings, self.belief.p, self.belief.grid
-        message = self.publisher.message(observation, p, grid, height_m=self.height_m)
-        found = by_mass(p, grid, radius_m=s.radius_m, least=s.mass)
-        found = found or by_entropy(p, grid, limit_bits=s.entropy_bits, radius_m=s.radius_m)
-        found = self.declared.passes(found) if s.declares else None
-        if found is not None:
-            command = declaration(observation, (*found.position_m, self.height_m), found.confidence)
-        else:
-            x_m, y_m, _ = observation.position_world_m
-            self.aimed_m = self.choose((x_m, y_m), observation.time_s)
-            command = self.pilot.leg(observation, self.aimed_m, hold_s=s.hold_s)
-        return command.model_copy(update={"outgoing": self.calls(), "belief": message})
+    @property
+    def p(self) -> np.ndarray:
+        """The belief of all."""
+        return self.belief.p
+
+    def continue_leg(self, observation: Observation) -> Command | None:
+        """Return the command while a leg is under way."""
+        return self.pilot.continue_leg(observation)
+
+    def estimate(self, observation: Observation) -> Estimate | None:
+        """Return where the source is, once most of the belief lies close together or its entropy is low."""
+        s, p = self.settings, self.p
+        found = by_mass(p, self.grid, radius_m=s.radius_m, least=s.mass)
+        return found or by_entropy(p, self.grid, limit_bits=s.entropy_bits, radius_m=s.radius_m)
+
+    def next_leg(self, observation: Observation) -> Command:
+        """Return the way to the next stop."""
+        x_m, y_m, _ = observation.position_world_m
+        self.aimed_m = self.choose((x_m, y_m), observation.time_s)
+        return self.pilot.leg(observation, self.aimed_m, hold_s=self.settings.hold_s)
 
     def choose(self, here_m: Place, time_s: float) -> Place:
         """Return the place that adds most to what the others will find; not one that another robot is going to."""
@@ -139,7 +138,7 @@ class CollaborativeInfotaxis(Agent):
             )
         )  # fmt: skip
 
-    def calls(self) -> tuple[RadioMessage, ...]:
+    def outgoing(self, observation: Observation) -> tuple[RadioMessage, ...]:
         """Return the last findings, the oldest first: who missed one hears it the next time."""
         return tuple(
             message for report in self.reports[-self.settings.n_repeats :] for message in self.team.call(report)

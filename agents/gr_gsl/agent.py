@@ -22,7 +22,7 @@ class GrGslAgent(StopMapAgent[GrGsl]):
         flights = self.flights
         return GrGsl(flights.free, flights.grid, GrGslSettings.of(settings), flyable=flights.flyable)
 
-    def learn(self, stop: Stop) -> None:
+    def learn_stop(self, stop: Stop) -> None:
         """Take in what was measured at a stop; a sensor that still shows what it met before tells nothing."""
         if stop.wind is not None:
             self.winds.add(stop.position_m, stop.wind_world_m_s())

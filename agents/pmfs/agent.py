@@ -22,7 +22,7 @@ class PmfsAgent(StopMapAgent[Pmfs]):
         flights = self.flights
         return Pmfs(flights.free, flights.grid, PmfsSettings.of(settings), flyable=flights.flyable)
 
-    def learn(self, stop: Stop) -> None:
+    def learn_stop(self, stop: Stop) -> None:
         """Take in what was measured at a stop; a sensor that still shows what it met before tells nothing."""
         self.method.visit(stop.position_m)
         if stop.wind is not None:

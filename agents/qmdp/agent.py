@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.agent_kit import Briefing, Command, Observation, run
 from gslcosim.search.beliefs import BeliefPublisher, CellGrid
 from gslcosim.search.information.pomdp import (
     MOVES,
@@ -18,11 +18,10 @@ from gslcosim.search.information.pomdp import (
     offsets_m,
     update_offset_belief,
 )
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import declaration, waypoint
-from gslcosim.search.motion.declaration import DeclarationGuard, by_mass
+from gslcosim.search.motion.commands import waypoint
+from gslcosim.search.motion.declaration import Estimate, by_mass
 from gslcosim.search.motion.legs import LegSpace, leg_end, next_leg
-from gslcosim.search.random_stream import RandomStream
+from gslcosim.search.search_agent import SearchAgent
 from gslcosim.search.senses.instruments import find_noses, find_vane
 from gslcosim.search.senses.stop_and_measure import StopAndMeasure
 
@@ -34,20 +33,19 @@ N_UNKNOWN = 8
 DECIMALS = 9
 
 
-class Qmdp(Agent):
+class Qmdp(SearchAgent):
     """Believes in source cells; flies the move that its policy values most."""
 
+    program = __file__
+
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = load_settings(briefing, __file__)
+        super().__init__(briefing)
         self.table = PlumeTable.load(TABLE)
         self.move_m = self.table.policy_grid.cell_m
         nose = next(nose for nose in find_noses(briefing) if nose.unit == "ppm" or nose.estimate is not None)
         self.measure = StopAndMeasure((nose,), find_vane(briefing))
         self.wind = RunningWind(memory_s=self.settings.wind_memory_s, threshold_m_s=self.settings.threshold_m_s)
         self.room = LegSpace.within(briefing.bounds, self.settings.margin_m)
-        self.height_m = briefing.search_height_m
-        self.draws = RandomStream(briefing.seed)
-        self.declared = DeclarationGuard()
         self.publisher = BeliefPublisher(every_s=self.settings.belief_every_s)
         self.grid = CellGrid.covering(briefing.bounds, self.settings.cell_m, max_cells=MAX_CELLS)
         self.places_m = self.grid.centres_m()
@@ -62,21 +60,22 @@ class Qmdp(Agent):
         """Measure while the vehicle holds."""
         self.measure.add(observation)
 
-    def decide(self, observation: Observation) -> Command:
-        """Learn from the hold; declare when the belief has gathered, else fly on."""
-        self._learn(observation)
-        belief = self.belief.reshape(self.grid.shape)
-        message = self.publisher.message(observation, belief, self.grid, height_m=self.height_m)
-        estimate = by_mass(belief, self.grid, radius_m=self.settings.source_radius_m, least=self.settings.declare_mass)
-        passed = self.declared.passes(estimate) if self.settings.declares else None
-        if passed is not None:
-            at_m = (*passed.position_m[:2], self.height_m)
-            return declaration(observation, at_m, passed.confidence, belief=message)
-        x_m, y_m = self._next_end_m(observation)
-        return waypoint(observation, x_m, y_m, self.height_m, hold_s=self.settings.hold_s, belief=message)
+    @property
+    def p(self) -> np.ndarray:
+        """The belief in the source's cell."""
+        return self.belief.reshape(self.grid.shape)
 
-    def _learn(self, observation: Observation) -> None:
-        self.measure.add(observation)
+    def estimate(self, observation: Observation) -> Estimate | None:
+        """Return where the source is once the belief has gathered."""
+        return by_mass(self.p, self.grid, radius_m=self.settings.source_radius_m, least=self.settings.declare_mass)
+
+    def next_leg(self, observation: Observation) -> Command:
+        """Return the move of the greatest value."""
+        x_m, y_m = self._next_end_m(observation)
+        return waypoint(observation, x_m, y_m, self.height_m, hold_s=self.settings.hold_s)
+
+    def learn(self, observation: Observation) -> None:
+        """Learn from the hold: gas, wind, and so where the source may be."""
         measured = self.measure.measured()
         if measured is None:
             return

@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 
-from gslcosim.agent_kit import Briefing, Command, Observation, run
+from gslcosim.agent_kit import Briefing, Command, Observation, RadioMessage, run
 from gslcosim.search.maps.gr_gsl import GrGsl, GrGslSettings, warm_up
 from gslcosim.search.maps.map_agents import MapAgent
-from gslcosim.search.motion.declaration import by_variance
+from gslcosim.search.motion.declaration import Estimate, by_variance
 from gslcosim.search.motion.map_navigation import StopRecorder
 from gslcosim.search.senses.instruments import find_noses, find_vane
 from gslcosim.search.senses.stop_and_measure import Measurement
@@ -46,44 +46,53 @@ class SniffySquad(MapAgent):
         self.role = self.rounds.index
         self.name = briefing.agent
         self.asked: Observation | None = None
+        self.now: Round | None = None
 
     def observe(self, observation: Observation) -> None:
         """Read and listen: reports come with any observation."""
         self.watch.add(observation)
         self.rounds.observe(observation)
 
-    def decide(self, observation: Observation) -> Command:
-        """Go on to the goal; there wait until all have read, learn from all, and declare or take the next step."""
+    def continue_leg(self, observation: Observation) -> Command | None:
+        """Go on to the goal; there wait until all have read."""
         flights, self.asked = self.flights, observation
-        if flights.pilot.is_busy(observation):
-            return flights.pilot.stay(observation)
-        if flights.is_under_way(observation) and (leg := flights.leg(observation)) is not None:
-            return leg
+        command = super().continue_leg(observation) or flights.continue_to_goal(observation)
+        if command is not None:
+            return command
         flights.goal_m = None
         potential = float(belief_potential(self.method.p)[flights.grid.nearest_cell(observation.position_world_m)])
-        now = self.rounds.complete(observation, (self.role, potential, self.draws.fraction()))
-        if now is None:
-            return self.rounds.wait(observation)
-        self.learn(now)
-        self.role = self.roles(now)[self.name]
-        p, limit_m2 = self.method.p, self.settings.declare_variance_m2
-        found = by_variance(p, flights.grid, limit_m2=limit_m2) if self.settings.declares else None
-        command = self.answer(observation, p, found, lambda: self.step(observation, now))
-        return command.model_copy(update={"outgoing": self.rounds.call()})
+        self.now = self.rounds.complete(observation, (self.role, potential, self.draws.fraction()))
+        return self.rounds.wait(observation) if self.now is None else None
+
+    @property
+    def p(self) -> np.ndarray:
+        """The belief of the squad."""
+        return self.method.p
+
+    def estimate(self, observation: Observation) -> Estimate | None:
+        """Return where the source is once the belief is narrow."""
+        return by_variance(self.p, self.grid, limit_m2=self.settings.declare_variance_m2)
+
+    def outgoing(self, observation: Observation) -> tuple[RadioMessage, ...]:
+        """Return the last report once more."""
+        return self.rounds.call()
 
     def verdict(self, _: Measurement) -> float:
         """Return what the reports say of the gas at a stop: there was some, none, or the sensor cannot tell."""
         assert self.asked is not None
         return {True: HIT, False: CLEAN, None: UNCLEAR}[self.watch.stop(self.asked).is_hit]
 
-    def learn(self, now: Round) -> None:
+    def learn(self, observation: Observation) -> None:
         """Take in what all have measured, in the order of their names, so that all come to the same belief."""
+        assert self.now is not None
+        now = self.now
         for report in now.reports.values():
             x_m_s, y_m_s = report.wind_m_s or (0.0, 0.0)
             is_calm = math.hypot(x_m_s, y_m_s) <= self.settings.wind_threshold_m_s
             if report.amount != UNCLEAR:
                 downwind_rad = None if is_calm else math.atan2(y_m_s, x_m_s)
                 self.method.update(report.position_m, is_hit=report.amount == HIT, downwind_rad=downwind_rad)
+        self.role = self.roles(now)[self.name]
 
     def roles(self, now: Round) -> dict[str, int]:
         """Return everyone's role after this round's swaps, by what all have reported."""
@@ -96,8 +105,10 @@ class SniffySquad(MapAgent):
             roles, potentials, fractions, self.ladder, is_odd=is_odd, attempt=attempt
         )
 
-    def step(self, observation: Observation, now: Round) -> Command:
+    def next_leg(self, observation: Observation) -> Command:
         """Return the leg of a Langevin step; one that ends in something solid or at another robot is drawn again."""
+        assert self.now is not None
+        now = self.now
         flights, s = self.flights, self.settings
         here_m = observation.position_world_m[:2]
         others_m = [report.position_m[:2] for name, report in now.reports.items() if name != self.name]

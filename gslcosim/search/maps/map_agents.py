@@ -2,46 +2,35 @@
 
 from abc import abstractmethod
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation
-from gslcosim.search.beliefs import BeliefPublisher, normalised
+from gslcosim.agent_kit import Briefing, Command, Observation
+from gslcosim.search.beliefs import normalised
 from gslcosim.search.maps import kernel_dm
-from gslcosim.search.maps.kernel_dm import GasMaps, KernelMap, KernelWidths, ReadingCollector, choose_next_cell
+from gslcosim.search.maps.kernel_dm import KernelMap, KernelWidths, ReadingCollector, choose_next_cell
 from gslcosim.search.maps.wind_map import WindMap, WindWeights
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import declaration
 from gslcosim.search.motion.coverage import lawnmower_path_m
-from gslcosim.search.motion.declaration import DeclarationGuard, Estimate, UnchangedRule, by_variance
+from gslcosim.search.motion.declaration import Estimate, UnchangedRule, by_variance
 from gslcosim.search.motion.grid_paths import path_field
 from gslcosim.search.motion.map_navigation import MapNavigator, Stop, StopRecorder
-from gslcosim.search.random_stream import RandomStream
+from gslcosim.search.search_agent import SearchAgent
 from gslcosim.search.senses.instruments import find_noses, find_vane
 
 
-class MapAgent(Agent):
-    """An agent that flies round the obstacles of a granted map, publishes a belief over its cells, and declares.
-
-    A method is a subclass that names its `program` (`__file__`, with its card beside it).
+class MapAgent(SearchAgent):
+    """An agent that flies round the obstacles of a granted map, and believes over its cells.
 
     Its settings: cell_m, max_cells, clearance_m, wall_margin_m.
     """
 
-    program: ClassVar[str]
-
     def __init__(self, briefing: Briefing) -> None:
-        """Read the settings and the map.
-
-        Raises:
-            MethodError: the agent lacks something that its card asks for, or a parameter is wrong.
-        """
-        settings = self.settings = load_settings(briefing, self.program)
-        self.draws = RandomStream(briefing.seed)
+        super().__init__(briefing)
+        settings = self.settings
         self.flights = MapNavigator(
             briefing,
             self.draws,
@@ -50,19 +39,11 @@ class MapAgent(Agent):
             clearance_m=settings.clearance_m,
             margin_m=settings.wall_margin_m,
         )
-        self.publisher = BeliefPublisher()
-        self.declared = DeclarationGuard()
-        self.height_m = briefing.search_height_m
+        self.grid = self.flights.grid
 
-    def answer(
-        self, observation: Observation, p: NDArray[np.float64], found: Estimate | None, next_leg: Callable[[], Command]
-    ) -> Command:
-        """Return the declaration of an estimate that is news, else the next leg; the belief goes with either."""
-        belief = self.publisher.message(observation, p, self.flights.grid, height_m=self.height_m)
-        passed = self.declared.passes(found)
-        if passed is not None:
-            return declaration(observation, (*passed.position_m, self.height_m), passed.confidence, belief=belief)
-        return next_leg().model_copy(update={"belief": belief})
+    def continue_leg(self, observation: Observation) -> Command | None:
+        """Return the command while a leg is under way."""
+        return self.flights.pilot.continue_leg(observation)
 
 
 class StopBelief(Protocol):
@@ -100,7 +81,7 @@ class StopMapAgent(MapAgent, Generic[BeliefT]):
         """Return the method's belief over the cells of `flights`, and compile what it needs."""
 
     @abstractmethod
-    def learn(self, stop: Stop) -> None:
+    def learn_stop(self, stop: Stop) -> None:
         """Take in what was measured at a stop; a sensor that still shows what it met before tells nothing."""
 
     @abstractmethod
@@ -111,19 +92,24 @@ class StopMapAgent(MapAgent, Generic[BeliefT]):
         """Collect what is measured until the next decision."""
         self.watch.add(observation)
 
-    def decide(self, observation: Observation) -> Command:
-        """Go on to the goal; there learn from what was measured, and declare or choose the next goal."""
-        flights = self.flights
-        if flights.pilot.is_busy(observation):
-            return flights.pilot.stay(observation)
-        if flights.is_under_way(observation) and (leg := flights.leg(observation)) is not None:
-            return leg
-        if flights.goal_m is not None and flights.was_missed(observation):
-            self.method.give_up(flights.goal_m)
-        self.learn(self.watch.stop(observation))
-        p = self.method.p
-        found = by_variance(p, flights.grid, limit_m2=self.settings.declare_variance_m2)
-        return self.answer(observation, p, found, lambda: self.next_leg(observation))
+    def continue_leg(self, observation: Observation) -> Command | None:
+        """Return the command while a leg, or the next one on the way to the goal, is under way."""
+        return super().continue_leg(observation) or self.flights.continue_to_goal(observation)
+
+    def learn(self, observation: Observation) -> None:
+        """Learn from what was measured at the stop; a goal that was not reached is given up."""
+        if self.flights.goal_m is not None and self.flights.was_missed(observation):
+            self.method.give_up(self.flights.goal_m)
+        self.learn_stop(self.watch.stop(observation))
+
+    @property
+    def p(self) -> NDArray[np.float64]:
+        """The method's belief."""
+        return self.method.p
+
+    def estimate(self, observation: Observation) -> Estimate | None:
+        """Return where the source is once the belief is narrow."""
+        return by_variance(self.p, self.grid, limit_m2=self.settings.declare_variance_m2)
 
     def next_leg(self, observation: Observation) -> Command:
         """Choose the next goal and set out for it; where there is none, or no way to it, stay."""
@@ -160,6 +146,7 @@ class KernelMapAgent(MapAgent):
             decay_per_s=settings.decay_per_s,
         )
         self.gas = KernelMap(self.flights.grid, widths, max_readings=settings.max_readings)
+        self.maps = self.gas.maps()
         self.lanes_m: deque[Sequence[float]] | None = None if settings.motion == "sweep" else deque()
         self.most_gas = 0.0
         self.unchanged = UnchangedRule(radius_m=settings.declare_radius_m, n_legs=settings.declare_legs)
@@ -171,17 +158,18 @@ class KernelMapAgent(MapAgent):
             self.gas.add(reading.place_m, reading.value, time_s=reading.time_s, wind_m_s=reading.wind_m_s)
             self.most_gas = max(self.most_gas, reading.value)
 
-    def decide(self, observation: Observation) -> Command:
-        """Declare a peak that has stayed where it is, else fly on."""
-        self.observe(observation)
-        if self.flights.pilot.is_busy(observation):
-            return self.flights.pilot.stay(observation)
-        maps = self.gas.maps()
-        p = normalised(maps.variance * self.flights.free)
-        return self.answer(observation, p, self.estimate(maps), lambda: self.next_leg(observation, maps))
+    def learn(self, observation: Observation) -> None:
+        """Map what was read so far."""
+        self.maps = self.gas.maps()
 
-    def estimate(self, maps: GasMaps) -> Estimate | None:
+    @property
+    def p(self) -> NDArray[np.float64]:
+        """The variance of the gas over the free cells, scaled to sum 1."""
+        return normalised(self.maps.variance * self.flights.free)
+
+    def estimate(self, observation: Observation) -> Estimate | None:
         """Return the place where the gas varies most, if there was gas and it has been there for some legs."""
+        maps = self.maps
         peak = maps.peak(least_confidence=self.settings.peak_confidence)
         if peak is None or not self.most_gas > self.settings.gas_threshold_ppm:
             return None
@@ -189,7 +177,7 @@ class KernelMapAgent(MapAgent):
         stays = self.unchanged.add(place_m)
         return Estimate(position_m=place_m, confidence=float(maps.confidence[peak])) if stays else None
 
-    def next_leg(self, observation: Observation, maps: GasMaps) -> Command:
+    def next_leg(self, observation: Observation) -> Command:
         """Fly on along the lanes, or to the place that is most worth it; after a refusal to the next one."""
         flights, here_m = self.flights, observation.position_world_m
         if self.lanes_m is None:
@@ -198,16 +186,16 @@ class KernelMapAgent(MapAgent):
         if not flights.is_under_way(observation) and self.lanes_m:
             flights.go_to(self.lanes_m.popleft())
         elif not self.lanes_m and not flights.is_under_way(observation):
-            self.go_to_the_best(here_m, maps)
+            self.go_to_the_best(here_m)
         leg = flights.leg(observation, at_most_m=self.settings.step_m, hold_s=self.settings.hold_s)
         return leg or flights.stay(observation)
 
-    def go_to_the_best(self, here_m: Sequence[float], maps: GasMaps) -> None:
+    def go_to_the_best(self, here_m: Sequence[float]) -> None:
         """Set the goal that is worth most."""
         field = path_field(self.flights.flyable, self.flights.grid, here_m)
         assert field is not None, "there is always a cell to fly in"
         cell = choose_next_cell(
-            maps,
+            self.maps,
             self.flights.flyable,
             field.length_m,
             curiosity=self.settings.curiosity,

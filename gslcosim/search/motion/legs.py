@@ -342,6 +342,10 @@ class LegPlanner:
             self._rest_since_tick = observation.tick
         return (observation.tick - self._rest_since_tick) * self._tick_s < self._leg_hold_s - 1e-9
 
+    def continue_leg(self, observation: Observation) -> Command | None:
+        """Return the command that changes nothing while the last leg is not over, None after it."""
+        return self.stay(observation) if self.is_busy(observation) else None
+
     def stay(self, observation: Observation) -> Command:
         """Return the command that changes nothing."""
         return Command(tick=observation.tick, kind="noop")

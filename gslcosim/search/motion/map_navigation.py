@@ -219,6 +219,10 @@ class MapNavigator:
         x_m, y_m = point_along(np.array([here_m, bends_m[0]]), at_most_m)
         return self.pilot.leg(observation, (float(x_m), float(y_m)), hold_s=hold_s if is_last else 0.0)
 
+    def continue_to_goal(self, observation: Observation) -> Command | None:
+        """Return the next leg to a goal that is not reached yet; None at the goal, or where no way leads there."""
+        return self.leg(observation) if self.is_under_way(observation) else None
+
     def stay(self, observation: Observation) -> Command:
         """Return the command to stay here for a hold, so that what comes with the wind is measured."""
         self.goal_m = None

@@ -48,22 +48,22 @@ def at(time_s, place_m, *, ppm=0.0):
 def chosen(agent, place_m=(7.0, 5.0, 2.0)):
     """Where the agent goes, and the outlook that it has weighed."""
     agent.observe(at(4.0, place_m))
-    context = agent.search.build_context(place_m[: agent.search.grid.dimensions])
+    context = agent.build_context(place_m[: agent.grid.dimensions])
     return np.array(agent.decide(at(4.0, place_m)).position_world_m), context
 
 
 def sure_of(agent, place_m):
     """Let an agent believe that the source is in one cell."""
-    grid = agent.search.grid
+    grid = agent.grid
     p = np.full(grid.shape, 1e-12)
     p[grid.cell_at(place_m)] = 1.0
-    agent.search._memory.p = (p / p.sum()).reshape(-1)
+    agent._memory.p = (p / p.sum()).reshape(-1)
 
 
 def informed(agent, seed=5):
     """Let an agent hold a belief with several peaks."""
-    p = np.random.default_rng(seed).random(agent.search.grid.n_cells) ** 8
-    agent.search._memory.p = p / p.sum()
+    p = np.random.default_rng(seed).random(agent.grid.n_cells) ** 8
+    agent._memory.p = p / p.sum()
     return agent
 
 
@@ -120,14 +120,14 @@ def test_infotaxis_declares_only_what_it_is_sure_of():
 def test_a_granted_plume_is_used():
     frozen = made(Infotaxis)
     granted = Infotaxis(briefing(sensors=PID, plume=PLUME))
-    assert granted.search.model().diffusivity_m2_s < 0.2 * frozen.search.model().diffusivity_m2_s
+    assert granted.model().diffusivity_m2_s < 0.2 * frozen.model().diffusivity_m2_s
 
 
 def test_what_it_decides_is_the_arithmetic_of_its_readme():
     """The formulas of the README, written down once more with plain numbers: what another language must repeat."""
     agent = informed(made(Infotaxis, declares=False, n_headings=4), 3)
     place_m, context = chosen(agent)
-    settings, model = agent.settings, agent.search.model()
+    settings, model = agent.settings, agent.model()
     speed = math.hypot(*model.wind_m_s)
     length = math.sqrt(
         model.diffusivity_m2_s * model.lifetime_s / (1 + speed**2 * model.lifetime_s / (4 * model.diffusivity_m2_s))
@@ -172,7 +172,7 @@ def test_infotaxis_3d_climbs_or_dives_to_a_source_above_or_below(height_m, sign)
 def test_infotaxis_3d_keeps_away_from_floor_and_ceiling():
     agent = made(Infotaxis3d)
     for z_m in (0.5, 7.5):
-        heights = [end[2] for end in agent.search.neighbours((7.0, 5.0, z_m))]
+        heights = [end[2] for end in agent.neighbours((7.0, 5.0, z_m))]
         assert all(0.5 <= height <= 7.5 for height in heights)
 
 
@@ -204,7 +204,7 @@ def test_a_place_where_something_was_found_counts_half():
     for k in range(21):
         agent.observe(at(4.0 + 0.1 * k, (7.0, 5.0, 2.0)))
     agent.decide(at(6.0, (7.0, 5.0, 2.0)))
-    around = agent.search.build_context((8.5, 5.0))
+    around = agent.build_context((8.5, 5.0))
     back = int(np.argmin(np.linalg.norm(around.places_m - (7.0, 5.0), axis=1)))
     assert around.novelty[back] < 0.6
     assert np.delete(around.novelty, back) == pytest.approx(1.0)

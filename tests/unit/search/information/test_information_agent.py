@@ -1,4 +1,4 @@
-"""The searcher that the information-driven agents share: what it learns, where it may go, when it declares."""
+"""What information-driven agents share: what they learn, where they may go, when they declare."""
 
 import math
 from types import SimpleNamespace
@@ -11,14 +11,13 @@ from gslcosim.scenario.models.success import DeclarationSuccess
 from gslcosim.search.bayes.encounter_model import likelihoods_into
 from gslcosim.search.beliefs import CellGrid, best_ball, entropy_bits, mass_within
 from gslcosim.search.information import objectives as information_kernels
-from gslcosim.search.information.grid_search import (
-    GridSearch,
+from gslcosim.search.information.information_agent import (
+    InformationAgent,
     arrival_radius_m,
     assumed_dispersal,
     direction_spread_rad,
     max_box_probability,
 )
-from gslcosim.search.information.objectives import infotaxis_cost
 from gslcosim_services.sensing.briefing import mission_text
 
 WEST_RAD = math.pi  # the wind comes from -x and blows to +x
@@ -32,13 +31,16 @@ SETTINGS = {
 }  # fmt: skip
 
 
-def searcher(*, dimensions=2, briefed=None, **changes) -> GridSearch:
-    return GridSearch(
-        briefed or briefing(sensors=PID),
-        SimpleNamespace(**{**SETTINGS, **changes}),
-        lambda context: infotaxis_cost(context.predict()),
-        dimensions=dimensions,
-    )
+class Searcher(InformationAgent):
+    objective = "infotaxis"
+
+
+class SearcherInSpace(Searcher):
+    dimensions = 3
+
+
+def searcher(kind=Searcher, *, briefed=None, **changes) -> InformationAgent:
+    return kind(briefed or briefing(sensors=PID), SimpleNamespace(**{**SETTINGS, **changes}))
 
 
 def seen(time_s, place_m=(7.0, 5.0, 2.0), *, ppm=0.0, speed_m_s=0.4, notice=None):
@@ -167,7 +169,7 @@ def test_with_a_map_neither_belief_nor_steps_enter_walls():
 
 
 def test_in_space_it_also_goes_up_and_down():
-    search = searcher(dimensions=3, cell_m=1.0)
+    search = searcher(SearcherInSpace, cell_m=1.0)
     heights = {end[2] for end in search.neighbours((7.0, 5.0, 2.0))}
     assert heights == {1.0, 2.0, 3.0}
     assert search.p.shape == (15, 10, 8)
