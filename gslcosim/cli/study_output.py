@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,8 @@ if TYPE_CHECKING:
     from gslcosim.bench.cases.models import LimitsSpec
     from gslcosim.bench.execution.pool import Pool
     from gslcosim.bench.statistics.estimates import Estimate
-    from gslcosim.bench.studies.sweep import SettingFigures, SweepResult
+    from gslcosim.bench.statistics.settings import SettingFigures
+    from gslcosim.bench.studies.sweep import SweepResult
     from gslcosim.bench.studies.tuning import EvaluatedSetting, TuningProgress, TuningResult
 
 RESULTS_DIR = Path("results")
@@ -53,8 +55,8 @@ def format_stage(stage: "TuningProgress") -> str:
     )
 
 
-def format_sweep(sweep: "SweepResult", folder: Path) -> str:
-    """Return a sweep as a table, and where its files are."""
+def format_sweep(sweep: "SweepResult", folder: Path, page: Path | None) -> str:
+    """Return a sweep as a table, and where its files and its report are."""
     names = list(sweep.varied)
     heads = [*(name.upper() for name in names), "N", "SUCCESS %", "MEAN SCORE", "MEAN TIME s", "SCORE DIFFERENCE"]
     rows = [
@@ -78,7 +80,13 @@ def format_sweep(sweep: "SweepResult", folder: Path) -> str:
         lines.append(
             f"Intervals of scores from fewer than {_FEW} flights are too narrow; more --repetitions mend that."
         )
-    return "\n".join([*lines, f"Results: {folder} (sweep.svg, sweep.csv, sweep.json)"])
+    return "\n".join(
+        [*lines, f"Results: {folder} (sweep.csv, sweep.json)", f"Report: {page or _report_command(folder)}"]
+    )
+
+
+def _report_command(folder: Path) -> str:
+    return f"gslcosim bench report {shlex.quote(str(folder))}"
 
 
 def format_tuning(tuning: "TuningResult", folder: Path, parameters: str) -> str:
@@ -100,6 +108,7 @@ def format_tuning(tuning: "TuningResult", folder: Path, parameters: str) -> str:
             *_verdict_lines(tuning),
             f"parameters: {parameters}" if tuning.validation is not None else "",
             f"Results: {folder} (tuning.json, tuning.csv, study.log)",
+            f"Report: {_report_command(folder / 'training')}",
         ]
     ).replace("\n\n", "\n")
 

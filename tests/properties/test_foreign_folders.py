@@ -36,7 +36,7 @@ RUN_FILES = (
 )  # fmt: skip
 RESULT_FILES = ("manifest.json", "maps.json", "rows.jsonl", "suite.yaml", "trials.parquet", "tracks.parquet")
 ENVIRONMENT_FILES = ("environment.yaml", "occupancy.npy", "wind.npy")
-SWEEP_FILES = (*RESULT_FILES, "sweep.json", "sweep.csv", "sweep.svg")
+SWEEP_FILES = (*RESULT_FILES, "sweep.json", "sweep.csv")
 TUNING_FILES = (
     "study.log", "tuning.json", "tuning.csv",
     *(f"{part}/{name}" for part in ("training", "validation") for name in RESULT_FILES),

@@ -1,6 +1,9 @@
 """Frozen models of a suite file, and the cases and trials of a plan."""
 
 import hashlib
+import itertools
+import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -20,6 +23,9 @@ from gslcosim.scenario.models.sensors import Sensor
 
 SCHEMA = "gslcosim/suite/1"
 LOWER_ANCHOR, UPPER_ANCHOR = "oracle", "random_walker"
+MAX_NAME_LENGTH = 40
+MAX_SETTINGS = 500
+"""More combinations of parameters than this are no sweep but a search."""
 
 Values = dict[str, Any]
 """Values of a scenario by their paths, such as `agents[0].vehicle.hold_s`."""
@@ -51,12 +57,14 @@ class EntrySpec(Spec):
     card of the method asks for. `knows` is what the method's card asks for if absent. With several `robots` the first
     stands where the scenario's does and the others around it; a Python program flies all of them as one team. `radio`
     gives them a channel; absent: when the card asks for one. `parameters_in` are parameters for single scenarios.
+    `vary` lists values of parameters: the entry then stands for one entry for each combination of them.
     """
 
     name: Name
     start: StartSpec
     parameters: dict[Name, ParameterValue] = {}  # noqa: RUF012 - as above
     parameters_in: dict[Name, dict[Name, ParameterValue]] = {}  # noqa: RUF012 - as above
+    vary: dict[Name, Annotated[tuple[ParameterValue, ...], Field(min_length=1)]] = {}  # noqa: RUF012 - as above
     sensors: Literal["by_method"] | Annotated[tuple[Sensor, ...], Field(min_length=1)] | None = None
     mode: Literal["on_request", "lockstep"] | dict[Literal["latency"], Annotated[int, Field(ge=1, le=1000)]] | None = (
         None
@@ -82,6 +90,58 @@ class EntrySpec(Spec):
                 remedy="Add door: stdio to the start.",
             )
         return self
+
+    @model_validator(mode="after")
+    def _check_vary(self) -> Self:
+        n_settings = math.prod(len(values) for values in self.vary.values())
+        if n_settings > MAX_SETTINGS:
+            raise broken_rule_error(
+                key="vary",
+                expected=f"at most {MAX_SETTINGS} combinations of values",
+                found=str(n_settings),
+                remedy="Vary less at a time, or search: gslcosim bench tune.",
+            )
+        for name, values in self.vary.items():
+            if twice := [value for i, value in enumerate(values) if value in values[:i]]:
+                raise broken_rule_error(
+                    key=f"vary.{name}", expected="each value once", found=f"{twice[0]} twice", remedy="Leave one out."
+                )
+        return self
+
+    @property
+    def settings(self) -> "tuple[EntrySpec, ...]":
+        """The entries that it stands for: itself, or one for each combination of `vary`, the last parameter fastest.
+
+        Names tell the values, as in `e_coli_step_m_0_5`; where they would be too long or equal they are numbered.
+        """
+        if not self.vary:
+            return (self,)
+        combinations = [dict(zip(self.vary, values, strict=True)) for values in itertools.product(*self.vary.values())]
+        names = ["_".join([self.name, *(f"{k}_{_name_value(v)}" for k, v in each.items())]) for each in combinations]
+        if len(set(names)) < len(names) or max(map(len, names)) > MAX_NAME_LENGTH:
+            width = len(str(len(names)))
+            stem = self.name[: MAX_NAME_LENGTH - width - 1].rstrip("_")
+            names = [f"{stem}_{i + 1:0{width}d}" for i in range(len(names))]
+        return tuple(self.with_parameters(name, each) for name, each in zip(names, combinations, strict=True))
+
+    def with_parameters(self, name: str, parameters: Mapping[str, ParameterValue]) -> "EntrySpec":
+        """Return the entry under another name with other values of some parameters, in all scenarios."""
+        # A parameter for a single scenario would hide the values that are compared.
+        kept = {
+            scenario: {key: value for key, value in values.items() if key not in parameters}
+            for scenario, values in self.parameters_in.items()
+        }
+        values = {**self.parameters, **parameters}
+        return self.model_copy(update={"name": name, "parameters": values, "parameters_in": kept, "vary": {}})
+
+
+def _name_value(value: ParameterValue) -> str:
+    if isinstance(value, tuple):
+        return "_".join(_name_value(item) for item in value)
+    text = f"{value:g}" if isinstance(value, float) else str(value).lower()
+    if isinstance(value, int | float):
+        text = text.replace("-", "minus_")
+    return re.sub(r"[^a-z0-9]+", "_", text).strip("_")
 
 
 class ControlsSpec(Spec):
@@ -145,8 +205,9 @@ class Suite(Spec):
 
     @property
     def entries_with_anchors(self) -> tuple[EntrySpec, ...]:
-        """The entries, and the anchors that are not among them by name."""
-        names = {entry.name for entry in self.entries}
+        """The entries with each setting of those that vary, and the anchors that are not among them by name."""
+        entries = tuple(setting for entry in self.entries for setting in entry.settings)
+        names = {entry.name for entry in entries}
         robots = max((entry.robots for entry in self.entries), default=1)
         least = min((entry.robots for entry in self.entries), default=1)
         anchors = (
@@ -154,7 +215,7 @@ class Suite(Spec):
             for name in self.anchors
             if name not in names
         )
-        return (*self.entries, *anchors)
+        return (*entries, *anchors)
 
     @model_validator(mode="after")
     def _check_cases(self) -> Self:
@@ -176,7 +237,7 @@ class Suite(Spec):
 
     @model_validator(mode="after")
     def _check_names(self) -> Self:
-        names = [entry.name for entry in self.entries]
+        names = [setting.name for entry in self.entries for setting in entry.settings]
         if twice := next((name for name in names if names.count(name) > 1), None):
             raise broken_rule_error(
                 key="entries", expected="a name of its own for each", found=f"{twice} twice", remedy="Rename one."

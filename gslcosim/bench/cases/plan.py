@@ -207,6 +207,38 @@ class PlannedEntry:
     agent_hash: str
     card: MethodCard | None
 
+    def value_of(self, parameter: str) -> Any:
+        """Return a parameter's value: its own, or the default of its card; None where nobody says."""
+        known = self.card.parameters.get(parameter) if self.card is not None else None
+        return self.spec.parameters.get(parameter, known.default if known is not None else None)
+
+
+def group_settings(entries: Sequence[PlannedEntry]) -> list[dict[str, Any]]:
+    """Return groups of entries that differ in parameters alone, as `manifest.json` has them.
+
+    Each has a `title`, and for the parameters that differ `units`, `defaults` of the card and, by entry, `values`.
+    """
+    groups: dict[str, list[PlannedEntry]] = {}
+    for entry in entries:
+        same = entry.spec.model_dump_json(exclude={"name", "parameters", "parameters_in"})
+        groups.setdefault(f"{entry.agent_hash}/{same}", []).append(entry)
+    found: list[dict[str, Any]] = []
+    for group in groups.values():
+        names = dict.fromkeys(name for entry in group for name in entry.spec.parameters)
+        varied = [name for name in names if any(e.value_of(name) != group[0].value_of(name) for e in group)]
+        if varied:
+            card = group[0].card
+            known = card.parameters if card is not None else {}
+            found.append(
+                {
+                    "title": card.title if card is not None else group[0].spec.name,
+                    "units": {name: known[name].unit if name in known else "1" for name in varied},
+                    "defaults": {name: known[name].default for name in varied if name in known},
+                    "values": {e.spec.name: {name: e.value_of(name) for name in varied} for e in group},
+                }
+            )
+    return found
+
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:

@@ -81,5 +81,9 @@ def _find_card_problems(entry: EntrySpec, directory: Path) -> Iterator[Problem]:
                 yield Problem(where=place, expected=need.expected, found=need.found, remedy=need.remedy)
 
 
-def _list_special_parameters(entry: EntrySpec) -> list[tuple[str, dict[str, object]]]:
-    return [(f"parameters_in.{scenario}", dict(given)) for scenario, given in entry.parameters_in.items()]
+def _list_special_parameters(entry: EntrySpec) -> Iterator[tuple[str, dict[str, object]]]:
+    for scenario, given in entry.parameters_in.items():
+        yield f"parameters_in.{scenario}", dict(given)
+    for name, values in entry.vary.items():
+        for value in values:
+            yield "vary", {name: value}

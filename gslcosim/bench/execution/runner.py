@@ -20,7 +20,7 @@ from gslcosim.base.code_identity import COMPUTING_PACKAGES
 from gslcosim.base.disk_cache import mark_used
 from gslcosim.base.errors import SimulationFault
 from gslcosim.bench.cases.models import LOWER_ANCHOR, UPPER_ANCHOR, Selection, Shard, Trial, choose_trials
-from gslcosim.bench.cases.plan import Plan, build_plan, save_pace
+from gslcosim.bench.cases.plan import Plan, build_plan, group_settings, save_pace
 from gslcosim.bench.cases.suite_files import LoadedSuite, load_suite, write_suite
 from gslcosim.bench.execution.pool import POLL_PERIOD_S, Job, JobResult, LocalPool, Pool, iterate_results, n_cores
 from gslcosim.bench.execution.scoring import COMPLETED, Row, row_without_result
@@ -79,6 +79,7 @@ def build_manifest(plan: Plan, sessions: list[dict[str, Any]], *, recorded: Sequ
             }
             for entry in plan.entries
         ],
+        "settings": group_settings(plan.entries),
         "scenarios": [{"name": name, "family": family, "title": name} for name, family in titles.items()],
         "n_planned": len(plan.trials),
         "n_dropped": len(plan.dropped),

@@ -30,6 +30,7 @@ from gslcosim.bench.report.curves import (
 )
 from gslcosim.bench.report.leaderboard import LeaderboardRow, build_leaderboard, build_matrix, plume_clusters
 from gslcosim.bench.report.report_data import EnvironmentMap, Flags, Floats, Ints, ReportData
+from gslcosim.bench.report.responses import ParameterResponse, compute_responses
 from gslcosim.bench.statistics.difficulty import (
     contact_difficulty,
     distance_difficulty,
@@ -355,6 +356,7 @@ class ReportView:
     declarations: tuple[DeclarationCounts, ...]
     beliefs: Mapping[str, tuple[CurveWithBand, ...]]
     last_beliefs: tuple[FinalBelief, ...]
+    responses: tuple[ParameterResponse, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -429,6 +431,7 @@ def _view(
         declarations=summarise_declarations(material, within),
         beliefs=belief_curves(material, within, tracks) if tracks is not None else {},
         last_beliefs=summarise_final_beliefs(material, within),
+        responses=compute_responses(material, within),
     )
 
 

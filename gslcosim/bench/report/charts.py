@@ -1,14 +1,17 @@
 """Line charts of the report, each described once: the page and the figures for papers draw the same."""
 
-from collections.abc import Mapping, Sequence
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from gslcosim.bench.report.analysis import ReportView
 from gslcosim.bench.report.curves import RADII_M, CurveWithBand
 from gslcosim.bench.report.report_data import Floats
+from gslcosim.bench.report.responses import ParameterResponse, ResponsePoint
 from gslcosim.bench.statistics.estimates import Estimate
 from gslcosim.bench.statistics.roc import Roc
 
@@ -23,22 +26,30 @@ class ChartAxis:
         high: Where it ends.
         format: How values are read: `percent` stands for shares, which the vertical axis counts in hundredths.
         name: What precedes a value that is read from the page; empty: the label.
-        is_log: Whether it is logarithmic.
+        is_log: Whether it is logarithmic; then it has ticks.
+        ticks: Places with what is written there; without any, round numbers.
+        default: Where the default of a parameter is marked.
     """
 
     label: str
     low: float
     high: float
-    format: Literal["seconds", "percent", "metres", "times"]
+    format: Literal["seconds", "percent", "metres", "times", "number"]
     name: str = ""
     is_log: bool = False
+    ticks: tuple[tuple[float, str], ...] = ()
+    default: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChartLine:
-    """The line of an entry: (m,) each, with the ends of its band where it has one; `area` is that below it."""
+    """The line of an entry: (m,) each, with the ends of its band where it has one; `area` is that below it.
+
+    One with a `label` is a line of several entries, of which the first gives it its colour.
+    """
 
     entry: int
+    label: str = ""
     x: Floats
     value: Floats
     low: Floats | None = None
@@ -58,6 +69,8 @@ class LineChart:
         lines: One for each entry that has data; not empty.
         is_step: Whether a value holds until the next.
         has_diagonal: Whether chance is drawn as the diagonal.
+        has_points: Whether values are points with intervals as bars.
+        is_joined: Whether a line goes through its values.
     """
 
     title: str
@@ -66,6 +79,8 @@ class LineChart:
     lines: tuple[ChartLine, ...]
     is_step: bool = False
     has_diagonal: bool = False
+    has_points: bool = False
+    is_joined: bool = True
 
     @property
     def shared_x(self) -> Floats | None:
@@ -78,7 +93,7 @@ def build_line_charts(view: ReportView, limit_s: float) -> Mapping[str, LineChar
     """Return the charts of a view that there are data for, in the order of the page.
 
     `success_over_time`, `profile`, `runtime` with `runtime_5` to `runtime_05` for each radius, `roc` and
-    `localisation_roc`, `beliefs` and `belief_distance`.
+    `localisation_roc`, `beliefs` and `belief_distance`, and `response_PARAMETER_FIGURE` for parameters that vary.
 
     Args:
         view: What they show.
@@ -98,7 +113,7 @@ def build_line_charts(view: ReportView, limit_s: float) -> Mapping[str, LineChar
             title="Share of trials within a multiple of the oracle's time",
             x=ChartAxis(
                 label="multiple of the oracle's time", name="within", low=float(factors[0]), high=float(factors[-1]),
-                format="times", is_log=True,
+                format="times", is_log=True, ticks=_log_ticks(float(factors[0]), float(factors[-1])),
             ),
             y=_share("of all cases [%]"), lines=_lines(view.profiles), is_step=True,
         )  # fmt: skip
@@ -135,7 +150,88 @@ def build_line_charts(view: ReportView, limit_s: float) -> Mapping[str, LineChar
             y=ChartAxis(label="distance [m]", low=0.0, high=max(1.0, highest_m), format="metres"),
             lines=_lines(distances),
         )  # fmt: skip
+    for response in view.responses:
+        for parameter in response.units:
+            charts |= _response_charts(response, parameter, limit_s)
     return charts
+
+
+RESPONSE_FIGURES = ("success", "score", "time_s")
+_MOST_LINES, _MOST_LETTERS = 12, 16
+# From this ratio of largest to smallest on, values of a parameter are spread by their logarithms.
+_LOG_FROM = 20.0
+
+
+# Settings that differ in this parameter alone are a line; where few do, as in a search, all are points.
+def _response_charts(response: ParameterResponse, parameter: str, limit_s: float) -> dict[str, LineChart]:
+    points = [point for point in response.points if point.values[parameter] is not None]
+    if not points:
+        return {}
+    x, place = _parameter_axis(parameter, response, [point.values[parameter] for point in points])
+    lines: dict[str, list[ResponsePoint]] = {}
+    for point in points:
+        others = [f"{name} {_word(value)}" for name, value in point.values.items() if name != parameter]
+        lines.setdefault(", ".join(others) or response.title, []).append(point)
+    is_joined = not x.ticks or x.is_log
+    if len(lines) > _MOST_LINES or max(map(len, lines.values())) == 1:
+        lines, is_joined = {response.title: points}, False
+    axes = {
+        "success": _share("success [%]"),
+        "score": ChartAxis(label="mean score", low=0.0, high=1.0, format="number"),
+        "time_s": ChartAxis(label="restricted mean time [s]", low=0.0, high=limit_s, format="seconds"),
+    }
+    return {
+        f"{response.key}_{parameter}_{figure}": LineChart(
+            title=f"{response.title}: {axes[figure].label} over {parameter}", x=x, y=axes[figure], has_points=True,
+            is_joined=is_joined,
+            lines=tuple(
+                _response_line(label, [(place(p.values[parameter]), p.entry, getattr(p.figures, figure)) for p in some])
+                for label, some in lines.items()
+            ),
+        )
+        for figure in RESPONSE_FIGURES
+    }  # fmt: skip
+
+
+def _response_line(label: str, points: Sequence[tuple[float, int, Estimate]]) -> ChartLine:
+    x, entries, estimates = zip(*sorted(points, key=lambda point: point[0]), strict=True)
+    value, low, high = (np.array([getattr(each, part) for each in estimates]) for part in ("value", "low", "high"))
+    n = sum(each.n for each in estimates)
+    return ChartLine(entry=entries[0], label=label, x=np.array(x), value=value, low=low, high=high, n=n)
+
+
+# Numbers are placed to scale, other values evenly.
+def _parameter_axis(
+    parameter: str, response: ParameterResponse, values: Sequence[Any]
+) -> tuple[ChartAxis, Callable[[Any], float]]:
+    unit, default = response.units[parameter], response.defaults.get(parameter)
+    label = parameter if unit == "1" else f"{parameter} [{unit}]"
+    if not all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
+        words = list(dict.fromkeys(map(_word, values)))
+        ticks = tuple((float(i), word[:_MOST_LETTERS]) for i, word in enumerate(words))
+        axis = ChartAxis(label=label, name=parameter, low=-0.5, high=len(words) - 0.5, format="number", ticks=ticks)
+        return axis, lambda value: float(words.index(_word(value)))
+    low, high = float(min(values)), float(max(values))
+    is_log = low > 0 and high >= _LOG_FROM * low
+    edge = 0.04 * (high - low) or 0.5 * abs(high) or 1.0
+    low, high = (low / 1.2, high * 1.2) if is_log else (low - edge, high + edge)
+    axis = ChartAxis(
+        label=label, name=parameter, low=low, high=high, format="number", is_log=is_log,
+        ticks=_log_ticks(low, high) if is_log else (),
+        default=float(default) if isinstance(default, int | float) and low <= default <= high else None,
+    )  # fmt: skip
+    return axis, float
+
+
+def _log_ticks(low: float, high: float) -> tuple[tuple[float, str], ...]:
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    steps = (1, 2, 5) if len(decades) <= 4 else (1,)
+    places = (step * 10.0**decade for decade in decades for step in steps)
+    return tuple((place, f"{place:g}") for place in places if 0.999 * low <= place <= 1.001 * high)
+
+
+def _word(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else json.dumps(value).strip('"')
 
 
 def _share(label: str) -> ChartAxis:

@@ -56,7 +56,9 @@ def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
     view, written = analysis.everything, list[Path]()
     charts = build_line_charts(view, limit_s(analysis.material.rows))
     drawings: dict[str, Callable[[Any], None]] = {
-        name: partial(_line_chart, analysis, charts[name]) for name in _LINE_CHARTS if name in charts
+        name: partial(_line_chart, analysis, chart)
+        for name, chart in charts.items()
+        if name in _LINE_CHARTS or chart.has_points
     }
     if view.standings:
         drawings["leaderboard"] = partial(_leaderboard, analysis)
@@ -89,14 +91,22 @@ def _drawn(analysis: Analysis) -> list[int]:
 
 
 def _line_chart(analysis: Analysis, chart: LineChart, axes: Any) -> None:
-    looks, by_entry = assign_line_styles(analysis), {line.entry: line for line in chart.lines}
+    looks, drawn = assign_line_styles(analysis), _drawn(analysis)
+    # Lines of several entries are few; of others, those of the best entries, in the order of the leaderboard.
+    lines = [line for line in chart.lines if line.label or line.entry in drawn]
     # Shares in per cent, as the label says.
     scale = 100.0 if chart.y.format == "percent" else 1.0
     step = {"drawstyle": "steps-post"} if chart.is_step else {}
-    for entry in _drawn(analysis):
-        if (line := by_entry.get(entry)) is None:
+    for line in lines if chart.has_points else sorted(lines, key=lambda line: drawn.index(line.entry)):
+        look, label = looks[line.entry], safe_text(line.label or analysis.material.entries[line.entry].name)
+        if chart.has_points:
+            low, high = (line.value if end is None else end for end in (line.low, line.high))
+            ends = np.nan_to_num(np.maximum([line.value - low, high - line.value], 0.0))
+            axes.errorbar(
+                line.x, scale * line.value, scale * ends, fmt="o", ms=3, lw=1, color=_color(look), label=label,
+                ls=DASHES[look.dashes] if chart.is_joined else "none",
+            )  # fmt: skip
             continue
-        look, label = looks[entry], safe_text(analysis.material.entries[entry].name)
         if line.area is not None:
             label += f", area {line.area.value:.2f} ({line.area.low:.2f} to {line.area.high:.2f})"
         axes.plot(line.x, scale * line.value, color=_color(look), ls=DASHES[look.dashes], label=label, **step)
@@ -112,8 +122,11 @@ def _line_chart(analysis: Analysis, chart: LineChart, axes: Any) -> None:
              ylim=(scale * chart.y.low, 1.02 * scale * chart.y.high))  # fmt: skip
     if chart.x.is_log:
         axes.set_xscale("log")
-        axes.set_xticks([1, 2, 5, 10, 20, 50], ["1", "2", "5", "10", "20", "50"])
         axes.minorticks_off()
+    if chart.x.ticks:
+        axes.set_xticks([at for at, _ in chart.x.ticks], [safe_text(word) for _, word in chart.x.ticks])
+    if chart.x.default is not None:
+        axes.axvline(chart.x.default, color="#999999", lw=0.6, ls=":")
     # Below the diagonal is room, and what stands there is long.
     place = {"loc": "lower right"} if chart.has_diagonal else {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
     axes.legend(**place)

@@ -13,7 +13,7 @@ from markupsafe import Markup, escape
 
 from gslcosim.bench.report import number_formats
 from gslcosim.bench.report.analysis import Analysis, ReportView
-from gslcosim.bench.report.charts import ChartAxis, ChartLine, LineChart, build_line_charts
+from gslcosim.bench.report.charts import RESPONSE_FIGURES, ChartAxis, ChartLine, LineChart, build_line_charts
 from gslcosim.bench.report.curves import QUANTUM_M, RADII_M, PlanDrawing, encode_plan, limit_s
 from gslcosim.bench.report.report_data import Floats
 from gslcosim.bench.report.tables import describe_provenance
@@ -73,6 +73,7 @@ def render_page(analysis: Analysis) -> str:
         facts=describe_provenance(analysis),
         columns=TRIAL_COLUMNS,
         radii_m=RADII_M,
+        response_figures=RESPONSE_FIGURES,
         most_listed=_MOST_LISTED,
         css=Markup((FOLDER / "report.css").read_text(encoding="utf-8")),
         script=Markup((FOLDER / "report.js").read_text(encoding="utf-8")),
@@ -193,17 +194,21 @@ def _chart(chart: LineChart) -> dict[str, Any]:
     shared_x = chart.shared_x
     return {
         "title": chart.title, "x": _axis(chart.x), "y": _axis(chart.y), "step": chart.is_step,
-        "diagonal": chart.has_diagonal, "at": None if shared_x is None else _list(shared_x, _ABSCISSA_DIGITS),
-        "lines": [_line(line, has_own_x=shared_x is None) for line in chart.lines],
+        "diagonal": chart.has_diagonal, "points": chart.has_points, "joined": chart.is_joined,
+        "at": None if shared_x is None else _list(shared_x, _ABSCISSA_DIGITS),
+        "lines": [_line(line, chart) for line in chart.lines],
     }  # fmt: skip
 
 
-# Lines with places of their own are thinned to what a page of bounded size can hold.
-def _line(line: ChartLine, *, has_own_x: bool) -> dict[str, Any]:
-    n_points = min(_MOST_POINTS, len(line.x)) if has_own_x else len(line.x)
+# Lines with places of their own are thinned to what a page of bounded size can hold; points are few.
+def _line(line: ChartLine, chart: LineChart) -> dict[str, Any]:
+    has_own_x = chart.shared_x is None
+    n_points = min(_MOST_POINTS, len(line.x)) if has_own_x and not chart.has_points else len(line.x)
     keep = np.unique(np.linspace(0, len(line.x) - 1, n_points).round().astype(int))
+    digits = _ABSCISSA_DIGITS if chart.has_points else 3
     return {
-        "e": line.entry, "x": _list(line.x[keep]) if has_own_x else None, "v": _list(line.value[keep]), "n": line.n,
+        "e": line.entry, "label": line.label, "n": line.n, "v": _list(line.value[keep]),
+        "x": _list(line.x[keep], digits) if has_own_x else None,
         "l": None if line.low is None else _list(line.low[keep]),
         "h": None if line.high is None else _list(line.high[keep]),
     }  # fmt: skip
@@ -212,7 +217,8 @@ def _line(line: ChartLine, *, has_own_x: bool) -> dict[str, Any]:
 def _axis(axis: ChartAxis) -> dict[str, Any]:
     return {
         "label": axis.label, "name": axis.name or axis.label, "min": _number(axis.low), "max": _number(axis.high),
-        "format": axis.format, "log": axis.is_log,
+        "format": axis.format, "log": axis.is_log, "ticks": axis.ticks,
+        "default": None if axis.default is None else _number(axis.default, _ABSCISSA_DIGITS),
     }  # fmt: skip
 
 

@@ -2,7 +2,6 @@
 
 import itertools
 import json
-import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -17,6 +16,7 @@ from gslcosim.base.files import read_regular_file
 from gslcosim.base.yaml_core import CoreLoader
 from gslcosim.bench.cases.agent_setup import find_card
 from gslcosim.bench.cases.models import (
+    MAX_NAME_LENGTH,
     SCHEMA,
     Case,
     ControlsSpec,
@@ -144,8 +144,9 @@ def _suite_around(source: str, entry: EntrySpec, *, repetitions: int, seed: int 
 
 def _entry_in(loaded: LoadedSuite, name: str) -> EntrySpec:
     for giver in _givers(loaded):
-        for entry in giver.suite.entries_with_anchors:
+        for entry in (*giver.suite.entries_with_anchors, *giver.suite.entries):
             if entry.name == name:
+                entry = entry.model_copy(update={"vary": {}})
                 return entry if giver is loaded else _standing_alone(entry, giver.directory)
     if (other := _bundled_or_file(name)) is not None:
         return other
@@ -188,13 +189,11 @@ def _bundled_or_file(name: str) -> EntrySpec | None:
 
 def _as_name(text: str) -> str:
     word = "".join(c if c.isascii() and c.isalnum() else "_" for c in text.lower()).strip("_")
-    return (word if word[:1].isalpha() else f"entry_{word}")[:40].rstrip("_")
+    return (word if word[:1].isalpha() else f"entry_{word}")[:MAX_NAME_LENGTH].rstrip("_")
 
 
 DEFAULT = "default"
 """Name, in tuning, of the method with the parameters it was entered with."""
-
-_LONGEST = 40
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,23 +203,26 @@ class Setting:
     name: str
     parameters: Mapping[str, ParameterValue]
 
+    def entry(self, subject: StudyTarget) -> EntrySpec:
+        """Return the subject's entry with these values; all other parameters stay as they were entered."""
+        return subject.entry.with_parameters(self.name, self.parameters)
 
-def build_setting_suite(subject: StudyTarget, settings: Sequence[Setting], *, name: str) -> LoadedSuite:
-    """Return a suite with an entry for each setting, in the cases of the subject's suite.
+
+def build_study_suite(subject: StudyTarget, entries: Sequence[EntrySpec], *, name: str) -> LoadedSuite:
+    """Return the subject's suite with other entries, which stand for settings of its method.
 
     Without anchors, controls and recordings: settings are compared with each other.
 
     Args:
         subject: The method and its cases.
-        settings: What it is set to; all other parameters stay as they were entered.
+        entries: The settings.
         name: What the suite is called; cut where too long.
     """
-    entries = tuple(_entry(subject.entry, setting) for setting in settings)
     bare = with_changed_fields(
-        subject.loaded, entries=entries, anchors=(), controls=ControlsSpec(), record=RecordSpec()
+        subject.loaded, entries=tuple(entries), anchors=(), controls=ControlsSpec(), record=RecordSpec()
     )
     title = f"{subject.entry.name} with other parameters"
-    suite = bare.suite.model_copy(update={"name": name[:_LONGEST].rstrip("_"), "title": title, "question": ""})
+    suite = bare.suite.model_copy(update={"name": name[:MAX_NAME_LENGTH].rstrip("_"), "title": title, "question": ""})
     return replace(bare, suite=suite)
 
 
@@ -254,39 +256,6 @@ def _part(owner: LoadedSuite, cases: Sequence[Case], name: str) -> LoadedSuite:
     together = {path: tuple(case.varied[path] for case in cases) for path in first.varied}
     update = {"name": name, "scenarios": (spec,), "set": {}, "vary": (together,) if together else (), "include": ()}
     return replace(owner, suite=owner.suite.model_copy(update=update), included=())
-
-
-# A parameter for a single scenario would hide the values that are compared.
-def _entry(entry: EntrySpec, setting: Setting) -> EntrySpec:
-    kept = {
-        scenario: {name: value for name, value in values.items() if name not in setting.parameters}
-        for scenario, values in entry.parameters_in.items()
-    }
-    parameters = {**entry.parameters, **setting.parameters}
-    return entry.model_copy(update={"name": setting.name, "parameters": parameters, "parameters_in": kept})
-
-
-def build_settings(entry: str, varied: Mapping[str, Sequence[ParameterValue]]) -> tuple[Setting, ...]:
-    """Return a setting for each combination of values, the last parameter running fastest.
-
-    Names tell the values, as in `e_coli_step_m_0_5`; where they would be too long or equal they are numbered instead.
-    """
-    combinations = [dict(zip(varied, values, strict=True)) for values in itertools.product(*varied.values())]
-    names = ["_".join([entry, *(f"{key}_{_word(value)}" for key, value in each.items())]) for each in combinations]
-    if len(set(names)) < len(names) or max(map(len, names)) > _LONGEST:
-        width = len(str(len(names)))
-        stem = entry[: _LONGEST - width - 1].rstrip("_")
-        names = [f"{stem}_{i + 1:0{width}d}" for i in range(len(names))]
-    return tuple(Setting(name=name, parameters=each) for name, each in zip(names, combinations, strict=True))
-
-
-def _word(value: ParameterValue) -> str:
-    if isinstance(value, tuple):
-        return "_".join(_word(item) for item in value)
-    text = f"{value:g}" if isinstance(value, float) else str(value).lower()
-    if isinstance(value, int | float):
-        text = text.replace("-", "minus_")
-    return re.sub(r"[^a-z0-9]+", "_", text).strip("_")
 
 
 def collect_seeds(loaded: LoadedSuite) -> frozenset[int]:

@@ -15,8 +15,7 @@ from gslcosim.bench.cases.plan import Plan, build_plan, expand_cases
 from gslcosim.bench.execution.pool import Pool
 from gslcosim.bench.execution.runner import Progress, SuiteRun
 from gslcosim.bench.statistics.estimates import Estimate
-from gslcosim.bench.store import ResultsFolder
-from gslcosim.bench.studies.sweep import (
+from gslcosim.bench.statistics.settings import (
     SettingFigures,
     SettingRuns,
     compute_difference,
@@ -24,12 +23,13 @@ from gslcosim.bench.studies.sweep import (
     group_runs,
     paired_p_value,
 )
+from gslcosim.bench.store import ResultsFolder
 from gslcosim.bench.studies.target import (
     DEFAULT,
     ParameterRange,
     Setting,
     StudyTarget,
-    build_setting_suite,
+    build_study_suite,
     collect_seeds,
     collect_test_seeds,
     restrict_cases,
@@ -62,7 +62,9 @@ class EvaluationPlan:
 
     def plan(self, settings: Sequence[Setting], *, after: Plan | None = None) -> Plan:
         """Return the runs of some settings behind those of an earlier plan, in the order of a suite of them all."""
-        plan = build_plan(build_setting_suite(self.subject, settings, name=self.name))
+        plan = build_plan(
+            build_study_suite(self.subject, [each.entry(self.subject) for each in settings], name=self.name)
+        )
         slots = set(self.slots)
         trials = [trial for trial in plan.trials if (trial.case, trial.repetition) in slots]
         if after is None:
@@ -122,13 +124,13 @@ def _draw_cases(cases: Sequence[Case], seed: int) -> list[str]:
 
 # Some combinations are no case: their places are not free.
 def _first_that_fly(subject: StudyTarget, lot: Sequence[str], *, n: int) -> list[str]:
-    once = Setting(name=subject.entry.name, parameters={})
+    once = Setting(name=subject.entry.name, parameters={}).entry(subject)
     n_tried = n
     while True:
         some = lot[:n_tried]
         loaded = restrict_cases(subject.loaded, some)
         try:
-            plan = build_plan(build_setting_suite(replace(subject, loaded=loaded), [once], name="cases"))
+            plan = build_plan(build_study_suite(replace(subject, loaded=loaded), [once], name="cases"))
             flown = {case.name for case in plan.cases}
         except ScenarioError:
             # Of those tried none may be a case; of all of them some has to be.

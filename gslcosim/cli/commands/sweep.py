@@ -1,8 +1,6 @@
 """`gslcosim bench sweep`: a method with several values of its parameters, and its response curve."""
 
 import argparse
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
@@ -10,12 +8,12 @@ from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.study_output import RESULTS_DIR, add_target_arguments, format_sweep, start_pool
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
-if TYPE_CHECKING:
-    from gslcosim.bench.studies.sweep import SweepResult
-
 EXAMPLES = """  gslcosim bench sweep tiny_room --entry dung_beetle --vary leg_m=0.4,0.8,1.6
   gslcosim bench sweep smoke --entry dung_beetle --vary leg_m=0.4,0.8 --vary zigzag_rad=0.5,1.0 --repetitions 5
   gslcosim bench sweep my_suite.yaml --entry surge_cast --vary growth=growing,fixed,doubling --results results/growth"""
+
+# Who beats whom of more settings than this takes minutes to work out.
+_MOST_REPORTED = 60
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +39,9 @@ def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.cases import build_plan
     from gslcosim.bench.cases.models import Selection
     from gslcosim.bench.execution.runner import SuiteRun
+    from gslcosim.bench.report.writer import write_report
     from gslcosim.bench.store import ResultsFolder
+    from gslcosim.bench.studies.output import sweep_to_csv, sweep_to_json, write_fields, write_text
     from gslcosim.bench.studies.sweep import SweepPlan
     from gslcosim.bench.studies.target import find_target, parse_varied
     from gslcosim.cli.run_output import show_suite_progress
@@ -64,21 +64,15 @@ def _run(arguments: argparse.Namespace) -> int:
         return ExitCode.INTERRUPTED
     ids = {trial.id for trial in plan.trials}
     sweep = sweeper.sweep([row for row in folder.rows() if row["trial"] in ids])
-    _write(sweep, folder.path, is_json=arguments.json)
-    return ExitCode.AGENT_FAILED if any(point.figures.n_without_result for point in sweep.points) else 0
-
-
-def _write(sweep: "SweepResult", folder: Path, *, is_json: bool) -> None:
-    from gslcosim.bench.studies.output import draw_response_svg, sweep_to_csv, sweep_to_json, write_fields, write_text
-
     fields = sweep_to_json(sweep)
-    write_fields(folder / "sweep.json", fields)
-    write_text(folder / "sweep.csv", sweep_to_csv(sweep))
-    write_text(folder / "sweep.svg", draw_response_svg(sweep))
-    if is_json:
+    write_fields(folder.path / "sweep.json", fields)
+    write_text(folder.path / "sweep.csv", sweep_to_csv(sweep))
+    page = write_report(folder.path) if len(sweep.points) <= _MOST_REPORTED else None
+    if arguments.json:
         write_json(fields)
     else:
-        write(format_sweep(sweep, folder))
+        write(format_sweep(sweep, folder.path, page))
+    return ExitCode.AGENT_FAILED if any(point.figures.n_without_result for point in sweep.points) else 0
 
 
 COMMAND = Command(

@@ -57,7 +57,8 @@ def test_a_sweep_on_the_page_is_run_once_and_reported_again(
         assert [(row["seed"], row["gas_seed"]) for row in own] == [
             (r["seed"], r["gas_seed"]) for r in rows[:: len(points)]
         ]
-    files = {name: (folder / name).read_bytes() for name in ("sweep.json", "sweep.csv", "sweep.svg", "trials.parquet")}
+    assert "response_leg_m_score" in (folder / "report.html").read_text()
+    files = {name: (folder / name).read_bytes() for name in ("sweep.json", "sweep.csv", "trials.parquet")}
     assert main([*SWEEP, "--json"]) == 0
     output = capsys.readouterr()
     assert json.loads(output.out) == fields

@@ -31,9 +31,12 @@
     const cut = Math.max(...["_", "-", " ", "/"].map((sign) => names[0].lastIndexOf(sign, n - 1)));
     return cut >= 7 ? cut + 1 : 0;
   })();
+  // A line of several entries has a label of its own.
+  const lineName = (line) => line.label || name(line.e);
+  const briefLine = (line, n) => (line.label ? short(line.label, n) : brief(line.e, n));
   const brief = (e, n) => short(shared && D.entries[e].c >= 0 ? `…${name(e).slice(shared)}` : name(e), n);
   const view = () => D.views[state.view];
-  const shown = (items) => items.filter((item) => state.on.has(item.e));
+  const shown = (items) => items.filter((item) => item.label || state.on.has(item.e));
 
   const percent = (v) => (v === null ? "–" : `${(100 * v).toFixed(Math.abs(v) < 0.0995 && v !== 0 ? 1 : 0)} %`);
   const plain = (v) => (v === null ? "–" : Math.abs(v) >= 100 ? v.toFixed(0) : Math.abs(v) >= 10 ? v.toFixed(1) : v.toFixed(2));
@@ -41,7 +44,7 @@
   const signed = (v) => (v === null ? "–" : (Math.abs(v) < 0.005 ? "" : v > 0 ? "+" : "−") + Math.abs(100 * v).toFixed(0));
   // "98 % (90 – 100)": the unit stands once.
   const bare = (text) => text.replace(/ ?[%sm×]$/, "");
-  const FORMATS = { percent, plain, seconds, metres: (v) => (v === null ? "–" : `${plain(v)} m`) };
+  const FORMATS = { percent, plain, seconds, number: (v) => (v === null ? "–" : String(+v.toPrecision(3))), metres: (v) => (v === null ? "–" : `${plain(v)} m`) };
   const interval = (v, l, u, f) => {
     if (v === null || l === null || u === null) return v === null ? "–" : f(v);
     const [low, high] = [bare(f(l)), bare(f(u))];
@@ -54,9 +57,6 @@
     const step = (unit < 1.5 ? 1 : unit < 3.5 ? 2 : unit < 7.5 ? 5 : 10) * power, found = [];
     for (let value = Math.ceil(min / step - 1e-9) * step; value <= max + 1e-9 * step; value += step) found.push(Math.abs(value) < step * 1e-9 ? 0 : value);
     return found;
-  }
-  function logTicks(min, max) {
-    return [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500].filter((value) => value >= min * 0.999 && value <= max * 1.001);
   }
   const r1 = (value) => Math.round(value * 10) / 10;
 
@@ -105,7 +105,7 @@
   }
 
   // ---------------------------------------------------------------- lines with bands
-  // spec: {x: {min, max, label, log, format}, y: {min, max, label, format}, lines: [{e, x, v, l, h, n, note}], diagonal, step}
+  // spec: {x: {min, max, label, log, ticks, default, format}, y: {min, max, label, format}, lines: [{e, label, x, v, l, h, n}], diagonal, step, points, joined}
   function lineChart(figure, spec) {
     const host = one(".canvas", figure) || figure.insertBefore(h("div", { class: "canvas" }), figure.firstChild);
     const width = Math.max(280, host.clientWidth || figure.clientWidth || 600);
@@ -122,10 +122,12 @@
       svg.append(s("line", { class: "gridline", x1: m.left, x2: m.left + W, y1: Y(v), y2: Y(v) }),
         s("text", { x: m.left - 7, y: Y(v) + 4, "text-anchor": "end" }, y.format === "percent" ? (100 * v).toFixed(0) : plain(v).replace(/\.0+$/, "")));
     }
-    for (const v of x.log ? logTicks(x.min, x.max) : ticks(x.min, x.max, Math.max(3, Math.min(8, W / 70)))) {
+    const marks = x.ticks.length ? x.ticks : ticks(x.min, x.max, Math.max(3, Math.min(8, W / 70))).map((v) => [v, String(+v.toFixed(6))]);
+    for (const [v, word] of marks) {
       svg.append(s("line", { class: "axis", x1: X(v), x2: X(v), y1: m.top + H, y2: m.top + H + 4 }),
-        s("text", { x: X(v), y: m.top + H + 17, "text-anchor": "middle" }, String(+v.toFixed(6))));
+        s("text", { x: X(v), y: m.top + H + 17, "text-anchor": "middle" }, word));
     }
+    if (x.default !== null) svg.append(s("line", { class: "cross", x1: X(x.default), x2: X(x.default), y1: m.top, y2: m.top + H }), s("text", { x: X(x.default), y: m.top + 4, "text-anchor": "middle" }, "default"));
     svg.append(s("line", { class: "axis", x1: m.left, x2: m.left + W, y1: m.top + H, y2: m.top + H }),
       s("text", { x: m.left + W / 2, y: height - 5, "text-anchor": "middle" }, x.label),
       s("text", { x: -(m.top + H / 2), y: 12, transform: "rotate(-90)", "text-anchor": "middle" }, y.label));
@@ -140,7 +142,7 @@
       return d;
     };
     const opacity = lines.length > 8 ? 0.05 : 0.13;
-    for (const line of lines) if (line.l) {
+    for (const line of lines) if (line.l && !spec.points) {
       const xs = [], low = [], high = [];
       line.x.forEach((v, i) => { if (line.l[i] !== null && line.h[i] !== null) { xs.push(v); low.push(line.l[i]); high.push(line.h[i]); } });
       if (!xs.length) continue;
@@ -148,20 +150,26 @@
       for (let i = xs.length - 1; i >= 0; i--) back += spec.step && i < xs.length - 1 ? `V${r1(Y(low[i]))}H${r1(X(xs[i]))}` : `L${r1(X(xs[i]))} ${r1(Y(low[i]))}`;
       svg.append(s("path", { class: "band", "data-e": line.e, d: d + back + "Z", fill: color(line.e), "fill-opacity": opacity }));
     }
-    for (const line of lines) svg.append(s("path", { class: "line", "data-e": line.e, d: path(line.x, line.v), stroke: color(line.e), "stroke-dasharray": dash(line.e) }));
+    for (const line of lines) if (spec.points) line.x.forEach((v, i) => {
+      if (line.v[i] === null) return;
+      if (line.l[i] !== null && line.h[i] !== null) svg.append(s("line", { "data-e": line.e, x1: X(v), x2: X(v), y1: Y(line.l[i]), y2: Y(line.h[i]), stroke: color(line.e), "stroke-opacity": 0.6 }));
+      svg.append(s("circle", { "data-e": line.e, cx: r1(X(v)), cy: r1(Y(line.v[i])), r: 3.2, fill: color(line.e) }));
+    });
+    if (spec.joined) for (const line of lines) svg.append(s("path", { class: "line", "data-e": line.e, d: path(line.x, line.v), stroke: color(line.e), "stroke-dasharray": dash(line.e) }));
     if (direct) endLabels(svg, lines, (v) => Y(v), m.left + W + 8, m.top, m.top + H);
     const cross = s("line", { class: "cross", y1: m.top, y2: m.top + H, visibility: "hidden" });
     svg.append(cross);
 
+    const place = (v) => (x.ticks.find(([at]) => at === v) || [v, exact(fx, v)])[1];
     const grid = [...new Set(lines.flatMap((line) => line.x))].sort((a, b) => a - b);
-    const at = (line, v) => { let i = -1; while (i + 1 < line.x.length && line.x[i + 1] <= v + 1e-9) i++; return i; };
+    const at = (line, v) => { if (spec.points) return line.x.indexOf(v); let i = -1; while (i + 1 < line.x.length && line.x[i + 1] <= v + 1e-9) i++; return i; };
     const read = (v) => lines.map((line) => [line, at(line, v)]).filter(([line, i]) => i >= 0 && line.v[i] !== null).sort((a, b) => b[0].v[b[1]] - a[0].v[a[1]]);
     const text = (line, i) => interval(line.v[i], line.l ? line.l[i] : null, line.h ? line.h[i] : null, fy);
     const number = (line, i) => (Array.isArray(line.n) ? line.n[i] : line.n);
     const tipAt = (v) => {
       const body = h("tbody");
-      for (const [line, i] of read(v).slice(0, 14)) body.append(h("tr", {}, h("td", {}, swatch(line.e)), h("td", { class: "left" }, brief(line.e, 30)), h("td", {}, text(line, i)), h("td", {}, number(line, i) === undefined ? "" : `n ${number(line, i)}`)));
-      return [h("b", {}, `${x.name} ${exact(fx, v)}`), h("table", {}, body)];
+      for (const [line, i] of read(v).slice(0, 14)) body.append(h("tr", {}, h("td", {}, swatch(line.e)), h("td", { class: "left" }, briefLine(line, 30)), h("td", {}, text(line, i)), h("td", {}, number(line, i) === undefined ? "" : `n ${number(line, i)}`)));
+      return [h("b", {}, `${x.name} ${place(v)}`), h("table", {}, body)];
     };
     const nearest = (pixel) => grid.reduce((best, v) => (Math.abs(X(v) - pixel) < Math.abs(X(best) - pixel) ? v : best), grid[0]);
     const point = (v) => { cross.setAttribute("x1", X(v)); cross.setAttribute("x2", X(v)); cross.setAttribute("visibility", "visible"); };
@@ -173,20 +181,20 @@
       });
       svg.addEventListener("pointerleave", leave);
       svg.addEventListener("blur", leave);
-      let place = -1;
+      let current = -1;
       svg.addEventListener("keydown", (event) => {
         if (event.key !== "ArrowRight" && event.key !== "ArrowLeft") return;
         event.preventDefault();
         const jump = Math.max(1, Math.round(grid.length / 25));
-        place = Math.max(0, Math.min(grid.length - 1, place + (event.key === "ArrowRight" ? jump : -jump)));
-        const v = grid[place], box = svg.getBoundingClientRect();
+        current = Math.max(0, Math.min(grid.length - 1, current + (event.key === "ArrowRight" ? jump : -jump)));
+        const v = grid[current], box = svg.getBoundingClientRect();
         point(v); showTip(tipAt(v), box.left + (X(v) * box.width) / width, box.top + 30);
-        spoken.textContent = `${x.name} ${exact(fx, v)}: ` + read(v).map(([line, i]) => `${name(line.e)} ${text(line, i)}`).join("; ");
+        spoken.textContent = `${x.name} ${place(v)}: ` + read(v).map(([line, i]) => `${lineName(line)} ${text(line, i)}`).join("; ");
       });
     }
     host.replaceChildren(svg);
-    if (spec.table !== false) figuresTable(figure, ["entry", "n", ...sample(grid, 7).map((v) => exact(fx, v))], () => lines.map((line) =>
-      [name(line.e), String(Array.isArray(line.n) ? Math.max(...line.n) : line.n), ...sample(grid, 7).map((v) => { const i = at(line, v); return i < 0 ? "–" : text(line, i); })]));
+    if (spec.table !== false) figuresTable(figure, ["entry", "n", ...sample(grid, 7).map(place)], () => lines.map((line) =>
+      [lineName(line), String(Array.isArray(line.n) ? Math.max(...line.n) : line.n), ...sample(grid, 7).map((v) => { const i = at(line, v); return i < 0 ? "–" : text(line, i); })]));
   }
   // A round number without its zeros: 50 s, not 50.0 s.
   const exact = (format, v) => format(v).replace(/(\.\d*?)0+(?= |$)/, "$1").replace(/\.(?= |$)/, "");
@@ -200,7 +208,7 @@
       const limit = i === labels.length - 1 ? bottom : labels[i + 1].y - gap;
       if (labels[i].y > limit) labels[i].y = Math.max(top - 6, limit);
     }
-    for (const { line, y } of labels) svg.append(s("text", { class: "label", "data-e": line.e, x, y: y + 4, style: `fill:${color(line.e)}` }, brief(line.e, 17)));
+    for (const { line, y } of labels) svg.append(s("text", { class: "label", "data-e": line.e, x, y: y + 4, style: `fill:${color(line.e)}` }, briefLine(line, 17)));
   }
 
   // ---------------------------------------------------------------- plots by name
@@ -212,6 +220,11 @@
   }
   const PLOTS = {
     lines(figure) { namedChart(figure, {}); },
+    response(figure) {
+      namedChart(figure, { height: 230, plainEnds: true });
+      const { lines } = view().charts[figure.dataset.chart];
+      if (lines.length > 1) one(".canvas", figure).append(h("p", { class: "note" }, ...lines.flatMap((line) => [swatch(line.e), ` ${line.label}  `])));
+    },
     runtime(figure) { namedChart(figure, { height: 230, plainEnds: figure.dataset.chart !== "runtime" }); },
     roc(figure) { namedChart(figure, { plainEnds: true, height: 320, table: false }); },
     beliefs(figure) { namedChart(figure, { plainEnds: true, height: 290 }); },

@@ -8,6 +8,7 @@ import pytest
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.bench.cases import Plan, build_plan, load_suite, suite_files
 from gslcosim.bench.cases.models import Selection, Shard, choose_trials, commitment, derive_seed
+from gslcosim.bench.cases.plan import group_settings
 from gslcosim.methods.card import SHARED_PARAMETERS
 
 HEAD = "schema: gslcosim/suite/1\nname: mine\nanchors: []\n"
@@ -327,3 +328,62 @@ def test_a_shard_that_is_none_is_refused(text: str) -> None:
 def test_a_shard_is_read_as_it_is_written() -> None:
     assert Shard.parse("2/8") == Shard(index=2, count=8)
     assert str(Shard.parse("2/8")) == "2/8"
+
+
+def test_an_entry_that_varies_stands_for_one_of_each_combination(tmp_path: Path) -> None:
+    entries = (
+        "entries:\n  - name: beetle\n    start: {python: dung_beetle}\n    parameters: {eps: 0.1, leg_m: 2.0}\n"
+        "    parameters_in: {tiny_room: {leg_m: 3.0}}\n    vary: {leg_m: [0.4, 0.8], wall_rule: [bounce, random]}\n"
+    )
+    plan = planned(tmp_path, "scenarios: [tiny_room]\n" + entries)
+    listed = "entries:\n" + "".join(
+        f"  - {{name: beetle_leg_m_{text}_wall_rule_{rule}, start: {{python: dung_beetle}}, "
+        f"parameters: {{eps: 0.1, leg_m: {leg_m}, wall_rule: {rule}}}}}\n"
+        for text, leg_m in (("0_4", 0.4), ("0_8", 0.8))
+        for rule in ("bounce", "random")
+    )
+    assert [trial.id for trial in plan.trials] == [
+        trial.id for trial in planned(tmp_path, "scenarios: [tiny_room]\n" + listed).trials
+    ]
+    suite_files.write_suite(plan.loaded, tmp_path / "kept")
+    kept = build_plan(load_suite(tmp_path / "kept"))
+    assert [trial.id for trial in kept.trials] == [trial.id for trial in plan.trials]
+    (group,) = group_settings(plan.entries)
+    assert group["title"] == plan.entries[0].card.title
+    assert group["units"] == {"leg_m": "m", "wall_rule": "1"}
+    assert group["defaults"]["leg_m"] == 0.8
+    assert group["values"]["beetle_leg_m_0_4_wall_rule_bounce"] == {"leg_m": 0.4, "wall_rule": "bounce"}
+
+
+def test_entries_of_one_program_are_settings_where_they_differ_in_parameters_alone(tmp_path: Path) -> None:
+    entries = (
+        "entries:\n  - {name: a, start: {python: dung_beetle}}\n"
+        "  - {name: b, start: {python: dung_beetle}, parameters: {leg_m: 0.8}}\n"
+        "  - {name: c, start: {python: dung_beetle}, parameters: {leg_m: 1.6}, robots: 2}\n"
+        "  - {name: d, start: {python: dung_beetle}, parameters: {leg_m: 0.5}}\n"
+    )
+    plan = planned(tmp_path, "scenarios: [tiny_room]\n" + entries)
+    (group,) = group_settings(plan.entries)
+    assert group["values"] == {"a": {"leg_m": 0.8}, "b": {"leg_m": 0.8}, "d": {"leg_m": 0.5}}
+    assert group_settings(plan.entries[:3]) == []
+
+
+@pytest.mark.parametrize(
+    ("vary", "message"),
+    [
+        ("{leg_m: [0.4, 0.4]}", "vary.leg_m: expected each value once, was 0.4 twice"),
+        (
+            "{leg_m: []}",
+            "entries[0].vary: expected a block with names as keys, of which each is a list",
+        ),
+        (f"{{leg_m: {list(range(1, 502))}}}", "vary: expected at most 500 combinations of values, was 501"),
+        ("{leg: [1]}", r"vary.leg: expected a parameter of Du"),
+        ("{eps: [0.1, 9]}", r"vary.eps: expected at most 0.5, was 9"),
+    ],
+)
+def test_values_that_cannot_vary_are_reported(tmp_path: Path, vary: str, message: str) -> None:
+    entry = f"entries:\n  - {{name: beetle, start: {{python: dung_beetle}}, vary: {vary}}}\n"
+    (tmp_path / "suite.yaml").write_text(HEAD + "scenarios: [tiny_room]\n" + entry)
+    with pytest.raises(ScenarioError) as error:
+        load_suite(tmp_path / "suite.yaml", is_flown=True)
+    assert message in str(error.value)

@@ -5,21 +5,25 @@ import itertools
 import pytest
 
 from gslcosim.bench.cases import Suite, build_plan, load_suite
-from gslcosim.bench.cases.models import derive_seed
+from gslcosim.bench.cases.models import EntrySpec, derive_seed
 from gslcosim.bench.cases.suite_files import write_suite
 from gslcosim.bench.studies import target
 from gslcosim.bench.studies.target import (
-    build_setting_suite,
-    build_settings,
+    build_study_suite,
     collect_seeds,
     collect_test_seeds,
     find_target,
     with_disjoint_seeds,
 )
+from gslcosim.scenario.models.scenario import StartSpec
+
+
+def settings_of(entry, varied):
+    return EntrySpec(name=entry, start=StartSpec(python="dung_beetle")).model_copy(update={"vary": varied}).settings
 
 
 def names_of(entry, **varied):
-    return [setting.name for setting in build_settings(entry, varied)]
+    return [setting.name for setting in settings_of(entry, varied)]
 
 
 def test_names_show_the_values():
@@ -42,18 +46,18 @@ def test_every_name_is_one_that_a_suite_takes():
         {"leg_m": (1e-7, 12345.678)},
         {"zigzag_rad": tuple(i / 7 for i in range(1, 20)), "leg_m": (0.123456, 2.0)},
     ):
-        loaded = build_setting_suite(subject, build_settings("dung_beetle", varied), name="x" * 60)
+        loaded = build_study_suite(subject, settings_of("dung_beetle", varied), name="x" * 60)
         Suite.model_validate(loaded.suite.model_dump(by_alias=True))
 
 
 def test_all_combinations_are_run_the_last_parameter_fastest():
-    settings = build_settings("a", {"x": (1, 2), "y": (3, 4)})
+    settings = settings_of("a", {"x": (1, 2), "y": (3, 4)})
     assert [tuple(setting.parameters.values()) for setting in settings] == [(1, 3), (1, 4), (2, 3), (2, 4)]
 
 
 def test_settings_meet_the_same_cases_seeds_and_plumes_as_in_the_suite():
     subject = find_target("smoke", "dung_beetle")
-    plan = build_plan(build_setting_suite(subject, build_settings("b", {"leg_m": (0.5, 1.0)}), name="s"))
+    plan = build_plan(build_study_suite(subject, settings_of("b", {"leg_m": (0.5, 1.0)}), name="s"))
     own = build_plan(load_suite("smoke"))
 
     def met(trials):

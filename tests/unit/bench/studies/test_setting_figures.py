@@ -9,7 +9,7 @@ import pytest
 
 from gslcosim.bench.statistics.aggregates import stratified_bootstrap
 from gslcosim.bench.statistics.rates import wilson
-from gslcosim.bench.studies.sweep import compute_difference, compute_figures, group_runs, paired_p_value
+from gslcosim.bench.statistics.settings import compute_difference, compute_figures, group_runs, paired_p_value
 
 spec = importlib.util.spec_from_file_location("tuning_rows", Path(__file__).parent / "rows.py")
 rows = importlib.util.module_from_spec(spec)

@@ -4,7 +4,7 @@ import pytest
 
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.bench.cases import build_plan
-from gslcosim.bench.studies.target import Setting, build_setting_suite, find_target, is_scenario
+from gslcosim.bench.studies.target import Setting, build_study_suite, find_target, is_scenario
 
 INNER = """
 schema: gslcosim/suite/1
@@ -84,5 +84,6 @@ def test_an_unknown_entry_is_reported():
 
 def test_a_parameter_for_a_scenario_does_not_hide_what_is_varied(suites):
     subject = find_target(str(suites / "inner"), "fast")
-    plan = build_plan(build_setting_suite(subject, [Setting(name="a", parameters={"leg_m": 0.5})], name="x"))
+    setting = Setting(name="a", parameters={"leg_m": 0.5})
+    plan = build_plan(build_study_suite(subject, [setting.entry(subject)], name="x"))
     assert plan.trials[0].resolved.agents[0].parameters == {"leg_m": 0.5, "eps": 0.1}

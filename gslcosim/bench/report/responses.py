@@ -1,0 +1,72 @@
+"""Responses of the report: figures of entries that are one method with several values of its parameters."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gslcosim.bench.report.report_data import Flags, Ints, ReportData, TrialRows
+from gslcosim.bench.statistics.settings import SettingFigures, SettingRuns, compute_figures, group_runs
+
+# Of more settings only the response over all cases is reported.
+_MANY_SETTINGS = 60
+_COLUMNS = ("case", "scenario", "repetition", "status", "success", "time_limit_s", "environment_hash", "gas_seed")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResponsePoint:
+    """An entry with its values of the parameters that vary, and what its runs with gas came to."""
+
+    entry: int
+    values: Mapping[str, Any]
+    figures: SettingFigures
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterResponse:
+    """Response of a method to its parameters.
+
+    Attributes:
+        key: Distinguishes those of several methods.
+        title: Of the method.
+        units: Of the parameters that vary, by their names; 1 where there is none or nobody says.
+        defaults: Of the same parameters, as the method's card has them; absent without a card.
+        points: One for each setting that has flown.
+    """
+
+    key: str
+    title: str
+    units: Mapping[str, str]
+    defaults: Mapping[str, Any]
+    points: tuple[ResponsePoint, ...]
+
+
+def compute_responses(material: ReportData, within: Flags) -> tuple[ParameterResponse, ...]:
+    """Return the responses of methods whose entries differ in parameters alone; see `group_settings` of the plan."""
+    index = {entry.name: i for i, entry in enumerate(material.entries)}
+    found: list[ParameterResponse] = []
+    groups: Sequence[Mapping[str, Any]] = material.manifest.get("settings") or ()
+    for k, group in enumerate(groups):
+        if len(group["values"]) > _MANY_SETTINGS and not within.all():
+            continue
+        points: list[ResponsePoint] = []
+        for name, values in group["values"].items():
+            some = np.flatnonzero(within & ~material.rows.is_control & (material.rows.entry == index.get(name, -1)))
+            if some.size:
+                figures = compute_figures(_runs(material.rows, some))
+                points.append(ResponsePoint(entry=index[name], values=values, figures=figures))
+        if len(points) > 1:
+            found.append(
+                ParameterResponse(
+                    key=f"response_{k + 1}" if k else "response", title=group["title"], units=group["units"],
+                    defaults=group.get("defaults") or {}, points=tuple(points),
+                )
+            )  # fmt: skip
+    return tuple(found)
+
+
+def _runs(rows: TrialRows, some: Ints) -> SettingRuns:
+    columns = {name: rows[name] for name in _COLUMNS} | {"score": rows.score, "time_s": rows.time_s}
+    indices: list[int] = some.tolist()
+    return group_runs({name: column[i] for name, column in columns.items()} for i in indices)

@@ -1,0 +1,116 @@
+"""Figures of one setting of a method: success, mean score and mean time of its runs, and differences in pairs."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.bench.statistics.aggregates import stratified_bootstrap
+from gslcosim.bench.statistics.estimates import Estimate
+from gslcosim.bench.statistics.pairs import paired_difference, sign_flip
+from gslcosim.bench.statistics.rates import wilson
+from gslcosim.bench.statistics.times import restricted_mean
+
+# With fewer plumes in a room than this, drawing whole plumes tells nothing; as in the report.
+_FEWEST_PLUMES = 5
+_FLOWN = "flown"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SettingRuns:
+    """Runs of one setting by case and repetition, so that those of two settings go in pairs.
+
+    Attributes:
+        score: (n,) score; 0 where there is no result.
+        success: (n,) whether the source was found.
+        time_s: (n,) time as it is counted, the limit for every failure [s].
+        limit_s: (n,) time limit [s].
+        strata: (n,) cell that is drawn from apart; None: one.
+        clusters: (n,) plume, where there are enough of them to draw whole ones; None: each run for itself.
+        n_without_result: Crashed, hung and the like: they count as failures.
+    """
+
+    score: NDArray[np.float64]
+    success: NDArray[np.bool_]
+    time_s: NDArray[np.float64]
+    limit_s: NDArray[np.float64]
+    strata: NDArray[Any] | None
+    clusters: NDArray[Any] | None
+    n_without_result: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class SettingFigures:
+    """Success rate, mean score and restricted mean time [s] of n runs."""
+
+    n: int
+    n_without_result: int
+    success: Estimate
+    score: Estimate
+    time_s: Estimate
+
+
+def group_runs(rows: Iterable[Mapping[str, Any]]) -> SettingRuns:
+    """Return runs from rows of `trials.parquet` of one setting."""
+    ordered = sorted(rows, key=lambda row: (row["case"], row["repetition"]))
+    limit_s = np.array([row["time_limit_s"] for row in ordered], dtype=np.float64)
+    time_s = [limit if row["time_s"] is None else row["time_s"] for row, limit in zip(ordered, limit_s)]
+    return SettingRuns(
+        score=np.array([row["score"] or 0.0 for row in ordered], dtype=np.float64),
+        success=np.array([bool(row["success"]) for row in ordered], dtype=np.bool_),
+        time_s=np.array(time_s, dtype=np.float64),
+        limit_s=limit_s,
+        strata=_strata(ordered),
+        clusters=_clusters(ordered),
+        n_without_result=sum(row["status"] != _FLOWN for row in ordered),
+    )
+
+
+def compute_figures(flights: SettingRuns) -> SettingFigures:
+    """Return the figures of a setting, failures included in all of them."""
+    return SettingFigures(
+        n=flights.score.size,
+        n_without_result=flights.n_without_result,
+        success=wilson(int(flights.success.sum()), flights.success.size),
+        score=_with_spread(
+            stratified_bootstrap(flights.score, flights.strata, clusters=flights.clusters), flights.score
+        ),
+        time_s=restricted_mean(flights.time_s, flights.success, flights.limit_s, clusters=flights.clusters),
+    )
+
+
+def compute_difference(a: SettingRuns, b: SettingRuns) -> Estimate:
+    """Return by how much the mean score of a is above that of b over the same runs."""
+    return _with_spread(paired_difference(a.score, b.score, clusters=a.clusters, strata=a.strata), a.score - b.score)
+
+
+def paired_p_value(a: SettingRuns, b: SettingRuns) -> float:
+    """Return the p value of the paired permutation test that a and b score the same: honest also for few runs."""
+    return sign_flip(a.score, b.score, clusters=a.clusters)
+
+
+# Draws from equal values are all equal: that is no certainty, so no interval is reported.
+def _with_spread(estimate: Estimate, values: NDArray[np.float64]) -> Estimate:
+    return estimate if values.size and np.ptp(values) > 0.0 else replace(estimate, low=math.nan, high=math.nan)
+
+
+# The finest cells that all have two runs or more: a cell of one shows no spread.
+def _strata(rows: list[Mapping[str, Any]]) -> NDArray[Any] | None:
+    for column in ("case", "scenario"):
+        labels = np.array([row[column] for row in rows])
+        if labels.size and np.unique(labels, return_counts=True)[1].min() > 1:
+            return labels
+    return None
+
+
+def _clusters(rows: list[Mapping[str, Any]]) -> NDArray[Any] | None:
+    plumes: dict[str, set[str]] = {}
+    labels = [f"{row['environment_hash']}/{row['gas_seed']}" for row in rows]
+    for row, label in zip(rows, labels, strict=True):
+        plumes.setdefault(row["environment_hash"], set()).add(label)
+    counts = [len(some) for some in plumes.values()]
+    is_shared = bool(counts) and min(counts) >= _FEWEST_PLUMES and sum(counts) < len(rows)
+    return np.array(labels) if is_shared else None
