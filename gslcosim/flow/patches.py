@@ -245,13 +245,16 @@ class Inlet(Patch):
     - a `Schedule` of velocities.
 
     All but the last are multiplied by `factor`, a `Schedule` of numbers, where there is one.
-    `turbulence_intensity` is the root mean square of the fluctuations over the mean speed, per axis;
-    its default, and the length scale of 0.1 times the patch's shorter side, are AutoGDM+'s.
+    `turbulence_intensity` is the root mean square of the fluctuations over the mean speed, per axis, I, and
+    `turbulence_length_m` the length scale L of the dissipation: k = 1.5 (I U)^2, epsilon = C_mu^(3/4) k^(3/2) / L.
+    Their defaults, 0.05 and a length of 0.1 times the patch's shorter side, are AutoGDM+'s. Where a specification
+    gives epsilon = k^(3/2) / l, L is 0.164 l.
     """
 
     velocity_m_s: InletVelocity
     factor: Schedule | None = None
     turbulence_intensity: float = 0.05
+    turbulence_length_m: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -360,6 +363,9 @@ def place_patch(patch: Patch, free: Bool, cell_m: float) -> PlacedPatch:
             raise FlowError(
                 f"{name}: turbulence_intensity: expected a share from 0 to below 1, was {patch.turbulence_intensity}."
             )
+        length_m = patch.turbulence_length_m
+        if length_m is not None and not 0 < length_m < np.inf:
+            raise FlowError(f"{name}: turbulence_length_m: expected a length above 0 m, was {length_m}.")
         centres_m = _face_centres_m(axis, box[axis] if is_high else 0.0, rows, cell_m)
         inflow = make_inflow(name, patch.velocity_m_s, patch.factor, centres_m)
     return PlacedPatch(

@@ -197,7 +197,7 @@ MAX_TIME_S = 600.0
 # What a start on coarse cells takes of the whole, as a bar shows it; chosen.
 START_SHARE = 0.2
 
-Turbulence = Literal["k_epsilon", "smagorinsky", "laminar"]
+Turbulence = Literal["k_epsilon", "rng_k_epsilon", "smagorinsky", "laminar"]
 
 
 class _Observer(Protocol):
@@ -234,7 +234,7 @@ def solve_wind(
             is the mean over the last two windows of time compared (`convergence.ConvergenceMonitor` says how).
         average_from_s: Return the mean from this time on [s]; absent: the field at the end. Only with an end.
         progress: Called now and then with the fraction done, 0 to 1.
-        turbulence: k_epsilon with wall functions, smagorinsky (large-eddy simulation) or laminar.
+        turbulence: k_epsilon or rng_k_epsilon with wall functions, smagorinsky (large-eddy simulation) or laminar.
         nu_m2_s: Kinematic viscosity of the gas [m2/s]; air at 20 degrees by default.
         courant: Largest (|u| + |v| + |w|) dt / h of a step.
         max_time_s: Without an end: when to give up waiting for the statistics to settle [s]; the report says so.

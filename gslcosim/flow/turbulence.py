@@ -9,6 +9,8 @@ Padding and index order are those of `pressure`; scalars are at cell centres.
 """
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 import numba
@@ -213,10 +215,8 @@ def mirror_into_ghosts(velocity, faces, starts, sources):
         velocity[faces[n]] = np.float32(-total / (starts[n + 1] - starts[n]))
 
 
-C_1 = 1.44
-C_2 = 1.92
-SIGMA_K = 1.0
-SIGMA_EPSILON = 1.3
+ETA_0_RNG = 4.38
+BETA_RNG = 0.012
 K_FLOOR_M2_S2 = 1e-10
 EPSILON_FLOOR_M2_S3 = 1e-12
 
@@ -396,7 +396,7 @@ def _z_flux_row(s, w, nu, molecular, per_sigma, per_cell, dt, row, n_k):
 
 
 @numba.njit(cache=True, nogil=True)
-def react_k_epsilon(k_old, e_old, k_moved, e_moved, production, nu, dt_s):
+def react_k_epsilon(k_old, e_old, k_moved, e_moved, production, nu, dt_s, c_1, c_2):
     """Apply production and dissipation to the moved k and epsilon, sinks implicitly, in place.
 
     k = (k' + dt P) / (1 + dt e / k)
@@ -411,6 +411,8 @@ def react_k_epsilon(k_old, e_old, k_moved, e_moved, production, nu, dt_s):
         production: Padded P [m2/s3].
         nu: Padded total viscosity; 0 marks what is not air and stays untouched.
         dt_s: Time step [s].
+        c_1: C_1 of the production, float32.
+        c_2: C_2 of the dissipation, float32.
 
     Source: Launder and Spalding 1974, doi:10.1016/0045-7825(74)90029-2, equations 2.2-2.4 (C_1 1.44, C_2 1.92).
     Held by: tests/unit/flow/test_turbulence.py (decay)
@@ -418,8 +420,6 @@ def react_k_epsilon(k_old, e_old, k_moved, e_moved, production, nu, dt_s):
     nx, ny, nz = k_old.shape
     dt = np.float32(dt_s)
     one = np.float32(1)
-    c_1 = np.float32(C_1)
-    c_2 = np.float32(C_2)
     k_floor = np.float32(K_FLOOR_M2_S2)
     e_floor = np.float32(EPSILON_FLOOR_M2_S3)
     for i in range(LOW, nx - HIGH):
@@ -434,7 +434,50 @@ def react_k_epsilon(k_old, e_old, k_moved, e_moved, production, nu, dt_s):
 
 
 @numba.njit(cache=True, nogil=True)
-def eddy_viscosity_k_epsilon(k_new, e_new, nu_m2_s, nu, energy, dissipation):
+def strain_sink_rng(energy, dissipation, production, nu, c_mu, dt_s, moved):
+    """Add to the moved dissipation what the renormalised k-epsilon model takes from its production, in place.
+
+    de/dt = -R P e / k,   R = eta (1 - eta / eta_0) / (1 + beta eta^3),   eta = S k / e = sqrt(P / (C_mu e))
+    [m2/s3 / s] = [m2/s3] [1/s]; eta_0 = 4.38, beta = 0.012
+
+    Where the air is strained hard (eta above eta_0: shear layers, separation) R is negative: more dissipation, less
+    eddy viscosity.
+
+    Args:
+        energy: Padded k before the step [m2/s2].
+        dissipation: Padded epsilon before the step [m2/s3].
+        production: Padded P [m2/s3].
+        nu: Padded total viscosity; 0 marks what is not air and stays untouched.
+        c_mu: C_mu of the model.
+        dt_s: Time step [s].
+        moved: Padded epsilon after transport [m2/s3], modified.
+
+    Source: Yakhot, Orszag, Thangam, Gatski and Speziale 1992, doi:10.1063/1.858424, equations 31 and 32.
+    Held by: tests/unit/flow/test_turbulence.py (homogeneous shear)
+    """
+    nx, ny, nz = energy.shape
+    k_floor = np.float32(K_FLOOR_M2_S2)
+    e_floor = np.float32(EPSILON_FLOOR_M2_S3)
+    dt = np.float32(dt_s)
+    one = np.float32(1)
+    per_c_mu = np.float32(1 / c_mu)
+    per_eta_0 = np.float32(1 / ETA_0_RNG)
+    beta = np.float32(BETA_RNG)
+    for i in range(LOW, nx - HIGH):
+        for j in range(LOW, ny - HIGH):
+            for k in range(LOW, nz - HIGH):
+                loss = max(dissipation[i, j, k], e_floor)
+                rate = loss / max(energy[i, j, k], k_floor)
+                eta = np.sqrt(per_c_mu * production[i, j, k] / loss)
+                share = eta * (one - eta * per_eta_0) / (one + beta * eta * eta * eta)
+                change = dt * share * rate * production[i, j, k]
+                # A sink may take no more than what is there; what it leaves is positive.
+                gain = moved[i, j, k] - change if change < 0 else moved[i, j, k] / (one + change / loss)
+                moved[i, j, k] = gain if nu[i, j, k] > 0 else moved[i, j, k]
+
+
+@numba.njit(cache=True, nogil=True)
+def eddy_viscosity_k_epsilon(k_new, e_new, nu_m2_s, nu, energy, dissipation, c_mu):
     """Take over the new k and epsilon and set nu = nu_m2_s + C_mu k^2 / epsilon [m2/s] in air.
 
     Args:
@@ -444,12 +487,12 @@ def eddy_viscosity_k_epsilon(k_new, e_new, nu_m2_s, nu, energy, dissipation):
         nu: Padded total viscosity, modified where it is not 0.
         energy: Written: copy of `k_new` in all cells of the box.
         dissipation: Written: copy of `e_new`.
+        c_mu: C_mu, float32.
 
     Source: Launder and Spalding 1974, equation 2.1 (C_mu 0.09).
     """
     nx, ny, nz = nu.shape
     molecular = np.float32(nu_m2_s)
-    c_mu = np.float32(C_MU)
     for i in range(LOW, nx - HIGH):
         for j in range(LOW, ny - HIGH):
             for k in range(LOW, nz - HIGH):
@@ -545,16 +588,37 @@ class Smagorinsky:
         )  # fmt: skip
 
 
+@dataclass(frozen=True, kw_only=True)
+class KEpsilonConstants:
+    """Constants of a k-epsilon model; `has_strain_sink`: the renormalised model's, see `strain_sink_rng`."""
+
+    c_mu: float
+    c_1: float
+    c_2: float
+    sigma_k: float
+    sigma_epsilon: float
+    has_strain_sink: bool
+
+
+# Launder and Spalding 1974, doi:10.1016/0045-7825(74)90029-2, table 2.1.
+STANDARD = KEpsilonConstants(c_mu=C_MU, c_1=1.44, c_2=1.92, sigma_k=1.0, sigma_epsilon=1.3, has_strain_sink=False)
+# Yakhot, Orszag, Thangam, Gatski and Speziale 1992, doi:10.1063/1.858424.
+RENORMALISED = KEpsilonConstants(
+    c_mu=0.0845, c_1=1.42, c_2=1.68, sigma_k=0.7194, sigma_epsilon=0.7194, has_strain_sink=True
+)
+
+
 class KEpsilon:
-    """The standard k-epsilon model with wall functions in k: what pimpleFoam's `kEpsilon` computes.
+    """The k-epsilon model with wall functions in k; with its standard constants what pimpleFoam's `kEpsilon` computes.
 
     The room starts with the turbulence of the inlet, as AutoGDM+ sets it: k = 1.5 (I U)^2,
     epsilon = C_mu^(3/4) k^(3/2) / L with L = 0.1 times the inlet's shorter side.
     """
 
-    def __init__(self, domain: Domain, nu_m2_s: float) -> None:
+    def __init__(self, domain: Domain, nu_m2_s: float, constants: KEpsilonConstants = STANDARD) -> None:
         self._domain = domain
         self._nu_m2_s = nu_m2_s
+        self._constants = constants
         self.nu = _molecular(domain, nu_m2_s)
         self.friction_m_s = np.zeros(domain.friction.cells.size)
         k, epsilon = start_turbulence(domain)
@@ -571,6 +635,7 @@ class KEpsilon:
         """Advance k and epsilon by one explicit step, then the eddy viscosity and the wall friction."""
         cell_m, walls = self._domain.cell_m, self._domain.friction
         production, k_new, e_new = scratch
+        constants = self._constants
         u, v, w = velocity
         _, ny, nz = self.nu.shape
         self._fill_outlets()
@@ -581,11 +646,16 @@ class KEpsilon:
             self._nu_m2_s, self.friction_m_s, cell_m, production.ravel(),
         )  # fmt: skip
         for scalar, sigma, moved in (
-            (self.k, SIGMA_K, k_new),
-            (self.epsilon, SIGMA_EPSILON, e_new),
+            (self.k, constants.sigma_k, k_new),
+            (self.epsilon, constants.sigma_epsilon, e_new),
         ):
             transport_scalar(scalar, *velocity, self.nu, self._nu_m2_s, sigma, dt_s, cell_m, moved)
-        react_k_epsilon(self.k, self.epsilon, k_new, e_new, production, self.nu, dt_s)
+        if constants.has_strain_sink:
+            strain_sink_rng(self.k, self.epsilon, production, self.nu, constants.c_mu, dt_s, e_new)
+        react_k_epsilon(
+            self.k, self.epsilon, k_new, e_new, production, self.nu, dt_s,
+            np.float32(constants.c_1), np.float32(constants.c_2),
+        )  # fmt: skip
         self._take_over(k_new, e_new)
 
     def set_turbulence(self, k_m2_s2: F32, epsilon_m2_s3: F32) -> None:
@@ -596,7 +666,8 @@ class KEpsilon:
     def _take_over(self, k_new: F32, e_new: F32) -> None:
         cells, cell_m, nu = self._domain.friction.cells, self._domain.cell_m, self._nu_m2_s
         wall_dissipation(cells, k_new.ravel(), nu, cell_m, e_new.ravel())
-        eddy_viscosity_k_epsilon(k_new, e_new, nu, self.nu, self.k, self.epsilon)
+        c_mu = np.float32(self._constants.c_mu)
+        eddy_viscosity_k_epsilon(k_new, e_new, nu, self.nu, self.k, self.epsilon, c_mu)
         log_law_friction(cells, self.k.ravel(), nu, cell_m, self.friction_m_s)
 
     # Outside an outlet k and epsilon are those inside.
@@ -622,14 +693,19 @@ def inlet_turbulence(placed: PlacedPatch, domain: Domain) -> tuple[float, float]
     assert placed.inflow is not None
     speed = placed.inflow.typical_speed_m_s
     sides = [(row.stop - row.start) * domain.cell_m for row in placed.rows]
-    length = 0.1 * min(sides)
+    length = 0.1 * min(sides) if inlet.turbulence_length_m is None else inlet.turbulence_length_m
     k = max(1.5 * (inlet.turbulence_intensity * speed) ** 2, 1e-8)
     return k, C_MU**0.75 * k**1.5 / length
 
 
 def make_model(name: str, domain: Domain, nu_m2_s: float) -> TurbulenceModel:
-    """Return the turbulence model of that name: k_epsilon, smagorinsky or laminar."""
-    models = {"k_epsilon": KEpsilon, "smagorinsky": Smagorinsky, "laminar": Laminar}
+    """Return the turbulence model of that name: k_epsilon, rng_k_epsilon, smagorinsky or laminar."""
+    models: dict[str, Callable[[Domain, float], TurbulenceModel]] = {
+        "k_epsilon": KEpsilon,
+        "rng_k_epsilon": lambda domain, nu_m2_s: KEpsilon(domain, nu_m2_s, RENORMALISED),
+        "smagorinsky": Smagorinsky,
+        "laminar": Laminar,
+    }
     if name not in models:
         raise ValueError(f"turbulence: expected one of {', '.join(models)}, was {name!r}.")
     return models[name](domain, nu_m2_s)

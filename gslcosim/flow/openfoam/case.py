@@ -226,7 +226,12 @@ _DIMENSIONS = {
     "epsilon": "[0 2 -3 0 0 0 0]",
     "nut": "[0 2 -1 0 0 0 0]",
 }
-_FIELDS = {"k_epsilon": ("U", "p", "k", "epsilon", "nut"), "smagorinsky": ("U", "p", "nut"), "laminar": ("U", "p")}
+_FIELDS = {
+    "k_epsilon": ("U", "p", "k", "epsilon", "nut"),
+    "rng_k_epsilon": ("U", "p", "k", "epsilon", "nut"),
+    "smagorinsky": ("U", "p", "nut"),
+    "laminar": ("U", "p"),
+}
 
 
 def build_fields(domain: Domain, boundaries: tuple[Boundary, ...], turbulence: str) -> dict[str, dict[str, Any]]:
@@ -267,7 +272,7 @@ def _at_wall(field: str, velocity_m_s: tuple[float, float, float], start: Level,
         return _ZERO_GRADIENT
     if field == "nut":
         # Without a turbulence energy the wall's friction follows from the speed beside it alone.
-        function = "nutkWallFunction" if turbulence == "k_epsilon" else "nutUSpaldingWallFunction"
+        function = "nutkWallFunction" if turbulence in ("k_epsilon", "rng_k_epsilon") else "nutUSpaldingWallFunction"
         return {"type": function, "value": "uniform 0"}
     function = {"k": "kqRWallFunction", "epsilon": "epsilonWallFunction"}[field]
     return {"type": function, "value": f"uniform {start[field]!r}"}
@@ -330,6 +335,10 @@ _KINDS = (Inlet, Outlet, MovingWall, SlipWall)
 
 _SIMULATION = {
     "k_epsilon": {"simulationType": "RAS", "RAS": {"RASModel": "kEpsilon", "turbulence": "on", "printCoeffs": "on"}},
+    "rng_k_epsilon": {
+        "simulationType": "RAS",
+        "RAS": {"RASModel": "RNGkEpsilon", "turbulence": "on", "printCoeffs": "on"},
+    },
     "smagorinsky": {
         "simulationType": "LES",
         "LES": {
@@ -411,7 +420,7 @@ def write_case(
         end_time_s: How long the flow develops [s].
         average_from_s: Let OpenFOAM average the velocity from this time on [s] (its field UMean).
         n_ranks: Into how many parts decomposePar is to cut the mesh.
-        turbulence: k_epsilon with wall functions, smagorinsky or laminar.
+        turbulence: k_epsilon or rng_k_epsilon with wall functions, smagorinsky or laminar.
         nu_m2_s: Kinematic viscosity [m2/s].
         courant: Largest Courant number of a step.
 

@@ -268,7 +268,7 @@ def solve_wind_openfoam(
         case_dir: Where to write and keep the case, a new or empty folder; absent: a temporary one, removed when all
             went well.
         n_ranks: How many processes solve it.
-        turbulence: k_epsilon with wall functions, smagorinsky or laminar.
+        turbulence: k_epsilon or rng_k_epsilon with wall functions, smagorinsky or laminar.
         nu_m2_s: Kinematic viscosity [m2/s].
         courant: Largest Courant number of a step.
         progress: Called at each step with the fraction done, 0 to 1.

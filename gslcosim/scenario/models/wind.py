@@ -115,7 +115,7 @@ class WindSpec(SolverSpec):
     inlet_schedule: InletScheduleSpec | None = Field(
         default=None, description="how the wind at all inlets changes (absent: not at all)"
     )
-    turbulence: Literal["k_epsilon", "smagorinsky", "laminar"] = Field(
+    turbulence: Literal["k_epsilon", "rng_k_epsilon", "smagorinsky", "laminar"] = Field(
         default="k_epsilon", description="turbulence model"
     )
     courant: Annotated[float, Field(gt=0, le=1)] = Field(default=0.9, description="Courant number of a step")

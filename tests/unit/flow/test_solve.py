@@ -14,7 +14,7 @@ SHAPE = (14, 10, 7)  # 3.5 x 2.5 x 1.75 m: three different side lengths
 SIZE_M = tuple(n * CELL_M for n in SHAPE)
 INLET = Inlet(min_m=(0, 0, 0), max_m=(0, 1, 0.75), velocity_m_s=(1, 0, 0))
 OUTLET = Outlet(min_m=(3.5, 1.5, 0), max_m=(3.5, 2.5, 0.75))
-MODELS = ("k_epsilon", "smagorinsky", "laminar")
+MODELS = ("k_epsilon", "rng_k_epsilon", "smagorinsky", "laminar")
 
 
 def room():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gslcosim.base.errors import FlowError
 from gslcosim.flow import Inlet, Outlet, turbulence
 from gslcosim.flow.domain import build_domain
 from gslcosim.flow.pressure import HIGH, LOW, padded
@@ -82,11 +83,39 @@ def test_unforced_turbulence_decays_by_the_power_law():
     production = padded(shape)
     for _ in range(n_steps):
         k_new, e_new = k.copy(), e.copy()
-        turbulence.react_k_epsilon(k, e, k_new, e_new, production, nu, dt_s)
+        turbulence.react_k_epsilon(k, e, k_new, e_new, production, nu, dt_s, np.float32(1.44), np.float32(1.92))
         k, e = k_new, e_new
-    power = turbulence.C_2 - 1
+    power = 1.92 - 1
     expected = k0 * (1 + power * n_steps * dt_s * e0 / k0) ** (-1 / power)
     assert k[INNER] == pytest.approx(expected, rel=5e-3)
+
+
+@pytest.mark.parametrize("start", [2.0, 8.0])
+def test_the_renormalised_model_finds_the_strain_of_homogeneous_shear(start):
+    """Under constant shear S k / epsilon tends to 4.38, where the strain sink changes its sign (Yakhot et al. 1992)."""
+    constants, shear_per_s, dt_s = turbulence.RENORMALISED, 1.0, 0.01
+    k, nu = (np.full_like(padded((3, 3, 3)), 1.0) for _ in range(2))
+    e = k * np.float32(shear_per_s / start)
+    for _ in range(1200):
+        production = (constants.c_mu * k**2 / e * shear_per_s**2).astype(np.float32)
+        k_new, e_new = k.copy(), e.copy()
+        turbulence.strain_sink_rng(k, e, production, nu, constants.c_mu, dt_s, e_new)
+        turbulence.react_k_epsilon(
+            k, e, k_new, e_new, production, nu, dt_s, np.float32(constants.c_1), np.float32(constants.c_2)
+        )
+        k, e = k_new, e_new
+    assert shear_per_s * k[INNER] / e[INNER] == pytest.approx(4.38, abs=0.05)
+
+
+def test_an_inlet_may_say_how_large_its_eddies_are():
+    def epsilon_of(**options):
+        inlet = Inlet(min_m=(0, 0, 0), max_m=(0, 0.6, 1), velocity_m_s=(1, 0, 0), **options)
+        domain = build_domain(np.ones(SHAPE, bool), CELL_M, [inlet, Outlet(min_m=(1.8, 0, 0), max_m=(1.8, 1.4, 1))])
+        return turbulence.inlet_turbulence(domain.inlets[0], domain)[1]
+
+    assert epsilon_of(turbulence_length_m=0.03) == pytest.approx(2 * epsilon_of())
+    with pytest.raises(FlowError, match="turbulence_length_m: expected a length above 0 m, was 0"):
+        epsilon_of(turbulence_length_m=0.0)
 
 
 def test_wall_friction_in_equilibrium_is_that_of_the_log_law():
@@ -149,5 +178,5 @@ def test_eddy_viscosity_and_energy_stay_positive_in_air_and_zero_viscosity_in_so
 
 
 def test_an_unknown_model_is_refused():
-    with pytest.raises(ValueError, match="k_epsilon, smagorinsky, laminar"):
+    with pytest.raises(ValueError, match="k_epsilon, rng_k_epsilon, smagorinsky, laminar"):
         make_model("les", room(), NU_M2_S)

@@ -69,7 +69,12 @@ def test_a_profile_is_written_face_by_face(write):
 
 @pytest.mark.parametrize(
     ("turbulence", "fields"),
-    [("k_epsilon", {"U", "p", "k", "epsilon", "nut"}), ("smagorinsky", {"U", "p", "nut"}), ("laminar", {"U", "p"})],
+    [
+        ("k_epsilon", {"U", "p", "k", "epsilon", "nut"}),
+        ("rng_k_epsilon", {"U", "p", "k", "epsilon", "nut"}),
+        ("smagorinsky", {"U", "p", "nut"}),
+        ("laminar", {"U", "p"}),
+    ],
 )
 def test_a_model_has_the_fields_it_needs(write, turbulence, fields):
     folder = write(turbulence=turbulence)
@@ -110,7 +115,7 @@ def test_what_openfoam_does_not_know_of_is_refused(write, patch, message):
     [
         ({"n_ranks": 0}, "n_ranks: expected at least 1 process, was 0"),
         ({"courant": 0.0}, "courant: expected above 0"),
-        ({"turbulence": "k_omega"}, "expected one of k_epsilon, smagorinsky, laminar, was 'k_omega'"),
+        ({"turbulence": "k_omega"}, "expected one of k_epsilon, rng_k_epsilon, smagorinsky, laminar, was 'k_omega'"),
         ({"end_time_s": -1.0}, "end_time_s: expected a time above 0 s"),
         ({"average_from_s": 5.0}, "average_from_s: expected from 0 to below end_time_s"),
     ],
