@@ -6,7 +6,8 @@ After Farrell, Pang and Li 2003. README.md beside this file has the rules, metho
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
-from gslcosim.search.bayes import hidden_markov, puff_tracing
+from gslcosim.search.bayes import hidden_markov
+from gslcosim.search.bayes.belief_search import SourceBeliefAgent
 from gslcosim.search.bayes.hidden_markov import (
     ParcelChain,
     compute_arrival_probabilities,
@@ -14,8 +15,7 @@ from gslcosim.search.bayes.hidden_markov import (
     likeliest_path,
     place_along_m,
 )
-from gslcosim.search.bayes.puff_tracing import PuffModel, displacements_m, footprint
-from gslcosim.search.bayes.source_map_agent import SourceBeliefAgent
+from gslcosim.search.bayes.puff_tracing import PuffModel
 from gslcosim.search.beliefs import distances_m
 from gslcosim.search.senses.hit_detection import Finding
 
@@ -33,12 +33,12 @@ class HiddenMarkov(SourceBeliefAgent):
         self.open_air = PuffModel(
             step_s=settings.wind_step_s,
             window_s=settings.window_s,
-            initial_sigma_m=0.5 * self.search.grid.cell_m,
+            initial_sigma_m=0.5 * self.grid.cell_m,
             spread_m_sqrt_s=settings.spread_m_sqrt_s,
             detection_probability=settings.detection_probability,
         )
 
-    def learn(self, finding: Finding) -> None:
+    def update(self, observation: Observation, finding: Finding) -> None:
         """Pull the finding back along the chain, from the sensor's cell to every cell and time of release."""
         plume = self.plume()
         chance = compute_arrival_probabilities(plume, self.cell_at(finding.sensor_m))
@@ -52,44 +52,42 @@ class HiddenMarkov(SourceBeliefAgent):
         else:
             self.map.miss(log_share)
 
-    def next_leg(self, observation: Observation, p: puff_tracing.Array) -> Command:
+    def next_leg(self, observation: Observation) -> Command:
         """Return a leg back along the plume soon after gas, else one to where a finding tells most."""
-        plan_grid, trace_m = self.search.plan_grid, None
-        travelled_m = displacements_m(self.search.winds, self.open_air, observation.position_world_m)
-        chance = footprint(self.open_air, travelled_m, plan_grid.cell_m, plan_grid.shape)
-        if self.settings.follow == "path" and self.search.is_tracking(observation):
-            trace_m = self.trace_m(observation.position_world_m, p)
-        return self.search.next_leg(observation, p, chance, trace_m=trace_m)
+        trace_m = None
+        if self.settings.follow == "path" and self.is_tracking(observation):
+            trace_m = self.trace_m(observation.position_world_m)
+        return self.surge_or_search(observation, self.chance(observation, self.open_air), trace_m=trace_m)
 
-    def trace_m(self, here_m: tuple[float, ...], p: puff_tracing.Array) -> tuple[float, float] | None:
+    def trace_m(self, here_m: tuple[float, ...]) -> tuple[float, float] | None:
         """Return a place back along the likeliest path from a source that is at least a step away."""
-        step_m, grid = self.settings.step_m, self.search.grid
-        elsewhere = np.where(distances_m(grid, here_m) >= step_m, p, 0.0)
+        step_m, grid = self.settings.step_m, self.grid
+        elsewhere = np.where(distances_m(grid, here_m) >= step_m, self.p, 0.0)
         path = likeliest_path(self.plume(), self.cell_at(here_m), elsewhere)
         return None if path is None else place_along_m(path, grid, step_m)
 
     def plume(self) -> ParcelChain:
         """Return the chain of the window past, in the wind as it was met."""
-        search, settings = self.search, self.settings
-        if search.field is not None:
+        settings = self.settings
+        if self.field is not None:
             return hidden_markov.build_chain_in_wind_field(
-                search.grid,
-                ~search.free,
-                search.field.winds_m_s(),
+                self.grid,
+                ~self.free,
+                self.field.winds_m_s(),
                 window_s=settings.window_s,
                 spread_m_sqrt_s=settings.spread_m_sqrt_s,
             )
         return hidden_markov.build_chain_in_uniform_wind(
-            search.grid,
-            ~search.free,
-            search.winds.window_m_s(),
+            self.grid,
+            ~self.free,
+            self.winds.window_m_s(),
             step_s=settings.wind_step_s,
             spread_m_sqrt_s=settings.spread_m_sqrt_s,
         )
 
     def cell_at(self, place_m: tuple[float, ...]) -> hidden_markov.Cell:
         """Return the cell nearest to a place."""
-        i, j = self.search.grid.nearest_cell(place_m)
+        i, j = self.grid.nearest_cell(place_m)
         return i, j
 
 

@@ -8,45 +8,46 @@ from collections import deque
 
 import numpy as np
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.agent_kit import Briefing, Command, Observation, run
 from gslcosim.search.bayes import particle_filter
-from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettings
+from gslcosim.search.bayes.belief_search import BeliefAgent
 from gslcosim.search.bayes.particle_filter import ParticleCloud, puff_variances_m2, wind_spread_m_sqrt_s
 from gslcosim.search.bayes.puff_tracing import partial_sums_m
-from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.coverage import CoverageGrid
 from gslcosim.search.motion.declaration import Estimate, by_spread
-from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.spirals import ArchimedeanSpiral, random_side
 from gslcosim.search.senses.hit_detection import Finding
 
 
-class ParticleFilter(Agent):
+class ParticleFilter(BeliefAgent):
     """Surges upwind in gas and spirals when it is lost, or goes to the mean; declares when particles draw together."""
 
+    program = __file__
+
     def __init__(self, briefing: Briefing) -> None:
-        settings = self.settings = load_settings(briefing, __file__)
+        super().__init__(briefing)
+        settings = self.settings
         particle_filter.warm_up()
-        self.search = BeliefSearch(briefing, BeliefSearchSettings.of(settings))
-        self.draws = RandomStream(briefing.seed)
         self.cloud = ParticleCloud(settings.particles, briefing.bounds, self.draws.generator("particles"))
         self.means_m: deque[tuple[float, float]] = deque(maxlen=settings.estimates)
-        self.unseen = CoverageGrid(self.search.flights.pilot.room, edge_m=settings.explore_step_m)
+        self.unseen = CoverageGrid(self.flights.pilot.room, edge_m=settings.explore_step_m)
         self.spiral: ArchimedeanSpiral | None = None
         self.centre_m = (0.0, 0.0)
 
     def observe(self, observation: Observation) -> None:
-        """Weigh the particles by what was found; the first gas bears them."""
+        """Weigh the particles by what was found; take note of what was seen of the room."""
         self.unseen.note(observation.position_world_m)
-        if self.search.take_rejected() is not None:
-            self.cloud.clear()
-        finding = self.search.observe(observation)
-        if finding is not None and (finding.is_hit or self.cloud.is_born):
-            self.learn(finding)
+        super().observe(observation)
 
-    def learn(self, finding: Finding) -> None:
-        """Bear, weigh and resample."""
-        settings, winds_m_s = self.settings, self.search.winds.window_m_s()
+    def reject(self, place_m: tuple[float, float]) -> None:
+        """Begin again without particles."""
+        self.cloud.clear()
+
+    def update(self, observation: Observation, finding: Finding) -> None:
+        """Bear, weigh and resample; the first gas bears particles."""
+        if not (finding.is_hit or self.cloud.is_born):
+            return
+        settings, winds_m_s = self.settings, self.winds.window_m_s()
         travelled_m = partial_sums_m(winds_m_s, settings.wind_step_s)
         spread = wind_spread_m_sqrt_s(winds_m_s, settings.wind_step_s, settings.spread_m_sqrt_s)
         variance_m2 = puff_variances_m2(len(travelled_m), settings.wind_step_s, spread, settings.first_sigma_m)
@@ -69,14 +70,13 @@ class ParticleFilter(Agent):
                 self.cloud.resample()
         self.means_m.append(self.cloud.mean_m())
 
-    def decide(self, observation: Observation) -> Command:
-        """Return the next leg, or a declaration."""
-        self.observe(observation)
-        grid = self.search.grid
-        p = self.cloud.probability(grid) if self.cloud.is_born else np.full(grid.shape, 1.0 / grid.n_cells)
-        return self.search.answer(observation, p, self.found(), lambda: self.next_leg(observation))
+    @property
+    def p(self) -> np.ndarray:
+        """The particles as a probability of each cell; even before any are born."""
+        grid = self.grid
+        return self.cloud.probability(grid) if self.cloud.is_born else np.full(grid.shape, 1.0 / grid.n_cells)
 
-    def found(self) -> Estimate | None:
+    def estimate(self, observation: Observation) -> Estimate | None:
         """Return the mean of the last estimates once the particles have drawn together."""
         if not self.cloud.is_born:
             return None
@@ -90,20 +90,20 @@ class ParticleFilter(Agent):
 
     def next_leg(self, observation: Observation) -> Command:
         """Return a leg upwind soon after gas, then one of a spiral; without particles one to a place not seen yet."""
-        search, here_m = self.search, observation.position_world_m
-        surge_m = search.surge_m(observation)
+        here_m = observation.position_world_m
+        surge_m = self.surge_m(observation)
         if (
-            search.is_tracking(observation)
+            self.is_tracking(observation)
             and surge_m is not None
-            and search.flights.pilot.is_worth_it(observation, surge_m)
+            and self.flights.pilot.is_worth_it(observation, surge_m)
         ):
             self.spiral = None
-            return search.flights.pilot.leg(observation, surge_m, hold_s=self.settings.hold_s)
+            return self.flights.pilot.leg(observation, surge_m, hold_s=self.settings.hold_s)
         if not self.cloud.is_born:
-            return search.goals.leg(observation, self.unseen.next_place_m(here_m, search.upwind_rad()), hold_s=0.0)
+            return self.goals.leg(observation, self.unseen.next_place_m(here_m, self.upwind_rad()), hold_s=0.0)
         if self.settings.motion == "mean" and math.dist(self.cloud.mean_m(), here_m[:2]) > self.settings.step_m:
             self.spiral = None
-            return search.goals.leg(observation, self.cloud.mean_m(), hold_s=self.settings.hold_s)
+            return self.goals.leg(observation, self.cloud.mean_m(), hold_s=self.settings.hold_s)
         return self.spiral_leg(observation)
 
     def spiral_leg(self, observation: Observation) -> Command:
@@ -115,7 +115,7 @@ class ParticleFilter(Agent):
             self.spiral = self.new_spiral()
             offset_m = self.spiral.next_offset_m() or (0.0, 0.0)
         target_m = (self.centre_m[0] + offset_m[0], self.centre_m[1] + offset_m[1])
-        return self.search.flights.pilot.leg(observation, target_m, hold_s=self.settings.explore_hold_s)
+        return self.flights.pilot.leg(observation, target_m, hold_s=self.settings.explore_hold_s)
 
     def new_spiral(self) -> ArchimedeanSpiral:
         """Return a spiral that leaves its centre in a random direction, to a random side."""

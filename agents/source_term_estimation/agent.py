@@ -7,14 +7,13 @@ import math
 
 import numpy as np
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.agent_kit import Briefing, Command, Observation, run
 from gslcosim.search.bayes import source_terms
-from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettings
+from gslcosim.search.bayes.belief_search import BeliefAgent
 from gslcosim.search.bayes.source_terms import PlumeSensor, SourcePrior, SourceTermFilter, TermPrior
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.coverage import CoverageGrid
-from gslcosim.search.motion.declaration import by_spread
-from gslcosim.search.random_stream import RandomStream
+from gslcosim.search.motion.declaration import Estimate, by_spread
 from gslcosim.search.senses.hit_detection import Finding
 from gslcosim.search.senses.instruments import find_noses
 
@@ -22,13 +21,15 @@ N_DIRECTIONS = 8
 NEAR_AND_FAR = (1.0, 3.0)  # candidate places lie so many steps away
 
 
-class SourceTermEstimation(Agent):
+class SourceTermEstimation(BeliefAgent):
     """Believes in sets of source terms; goes where the next reading tells most, and to the mean once it is narrow."""
 
+    program = __file__
+
     def __init__(self, briefing: Briefing) -> None:
-        settings = self.settings = load_settings(briefing, __file__)
+        settings = load_settings(briefing, self.program)
         self.nose = next(nose for nose in find_noses(briefing) if nose.unit == "ppm" or nose.estimate is not None)
-        self.search = BeliefSearch(briefing, BeliefSearchSettings.of(settings), nose=self.nose)
+        super().__init__(briefing, settings, nose=self.nose)
         self.threshold_ppm = settings.mox_floor_ppm if self.nose.unit == "ohm" else settings.gas_threshold_ppm
         model = PlumeSensor(
             plume=settings.plume,
@@ -40,9 +41,9 @@ class SourceTermEstimation(Agent):
             source_radius_m=settings.source_radius_m,
         )
         source_terms.warm_up(model)
-        rng = RandomStream(briefing.seed).generator("source terms")
+        rng = self.draws.generator("source terms")
         self.filter = SourceTermFilter(self.prior(briefing), model, settings.particles, rng, n_moves=settings.moves)
-        self.unseen = CoverageGrid(self.search.flights.pilot.room, edge_m=settings.explore_step_m)
+        self.unseen = CoverageGrid(self.flights.pilot.room, edge_m=settings.explore_step_m)
 
     def prior(self, briefing: Briefing) -> SourcePrior:
         """Return what is believed at the start; a granted plume narrows the rate."""
@@ -64,45 +65,47 @@ class SourceTermEstimation(Agent):
         )
 
     def observe(self, observation: Observation) -> None:
-        """Take a reading for each finding: the mixing ratio after gas, none in clean air."""
+        """Take a reading for each finding; take note of what was seen of the room."""
         self.unseen.note(observation.position_world_m)
-        if (rejected_m := self.search.take_rejected()) is not None:
-            self.filter.reject(rejected_m, self.settings.visit_m)
-        finding = self.search.observe(observation)
-        if finding is not None:
-            self.learn(observation, finding)
+        super().observe(observation)
 
-    def learn(self, observation: Observation, finding: Finding) -> None:
-        """Weigh the particles by a reading and the wind it came with."""
+    def reject(self, place_m: tuple[float, float]) -> None:
+        """Leave the surroundings of a place out of the particles."""
+        self.filter.reject(place_m, self.settings.visit_m)
+
+    def update(self, observation: Observation, finding: Finding) -> None:
+        """Weigh the particles by a reading and its wind: the mixing ratio after gas, none in clean air."""
         speed_m_s, direction_rad = self.wind()
         ppm = max(self.nose.ppm(observation), 1.01 * self.threshold_ppm) if finding.is_hit else 0.0
         self.filter.read(finding.sensor_m, ppm, speed_m_s=speed_m_s, direction_rad=direction_rad)
 
     def wind(self) -> tuple[float, float]:
         """Return speed and direction of the mean wind of the last seconds: where the air goes."""
-        u_m_s, v_m_s = self.search.recent_wind_m_s()
+        u_m_s, v_m_s = self.recent_wind_m_s()
         return math.hypot(u_m_s, v_m_s), math.atan2(v_m_s, u_m_s)
 
-    def decide(self, observation: Observation) -> Command:
-        """Return the next leg, or a declaration."""
-        self.observe(observation)
+    @property
+    def p(self) -> np.ndarray:
+        """The particles as a probability of each cell."""
+        return self.filter.probability(self.grid)
+
+    def estimate(self, observation: Observation) -> Estimate | None:
+        """Return the mean of the particles once they have drawn together."""
         places_m, weights = self.filter.terms[:, :2], self.filter.weights()
-        found = by_spread(places_m, weights, limit_m=self.settings.declare_spread_m, radius_m=self.settings.visit_m)
-        p = self.filter.probability(self.search.grid)
-        return self.search.answer(observation, p, found, lambda: self.next_leg(observation))
+        return by_spread(places_m, weights, limit_m=self.settings.declare_spread_m, radius_m=self.settings.visit_m)
 
     def next_leg(self, observation: Observation) -> Command:
         """Return the next step towards the place of most information and probability for the way."""
         here_m, mean = observation.position_world_m, self.filter.mean()
         mean_m = (mean["x_m"], mean["y_m"])
-        hold_s = self.settings.hold_s if self.search.is_tracking(observation) else self.settings.explore_hold_s
-        surge_m = self.search.surge_m(observation)
-        if self.settings.planner == "moth" and self.search.is_tracking(observation) and surge_m is not None:
-            return self.search.goals.leg(observation, surge_m, hold_s=hold_s)
+        hold_s = self.settings.hold_s if self.is_tracking(observation) else self.settings.explore_hold_s
+        surge_m = self.surge_m(observation)
+        if self.settings.planner == "moth" and self.is_tracking(observation) and surge_m is not None:
+            return self.goals.leg(observation, surge_m, hold_s=hold_s)
         if self.settings.planner == "mean" and math.dist(mean_m, here_m[:2]) > 0.5 * self.settings.step_m:
-            return self.search.goals.leg(observation, mean_m, hold_s=hold_s)
-        goals_m = np.array([*self.around(here_m), mean_m, self.unseen.next_place_m(here_m, self.search.upwind_rad())])
-        places_m = np.column_stack([goals_m, np.full(len(goals_m), self.search.height_m)])
+            return self.goals.leg(observation, mean_m, hold_s=hold_s)
+        goals_m = np.array([*self.around(here_m), mean_m, self.unseen.next_place_m(here_m, self.upwind_rad())])
+        places_m = np.column_stack([goals_m, np.full(len(goals_m), self.height_m)])
         speed_m_s, direction_rad = self.wind()
         gain = self.filter.gain_bits(places_m, speed_m_s=speed_m_s, direction_rad=direction_rad)
         away_m = np.hypot(*(self.filter.terms[:, None, :2] - goals_m[None]).transpose(2, 0, 1))
@@ -112,7 +115,7 @@ class SourceTermEstimation(Agent):
             distances_m < 0.5 * self.settings.step_m, -1.0, (gain + likely) / (distances_m + self.settings.near_m)
         )
         x_m, y_m = goals_m[int(worth.argmax())].tolist()
-        return self.search.goals.leg(observation, (x_m, y_m), hold_s=hold_s)
+        return self.goals.leg(observation, (x_m, y_m), hold_s=hold_s)
 
     def around(self, here_m: tuple[float, ...]) -> list[tuple[float, float]]:
         """Return candidate places in eight directions, near and far, that lie in the room and are not refused."""
@@ -121,7 +124,7 @@ class SourceTermEstimation(Agent):
             for n in NEAR_AND_FAR
             for a in np.arange(N_DIRECTIONS) * (2.0 * math.pi / N_DIRECTIONS)
         ]
-        return [place_m for place_m in places_m if self.search.goals.is_goal(place_m)]
+        return [place_m for place_m in places_m if self.goals.is_goal(place_m)]
 
 
 def _log_uniform(limits: tuple[float, float]) -> TermPrior:

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
-from gslcosim.search.bayes.source_map_agent import PuffTracingAgent
+from gslcosim.search.bayes.belief_search import PuffTracingAgent
 from gslcosim.search.beliefs import normalised_from_log
 from gslcosim.search.senses.instruments import find_cameras
 from gslcosim.search.senses.vision import SeenObjects, Viewpoint, prior_from_objects, seen_objects
@@ -25,7 +25,7 @@ class VisionPrior(PuffTracingAgent):
         super().__init__(briefing)
         self.camera = find_cameras(briefing)[0]
         self.floor_m = briefing.bounds.min_m[2]
-        self.log_prior = np.zeros(self.search.grid.shape)
+        self.log_prior = np.zeros(self.grid.shape)
         self.seen = SeenObjects()
         self.poses: dict[int, Viewpoint] = {}
         self.last_picture_tick = -1
@@ -51,7 +51,7 @@ class VisionPrior(PuffTracingAgent):
             if self.seen.add(seen):
                 odds = {self.settings.likely_colour: self.settings.likely_odds}
                 prior = prior_from_objects(
-                    self.search.grid,
+                    self.grid,
                     self.seen.things,
                     odds,
                     spread_m=self.settings.object_m,
@@ -59,13 +59,19 @@ class VisionPrior(PuffTracingAgent):
                 )
                 self.log_prior = np.log(prior)
 
+    @property
+    def p(self) -> np.ndarray:
+        """The belief by what was found and what was seen."""
+        return normalised_from_log(self.map.log_p + self.log_prior)
+
+    def continue_leg(self, observation: Observation) -> Command | None:
+        """Return the command while a leg is under way, and to look around first."""
+        command = super().continue_leg(observation)
+        return self.turn(observation) if command is None and self.n_looks < self.settings.looks else command
+
     def decide(self, observation: Observation) -> Command:
-        """Look around first; then return the next leg, or a declaration."""
-        self.observe(observation)
-        p = normalised_from_log(self.map.log_p + self.log_prior)
-        if self.n_looks < self.settings.looks and not self.search.flights.pilot.is_busy(observation):
-            return self.turn(observation)
-        command = self.answer(observation, p)
+        """Return the next leg, along which the camera looks, or a declaration."""
+        command = super().decide(observation)
         return command.model_copy(update={"faces_path": command.kind == "waypoint"})
 
     def turn(self, observation: Observation) -> Command:

@@ -59,10 +59,11 @@ class SearchAgent(Agent):
         if command is not None:
             return command
         self.learn(observation)
-        belief = None
-        if self.p is not None:
-            belief = self.publisher.message(observation, self.p, self.grid, height_m=self.height_m)
-        command = self.declare(observation) or self.next_leg(observation)
+        p = self.p
+        belief = None if p is None else self.publisher.message(observation, p, self.grid, height_m=self.height_m)
+        found = self.estimate(observation) if getattr(self.settings, "declares", True) else None
+        command = None if found is None else self.declare(observation, found)
+        command = command or self.next_leg(observation)
         return command.model_copy(update={"belief": belief, "outgoing": self.outgoing(observation)})
 
     @property
@@ -81,13 +82,12 @@ class SearchAgent(Agent):
         """Return where the source is, once the method's rule says so."""
         return None
 
-    def declare(self, observation: Observation) -> Command | None:
-        """Return the declaration of an estimate that is news, if there is one."""
-        found = self.estimate(observation) if getattr(self.settings, "declares", True) else None
-        found = self.declared.passes(found)
-        if found is None:
+    def declare(self, observation: Observation, found: Estimate) -> Command | None:
+        """Return the declaration of an estimate that is news, None for one that was declared."""
+        passed = self.declared.passes(found)
+        if passed is None:
             return None
-        return declaration(observation, (*found.position_m, self.height_m)[:3], found.confidence)
+        return declaration(observation, (*passed.position_m, self.height_m)[:3], passed.confidence)
 
     @abstractmethod
     def next_leg(self, observation: Observation) -> Command:

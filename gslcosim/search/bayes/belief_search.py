@@ -1,21 +1,25 @@
-"""Search with a belief over the floor: findings, wind, goals, the next leg, declaration and publication."""
+"""Agents with a belief over the floor: findings, wind, goals worth their way, and declarations at the place."""
 
 import math
-from collections.abc import Callable, Sequence
+from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.contract.messages import Briefing, Command, Observation
-from gslcosim.search.beliefs import BeliefPublisher, CellGrid, distances_m
-from gslcosim.search.motion.commands import declaration
-from gslcosim.search.motion.declaration import DeclarationGuard, Estimate, by_variance
+from gslcosim.agent_kit import Briefing, Command, Observation
+from gslcosim.search.bayes import puff_tracing
+from gslcosim.search.bayes.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
+from gslcosim.search.beliefs import CellGrid, distances_m
+from gslcosim.search.motion.declaration import Estimate, by_variance
 from gslcosim.search.motion.grid_paths import Free, shortest_path
 from gslcosim.search.motion.legs import StuckDetector, step_towards_m
 from gslcosim.search.motion.map_navigation import MapNavigator
 from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.cast_and_surge import surge_end_m
+from gslcosim.search.search_agent import SearchAgent
 from gslcosim.search.senses.hit_detection import Finding, GasEvidence
 from gslcosim.search.senses.instruments import Nose, find_noses, find_vane
 from gslcosim.search.senses.stop_and_measure import MeasuredWind, TrustedWind
@@ -218,149 +222,150 @@ class BeliefSearchSettings:
         return cls(**{name: getattr(settings, name) for name in names if hasattr(settings, name)})
 
 
-class BeliefSearch:
-    """The part of a search with a belief that does not depend on how the belief is made.
+class BeliefAgent(SearchAgent):
+    """An agent with a belief over the floor: it follows gas upwind, and else goes where the belief sends it.
 
-    Call `observe` with every observation: it returns what was found, for the method to learn from. At a question call
-    `answer` with the belief and a way to the next leg.
+    What was found in each span of time updates the belief on the way. A place is declared only when the vehicle is
+    there. If the run goes on, and where the vehicle has been for long, the source is not there: the place is rejected,
+    for where nearness counts the source would have been found.
 
-    State: that of its parts.
+    A method says how a finding and a rejected place change its belief, and plans its legs. Its settings: those of
+    `BeliefSearchSettings`.
+
+    State: that of its parts, and a place that is to be rejected.
 
     Held by:
         tests/unit/search/bayes/test_belief_search.py
     """
 
-    def __init__(self, briefing: Briefing, settings: BeliefSearchSettings, *, nose: Nose | None = None) -> None:
+    def __init__(
+        self, briefing: Briefing, settings: SimpleNamespace | None = None, *, nose: Nose | None = None
+    ) -> None:
         """Begin without findings and wind; without a nose the briefing's first gas sensor is used."""
-        self.settings = settings
+        super().__init__(briefing, settings)
+        shared = self.shared = BeliefSearchSettings.of(self.settings)
+        # The legs have a stream of their own: what they draw does not change what the method draws.
         self.flights = MapNavigator(
             briefing,
             RandomStream(briefing.seed),
-            cell_m=settings.cell_m,
-            max_cells=settings.max_cells,
-            clearance_m=settings.clearance_m,
-            margin_m=settings.wall_margin_m,
+            cell_m=shared.cell_m,
+            max_cells=shared.max_cells,
+            clearance_m=shared.clearance_m,
+            margin_m=shared.wall_margin_m,
         )
         self.grid, self.free = self.flights.grid, self.flights.free
-        self.height_m = briefing.search_height_m
-        self.goals = GoalNavigator(self.flights, step_m=settings.step_m)
+        self.goals = GoalNavigator(self.flights, step_m=shared.step_m)
         self.evidence = GasEvidence(
-            nose or find_noses(briefing)[0], every_s=settings.finding_s, threshold_ppm=settings.gas_threshold_ppm
+            nose or find_noses(briefing)[0], every_s=shared.finding_s, threshold_ppm=shared.gas_threshold_ppm
         )
-        n_steps = max(1, round(settings.window_s / settings.wind_step_s))
-        self.winds = WindRecord(find_vane(briefing), step_s=settings.wind_step_s, n_steps=n_steps)
-        self.field = WindField(self.grid, reach_m=settings.wind_reach_m) if settings.wind == "measured" else None
-        self._publisher, self._declared = BeliefPublisher(), DeclarationGuard()
-        self._trusted = TrustedWind(threshold_m_s=settings.wind_threshold_m_s)
-        self._stuck_detector = StuckDetector(n_legs=settings.leash_legs, radius_m=settings.leash_m)
-        self._rejected_m: tuple[float, float] | None = None
+        n_steps = max(1, round(shared.window_s / shared.wind_step_s))
+        self.winds = WindRecord(find_vane(briefing), step_s=shared.wind_step_s, n_steps=n_steps)
+        self.field = WindField(self.grid, reach_m=shared.wind_reach_m) if shared.wind == "measured" else None
+        self._trusted = TrustedWind(threshold_m_s=shared.wind_threshold_m_s)
+        self._stuck_detector = StuckDetector(n_legs=shared.leash_legs, radius_m=shared.leash_m)
+        self._rejected_m: Point | None = None
 
-    def observe(self, observation: Observation) -> Finding | None:
-        """Record the wind; return what was found in the span that ends now, if the wind is known by now."""
+    @property
+    @abstractmethod
+    def p(self) -> Array:
+        """The belief, of the grid's shape."""
+
+    @abstractmethod
+    def update(self, observation: Observation, finding: Finding) -> None:
+        """Update the belief by a finding."""
+
+    @abstractmethod
+    def reject(self, place_m: Point) -> None:
+        """Leave a place out of the belief."""
+
+    def observe(self, observation: Observation) -> None:
+        """Record the wind, and update the belief by what was found in the span that ends now."""
+        rejected_m, self._rejected_m = self._rejected_m, None
+        if rejected_m is not None:
+            self.reject(rejected_m)
         n_steps = self.winds.n_steps_ever
         self.winds.add(observation)
         if self.field is not None and self.winds.n_steps_ever > n_steps:
             x_m, y_m, u_m_s, v_m_s = self.winds.latest()
             self.field.add((x_m, y_m), (u_m_s, v_m_s))
         finding = self.evidence.add(observation)
-        return finding if self.winds.n_steps_ever else None
+        # A finding says nothing before the wind is known.
+        if finding is not None and self.winds.n_steps_ever:
+            self.update(observation, finding)
 
-    def answer(
-        self, observation: Observation, p: Array, found: Estimate | None, next_leg: Callable[[], Command]
-    ) -> Command:
-        """Return the command: the leg under way, a declaration, or the next leg; with the belief, if it is time.
+    def continue_leg(self, observation: Observation) -> Command | None:
+        """Return the command while a leg is under way."""
+        return self.flights.pilot.continue_leg(observation)
 
-        A place is declared only when the vehicle is there; see `take_rejected` for what follows.
-
-        Args:
-            observation: The question.
-            p: The belief, of the grid's shape, for publication.
-            found: Where the source is, if the belief has drawn together.
-            next_leg: Gives the next leg otherwise.
-        """
-        if self.flights.pilot.is_busy(observation):
-            return self.flights.pilot.stay(observation)
-        belief = self._publisher.message(observation, p, self.grid, height_m=self.height_m)
+    def learn(self, observation: Observation) -> None:
+        """Take note of where the leg has ended, and whether its goal was refused."""
         self._stuck_detector.note(observation.position_world_m)
         if self._stuck_detector.is_stuck:
             self._stuck_detector.release()
             self._rejected_m = (observation.position_world_m[0], observation.position_world_m[1])
-        return self._answer(observation, found, next_leg).model_copy(update={"belief": belief})
-
-    def _answer(self, observation: Observation, found: Estimate | None, next_leg: Callable[[], Command]) -> Command:
         self.goals.note_refusal(observation)
-        if found is None:
-            return next_leg()
+
+    def estimate(self, observation: Observation) -> Estimate | None:
+        """Return where the source is once the belief is as narrow as the settings ask for."""
+        limit_m2, radius_m = self.shared.declare_variance_m2, self.shared.visit_m
+        return by_variance(self.p, self.grid, limit_m2=limit_m2, radius_m=radius_m)
+
+    def declare(self, observation: Observation, found: Estimate) -> Command | None:
+        """Return the way to a place that was found; there, or where it cannot be reached, the declaration."""
         x_m, y_m = found.position_m[:2]
-        is_there = math.dist((x_m, y_m), observation.position_world_m[:2]) <= self.settings.visit_m
+        is_there = math.dist((x_m, y_m), observation.position_world_m[:2]) <= self.shared.visit_m
         if not is_there and not self.flights.pilot.was_refused(observation):
             return self.goals.leg(observation, (x_m, y_m))
         self._rejected_m = (x_m, y_m)
-        if self._declared.passes(found) is None:
-            return next_leg()
-        return declaration(observation, (x_m, y_m, self.height_m), found.confidence)
-
-    def take_rejected(self) -> tuple[float, float] | None:
-        """Return, once, a place that was declared, or at which the vehicle has been for long, though the run goes on.
-
-        Where nearness counts the source would have been found, and where a declaration counts the run would have ended:
-        it is not there.
-        """
-        rejected_m, self._rejected_m = self._rejected_m, None
-        return rejected_m
+        return super().declare(observation, found)
 
     def is_tracking(self, observation: Observation) -> bool:
         """Return whether gas was met so lately that the plume is to be followed."""
-        return self.evidence.since_hit_s(observation.time_s) <= self.settings.surge_s
+        return self.evidence.since_hit_s(observation.time_s) <= self.shared.surge_s
 
-    def next_leg(
-        self, observation: Observation, p: Array, chance: Array | None, *, trace_m: tuple[float, float] | None = None
+    def surge_or_search(
+        self, observation: Observation, chance: Array | None, *, trace_m: Point | None = None
     ) -> Command:
         """Return the next step: along the plume or upwind soon after gas, else towards the best goal.
 
         Args:
             observation: The question.
-            p: The belief, of the grid's shape.
             chance: Chance to detect gas of a source at each offset, on `plan_grid`; see `expected_information_bits`.
             trace_m: Where to go soon after gas, in place of a step upwind.
         """
         is_tracking = self.is_tracking(observation)
-        if is_tracking and self.settings.planner == "moth":
+        if is_tracking and self.shared.planner == "moth":
             surge_m = trace_m or self.surge_m(observation)
             if surge_m is not None and self.flights.pilot.is_worth_it(observation, surge_m):
-                return self.flights.pilot.leg(observation, surge_m, hold_s=self.settings.hold_s)
-        hold_s = self.settings.hold_s if is_tracking else self.settings.explore_hold_s
-        return self.goals.leg(observation, self.goal_m(observation, p, chance), hold_s=hold_s)
+                return self.flights.pilot.leg(observation, surge_m, hold_s=self.shared.hold_s)
+        hold_s = self.shared.hold_s if is_tracking else self.shared.explore_hold_s
+        return self.goals.leg(observation, self.goal_m(observation, chance), hold_s=hold_s)
 
-    def drawn_together(self, p: Array) -> Estimate | None:
-        """Return where the source is once the belief is as narrow as the settings ask for."""
-        return by_variance(p, self.grid, limit_m2=self.settings.declare_variance_m2, radius_m=self.settings.visit_m)
-
-    def goal_m(self, observation: Observation, p: Array, chance: Array | None) -> tuple[float, float]:
+    def goal_m(self, observation: Observation, chance: Array | None) -> Point:
         """Return where to go, by the planner of the settings, world frame [m]."""
-        here_m = observation.position_world_m
-        if self.settings.planner == "maximum" or chance is None:
+        here_m, p, shared = observation.position_world_m, self.p, self.shared
+        if shared.planner == "maximum" or chance is None:
             return choose_goal(p, self.grid, self.goals.goals, here_m, near_m=math.inf)
         coarse, plan_grid = coarsen_belief(p, self.grid, least_cell_m=PLAN_CELL_M)
-        likely = mass_around(coarse, round(self.settings.visit_m / plan_grid.cell_m))
+        likely = mass_around(coarse, round(shared.visit_m / plan_grid.cell_m))
         worth = expected_information_bits(coarse, chance) + likely
         allowed, _ = coarsen_belief(self.goals.goals.astype(np.float64), self.grid, least_cell_m=PLAN_CELL_M)
-        least_m = 0.5 * self.settings.step_m
-        return choose_goal(worth, plan_grid, allowed > 0.0, here_m, near_m=self.settings.near_m, least_m=least_m)
+        least_m = 0.5 * shared.step_m
+        return choose_goal(worth, plan_grid, allowed > 0.0, here_m, near_m=shared.near_m, least_m=least_m)
 
     @property
     def plan_grid(self) -> CellGrid:
         """The cells on which plans are made."""
         return coarsen_belief(np.zeros(self.grid.shape), self.grid, least_cell_m=PLAN_CELL_M)[1]
 
-    def surge_m(self, observation: Observation) -> tuple[float, float] | None:
+    def surge_m(self, observation: Observation) -> Point | None:
         """Return the place a step upwind, world frame [m]; None while no wind is known."""
         upwind_rad, here_m = self.upwind_rad(), observation.position_world_m
-        return None if upwind_rad is None else surge_end_m(here_m, None, upwind_rad, self.settings.step_m)
+        return None if upwind_rad is None else surge_end_m(here_m, None, upwind_rad, self.shared.step_m)
 
     def recent_wind_m_s(self) -> tuple[float, float]:
         """Return the mean wind of the last seconds, world frame [m/s]: where the air goes; 0 before it is known."""
-        n_steps = max(1, round(_SURGE_WIND_S / self.settings.wind_step_s))
+        n_steps = max(1, round(_SURGE_WIND_S / self.shared.wind_step_s))
         winds_m_s = self.winds.winds_m_s()[-n_steps:]
         if not len(winds_m_s):
             return 0.0, 0.0
@@ -372,3 +377,60 @@ class BeliefSearch:
         u_m_s, v_m_s = self.recent_wind_m_s()
         self._trusted.add(MeasuredWind(speed_m_s=math.hypot(u_m_s, v_m_s), upwind_rad=math.atan2(-v_m_s, -u_m_s)))
         return self._trusted.upwind_rad
+
+
+class SourceBeliefAgent(BeliefAgent):
+    """An agent whose belief is a `SourceMap`: a subclass says what a finding teaches and where it goes next.
+
+    Its settings: those of a `BeliefAgent`, and floor_frac.
+    """
+
+    def __init__(self, briefing: Briefing) -> None:
+        """Begin with an even belief over free cells, and compile what runs in flight."""
+        super().__init__(briefing)
+        puff_tracing.warm_up()
+        self.map = SourceMap(self.grid, free=self.free, floor_frac=self.settings.floor_frac)
+
+    @property
+    def p(self) -> Array:
+        """The probability of each cell to hold the source."""
+        return self.map.probability()
+
+    def reject(self, place_m: Point) -> None:
+        """Leave the surroundings of a place out of the map."""
+        self.map.reject(place_m, self.settings.visit_m)
+
+    def chance(self, observation: Observation, model: PuffModel) -> Array:
+        """Return the chance to detect gas of a source at each offset, in the wind of late."""
+        plan_grid = self.plan_grid
+        travelled_m = displacements_m(self.winds, model, observation.position_world_m)
+        return footprint(model, travelled_m, plan_grid.cell_m, plan_grid.shape)
+
+
+class PuffTracingAgent(SourceBeliefAgent):
+    """Traces each finding back with the wind; goes upwind after gas, else where that tells most.
+
+    Its settings: those of a `SourceBeliefAgent`, wind_step_s, window_s, initial_sigma_m, spread_m_sqrt_s,
+    detection_probability and sensed_m2.
+    """
+
+    def __init__(self, briefing: Briefing) -> None:
+        super().__init__(briefing)
+        settings = self.settings
+        self.model = PuffModel(
+            step_s=settings.wind_step_s,
+            window_s=settings.window_s,
+            initial_sigma_m=settings.initial_sigma_m,
+            spread_m_sqrt_s=settings.spread_m_sqrt_s,
+            detection_probability=settings.detection_probability,
+            sensed_m2=settings.sensed_m2,
+        )
+
+    def update(self, observation: Observation, finding: Finding) -> None:
+        """Trace the finding back to where its puff may have come from."""
+        travelled_m = displacements_m(self.winds, self.model, finding.sensor_m, field=self.field)
+        puff_tracing.update(self.map, self.model, finding.sensor_m, travelled_m, is_hit=finding.is_hit)
+
+    def next_leg(self, observation: Observation) -> Command:
+        """Return a leg upwind soon after gas, else one to where a finding tells most."""
+        return self.surge_or_search(observation, self.chance(observation, self.model))

@@ -101,7 +101,7 @@ def test_a_finding_changes_the_map_and_silence_of_a_warming_sensor_does_not(agen
     assert np.ptp(agent.map.probability()) == pytest.approx(0.0, abs=1e-12)
     for tick in range(60, 120):
         agent.observe(observation(tick=tick, readings={"nose": 2.0, "vane": (0.5, WEST)}))
-    p, grid = agent.map.probability(), agent.search.grid
+    p, grid = agent.map.probability(), agent.grid
     upwind = grid.centres_m()[:, 0].reshape(grid.shape) < 7.0
     assert p[upwind].sum() > 1.3 * upwind.mean()
 
@@ -115,7 +115,7 @@ def test_particles_are_born_with_the_first_gas_and_forgotten_with_a_wrong_place(
         agent.observe(observation(tick=tick, readings={"nose": 2.0, "vane": (0.5, WEST)}))
     assert agent.cloud.is_born
     assert agent.cloud.mean_m()[0] < 7.0
-    agent.search._rejected_m = (7.0, 5.0)
+    agent._rejected_m = (7.0, 5.0)
     agent.observe(observation(tick=126, readings={"nose": 2.0, "vane": (0.5, WEST)}))
     assert not agent.cloud.is_born
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from briefings import briefing, observation
 
-from gslcosim.search.bayes.belief_search import BeliefSearch, BeliefSearchSettings
+from gslcosim.search.bayes.belief_search import BeliefAgent
 from gslcosim.search.bayes.puff_tracing import PuffModel, displacements_m, footprint
 from gslcosim.search.motion.declaration import Estimate
 
@@ -21,9 +21,35 @@ SENSORS = (("pid", "nose"), ("anemometer", "vane"))
 WEST = math.pi  # the wind comes from -x
 
 
+class Searcher(BeliefAgent):
+    """Believes and has found what a test says; notes what it would learn from."""
+
+    believed: np.ndarray | None = None
+    found: Estimate | None = None
+
+    def __init__(self, *args) -> None:
+        super().__init__(*args)
+        self.findings, self.rejected_m = [], []
+
+    @property
+    def p(self):
+        return np.full(self.grid.shape, 1.0 / self.grid.n_cells) if self.believed is None else self.believed
+
+    def update(self, observation, finding):
+        self.findings.append(finding)
+
+    def reject(self, place_m):
+        self.rejected_m.append(place_m)
+
+    def estimate(self, observation):
+        return self.found
+
+    def next_leg(self, observation):
+        return self.surge_or_search(observation, None)
+
+
 def search(**changes):
-    settings = BeliefSearchSettings.of(SimpleNamespace(**{**SETTINGS, **changes}))
-    return BeliefSearch(briefing(sensors=SENSORS), settings)
+    return Searcher(briefing(sensors=SENSORS), SimpleNamespace(**{**SETTINGS, **changes}))
 
 
 def seen(tick, *, ppm=0.0, wind=(0.5, WEST), position_m=(7.0, 5.0, 2.0), notice=None):
@@ -37,14 +63,11 @@ def warmed(made, *, ppm=0.0, wind=(0.5, WEST), ticks=31):
     return seen(ticks, ppm=ppm, wind=wind)
 
 
-def even(made):
-    return np.full(made.grid.shape, 1.0 / made.grid.n_cells)
-
-
-def peaked(made, place_m):
-    p = np.zeros(made.grid.shape)
-    p[made.grid.cell_at(place_m)] = 1.0
-    return p
+def peak(made, place_m):
+    """Let it believe that the source is in one cell."""
+    made.believed = np.zeros(made.grid.shape)
+    made.believed[made.grid.cell_at(place_m)] = 1.0
+    return made
 
 
 def chance_of(made, here):
@@ -56,7 +79,7 @@ def chance_of(made, here):
 def test_soon_after_gas_a_moth_goes_a_step_upwind_and_holds():
     made = search()
     here = warmed(made, ppm=2.0)
-    command = made.next_leg(here, even(made), chance_of(made, here))
+    command = made.surge_or_search(here, chance_of(made, here))
     assert command.position_world_m == pytest.approx((6.0, 5.0, 2.0), abs=0.02)
     assert command.hold_s == 1.5
 
@@ -64,7 +87,7 @@ def test_soon_after_gas_a_moth_goes_a_step_upwind_and_holds():
 def test_a_traced_place_comes_before_the_step_upwind():
     made = search()
     here = warmed(made, ppm=2.0)
-    command = made.next_leg(here, even(made), None, trace_m=(6.3, 5.4))
+    command = made.surge_or_search(here, None, trace_m=(6.3, 5.4))
     assert command.position_world_m == pytest.approx((6.3, 5.4, 2.0), abs=0.02)
 
 
@@ -86,7 +109,7 @@ def test_before_any_wind_there_is_no_surge():
 def test_without_gas_it_goes_towards_where_the_source_is_believed(planner):
     made = search(planner=planner)
     here = warmed(made)
-    command = made.next_leg(here, peaked(made, (3.25, 5.25)), chance_of(made, here))
+    command = peak(made, (3.25, 5.25)).surge_or_search(here, chance_of(made, here))
     assert command.position_world_m[0] < 6.2
     assert command.hold_s == 0.0
 
@@ -94,86 +117,72 @@ def test_without_gas_it_goes_towards_where_the_source_is_believed(planner):
 def test_an_even_belief_sends_it_away_from_where_it_is():
     made = search()
     here = warmed(made)
-    goal_m = made.goal_m(here, even(made), chance_of(made, here))
+    goal_m = made.goal_m(here, chance_of(made, here))
     assert math.dist(goal_m, (7.0, 5.0)) >= 0.5
-
-
-def stay_command():
-    raise AssertionError("not asked for")
 
 
 def test_a_place_is_declared_when_the_vehicle_is_there_and_then_left():
     made = search()
     here = warmed(made)
-    found = Estimate(position_m=(7.3, 5.2), confidence=0.8)
-    command = made.answer(here, peaked(made, (7.25, 5.25)), found, stay_command)
+    made.found = Estimate(position_m=(7.3, 5.2), confidence=0.8)
+    command = made.decide(here)
     assert command.kind == "declare_source"
     assert command.declaration.position_world_m == pytest.approx((7.3, 5.2, 2.0))
     assert command.declaration.confidence == 0.8
-    assert made.take_rejected() == pytest.approx((7.3, 5.2))
-    assert made.take_rejected() is None
+    for tick in (60, 61):
+        made.observe(seen(tick))
+    assert made.rejected_m == [pytest.approx((7.3, 5.2))]
 
 
 def test_a_place_far_away_is_flown_to_before_it_is_declared():
     made = search()
     here = warmed(made)
-    found = Estimate(position_m=(11.0, 5.0), confidence=0.8)
-    command = made.answer(here, peaked(made, (11.25, 5.25)), found, stay_command)
+    made.found = Estimate(position_m=(11.0, 5.0), confidence=0.8)
+    command = made.decide(here)
     assert command.kind == "waypoint"
     assert command.position_world_m[0] > 7.5
-    assert made.take_rejected() is None
+    made.observe(seen(60))
+    assert made.rejected_m == []
 
 
 def test_the_same_place_is_not_declared_again():
     made = search()
     here = warmed(made)
-    found = Estimate(position_m=(7.3, 5.2), confidence=0.8)
-    p = peaked(made, (7.25, 5.25))
-    assert made.answer(here, p, found, stay_command).kind == "declare_source"
-    again = made.answer(seen(60), p, found, lambda: made.next_leg(here, p, None))
-    assert again.kind == "waypoint"
+    made.found = Estimate(position_m=(7.3, 5.2), confidence=0.8)
+    assert [made.decide(each).kind for each in (here, seen(60))] == ["declare_source", "waypoint"]
 
 
 def test_a_place_that_cannot_be_reached_is_declared_from_where_the_vehicle_came():
     made = search()
     here = warmed(made)
-    found = Estimate(position_m=(11.0, 5.0), confidence=0.8)
-    made.answer(here, even(made), found, stay_command)
-    refused = seen(60, notice="in an obstacle")
-    assert made.answer(refused, even(made), found, stay_command).kind == "declare_source"
+    made.found = Estimate(position_m=(11.0, 5.0), confidence=0.8)
+    made.decide(here)
+    assert made.decide(seen(60, notice="in an obstacle")).kind == "declare_source"
 
 
 def test_a_place_that_was_searched_for_long_is_rejected():
     made = search()
-    p = even(made)
     for i in range(6):
-        assert made.take_rejected() is None
-        here = seen(40 + 20 * i)
-        made.answer(here, p, None, lambda here=here: made.next_leg(here, p, None))
-    assert made.take_rejected() == pytest.approx((7.0, 5.0))
+        assert made.rejected_m == []
+        made.decide(seen(40 + 20 * i))
+    made.observe(seen(200))
+    assert made.rejected_m == [pytest.approx((7.0, 5.0))]
 
 
-def test_a_belief_goes_with_a_command_at_most_once_a_second():
+def test_a_belief_that_has_drawn_together_is_an_estimate():
     made = search()
-    p = peaked(made, (3.25, 5.25))
-    beliefs = []
-    for tick in range(40, 80, 5):
-        here = seen(tick)
-        command = made.answer(here, p, None, lambda here=here: made.next_leg(here, p, None))
-        beliefs.append(command.belief is not None)
-    assert sum(beliefs) == 4
-    assert made.drawn_together(p) is not None
-    assert made.drawn_together(even(made)) is None
+    assert BeliefAgent.estimate(made, seen(40)) is None
+    assert BeliefAgent.estimate(peak(made, (3.25, 5.25)), seen(40)).position_m == pytest.approx((3.25, 5.25))
 
 
 def test_nothing_is_found_before_the_wind_is_known():
     made = search()
-    warming = [
-        observation(tick=tick, readings={"nose": 2.0, "vane": (0.5, WEST)}, warming=("vane",)) for tick in range(25)
-    ]
-    assert [made.observe(each) for each in warming] == [None] * 25
-    found = [made.observe(seen(tick, ppm=2.0)) for tick in range(25, 60)]
-    assert sum(finding is not None for finding in found) >= 2
+    for tick in range(25):
+        made.observe(observation(tick=tick, readings={"nose": 2.0, "vane": (0.5, WEST)}, warming=("vane",)))
+    assert made.findings == []
+    for tick in range(25, 60):
+        made.observe(seen(tick, ppm=2.0))
+    assert len(made.findings) >= 2
 
 
 def test_a_measured_wind_is_kept_by_place():
