@@ -12,7 +12,7 @@ INSTALL = -m pip install --quiet --disable-pip-version-check $(if $(LOCK),--cons
 # The last commit of 0.1.0.
 BASE ?= 9693e5e
 
-.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers bench-table crossings plume-statistics soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check capabilities golden docs docs-site docs-serve readability dist contract setup lock bench-training
+.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers bench-table crossings plume-statistics reality soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check capabilities golden docs docs-site docs-serve readability dist contract setup lock bench-training
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -74,6 +74,11 @@ crossings: .venv/ready-test-all  # rooms crossed from nine starts by a scripted 
 
 plume-statistics: .venv/ready-test-all   # table and plots of intermittency and peaks along a plume, and through a MOX sensor
 	$(BIN)/python docs/studies/plume_statistics.py --plot plume_statistics.png
+
+# DATA=FOLDER of measured data; ONLY='CASE …' for some of the cases; QUICK=--quick for less.
+DATA ?= ../shared/reference/measured
+reality: .venv/ready-dev     # our physics beside measurements: the table, and docs/studies/reality.md
+	$(BIN)/gslcosim reality --data $(DATA) --out docs/studies $(addprefix --only ,$(ONLY)) $(QUICK)
 
 soak: .venv/ready-test-all       # many seeds and hours of simulated time
 	@tests/install_debian_packages.sh

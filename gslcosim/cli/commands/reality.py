@@ -1,0 +1,87 @@
+"""`gslcosim reality`: our physics and methods beside measurements."""
+
+import argparse
+from pathlib import Path
+
+from gslcosim.base.errors import ExitCode, UsageError
+from gslcosim.cli.arguments import Command
+from gslcosim.cli.terminal import add_json_option, table, write, write_json
+
+EXAMPLES = """  gslcosim reality --data measured
+  gslcosim reality --data measured --only laser-forward --quick
+  gslcosim reality --data measured --out docs/studies"""
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--data",
+        type=Path,
+        required=True,
+        metavar="FOLDER",
+        help="a folder of measured data: one set, or a folder for each (docs/measured-data.md has the formats)",
+    )
+    parser.add_argument(
+        "--only",
+        action="append",
+        default=[],
+        metavar="CASE",
+        help="run this case alone, as often as needed (default: all for which there is data)",
+    )
+    parser.add_argument("--quick", action="store_true", help="coarser and sooner, for a first look")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="write DIR/reality.md with figures; results of other cases that are there stay",
+    )
+    add_json_option(parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.cli.progress import ProgressLine
+    from gslcosim.validation.cases import load_cases
+    from gslcosim.validation.page import make_storable, store_result, terminal_rows, write_page
+    from gslcosim.validation.readers.folder import read_measured
+
+    chosen = load_cases(arguments.only)
+    data = read_measured(arguments.data)
+    cases = [case for case in chosen if case.can_run_on(data)]
+    if not cases:
+        found = ", ".join(f"{each.name} ({each.format})" for each in data.sets) or "no set"
+        needed = "; ".join(f"{case.name}: {', '.join(case.formats) or 'published.json'}" for case in chosen)
+        raise UsageError(f"--data: expected what a case needs ({needed}), found {found}.\nFolder: {arguments.data}")
+    effort = "quick" if arguments.quick else "full"
+    stored = []
+    with ProgressLine("reality", is_quiet=arguments.json) as progress:
+        for i, case in enumerate(cases):
+
+            def show(text: str, fraction: float | None, i: int = i, name: str = case.name) -> None:
+                progress.show(text, fraction=None if fraction is None else (i + fraction) / len(cases), phase=name)
+
+            show("running", 0.0)
+            result = case.run(data, effort, show)
+            if arguments.out is None:
+                stored.append(make_storable(case, effort, result))
+            else:
+                stored.append(store_result(arguments.out, case, effort, result))
+    page = None if arguments.out is None else write_page(arguments.out)
+    if arguments.json:
+        write_json(stored)
+        return ExitCode.SUCCESS
+    headings, rows = terminal_rows(stored)
+    write(table(headings, rows))
+    judged = [row["is_met"] for result in stored for row in result["rows"] if row["is_met"] is not None]
+    write(f"\n{sum(judged)} of {len(judged)} goals are met.")
+    if page is not None:
+        write(str(page))
+    return ExitCode.SUCCESS
+
+
+COMMAND = Command(
+    name="reality",
+    summary="run wind, plumes, sensors and estimates beside measurements; a table of goals and misses",
+    examples=EXAMPLES,
+    add_arguments=_add_arguments,
+    run=_run,
+    is_computing=True,
+)

@@ -1,0 +1,77 @@
+"""Rows of laser paths with one source each, as a forward model and an estimator need them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.search.fixed_sensors.plume_response import SensorPaths, WindStatistics
+from gslcosim.validation.readers.laser_paths import LaserMinutes, LaserPaths
+from gslcosim_services.fields.gases import air_density_mol_m3
+
+Floats = NDArray[np.float64]
+
+METHANE_KG_MOL = 0.0160425
+"""Molar mass of methane (NIST webbook)."""
+
+READING_ERROR_PPM = 0.01
+"""Error of one reading of the laser, as its records have it (median of `ch4_error_ppm`); plumes below count as none."""
+
+BLOCK_S = 900.0
+"""Minutes of a quarter of an hour share their weather."""
+
+
+@dataclass(frozen=True)
+class LaserRows:
+    """All usable minutes of all sources of a campaign, one after the other.
+
+    `source` (n,) index of the source that was open; `wind`; `m3_per_kg` (n,) volume of a kilogram of gas in that air;
+    `readings_ppm` (n, k); `day`, `block` (n,) labels.
+    """
+
+    sensors: SensorPaths
+    names: tuple[str, ...]
+    source: NDArray[np.int64]
+    wind: WindStatistics
+    m3_per_kg: Floats
+    readings_ppm: Floats
+    day: NDArray[np.int64]
+    block: NDArray[np.int64]
+
+    def wind_of(self, i: int) -> WindStatistics:
+        """Return the wind of one source's rows."""
+        rows = self.source == i
+        return WindStatistics(
+            self.wind.mean_world_m_s[rows], self.wind.across_std_m_s[rows], self.wind.up_std_m_s[rows]
+        )
+
+
+def collect_laser_rows(paths: LaserPaths) -> LaserRows:
+    """Return the minutes in which wind, air and beams have values."""
+    kept = [_usable(minutes) for minutes in paths.sources]
+    parts = list(zip(paths.sources, kept, strict=True))
+
+    def joined(name: str) -> Floats:
+        return np.concatenate([getattr(minutes, name)[rows] for minutes, rows in parts])
+
+    moles = np.array(
+        [air_density_mol_m3(t, p) for t, p in zip(joined("temperature_k"), joined("pressure_pa"), strict=True)]
+    )
+    source = np.repeat(np.arange(len(parts)), [int(rows.sum()) for rows in kept])
+    quarters = (joined("clock_s") // BLOCK_S).astype(np.int64)
+    return LaserRows(
+        sensors=SensorPaths.of_beams(np.array(paths.instrument_m), paths.reflectors_m),
+        names=tuple(minutes.source for minutes in paths.sources),
+        source=source,
+        wind=WindStatistics.of_components(joined("wind_world_m_s"), joined("wind_std_m_s")),
+        m3_per_kg=1.0 / (METHANE_KG_MOL * moles),
+        readings_ppm=joined("beams_ppm"),
+        day=joined("day").astype(np.int64),
+        block=quarters,
+    )
+
+
+def _usable(minutes: LaserMinutes) -> NDArray[np.bool_]:
+    needed = (minutes.beams_ppm, minutes.wind_world_m_s, minutes.wind_std_m_s)
+    has_air = np.isfinite(minutes.temperature_k) & np.isfinite(minutes.pressure_pa)
+    return np.logical_and.reduce([np.isfinite(values).all(axis=1) for values in needed]) & has_air

@@ -1,0 +1,225 @@
+"""Columns of measured CSV files, checked as they are read: names, units, numbers, clocks."""
+
+import csv
+import gzip
+import io
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.base.errors import EnvironmentDataError, describe_os_error
+from gslcosim.base.files import read_regular_file
+from gslcosim.base.problems import Problem
+
+# Of a file as it lies on the disk, and unpacked.
+MAX_BYTES = 256_000_000
+MAX_UNPACKED_BYTES = 1_000_000_000
+
+
+class MeasuredDataError(EnvironmentDataError):
+    """A file of measurements is missing, or is not what its format says; the user corrects the file."""
+
+
+def build_error(path: Path, where: str, *, expected: str, found: str, remedy: str = "") -> MeasuredDataError:
+    """Return an error about a place in a file.
+
+    Args:
+        path: The file.
+        where: The place in it, such as `column wind_speed_m_s`; empty: the whole.
+        expected: What should be there.
+        found: What is there.
+        remedy: What to do, a whole sentence.
+    """
+    place = f"{path.parent.name}/{path.name}" + (f", {where}" if where else "")
+    problem = Problem(where=place, expected=expected, found=found, remedy=remedy)
+    return MeasuredDataError(f"{problem}\nFile: {path}")
+
+
+@dataclass(frozen=True)
+class Columns:
+    """A table of texts by column name, from a file that is named in errors."""
+
+    path: Path
+    texts: dict[str, tuple[str, ...]]
+
+    @property
+    def n_rows(self) -> int:
+        """Number of rows below the header."""
+        return len(next(iter(self.texts.values())))
+
+    def require(self, names: Sequence[str]) -> None:
+        """Raise unless all of these columns are there.
+
+        Raises:
+            MeasuredDataError: one is missing; where it is there in another unit, the error says so.
+        """
+        for name in names:
+            if name not in self.texts:
+                raise self._missing(name)
+
+    def numbers(self, name: str, *, allow_gaps: bool = False) -> NDArray[np.float64]:
+        """Return a column of numbers; an empty field is nan.
+
+        Args:
+            name: Of the column.
+            allow_gaps: Whether fields may be empty.
+
+        Raises:
+            MeasuredDataError: there is no such column, or a field in it is no number.
+        """
+        self.require([name])
+        texts = self.texts[name]
+        is_empty = np.array([not text for text in texts])
+        try:
+            values = np.array([text or "nan" for text in texts], dtype=np.float64)
+        except ValueError:
+            i = next(i for i, text in enumerate(texts) if text and not _is_number(text))
+            raise self.error(name, i, "a number", f"{texts[i]!r}", "Correct or empty the field.") from None
+        bad = np.flatnonzero(~np.isfinite(values) & ~is_empty)
+        if len(bad):
+            i = int(bad[0])
+            raise self.error(name, i, "a finite number", texts[i], "Empty the field where nothing was measured.")
+        if is_empty.any() and not allow_gaps:
+            i = int(np.argmax(is_empty))
+            raise self.error(name, i, "a number", "an empty field", "Fill it in, or leave the row out.")
+        return values
+
+    def words(self, name: str) -> tuple[str, ...]:
+        """Return a column of words, none of them empty.
+
+        Raises:
+            MeasuredDataError: there is no such column, or a field is empty.
+        """
+        self.require([name])
+        for i, text in enumerate(self.texts[name]):
+            if not text:
+                raise self.error(name, i, "a word", "an empty field", "Fill it in, or leave the row out.")
+        return self.texts[name]
+
+    def clock_s(self, name: str) -> NDArray[np.float64]:
+        """Return a column of ISO 8601 times as seconds since 1970-01-01; without zone they count as UTC.
+
+        Raises:
+            MeasuredDataError: there is no such column, or a field is no time.
+        """
+        values = np.empty(self.n_rows)
+        for i, text in enumerate(self.words(name)):
+            try:
+                time = datetime.fromisoformat(text)
+            except ValueError:
+                raise self.error(
+                    name, i, "a time as 2022-05-09T02:18:02Z", f"{text!r}", "Write times as ISO 8601."
+                ) from None
+            values[i] = (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
+        return values
+
+    def rising(
+        self, name: str, values: NDArray[np.float64], *, may_repeat: bool = False, longest_gap_s: float = np.inf
+    ) -> NDArray[np.float64]:
+        """Return the same times, which must rise, with no gap longer than is allowed.
+
+        Args:
+            name: Of the column, for errors.
+            values: (n,) times [s].
+            may_repeat: Whether two rows may share a time.
+            longest_gap_s: The longest step between two rows [s].
+
+        Raises:
+            MeasuredDataError: the clock jumps back, stands still or leaps ahead.
+        """
+        steps = np.diff(values)
+        back = np.flatnonzero(steps < 0.0 if may_repeat else steps <= 0.0)
+        if len(back):
+            i = int(back[0]) + 1
+            found = f"{self.texts[name][i]} after {self.texts[name][i - 1]}"
+            raise self.error(name, i, "a later time than in the row before", found, "Sort the rows by time.")
+        ahead = np.flatnonzero(steps > longest_gap_s)
+        if len(ahead):
+            i = int(ahead[0]) + 1
+            raise self.error(
+                name,
+                i,
+                f"steps of at most {longest_gap_s:g} s",
+                f"one of {steps[i - 1]:g} s",
+                "Fill the gap with rows whose readings are empty, or split the file there.",
+            )
+        return values
+
+    def error(self, name: str, i_row: int, expected: str, found: str, remedy: str) -> MeasuredDataError:
+        """Return an error about one field; `i_row` counts the rows below the header from 0."""
+        where = f"line {i_row + 2}, column {name}"
+        return build_error(self.path, where, expected=expected, found=found, remedy=remedy)
+
+    # A column of the same quantity in another unit is the likeliest mistake.
+    def _missing(self, name: str) -> MeasuredDataError:
+        stems = {other.rsplit("_", n)[0]: other for other in self.texts for n in (1, 2, 3) if "_" in other}
+        parts = name.split("_")
+        for n in range(1, min(4, len(parts))):
+            twin = stems.get("_".join(parts[:-n]))
+            if twin is not None and len(parts) - n > 1:
+                remedy = f"Convert column {twin} and rename it."
+                return build_error(self.path, "", expected=f"a column {name}", found=f"{twin}", remedy=remedy)
+        listed = ", ".join(list(self.texts)[:8]) + (", …" if len(self.texts) > 8 else "")
+        remedy = "docs/measured-data.md lists the columns of each format."
+        return build_error(self.path, "", expected=f"a column {name}", found=listed, remedy=remedy)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def read_columns(path: Path, *, must_have_rows: bool = True) -> Columns:
+    """Return the columns of a CSV file, gzipped where its name ends with .gz.
+
+    Args:
+        path: The file.
+        must_have_rows: Whether a header alone is an error.
+
+    Raises:
+        MeasuredDataError: it cannot be read, or is no table.
+    """
+    try:
+        content = read_regular_file(path, max_bytes=MAX_BYTES)
+        if path.suffix == ".gz":
+            with gzip.GzipFile(fileobj=io.BytesIO(content)) as packed:
+                content = packed.read(MAX_UNPACKED_BYTES + 1)
+        if len(content) > MAX_UNPACKED_BYTES:
+            raise build_error(path, "", expected=f"at most {MAX_UNPACKED_BYTES:,} bytes", found="more")
+        rows = [row for row in csv.reader(io.StringIO(content.decode("utf-8-sig")), strict=True) if row]
+    except (gzip.BadGzipFile, EOFError, zlib.error, UnicodeDecodeError, csv.Error) as error:
+        raise build_error(
+            path, "", expected="a CSV file in UTF-8", found=f"one that cannot be read ({error})"
+        ) from error
+    except OSError as error:
+        raise build_error(
+            path, "", expected="a file that can be read", found=describe_os_error(error), remedy="Add the file."
+        ) from error
+    if not rows or (must_have_rows and len(rows) == 1):
+        found = "a header alone" if rows else "nothing"
+        raise build_error(path, "", expected="a header and rows", found=found)
+    header = [name.strip() for name in rows[0]]
+    twice = next((name for name in header if header.count(name) > 1), None)
+    if twice is not None:
+        raise build_error(path, "header", expected="each column once", found=f"{twice} twice")
+    for i, row in enumerate(rows[1:], 2):
+        if len(row) != len(header):
+            raise build_error(
+                path, f"line {i}", expected=f"{len(header)} fields, as in the header", found=f"{len(row)}"
+            )
+    texts = {name: tuple(row[k].strip() for row in rows[1:]) for k, name in enumerate(header)}
+    return Columns(path, texts)
+
+
+def find_table(folder: Path, stem: str) -> Path:
+    """Return `stem.csv` or `stem.csv.gz` of a folder; the first where there is neither."""
+    plain, packed = folder / f"{stem}.csv", folder / f"{stem}.csv.gz"
+    return packed if packed.is_file() and not plain.is_file() else plain

@@ -1,0 +1,49 @@
+"""Fast wind and CO2 on a roof: `wind_10hz.csv`, `upwind_1hz.csv`, `downwind_1hz.csv`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.validation.readers.columns import Columns, find_table, read_columns
+
+
+@dataclass(frozen=True)
+class RoofTracer:
+    """Wind before a point source, and CO2 before and behind it, on one clock that starts with the wind.
+
+    `wind_s` (n,), `wind_m_s` (n, 3) into, across and up [m/s]; `upwind_s`, `upwind_ppm` (a,); `downwind_s`,
+    `downwind_ppm` (b,). Readings that are missing are nan; steps of the clock may leap.
+    """
+
+    wind_s: NDArray[np.float64]
+    wind_m_s: NDArray[np.float64]
+    upwind_s: NDArray[np.float64]
+    upwind_ppm: NDArray[np.float64]
+    downwind_s: NDArray[np.float64]
+    downwind_ppm: NDArray[np.float64]
+
+
+def read_roof_tracer(folder: Path) -> RoofTracer:
+    """Return the set in a folder.
+
+    Raises:
+        MeasuredDataError: a file is missing or wrong.
+    """
+    wind, upwind, downwind = (
+        read_columns(find_table(folder, name)) for name in ("wind_10hz", "upwind_1hz", "downwind_1hz")
+    )
+    parts = ("u_into_array_m_s", "v_across_m_s", "w_up_m_s")
+    return RoofTracer(
+        wind_s=_time_s(wind),
+        wind_m_s=np.stack([wind.numbers(name, allow_gaps=True) for name in parts], axis=1),
+        upwind_s=_time_s(upwind),
+        upwind_ppm=upwind.numbers("co2_ppm", allow_gaps=True),
+        downwind_s=_time_s(downwind),
+        downwind_ppm=downwind.numbers("co2_ppm", allow_gaps=True),
+    )
+
+
+def _time_s(table: Columns) -> NDArray[np.float64]:
+    return table.rising("time_s", table.numbers("time_s"), may_repeat=True)
