@@ -29,7 +29,7 @@ class Casting(PlumeTrackingAgent):
 
     def track(self, observation: Observation, contact: Contact, *, is_regained: bool) -> Command:
         """Return a leg aslant through the plume, from the line upwind through gas that was met again."""
-        return self.searcher.fly_to(
+        return self.fly_to(
             observation,
             oblique_surge_end_m(
                 observation.position_world_m,

@@ -31,7 +31,7 @@ class MothInspired(PlumeTrackingAgent):
         slant_rad = self.side * math.radians(settings.slant_deg) if contact.has_gas else 0.0
         step_m = min(contact.remaining_m(here_m, settings.lost_m), settings.step_m)
         gas_m = contact.gas_m if is_regained else None
-        return self.searcher.fly_to(observation, oblique_surge_end_m(here_m, gas_m, self.upwind_rad, slant_rad, step_m))
+        return self.fly_to(observation, oblique_surge_end_m(here_m, gas_m, self.upwind_rad, slant_rad, step_m))
 
     def start_recovery(self, here_m: tuple[float, ...], contact: Contact) -> Recovery:
         """Return the places of a cloverleaf about the place where gas was met last."""

@@ -20,6 +20,7 @@ from gslcosim.search.reactive.temporal_memory import (
 )
 from gslcosim.search.senses.hit_detection import GasHits
 from gslcosim.search.senses.instruments import find_noses, find_vane
+from gslcosim.search.senses.stop_and_measure import Contact
 
 POLICIES = Path(__file__).with_name("policies.json")
 
@@ -55,25 +56,24 @@ class QMemory(ReactiveAgent):
             self.hit_s = observation.time_s
             self.moves.clear()
 
-    def decide(self, observation: Observation) -> Command:
+    @property
+    def may_abort(self) -> bool:
+        """True if gas ends a leg that is under way."""
+        return math.isinf(self.hit_s)
+
+    def next_step(self, observation: Observation, contact: Contact) -> Command:
         """Return the next step, or a leg of the exploration before there was gas and long after."""
-        self.observe(observation)
-        contact = self.searcher.ask(observation, aborts=math.isinf(self.hit_s))
-        if isinstance(contact, Command):
-            return contact
         is_void_long = observation.time_s - self.hit_s > self.settings.give_up_s
-        if self.wind.upwind_rad is None or is_void_long or self.searcher.is_away:
+        if self.wind.upwind_rad is None or is_void_long or self.is_away:
             self.recovery, self.memory.n_void = None, 0
-            return self.searcher.explore(observation)
+            return self.explore(observation)
         move = self.next_move(self.memory.decide(observation.time_s))
         self.moves.append(move)
         ahead, left = STEPS[move]
         heading_rad = self.wind.upwind_rad + math.atan2(left, ahead)
         x_m, y_m, _ = observation.position_world_m
         step_m = self.settings.step_m
-        return self.searcher.fly_to(
-            observation, (x_m + step_m * math.cos(heading_rad), y_m + step_m * math.sin(heading_rad))
-        )
+        return self.fly_to(observation, (x_m + step_m * math.cos(heading_rad), y_m + step_m * math.sin(heading_rad)))
 
     def next_move(self, state: int) -> int:
         """Return the table's move; in the void that of a recovery, unless the void was learned too."""

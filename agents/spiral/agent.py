@@ -7,7 +7,7 @@ from gslcosim.agent_kit import Briefing, Command, Observation, run
 from gslcosim.search.reactive.reactive_searcher import ReactiveAgent
 from gslcosim.search.reactive.spirals import SpiralPath, SquareSpiral, random_side
 from gslcosim.search.senses.instruments import find_noses
-from gslcosim.search.senses.stop_and_measure import BestProximity, proximity_index
+from gslcosim.search.senses.stop_and_measure import BestProximity, Contact, proximity_index
 
 
 class Spiral(ReactiveAgent):
@@ -33,32 +33,33 @@ class Spiral(ReactiveAgent):
         elif is_new and self.nose.is_ready(observation):
             self.samples.append(min(self.nose.ppm(observation), self.settings.most_ppm))
 
-    def decide(self, observation: Observation) -> Command:
+    @property
+    def may_abort(self) -> bool:
+        """True if gas ends a leg that is under way."""
+        return self.spiral is None
+
+    def next_step(self, observation: Observation, contact: Contact) -> Command:
         """Return the next leg: wind out, begin again, or explore."""
-        self.observe(observation)
-        contact = self.searcher.ask(observation, aborts=self.spiral is None)
-        if isinstance(contact, Command):
-            return contact
         is_better = self.best.is_better(self.index())
         self.samples.clear()
-        if self.searcher.is_away:
+        if self.is_away:
             self.spiral = None
         elif is_better:
             self.spiral = self.start_spiral(observation)
         elif self.spiral is None and contact.gas_m is not None:
             # Gas was met on the way: stop there first.
             self.spiral = self.start_spiral(observation)
-            return self.searcher.fly_to(observation, contact.gas_m[:2])
+            return self.fly_to(observation, contact.gas_m[:2])
         place_m = None if self.spiral is None else self.spiral.next_place_m()
         if place_m is not None:
-            return self.searcher.fly_to(observation, place_m)
+            return self.fly_to(observation, place_m)
         if self.spiral is not None and self.spiral.is_blocked:
             self.spiral = self.start_spiral(observation)
             place_m = self.spiral.next_place_m()
         if place_m is None:
             self.spiral = None
-            return self.searcher.explore(observation)
-        return self.searcher.fly_to(observation, place_m)
+            return self.explore(observation)
+        return self.fly_to(observation, place_m)
 
     def index(self) -> float:
         """Return the proximity index of this stop."""
@@ -76,7 +77,7 @@ class Spiral(ReactiveAgent):
             side=random_side(self.draws),
             n_sides=s.n_sides,
         )
-        room = self.searcher.pilot.room
+        room = self.pilot.room
         return SpiralPath(spiral, observation.position_world_m, is_free=room.contains, n_skips=s.n_skips)
 
 

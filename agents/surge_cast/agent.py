@@ -25,7 +25,7 @@ class SurgeCast(PlumeTrackingAgent):
     def observe(self, observation: Observation) -> None:
         """Watch for gas on the way too."""
         super().observe(observation)
-        if self.searcher.watch.is_hit:
+        if self.watch.is_hit:
             self.blanks.note_hit(observation.time_s)
 
     @property
@@ -45,7 +45,7 @@ class SurgeCast(PlumeTrackingAgent):
         here_m, step_m = observation.position_world_m, self.settings.step_m
         if self.settings.lost_by == "distance":
             step_m = min(step_m, contact.remaining_m(here_m, self.settings.lost_m))
-        return self.searcher.fly_to(observation, surge_end_m(here_m, contact.gas_m, self.upwind_rad, step_m))
+        return self.fly_to(observation, surge_end_m(here_m, contact.gas_m, self.upwind_rad, step_m))
 
     def start_recovery(self, here_m: tuple[float, ...], contact: Contact) -> Recovery:
         """Return the turns of a cast that begins on the side on which gas was met last, else on a random one."""
@@ -60,11 +60,11 @@ class SurgeCast(PlumeTrackingAgent):
 
     def explore(self, observation: Observation) -> Command:
         """Return a leg without gas: to a place not seen yet, or at random nearby."""
-        if self.settings.explore == "unseen" or self.searcher.is_away:
+        if self.settings.explore == "unseen" or self.is_away:
             return super().explore(observation)
         x_m, y_m, _ = observation.position_world_m
         wander_m = (self.draws.uniform(-WANDER_M, WANDER_M), self.draws.uniform(-WANDER_M, WANDER_M))
-        return self.searcher.cast_to(observation, (x_m + wander_m[0], y_m + wander_m[1]))
+        return self.cast_to(observation, (x_m + wander_m[0], y_m + wander_m[1]))
 
 
 if __name__ == "__main__":

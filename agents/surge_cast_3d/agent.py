@@ -16,7 +16,7 @@ class SurgeCast3d(PlumeTrackingAgent):
 
     def __init__(self, briefing: Briefing) -> None:
         super().__init__(briefing)
-        self.height_m = briefing.search_height_m  # of the exploration
+        self.explore_height_m = briefing.search_height_m
         self.n_layers = 0
 
     def track(self, observation: Observation, contact: Contact, *, is_regained: bool) -> Command:
@@ -25,7 +25,7 @@ class SurgeCast3d(PlumeTrackingAgent):
         here_m = observation.position_world_m
         step_m = min(self.settings.step_m, contact.remaining_m(here_m, self.settings.lost_m))
         x_m, y_m = surge_end_m(here_m, contact.gas_m, self.upwind_rad, step_m)
-        return self.searcher.fly_to(observation, (x_m, y_m, here_m[2] if contact.gas_m is None else contact.gas_m[2]))
+        return self.fly_to(observation, (x_m, y_m, here_m[2] if contact.gas_m is None else contact.gas_m[2]))
 
     def start_recovery(self, here_m: tuple[float, ...], contact: Contact) -> Recovery:
         """Return the turns of a cast that begins on the side, and above or below, where gas was met last."""
@@ -42,12 +42,12 @@ class SurgeCast3d(PlumeTrackingAgent):
 
     def explore(self, observation: Observation) -> Command:
         """Return a leg without gas; when all of a height is seen the next one comes: above, below, farther above."""
-        if self.searcher.unseen.n_unseen == 0:
+        if self.unseen.n_unseen == 0:
             self.n_layers += 1
             away_m = (self.n_layers + 1) // 2 * self.settings.layer_m * (1 if self.n_layers % 2 else -1)
-            low_m, high_m = self.searcher.pilot.room.min_m[2], self.searcher.pilot.room.max_m[2]
-            self.height_m = max(low_m, min(high_m, self.searcher.pilot.height_m + away_m))
-        return self.searcher.explore(observation, z_m=self.height_m)
+            low_m, high_m = self.pilot.room.min_m[2], self.pilot.room.max_m[2]
+            self.explore_height_m = max(low_m, min(high_m, self.pilot.height_m + away_m))
+        return super().explore(observation)
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ class SurgeSpiral(PlumeTrackingAgent):
         del is_regained
         here_m = observation.position_world_m
         step_m = min(self.settings.step_m, contact.remaining_m(here_m, self.settings.lost_m))
-        return self.searcher.fly_to(observation, surge_end_m(here_m, contact.gas_m, self.upwind_rad, step_m))
+        return self.fly_to(observation, surge_end_m(here_m, contact.gas_m, self.upwind_rad, step_m))
 
     def start_recovery(self, here_m: tuple[float, ...], contact: Contact) -> Recovery:
         """Return the places of a spiral about a place."""
@@ -44,7 +44,7 @@ class SurgeSpiral(PlumeTrackingAgent):
             spiral = SquareSpiral(
                 side_m=s.side_m, growth_m=s.growth_m, heading_rad=self.upwind_rad, side=side, n_sides=s.n_sides
             )
-        room = self.searcher.pilot.room
+        room = self.pilot.room
         self.spiral = SpiralPath(spiral, centre_m, is_free=room.contains, n_skips=s.n_skips)
         return self.spiral.next_place_m
 
@@ -53,7 +53,7 @@ class SurgeSpiral(PlumeTrackingAgent):
         while self.recovery is not None:
             place_m = self.recovery()
             if place_m is not None:
-                return self.searcher.cast_to(observation, place_m)
+                return self.cast_to(observation, place_m)
             self.recovery = None
             if self.spiral is not None and self.spiral.is_blocked and self.n_restarts_left > 0:
                 self.n_restarts_left -= 1

@@ -9,6 +9,7 @@ from gslcosim.agent_kit import Briefing, Command, Observation, run
 from gslcosim.search.reactive.reactive_searcher import ReactiveAgent
 from gslcosim.search.reactive.spirals import random_side
 from gslcosim.search.reactive.taxis import TwoNoses, bearing_rad, turn_rad
+from gslcosim.search.senses.stop_and_measure import Contact
 
 
 class TwoNosesAgent(ReactiveAgent):
@@ -31,17 +32,18 @@ class TwoNosesAgent(ReactiveAgent):
         super().observe(observation)
         self.noses.add(observation)
 
-    def decide(self, observation: Observation) -> Command:
+    @property
+    def may_abort(self) -> bool:
+        """True if gas ends a leg that is under way."""
+        return self.n_without >= self.settings.give_up_steps
+
+    def next_step(self, observation: Observation, contact: Contact) -> Command:
         """Return the next turn, step, or leg of the exploration."""
-        self.observe(observation)
-        known = self.searcher.ask(observation, aborts=self.n_without >= self.settings.give_up_steps)
-        if isinstance(known, Command):
-            return known
         left, right = self.noses.means()
         has_bout = self.noses.take()
         is_on_plume = has_bout or max(left, right) > self.settings.threshold_ppm
         self.n_without = 0 if is_on_plume else self.n_without + 1
-        if self.n_without >= self.settings.give_up_steps or self.searcher.is_away:
+        if self.n_without >= self.settings.give_up_steps or self.is_away:
             return self.explore(observation)
         phi_rad = bearing_rad(left, right, self.settings.gain)
         if phi_rad != 0.0:
@@ -60,7 +62,7 @@ class TwoNosesAgent(ReactiveAgent):
         x_m, y_m, _ = observation.position_world_m
         step_m = self.settings.step_m
         place_m = (x_m + step_m * math.cos(self.heading_rad), y_m + step_m * math.sin(self.heading_rad))
-        command = self.searcher.fly_to(observation, place_m)
+        command = self.fly_to(observation, place_m)
         self.look_along(observation, command)
         return command.model_copy(update={"yaw_rad": math.remainder(self.heading_rad, math.tau)})
 
@@ -71,7 +73,7 @@ class TwoNosesAgent(ReactiveAgent):
 
     def explore(self, observation: Observation) -> Command:
         """Return a leg to a place not seen yet, looking along it."""
-        command = self.searcher.explore(observation)
+        command = super().explore(observation)
         self.look_along(observation, command)
         return command.model_copy(update={"yaw_rad": math.remainder(self.heading_rad, math.tau)})
 

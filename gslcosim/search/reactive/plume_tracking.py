@@ -34,13 +34,9 @@ class PlumeTrackingAgent(ReactiveAgent):
         self.recovery: Recovery | None = None
         self.n_returns_left = 0
 
-    def decide(self, observation: Observation) -> Command:
+    def next_step(self, observation: Observation, contact: Contact) -> Command:
         """Return the next leg, to track, recover or explore; or the declaration."""
-        self.observe(observation)
-        contact = self.searcher.ask(observation, aborts=self.may_abort)
-        if isinstance(contact, Command):
-            return contact
-        if contact.upwind_rad is None or self.searcher.is_away:
+        if contact.upwind_rad is None or self.is_away:
             self.is_tracking, self.recovery = False, None
             return self.explore(observation)
         is_regained = contact.has_gas and not self.is_tracking
@@ -52,7 +48,7 @@ class PlumeTrackingAgent(ReactiveAgent):
         if self.is_tracking:
             self.is_tracking, self.n_returns_left = False, getattr(self.settings, "n_returns", 0)
             self.recovery = self.start_recovery(observation.position_world_m, contact)
-            answer = self.searcher.lose(observation, contact, self.upwind_rad)
+            answer = self.lose(observation, contact, self.upwind_rad)
             if answer is not None:
                 return answer
         return self.recover(observation, contact)
@@ -61,10 +57,6 @@ class PlumeTrackingAgent(ReactiveAgent):
     def may_abort(self) -> bool:
         """True if gas ends a leg that is under way."""
         return not self.is_tracking
-
-    def explore(self, observation: Observation) -> Command:
-        """Return a leg without gas: to a place not seen yet."""
-        return self.searcher.explore(observation)
 
     def meet_gas(self) -> None:
         """Take note that there is gas, before it is tracked."""
@@ -90,7 +82,7 @@ class PlumeTrackingAgent(ReactiveAgent):
     def recover(self, observation: Observation, contact: Contact) -> Command:
         """Return the next leg of the recovery; after it go back to the last gas and recover there; then explore."""
         while self.recovery is not None:
-            command = self.searcher.follow(observation, self.recovery)
+            command = self.follow(observation, self.recovery)
             if command is not None:
                 return command
             last_m = contact.last_m if self.n_returns_left > 0 else None

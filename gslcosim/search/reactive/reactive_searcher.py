@@ -1,19 +1,17 @@
-"""Reactive searcher: gas and wind at each question, paths, first contact, stuck detection and declaration."""
+"""Reactive agents: contact with the plume at each stop, legs, exploration, stuck detection and declaration."""
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from types import SimpleNamespace
 
-from gslcosim.agent_kit import Agent
+from gslcosim.agent_kit import Briefing, Command, Observation
 from gslcosim.base.quantities import Vec3
-from gslcosim.contract.messages import Briefing, Command, Observation
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import declaration
 from gslcosim.search.motion.coverage import CoverageGrid
-from gslcosim.search.motion.declaration import DeclarationGuard, Estimate, ReactiveRule
+from gslcosim.search.motion.declaration import Estimate, ReactiveRule
 from gslcosim.search.motion.legs import LegPlanner, StuckDetector
-from gslcosim.search.random_stream import RandomStream
+from gslcosim.search.search_agent import SearchAgent
 from gslcosim.search.senses.stop_and_measure import Contact, PlumeContactDetector
 
 
@@ -94,57 +92,78 @@ class ReactiveSettings:
 
     @classmethod
     def of(cls, settings: object) -> "ReactiveSettings":
-        """Return the scout's part of a method's settings."""
+        """Return this part of a method's settings."""
         return cls(**{name: getattr(settings, name) for name in cls.__dataclass_fields__ if hasattr(settings, name)})
 
 
-class ReactiveSearcher:
-    """The part of a reactive search that is the same in all of them.
+class ReactiveAgent(SearchAgent):
+    """An agent that answers gas and wind of the moment: a subclass says which step follows from a contact.
 
-    At a question `ask` returns the command while a leg is under way, or when the source is to be declared. Otherwise it
-    returns what is known, and the method answers with `fly_to`, `follow` or `explore`.
+    Gas may end a leg that is under way (`may_abort`). It declares by `declaration.ReactiveRule`, and by `LossPoints`
+    where the method says that it has lost the plume. A stuck search is sent away to explore for some legs.
 
-    State: that of its parts, and for how many more legs the stuck detector sends it away.
+    Its settings: those of `ReactiveSettings`.
+
+    State: that of its parts, the contact of the last stop, and for how many more legs the search is sent away.
 
     Held by:
         tests/unit/search/reactive/test_reactive_searcher.py
     """
 
-    def __init__(self, briefing: Briefing, settings: ReactiveSettings, draws: RandomStream) -> None:
+    def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:
         """Begin without gas, wind, or anything seen."""
-        self.settings = settings
-        self.pilot = LegPlanner(briefing, draws, margin_m=settings.margin_m)
+        super().__init__(briefing, settings)
+        shared = self.shared = ReactiveSettings.of(self.settings)
+        self.pilot = LegPlanner(briefing, self.draws, margin_m=shared.margin_m)
         self.watch = PlumeContactDetector(
-            briefing, threshold_ppm=settings.threshold_ppm, threshold_m_s=settings.threshold_m_s
+            briefing, threshold_ppm=shared.threshold_ppm, threshold_m_s=shared.threshold_m_s
         )
-        self.unseen = CoverageGrid(self.pilot.room, edge_m=settings.explore_step_m)
+        self.unseen = CoverageGrid(self.pilot.room, edge_m=shared.explore_step_m)
         self._contact: Contact | None = None
-        self._stuck_detector = StuckDetector(n_legs=settings.leash_legs, radius_m=settings.leash_m)
-        self._rule = ReactiveRule(threshold=settings.threshold_ppm)
-        self._losses = LossPoints(n=settings.n_lost, spread_m=settings.spread_m)
-        self._declared = DeclarationGuard()
+        self._stuck_detector = StuckDetector(n_legs=shared.leash_legs, radius_m=shared.leash_m)
+        self._rule = ReactiveRule(threshold=shared.threshold_ppm)
+        self._losses = LossPoints(n=shared.n_lost, spread_m=shared.spread_m)
+        self.explore_height_m: float | None = None
         self._n_away = 0
         self._goal_m: tuple[float, float] | None = None
 
     def observe(self, observation: Observation) -> None:
-        """Take note of an observation; call it for each, and again at a question."""
+        """Watch for gas on the way too."""
         self.watch.add(observation)
         self.unseen.note(observation.position_world_m)
 
-    def ask(self, observation: Observation, *, aborts: bool = False) -> Contact | Command:
-        """Return what is known at a question, or the command that answers it: the leg goes on, or a declaration.
+    @property
+    def may_abort(self) -> bool:
+        """True if gas ends a leg that is under way; only a vehicle that is asked meanwhile can do so."""
+        return False
 
-        Args:
-            observation: The question.
-            aborts: Whether gas ends a leg that is under way; only a vehicle that is asked meanwhile can do so.
-        """
-        self.observe(observation)
-        if self.pilot.is_busy(observation) and not (aborts and self.watch.is_hit and not self.is_away):
-            return self.pilot.stay(observation)
+    def continue_leg(self, observation: Observation) -> Command | None:
+        """Return the command while a leg is under way that gas does not end."""
+        command = self.pilot.continue_leg(observation)
+        return None if self.may_abort and self.watch.is_hit and not self.is_away else command
+
+    def learn(self, observation: Observation) -> None:
+        """Take note of the contact at this stop, and of whether the last legs have led anywhere."""
         contact = self._contact = self.watch.contact(observation)
         self._rule.add(observation.position_world_m, contact.gas_ppm)
-        self._pull(observation)
-        return self._declaration(observation, self._rule.estimate(contact.upwind_rad)) or contact
+        self._stuck_detector.note(observation.position_world_m)
+        if self._stuck_detector.is_stuck:
+            self._stuck_detector.release()
+            self._n_away = self.shared.leash_away_legs
+
+    def estimate(self, observation: Observation) -> Estimate | None:
+        """Return where the source is, if the last stops say so."""
+        assert self._contact is not None
+        return self._rule.estimate(self._contact.upwind_rad)
+
+    def next_leg(self, observation: Observation) -> Command:
+        """Return the step that follows from the contact."""
+        assert self._contact is not None
+        return self.next_step(observation, self._contact)
+
+    @abstractmethod
+    def next_step(self, observation: Observation, contact: Contact) -> Command:
+        """Return the command for the next leg, given the contact with the plume."""
 
     def lose(self, observation: Observation, contact: Contact, upwind_rad: float) -> Command | None:
         """Take note that the plume was lost; return the declaration, if these losses tell where the source is.
@@ -157,17 +176,8 @@ class ReactiveSearcher:
         if contact.last_m is None:
             return None
         self._losses.add(contact.last_m, upwind_rad)
-        return self._declaration(observation, self._losses.estimate(upwind_rad))
-
-    def _declaration(self, observation: Observation, estimate: Estimate | None) -> Command | None:
-        passed = self._declared.passes(estimate) if self.settings.declares else None
-        return None if passed is None else declaration(observation, passed.position_m, passed.confidence)
-
-    def _pull(self, observation: Observation) -> None:
-        self._stuck_detector.note(observation.position_world_m)
-        if self._stuck_detector.is_stuck:
-            self._stuck_detector.release()
-            self._n_away = self.settings.leash_away_legs
+        found = self._losses.estimate(upwind_rad) if self.shared.declares else None
+        return None if found is None else self.declare(observation, found)
 
     @property
     def is_away(self) -> bool:
@@ -178,11 +188,11 @@ class ReactiveSearcher:
         """Return the command for a leg to a place, with the hold of the settings where none is given."""
         self._goal_m = None
         z_m = target_m[2] if len(target_m) > 2 else None
-        return self.pilot.leg(observation, target_m, z_m=z_m, hold_s=self.settings.hold_s if hold_s is None else hold_s)
+        return self.pilot.leg(observation, target_m, z_m=z_m, hold_s=self.shared.hold_s if hold_s is None else hold_s)
 
     def cast_to(self, observation: Observation, target_m: tuple[float, ...]) -> Command:
         """Return the command for a leg on which only the way matters: it ends with the shorter hold."""
-        return self.fly_to(observation, target_m, hold_s=self.settings.explore_hold_s)
+        return self.fly_to(observation, target_m, hold_s=self.shared.explore_hold_s)
 
     def follow(self, observation: Observation, next_place_m: Callable[[], tuple[float, ...] | None]) -> Command | None:
         """Return the command for a leg to the next place of a cast or a loop, or nothing when that is over.
@@ -198,38 +208,17 @@ class ReactiveSearcher:
                 return self.cast_to(observation, place_m)
         return None
 
-    def explore(self, observation: Observation, *, z_m: float | None = None) -> Command:
+    def explore(self, observation: Observation) -> Command:
         """Return the command for a leg to the nearest place that was not seen; a refused one counts as seen.
 
-        Args:
-            observation: The question.
-            z_m: At which height to explore [m]; absent: the search height.
+        The leg is at `explore_height_m`, absent: at the search height.
         """
         self._n_away = max(0, self._n_away - 1)
         if self._goal_m is not None and self.pilot.was_refused(observation):
             self.unseen.skip(self._goal_m)
         upwind_rad = None if self._contact is None else self._contact.upwind_rad
+        z_m = self.explore_height_m
         goal_m = self.unseen.next_place_m(observation.position_world_m, upwind_rad)
         command = self.cast_to(observation, goal_m if z_m is None else (*goal_m, z_m))
         self._goal_m = goal_m
         return command
-
-
-class ReactiveAgent(Agent):
-    """An agent built on a `ReactiveSearcher`: a subclass names its `program` (`__file__`, with its card beside it)."""
-
-    program: ClassVar[str]
-
-    def __init__(self, briefing: Briefing) -> None:
-        """Begin without gas, wind, or anything seen.
-
-        Raises:
-            MethodError: the agent lacks something that its card asks for, or a parameter is wrong.
-        """
-        self.settings = load_settings(briefing, self.program)
-        self.draws = RandomStream(briefing.seed)
-        self.searcher = ReactiveSearcher(briefing, ReactiveSettings.of(self.settings), self.draws)
-
-    def observe(self, observation: Observation) -> None:
-        """Watch for gas on the way too."""
-        self.searcher.observe(observation)

@@ -1,9 +1,10 @@
+from types import SimpleNamespace
+
 import pytest
 from briefings import briefing, observation
 
-from gslcosim.search.random_stream import RandomStream
-from gslcosim.search.reactive.reactive_searcher import ReactiveSearcher, ReactiveSettings
-from gslcosim.search.senses.stop_and_measure import Contact
+from gslcosim.agent_kit import Command
+from gslcosim.search.reactive.reactive_searcher import ReactiveAgent
 
 SETTINGS = {
     "margin_m": 1.0, "hold_s": None, "explore_hold_s": 0.0, "explore_step_m": 1.8, "threshold_ppm": 0.1,
@@ -11,9 +12,19 @@ SETTINGS = {
 }  # fmt: skip
 
 
+class Searcher(ReactiveAgent):
+    """Holds at every stop, and notes the contact that it was given."""
+
+    may_abort = False
+
+    def next_step(self, observation, contact):
+        self.contact = contact
+        return Command(tick=observation.tick, kind="hold")
+
+
 def searcher(mode="on_request", **changes):
     agent_briefing = briefing(sensors=(("pid", "nose"), ("anemometer", "vane")), mode=mode)
-    return ReactiveSearcher(agent_briefing, ReactiveSettings(**(SETTINGS | changes)), RandomStream(1))
+    return Searcher(agent_briefing, SimpleNamespace(**SETTINGS | changes))
 
 
 def at(tick, place_m=(7.0, 5.0, 2.0), *, ppm=0.0, notice=None, status="holding"):
@@ -21,10 +32,10 @@ def at(tick, place_m=(7.0, 5.0, 2.0), *, ppm=0.0, notice=None, status="holding")
     return seen.model_copy(update={"status": status})
 
 
-def test_a_question_is_answered_with_what_is_known():
-    contact = searcher().ask(at(10, ppm=1.0))
-    assert isinstance(contact, Contact)
-    assert contact.has_gas
+def test_a_step_follows_from_the_contact_at_the_stop():
+    flown = searcher()
+    assert flown.decide(at(10, ppm=1.0)).kind == "hold"
+    assert flown.contact.has_gas
 
 
 def test_holds_are_those_of_the_settings():
@@ -38,7 +49,7 @@ def test_a_stuck_searcher_is_sent_away_for_some_legs():
     flown = searcher()
     for tick in range(5):
         assert not flown.is_away
-        flown.ask(at(10 + tick, ppm=1.0))
+        flown.decide(at(10 + tick, ppm=1.0))
     away = []
     for tick in range(5):
         away.append(flown.is_away)
@@ -75,16 +86,17 @@ def test_following_leaves_out_what_lies_behind_a_wall():
 def test_a_leg_under_way_goes_on_unless_gas_may_end_it():
     flown = searcher(mode="lockstep")
     flown.cast_to(at(10), (8.0, 5.0))
-    assert flown.ask(at(20, ppm=1.0, status="flying")).kind == "noop"
-    assert flown.ask(at(21, ppm=0.0, status="flying"), aborts=True).kind == "noop"
-    assert isinstance(flown.ask(at(22, ppm=1.0, status="flying"), aborts=True), Contact)
+    assert flown.decide(at(20, ppm=1.0, status="flying")).kind == "noop"
+    flown.may_abort = True
+    assert flown.decide(at(21, ppm=0.0, status="flying")).kind == "noop"
+    assert flown.decide(at(22, ppm=1.0, status="flying")).kind == "hold"
 
 
 def legs_around_the_source(flown, declares=True):
     """Legs that find gas up to a place and none upwind (towards +x) of it; returns what was declared."""
     places = [(7.0, 5.0, 2.0), (7.6, 5.0, 2.0), (8.2, 5.0, 2.0), (6.6, 5.2, 2.0)]
-    answers = [flown.ask(at(10 + i, places[i % 4], ppm=0.0 if i % 4 == 2 else 2.0)) for i in range(40)]
-    return [answer for answer in answers if not isinstance(answer, Contact)]
+    answers = [flown.decide(at(10 + i, places[i % 4], ppm=0.0 if i % 4 == 2 else 2.0)) for i in range(40)]
+    return [answer for answer in answers if answer.kind == "declare_source"]
 
 
 def test_it_declares_where_the_gas_ends_upwind_once():
@@ -98,4 +110,4 @@ def test_it_declares_where_the_gas_ends_upwind_once():
 def test_it_declares_nothing_where_it_is_set_not_to_or_where_there_is_no_gas():
     assert legs_around_the_source(searcher(leash_legs=0, declares=False)) == []
     flown = searcher(leash_legs=0)
-    assert all(isinstance(flown.ask(at(10 + i)), Contact) for i in range(40))
+    assert all(flown.decide(at(10 + i)).kind == "hold" for i in range(40))
