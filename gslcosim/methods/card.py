@@ -72,7 +72,7 @@ SHARED_PARAMETERS = Path(__file__).with_name("parameters")
 FAMILIES = ("anchor", "reactive", "swarm", "bayesian", "information", "map", "learned", "vision")
 Family = Literal["anchor", "reactive", "swarm", "bayesian", "information", "map", "learned", "vision"]
 Knowledge = Literal["map", "plume", "source"]
-ParameterType = Literal["float", "int", "bool", "text", "floats"]
+ParameterType = Literal["float", "int", "bool", "text", "floats", "file"]
 Count = Annotated[int, Field(ge=1, le=100)]
 
 
@@ -84,7 +84,8 @@ class Parameter(_CardPart):
     """One setting of a method: default, allowed values, unit, where the number comes from, and its effect.
 
     `type` follows from the default; it is given where the default is null. `min` and `max` bound numbers, and each
-    number of a list. `choices` are all allowed values.
+    number of a list. `choices` are all allowed values. A `file` is a name that the method knows, or the path of a
+    file, which has an ending and is looked for before a run.
     """
 
     default: bool | int | float | str | tuple[float, ...] | None
@@ -150,6 +151,7 @@ _TYPE_WORDS: dict[ParameterType, str] = {
     "bool": "true or false",
     "text": "a word",
     "floats": "a list of numbers",
+    "file": "a name or a path",
 }
 
 
@@ -157,7 +159,7 @@ def _is_of_type(value: object, kind: ParameterType) -> bool:
     is_bool = isinstance(value, bool)
     if kind == "bool":
         return is_bool
-    if kind == "text":
+    if kind in ("text", "file"):
         return isinstance(value, str)
     if kind == "int":
         return isinstance(value, int) and not is_bool

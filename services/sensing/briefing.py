@@ -213,6 +213,22 @@ def find_method_problems(scenario: Scenario, directory: Path) -> Iterator[Proble
             )
         if card is not None and all(sensor.model in sensor_names() for sensor in agent.sensors):
             yield from _find_problems(i, agent, card, scenario)
+            yield from _find_missing_files(i, agent, card, directory)
+
+
+# A method without a sandbox has the shell's folder; one that is started as a program has the scenario's.
+def _find_missing_files(i: int, agent: AgentSpec, card: MethodCard, directory: Path) -> Iterator[Problem]:
+    for name, parameter in card.parameters.items():
+        value = agent.parameters.get(name)
+        if parameter.kind != "file" or not isinstance(value, str) or not Path(value).suffix:
+            continue
+        if not Path(value).is_file() and not (directory / value).is_file():
+            yield Problem(
+                where=f"agents[{i}].parameters.{name}",
+                expected="a file, or a name without an ending",
+                found=f"'{value}'",
+                remedy=f"There is no {(directory / value).resolve()}.",
+            )
 
 
 def _find_problems(i: int, agent: AgentSpec, card: MethodCard, scenario: Scenario) -> Iterator[Problem]:

@@ -44,3 +44,12 @@ def test_other_problems_do_not_hide_those_of_methods():
 @pytest.mark.parametrize("parameters", ["{Step: 1}", "{step: {a: 1}}", "{step: null}", "[1]"])
 def test_parameters_are_names_with_scalars_or_lists(parameters):
     assert problems_with(f"agents[0].parameters={parameters}")
+
+
+def test_a_file_that_a_parameter_names_is_looked_for(tmp_path):
+    (text,) = problems_with("agents[0].start={python: learned}", "agents[0].parameters={policy: nowhere.npz}")
+    assert "parameters.policy: expected a file, or a name without an ending, was 'nowhere.npz'" in text
+    policy = tmp_path / "policy.npz"
+    policy.touch()
+    assert problems_with("agents[0].start={python: learned}", f"agents[0].parameters={{policy: {policy}}}") == []
+    assert problems_with("agents[0].start={python: learned}", "agents[0].parameters={policy: tabular_q}") == []
