@@ -20,6 +20,39 @@ _TEXT_COLUMN = 2
 _PLAIN_EVERY_S = 10.0
 
 
+# An estimate from less than this is no estimate [s].
+_ESTIMATE_AFTER_S = 5.0
+
+
+class RemainingTime:
+    """Estimate of how long a piece of work still takes, from the share that is done and the time it took."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        """Take the clock [s]."""
+        self._clock = clock
+        self._piece = ""
+        self._began_s = 0.0
+        self._began_at = 0.0
+
+    def describe(self, piece: str, fraction: float | None) -> str:
+        """Return the share done and the time left, such as `20 %, about 3 min left`; empty where nobody knows.
+
+        Args:
+            piece: Name of the work; a new name starts a new estimate.
+            fraction: Share of it that is done, 0 to 1.
+        """
+        now_s, share = self._clock(), fraction or 0.0
+        if piece != self._piece or share < self._began_at:
+            self._piece, self._began_s, self._began_at = piece, now_s, share
+        elapsed_s, done = now_s - self._began_s, share - self._began_at
+        if fraction is None or elapsed_s < _ESTIMATE_AFTER_S or done <= 0.0:
+            return ""
+        left_s = elapsed_s * (1.0 - share) / done
+        minutes = round(left_s / 60)
+        left = f"{minutes} min" if minutes > 1 else f"{max(10 * round(left_s / 10), 10)} s"
+        return f"{100 * share:.0f} %, about {left} left"
+
+
 class ProgressLine:
     """Progress of long work: drawn again and again on a terminal, written now and then in a pipe.
 

@@ -2,13 +2,14 @@
 
 import contextlib
 import sys
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.cli.arguments import RECORDING
-from gslcosim.cli.progress import ProgressLine
+from gslcosim.cli.progress import ProgressLine, RemainingTime
 from gslcosim.cli.terminal import table, write_note
 
 if TYPE_CHECKING:
@@ -48,27 +49,47 @@ def show_run_progress(title: str, *, is_quiet: bool) -> Iterator[Report]:
         yield lambda _: None
     elif sys.stderr.isatty():
         with ProgressLine(title, is_quiet=False) as line:
-            yield lambda status: line.show(lambda: format_status(status), fraction=status.fraction)
+            remaining = RemainingTime()
+
+            # The share that is done has a bar of its own.
+            def draw(status: "RunStatus") -> str:
+                left = remaining.describe(status.text, status.fraction).partition(", ")[2]
+                return ", ".join(filter(None, (format_status(status), left)))
+
+            yield lambda status: line.show(lambda: draw(status), fraction=status.fraction)
     else:
         yield PlainLines(title)
 
 
-class PlainLines:
-    """One line for each piece of preparation, each state of the run, and what takes too long: for logs and pipes."""
+# How often a pipe gets the time that is left of one piece of work [s].
+_REMINDER_EVERY_S = 30.0
 
-    def __init__(self, title: str) -> None:
+
+class PlainLines:
+    """One line for each piece of preparation, each state of the run, and what takes too long: for logs and pipes.
+
+    A piece of preparation that takes long has a line now and then with the time that is left.
+    """
+
+    def __init__(self, title: str, clock: Callable[[], float] = time.monotonic) -> None:
+        """Take what begins each line, and the clock [s]."""
         self._title = title
         self._last = ""
+        self._clock = clock
+        self._written_at_s = 0.0
+        self._remaining = RemainingTime(clock)
 
     def __call__(self, status: "RunStatus") -> None:
         """Write the status when it is a new one."""
         is_told = status.state == "preparing" or (status.state == "flying" and status.text)
         other = f"{status.state} {status.is_late} {status.is_compiling}"
         piece = (status.text or format_status(status)) if is_told else other
-        if piece == self._last:
+        left = self._remaining.describe(piece, status.fraction) if status.state == "preparing" else ""
+        is_due = bool(left) and self._clock() - self._written_at_s >= _REMINDER_EVERY_S
+        if piece == self._last and not is_due:
             return
-        self._last = piece
-        write_note(f"{self._title}: {format_status(status)}")
+        self._last, self._written_at_s = piece, self._clock()
+        write_note(f"{self._title}: {', '.join(filter(None, (format_status(status), left)))}")
 
 
 def format_status(status: "RunStatus") -> str:
@@ -114,7 +135,14 @@ def format_agents_table(agents: list[dict[str, Any]], sandboxes: dict[str, str])
 
 def _paths(run_dir: Path, result: dict[str, Any]) -> list[str]:
     seconds, factor = result.get("flight_wall_s", 0.0), result.get("real_time_factor", 0.0)
-    lines = [f"speed      {factor:g} x real time ({seconds:g} s of flight)"] if factor else []
+    lines = [f"speed      {factor:g} x real time"] if factor else []
+    if factor and (whole := result.get("wall_time_s", 0.0)):
+        preparation, start = result.get("preparation_s", 0.0), result.get("start_up_s", 0.0)
+        rest = max(whole - preparation - start - seconds, 0.0)
+        lines.append(
+            f"time       {whole:.1f} s: {preparation:.1f} s room and wind, {start:.1f} s start, {seconds:.1f} s run, "
+            f"{rest:.1f} s end"
+        )
     if pace := result.get("pace"):
         lines.append(f"pace       {_pace_text(pace)}")
     lines.append(f"run        {run_dir}")

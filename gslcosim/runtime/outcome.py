@@ -36,6 +36,8 @@ class RunOutcome:
     ticks_flown: int = 0
     flight_wall_s: float = 0.0
     start_up_s: float = 0.0
+    # For the room, its wind and kernels, before anything of the run was started.
+    preparation_s: float = 0.0
     verdict: Verdict | None = None
     digest: RunDigest | None = None
     fault: ServiceFault | None = None
@@ -83,6 +85,7 @@ class RunOutcome:
             "end_reason": self._end_reason(),
             "sim_time_s": sim_time_s,
             "wall_time_s": round(wall_s, 3),
+            "preparation_s": round(self.preparation_s, 3),
             "start_up_s": round(self.start_up_s, 3),
             "flight_wall_s": round(self.flight_wall_s, 3),
             "real_time_factor": round(factor, 1),

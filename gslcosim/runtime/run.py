@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 LOOK_EVERY_S = 0.5
 TEXT = "compiling kernels"
+_TEXT_OF_PREPARATION = "compiling kernels, about a minute and only on the first run of a version"
 
 
 class KernelFolder:
@@ -82,7 +83,7 @@ class CompilationReporter:
         self._folder = folder or KernelFolder()
         self._folder.mark_used()
         self._guard = threading.Lock()
-        self._last = RunStatus(state="starting")
+        self._last: RunStatus | None = None
         self._is_compiling = False
         self._is_over = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="watches kernels", daemon=True)
@@ -104,7 +105,7 @@ class CompilationReporter:
         """Report a status."""
         with self._guard:
             self._last = status
-            if status.state != "starting":
+            if status.state not in ("preparing", "starting"):
                 self._is_over.set()
             self._report(self._completed(status))
 
@@ -115,12 +116,15 @@ class CompilationReporter:
             with self._guard:
                 if not self._is_over.is_set():
                     self._is_compiling = True
-                    self._report(self._completed(replace(self._last, run_dir=None)))
+                    last = self._last or RunStatus(state="starting")
+                    self._report(self._completed(replace(last, run_dir=None)))
             return
 
     def _completed(self, status: RunStatus) -> RunStatus:
-        if not self._is_compiling or status.state != "starting":
+        if not self._is_compiling or status.state not in ("preparing", "starting"):
             return status
+        if status.state == "preparing":
+            return replace(status, text=f"{status.text}, {_TEXT_OF_PREPARATION}", is_compiling=True)
         return replace(status, text=", ".join(filter(None, (TEXT, status.text))), is_compiling=True)
 
 
@@ -188,7 +192,8 @@ def run_scenario(
         environment_dir = repetition.environment_dir
     else:
         ahead = None if processes == "one" else fork_server
-        environment_dir = _prepare_environment(loaded, report, ahead)
+        with CompilationReporter(report) as reporter:
+            environment_dir = _prepare_environment(loaded, reporter, ahead)
     compile_agent_kernels(
         scenario,
         loaded.directory,
@@ -275,6 +280,8 @@ def run_into_directory(
     """
     run_dir = RunDir.create(runs_dir, name=scenario.name, seed=scenario.seed)
 
+    preparation_s = time.perf_counter() - began
+
     def outcome_of_flight(report: StatusHandler) -> RunOutcome:
         run_dir.replace(run_dir.scenario.name, dump_resolved(scenario))
         later_rooms = prepare_variants(scenario, scenario_dir=directory, progress=_build_progress_handler(report))
@@ -309,6 +316,7 @@ def run_into_directory(
 
     with StatusServer(run_dir, scenario, processes, report) as window:
         outcome = _execute_or_fault(lambda: outcome_of_flight(window))
+    outcome.preparation_s = preparation_s
     _repair_recording(run_dir, outcome, scenario)
     _save_digest(run_dir, outcome)
     result = _save_result(run_dir, outcome, scenario, began)

@@ -54,6 +54,35 @@ def test_a_run_that_compiles_nothing_says_nothing(tmp_path):
     assert reports == [RunStatus(state="starting")]
 
 
+def test_preparation_says_that_it_compiles_and_that_only_a_first_run_does(tmp_path):
+    reports, is_told = [], threading.Event()
+
+    def report(status):
+        reports.append(status)
+        if status.is_compiling:
+            is_told.set()
+
+    with CompilationReporter(report, KernelFolder(tmp_path)) as reporter:
+        reporter(RunStatus(state="preparing", text="Building the room", fraction=0.0))
+        (tmp_path / "flow").mkdir()
+        assert is_told.wait(60)
+    assert reports[0].text == "Building the room"
+    assert reports[-1].text.startswith("Building the room, compiling kernels, about a minute")
+
+
+def test_long_work_tells_a_pipe_how_long_it_still_takes(capsys):
+    now_s = [0.0]
+    lines = PlainLines("room", clock=lambda: now_s[0])
+    for time_s, fraction in [(0, 0.0), (3, 0.01), (60, 0.2), (70, 0.25), (120, 0.4)]:
+        now_s[0] = time_s
+        lines(RunStatus(state="preparing", text="Solving the wind", fraction=fraction))
+    assert capsys.readouterr().err.splitlines() == [
+        "room: Solving the wind",
+        "room: Solving the wind, 20 %, about 4 min left",
+        "room: Solving the wind, 40 %, about 3 min left",
+    ]
+
+
 def test_a_log_has_it_once(capsys):
     lines = PlainLines("room")
     lines(RunStatus(state="starting", text="waiting for world, fields"))
