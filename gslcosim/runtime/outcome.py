@@ -36,7 +36,7 @@ class RunOutcome:
     ticks_flown: int = 0
     flight_wall_s: float = 0.0
     start_up_s: float = 0.0
-    # For the room, its wind and kernels, before anything of the run was started.
+    # For the environment and its kernels, before anything of the run was started.
     preparation_s: float = 0.0
     verdict: Verdict | None = None
     digest: RunDigest | None = None
