@@ -12,7 +12,7 @@ from gslcosim.base.bundled import bundled_schemas
 from gslcosim.bench.cases.models import Suite
 from gslcosim.methods.card import MethodCard, list_shared_parameters
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.training.family import FamilySpec
+from gslcosim.bench.cases.families import FamilySpec
 from gslcosim.training.train_file import TrainSpec
 
 MODELS: dict[str, type[BaseModel]] = {

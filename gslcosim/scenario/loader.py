@@ -277,6 +277,12 @@ def read_resolved(text: str, *, source: str) -> Scenario:
     return scenario
 
 
+def find_scenario_beside(source: str, directory: Path) -> Path:
+    """Return the scenario that a file in a folder names: one beside it, or a bundled one; see `find_scenario`."""
+    beside = directory / source
+    return find_scenario(beside if beside.is_file() else source)
+
+
 def find_scenario(source: str | Path) -> Path:
     """Return the file of a scenario that is named by path, or by name when it is bundled.
 

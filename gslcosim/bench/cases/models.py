@@ -2,6 +2,7 @@
 
 import hashlib
 import itertools
+import json
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -30,6 +31,29 @@ MAX_SETTINGS = 500
 Values = dict[str, Any]
 """Values of a scenario by their paths, such as `agents[0].vehicle.hold_s`."""
 
+SPLITS = ("training", "validation", "test")
+Split = Literal["training", "validation", "test"]
+
+
+def as_overrides(values: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return values of a scenario as `load_scenario` takes them."""
+    return tuple(f"{path}={json.dumps(value)}" for path, value in values.items())
+
+
+def check_lengths(key: str, lengths: Mapping[str, int], *, remedy: str) -> None:
+    """Refuse lists of an item of `vary` that are not of one length.
+
+    Raises:
+        PydanticCustomError: they are not.
+    """
+    if len(set(lengths.values())) > 1:
+        raise broken_rule_error(
+            key=key,
+            expected="lists of one length: within an item they go together",
+            found=", ".join(f"{name} with {n}" for name, n in lengths.items()),
+            remedy=remedy,
+        )
+
 
 class DrawSpec(Spec):
     """As many whole numbers as `draw` says, drawn by the suite's seed: for layouts and other seeds."""
@@ -41,13 +65,26 @@ class ScenarioSpec(Spec):
     """A scenario of the suite: a file or a bundled name, and values that replace its own.
 
     `name` is what it is called here, its own if absent; `family` is the group of cases that it is counted in, its name
-    if absent.
+    if absent. With `split` it is a family: its first `cases` cases of that split, each with the seed that it has there.
     """
 
     source: str
     name: Name | None = None
     family: Name | None = None
+    split: Split | None = None
+    cases: Annotated[int, Field(ge=1, le=100_000)] | None = None
     set: Values = {}  # noqa: RUF012 - pydantic copies it
+
+    @model_validator(mode="after")
+    def _check_split(self) -> Self:
+        if (self.split is None) != (self.cases is None):
+            raise broken_rule_error(
+                key="cases" if self.cases is None else "split",
+                expected="split and cases together: how many cases of which split of a family",
+                found="one of them alone",
+                remedy="For example {source: open_halls, split: test, cases: 20}.",
+            )
+        return self
 
 
 class EntrySpec(Spec):
@@ -253,13 +290,7 @@ class Suite(Spec):
     def _check_vary(self) -> Self:
         for i, axis in enumerate(self.vary):
             lengths = {key: n_values(values) for key, values in axis.items()}
-            if len(set(lengths.values())) > 1:
-                raise broken_rule_error(
-                    key=f"vary[{i}]",
-                    expected="lists of one length: within an item they go together",
-                    found=", ".join(f"{key} with {n}" for key, n in lengths.items()),
-                    remedy="Write what multiplies as items of its own.",
-                )
+            check_lengths(f"vary[{i}]", lengths, remedy="Write what multiplies as items of its own.")
         return self
 
 
@@ -288,6 +319,21 @@ class Case:
     no_source_frac: float
     is_sandboxed: bool
     set_in: str
+    seed: int | None = None
+    """That of its family, for cases of one."""
+
+    def run_seed(self, repetition: int) -> int:
+        """Return the seed of its runs of a repetition."""
+        if self.seed is None:
+            return derive_seed(self.suite_seed, self.name, repetition)
+        return derive_seed(self.seed, "run", repetition) if repetition else self.seed
+
+    def plume_seed(self, repetition: int) -> int:
+        """Return the seed of the gas of a repetition; scenarios of suites share their plumes between cases."""
+        i_plume = repetition % self.gas_seeds
+        if self.seed is None:
+            return derive_seed(self.suite_seed, "gas", self.scenario, i_plume)
+        return derive_seed(self.seed, "gas", i_plume) if i_plume else self.seed
 
     @property
     def n_controls(self) -> int:

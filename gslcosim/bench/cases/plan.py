@@ -10,12 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypedDict
 
-from gslcosim.base.errors import ScenarioError
+from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.kernel_cache import get_cache_root
 from gslcosim.base.problems import Problem
 from gslcosim.base.untrusted_input import MalformedFileError, read_json
 from gslcosim.bench.cases.agent_setup import apply_entry, build_environment, close_sources, find_card
+from gslcosim.bench.cases.families import find_family_beside
 from gslcosim.bench.cases.models import (
     Case,
     DrawSpec,
@@ -24,6 +25,8 @@ from gslcosim.bench.cases.models import (
     MovedStart,
     ScenarioSpec,
     Trial,
+    Values,
+    as_overrides,
     derive_seed,
     n_values,
 )
@@ -35,7 +38,7 @@ from gslcosim.environment.store import load_environment
 from gslcosim.methods.card import MethodCard
 from gslcosim.scenario import Scenario, load_scenario
 from gslcosim.scenario.checks.registry import list_scenario_checks
-from gslcosim.scenario.loader import find_scenario, resolve_values
+from gslcosim.scenario.loader import find_scenario_beside, resolve_values
 from gslcosim.scenario.problems import (
     InvalidScenarioError,
     LocatedProblem,
@@ -123,34 +126,41 @@ def _cases(loaded: LoadedSuite, *, is_sandboxed: bool) -> Iterator[tuple[LoadedS
     for inner in loaded.included:
         yield from _cases(inner, is_sandboxed=is_sandboxed)
     for i, spec in enumerate(suite.scenarios):
-        source = _source(spec, loaded)
-        name = spec.name or _name_in(source)
-        for varied in _combinations(loaded):
-            values = {**suite.set, **spec.set, **varied}
-            yield (
-                loaded,
-                Case(
-                    name="/".join([name, *_labels(varied)]),
-                    scenario=name,
-                    family=spec.family or name,
-                    source=source,
-                    varied=varied,
-                    overrides=tuple(f"{path}={json.dumps(value)}" for path, value in values.items()),
-                    suite_seed=suite.seed,
-                    repetitions=suite.repetitions,
-                    gas_seeds=suite.gas_seeds or suite.repetitions,
-                    no_source_frac=suite.controls.no_source_frac,
-                    is_sandboxed=is_sandboxed,
-                    set_in=f"{loaded.shown_path}: scenarios[{i}] {name}",
-                ),
-            )
+        for name, place, source, seed, drawn in _places_of(spec, loaded):
+            for varied in _combinations(loaded):
+                yield (
+                    loaded,
+                    Case(
+                        name="/".join([place, *_labels(varied)]),
+                        scenario=name,
+                        family=spec.family or name,
+                        source=source,
+                        varied={**drawn, **varied},
+                        overrides=as_overrides({**suite.set, **drawn, **spec.set, **varied}),
+                        suite_seed=suite.seed,
+                        repetitions=suite.repetitions,
+                        gas_seeds=suite.gas_seeds or suite.repetitions,
+                        no_source_frac=suite.controls.no_source_frac,
+                        is_sandboxed=is_sandboxed,
+                        set_in=f"{loaded.shown_path}: scenarios[{i}] {name}",
+                        seed=seed,
+                    ),
+                )
 
 
-def _source(spec: ScenarioSpec, loaded: LoadedSuite) -> Path:
-    beside = loaded.directory / spec.source
+# A scenario, or each case of a family: name, beginning of the case's name, file, seed, and the values that it draws.
+def _places_of(spec: ScenarioSpec, loaded: LoadedSuite) -> Iterator[tuple[str, str, Path, int | None, Values]]:
     try:
-        return find_scenario(beside if beside.is_file() else spec.source)
-    except ScenarioError as error:
+        if spec.split is None or spec.cases is None:
+            source = find_scenario_beside(spec.source, loaded.directory)
+            name = spec.name or _name_in(source)
+            yield name, name, source, None, {}
+            return
+        family = find_family_beside(spec.source, loaded.directory)
+        name = spec.name or family.name
+        for i, seed in enumerate(family.seeds_of(spec.split, spec.cases)):
+            yield name, f"{name}/seed={seed}", family.scenario, seed, family.values_of(spec.split, i)
+    except (ScenarioError, UsageError) as error:
         raise ScenarioError(f"{loaded.shown_path}: scenarios: {error}") from error
 
 
@@ -339,7 +349,7 @@ class _Planner:
         trials: list[Trial] = []
         resolved: _Resolved | None = None
         for repetition in range(case.repetitions):
-            seed = derive_seed(case.suite_seed, case.name, repetition)
+            seed, gas_seed = case.run_seed(repetition), case.plume_seed(repetition)
             if resolved is None or resolved.has_random_places:
                 scenario, directory = _load(case, seed)
                 scenario = self._with_free_starts(case, scenario, directory, owner.suite.move_starts_up_to_m)
@@ -348,7 +358,6 @@ class _Planner:
                         return DroppedCase(case=case.name, reason=_text_of(problems[0]))
                     raise _located_in(case.set_in, problems)
                 resolved = _Resolved(case, scenario, directory, self._room_key(scenario, directory))
-            gas_seed = derive_seed(case.suite_seed, "gas", case.scenario, repetition % case.gas_seeds)
             for is_control in (False, True) if repetition < case.n_controls else (False,):
                 resolved.check(entries, is_control=is_control)
                 shared = case_hash(

@@ -4,10 +4,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from gslcosim.base.bundled import bundled_scenarios
+from gslcosim.base.bundled import bundled_families, bundled_scenarios
 from gslcosim.base.errors import MethodError, ScenarioError
 from gslcosim.base.problems import Problem
 from gslcosim.bench.cases.agent_setup import find_card
+from gslcosim.bench.cases.families import find_family
 from gslcosim.bench.cases.models import EntrySpec, Suite
 from gslcosim.methods.card import CARD_FILE, find_unmet_needs
 from gslcosim.scenario.checks.program_checks import find_command_problem, find_python_problem
@@ -24,14 +25,16 @@ def find_scenario_problems(suite: Suite, directory: Path) -> Iterator[Problem]:
     """
     for i, spec in enumerate(suite.scenarios):
         beside = directory / spec.source
+        is_family = spec.split is not None
+        kind, bundled = ("family", bundled_families()) if is_family else ("scenario", bundled_scenarios())
         try:
-            find_scenario(beside if beside.is_file() else spec.source)
+            (find_family if is_family else find_scenario)(beside if beside.is_file() else spec.source)
         except ScenarioError:
             yield Problem(
                 where=f"scenarios[{i}]",
-                expected="a scenario file beside the suite, or a bundled scenario",
+                expected=f"a {kind} file beside the suite, or a bundled {kind}",
                 found=f"'{spec.source}'",
-                remedy=did_you_mean(spec.source, bundled_scenarios()) or f"There is no {beside}.",
+                remedy=did_you_mean(spec.source, bundled) or f"There is no {beside}.",
             )
 
 

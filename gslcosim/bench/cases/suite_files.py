@@ -11,17 +11,18 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from gslcosim.base.bundled import SUITE_FILE, bundled_scenarios, bundled_suites
+from gslcosim.base.bundled import SUITE_FILE, bundled_families, bundled_scenarios, bundled_suites
 from gslcosim.base.code_identity import COMPUTING_PACKAGES, hash_result_code
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.base.files import replace_file
 from gslcosim.base.yaml_core import without_editor_header
 from gslcosim.bench.cases.agent_setup import files_in_command, find_program
+from gslcosim.bench.cases.families import CaseFamily, find_family_beside
 from gslcosim.bench.cases.models import EntrySpec, ScenarioSpec, Suite
 from gslcosim.methods.card import CARD_FILE, SHARED_PARAMETERS
 from gslcosim.scenario import Scenario, load_scenario
 from gslcosim.scenario.checks.registry import find_problems
-from gslcosim.scenario.loader import find_scenario, raise_located, read_spec_file
+from gslcosim.scenario.loader import find_scenario_beside, raise_located, read_spec_file
 from gslcosim.scenario.problems import InvalidScenarioError, did_you_mean
 from gslcosim.scenario.serialization import dump_values, plain_values
 
@@ -210,7 +211,7 @@ def _beside(path: Path, name: str) -> str | Path:
     return beside if beside.exists() else name
 
 
-SCENARIOS, AGENTS, SUITES = "scenarios", "agents", "suites"
+SCENARIOS, FAMILIES, AGENTS, SUITES = "scenarios", "families", "agents", "suites"
 
 
 def write_suite(loaded: LoadedSuite, folder: Path) -> None:
@@ -247,13 +248,24 @@ def write_suite(loaded: LoadedSuite, folder: Path) -> None:
 
 
 def _kept_scenario(spec: ScenarioSpec, loaded: LoadedSuite, folder: Path) -> str:
-    beside = loaded.directory / spec.source
-    path = find_scenario(beside if beside.is_file() else spec.source)
+    if spec.split is not None:
+        return _kept_family(find_family_beside(spec.source, loaded.directory), folder)
+    path = find_scenario_beside(spec.source, loaded.directory)
     if bundled_scenarios().get(path.stem) == path:
         return path.stem
     if _names_files(path):
         return str(path.resolve())
     return _copied([path], folder, SCENARIOS)[path.resolve()]
+
+
+def _kept_family(family: CaseFamily, folder: Path) -> str:
+    if bundled_families().get(family.path.parent.name) == family.path:
+        return family.path.parent.name
+    beside = family.directory / family.spec.scenario
+    if beside.is_file() and (beside.resolve().parent != family.directory or _names_files(beside)):
+        return str(family.path.resolve())
+    files = [family.path, *([beside] if beside.is_file() else [])]
+    return _copied(files, folder, f"{FAMILIES}/{family.name}")[family.path.resolve()]
 
 
 def _names_files(path: Path) -> bool:

@@ -262,8 +262,8 @@ def collect_seeds(loaded: LoadedSuite) -> frozenset[int]:
     """Return all seeds that the runs of a suite have: of runs, of gas, and of what is drawn, such as rooms."""
     seeds: set[int] = set()
     for _, case in expand_cases(loaded):
-        seeds |= {derive_seed(case.suite_seed, case.name, i) for i in range(case.repetitions)}
-        seeds |= {derive_seed(case.suite_seed, "gas", case.scenario, i) for i in range(case.gas_seeds)}
+        seeds |= {case.run_seed(i) for i in range(case.repetitions)}
+        seeds |= {case.plume_seed(i) for i in range(case.gas_seeds)}
     return frozenset(seeds | _drawn(loaded))
 
 
@@ -303,7 +303,16 @@ def with_disjoint_seeds(
         number: Distinguishes several of one purpose.
         repetitions: Of each case.
         taken: Seeds that may not occur, see `collect_seeds`.
+
+    Raises:
+        UsageError: the suite has cases of a family, whose seeds are fixed.
     """
+    fixed = next((case for _, case in expand_cases(subject.loaded) if case.seed is not None), None)
+    if fixed is not None:
+        raise UsageError(
+            f"{subject.loaded.shown_path}: expected scenarios whose seeds can be drawn again, was {fixed.name}, a case "
+            "of a family. Tune on scenarios, or train on the family: gslcosim train."
+        )
     for attempt in itertools.count():
         words = (purpose, number, attempt) if attempt else (purpose, number)
         seed = derive_seed(subject.loaded.suite.seed, *words)
