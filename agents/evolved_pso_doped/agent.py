@@ -6,10 +6,10 @@ README.md beside this file says how they were evolved, parameters.json has them.
 from gslcosim.agent_kit import Briefing, run
 from gslcosim.search.learned.policy_files import with_learned_parameters
 from gslcosim.search.method_settings import load_settings
-from gslcosim.search.swarms.swarm_robot import ParticleAgent
+from gslcosim.search.swarms.swarm_robot import Particle
 
 
-class EvolvedPsoDoped(ParticleAgent):
+class EvolvedPsoDoped(Particle):
     """One particle whose parameters were evolved."""
 
     def __init__(self, briefing: Briefing) -> None:

@@ -3,16 +3,14 @@
 After Kennedy and Eberhart, and Jatmiko et al. for robots. README.md beside this file has the rules.
 """
 
-from gslcosim.agent_kit import Briefing, run
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.swarms.swarm_robot import ParticleAgent
+from gslcosim.agent_kit import run
+from gslcosim.search.swarms.swarm_robot import Particle
 
 
-class SPso(ParticleAgent):
+class SPso(Particle):
     """One particle whose parameters were set by hand."""
 
-    def __init__(self, briefing: Briefing) -> None:
-        super().__init__(briefing, load_settings(briefing, __file__))
+    program = __file__
 
 
 if __name__ == "__main__":

@@ -7,8 +7,7 @@ import math
 
 import numpy as np
 
-from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method_settings import load_settings
+from gslcosim.agent_kit import Briefing, Command, Observation, run
 from gslcosim.search.motion.legs import LegSpace
 from gslcosim.search.swarms.particle_swarm import Sighting, limit_length
 from gslcosim.search.swarms.sniffy_bug import (
@@ -26,85 +25,75 @@ CLIMB_PER_S = 1.0
 CLIMB_M_S = 0.3
 
 
-class SniffyBug(Agent):
+class SniffyBug(SwarmMember):
     """One bug: a waypoint, the way there, and what the swarm knows."""
 
+    program = __file__
+
     def __init__(self, briefing: Briefing) -> None:
-        self.settings = load_settings(briefing, __file__)
+        super().__init__(briefing)
         self.ranges = find_four_ranges(briefing)
         self.table = TABLES[self.settings.table]
-        self.member = SwarmMember(briefing, self.settings)
         self.bug = Bug(self.table, past_m=self.settings.past_m)
         self.room = LegSpace.within(briefing.bounds, self.settings.wall_margin_m)
         self.waypoint_m: Vector | None = None
         self.since_s = 0.0
-        self.best: Sighting | None = None
+        self.followed: Sighting | None = None
 
-    def observe(self, observation: Observation) -> None:
-        """Listen."""
-        self.member.observe(observation)
-
-    def decide(self, observation: Observation) -> Command:
+    def next_leg(self, observation: Observation) -> Command:
         """Return the velocity until the next question."""
-        member = self.member
-        member.take(observation)
-        best = member.swarm_best()
-        declared = member.declared(observation, best)
-        if declared is not None:
-            return declared
         self.update_waypoint(is_blocked=observation.notice is not None)
         direction = self.direction(observation)
         x_m_s, y_m_s = self.settings.speed_m_s * direction
-        climb_m_s = CLIMB_PER_S * (member.height_m - observation.position_world_m[2])
+        climb_m_s = CLIMB_PER_S * (self.height_m - observation.position_world_m[2])
         return Command(
             tick=observation.tick,
             kind="velocity",
             velocity_world_m_s=(float(x_m_s), float(y_m_s), max(-CLIMB_M_S, min(CLIMB_M_S, climb_m_s))),
             hold_s=self.settings.decision_s,
-            outgoing=member.call(observation),
         )
 
     def direction(self, observation: Observation) -> Vector:
         """Return where to fly, kept off what is too near."""
-        member, yaw_rad = self.member, observation.yaw_rad
+        yaw_rad = observation.yaw_rad
         ranges_m = self.ranges.values_m(observation)
-        direction = self.bug.direction(member.place_m, ranges_m, yaw_rad, list(member.others_m()))
+        direction = self.bug.direction(self.place_m, ranges_m, yaw_rad, list(self.others_m()))
         return remove_blocked_parts(direction, ranges_m, yaw_rad, self.settings.least_m)
 
     def update_waypoint(self, *, is_blocked: bool) -> None:
         """Take a new waypoint where the last one is reached, too old or blocked, or the swarm's best gets better."""
-        member, table = self.member, self.table
-        before, self.best = self.best, member.swarm_best()
-        is_better = is_other_and_better(before, self.best, self.settings.fades_s)
+        table = self.table
+        before, self.followed = self.followed, self.best
+        is_better = is_other_and_better(before, self.followed, self.settings.fades_s)
         last_m = self.waypoint_m
         if last_m is not None and not is_better and not is_blocked:
-            is_reached = math.dist(member.place_m, last_m) < table.reached_m
-            if not is_reached and member.now_s - self.since_s < table.waypoint_s:
+            is_reached = math.dist(self.place_m, last_m) < table.reached_m
+            if not is_reached and self.now_s - self.since_s < table.waypoint_s:
                 return
-        self.waypoint_m, self.since_s = self.next_waypoint(is_blocked=is_blocked), member.now_s
-        self.bug.aim(member.place_m, self.waypoint_m)
+        self.waypoint_m, self.since_s = self.next_waypoint(is_blocked=is_blocked), self.now_s
+        self.bug.aim(self.place_m, self.waypoint_m)
 
     def next_waypoint(self, *, is_blocked: bool) -> Vector:
         """Return the waypoint by the swarm's rule, or the random one before any gas and where the way was blocked."""
-        member, table = self.member, self.table
-        best = self.best
-        last_m = member.place_m if self.waypoint_m is None else self.waypoint_m
+        table = self.table
+        best = self.followed
+        last_m = self.place_m if self.waypoint_m is None else self.waypoint_m
         if best is None or is_blocked:
             waypoint_m = searching_waypoint(
-                member.place_m, last_m, self.drawn_place(), inertia=table.search_inertia, draw=table.search_draw
+                self.place_m, last_m, self.drawn_place(), inertia=table.search_inertia, draw=table.search_draw
             )
         else:
-            own_m = np.array((member.own_best or best).place_m)
-            waypoint_m = tracking_waypoint(member.place_m, last_m, own_m, np.array(best.place_m), table)
+            own_m = np.array((self.own_best or best).place_m)
+            waypoint_m = tracking_waypoint(self.place_m, last_m, own_m, np.array(best.place_m), table)
         if table.leg_m > 0.0:
-            waypoint_m = member.place_m + limit_length(waypoint_m - member.place_m, table.leg_m)
+            waypoint_m = self.place_m + limit_length(waypoint_m - self.place_m, table.leg_m)
         return np.array(self.room.nearest(tuple(waypoint_m)))
 
     def drawn_place(self) -> Vector:
         """Return a place drawn at random: from the whole room, or from a square about the robot."""
-        draws, half_m = self.member.draws, self.table.square_m
+        draws, half_m = self.draws, self.table.square_m
         if half_m > 0.0:
-            return self.member.place_m + np.array([draws.uniform(-half_m, half_m) for _ in range(2)])
+            return self.place_m + np.array([draws.uniform(-half_m, half_m) for _ in range(2)])
         return np.array([draws.uniform(low, high) for low, high in zip(self.room.min_m[:2], self.room.max_m[:2])])
 
 

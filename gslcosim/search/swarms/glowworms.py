@@ -281,9 +281,10 @@ class Glowworm(SwarmRobot):
         tests/unit/agents/test_gso.py, test_modified_gso.py
     """
 
-    def __init__(self, briefing: Briefing, settings: SimpleNamespace) -> None:
+    def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:
         """Begin dark."""
         super().__init__(briefing, settings)
+        settings = self.settings
         self.luciferin = 0.0
         self.glow = OdourGlow(memory_s=settings.memory_s, threshold=settings.gas_floor)
         self.radius_m = settings.sight_m

@@ -5,17 +5,15 @@ from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.agent_kit import Agent
-from gslcosim.contract.messages import Briefing, Command, Observation, RadioMessage
-from gslcosim.search.motion.commands import declaration
-from gslcosim.search.motion.declaration import DeclarationGuard, SwarmRule
+from gslcosim.agent_kit import Briefing, Command, Observation, RadioMessage
+from gslcosim.search.motion.declaration import Estimate, SwarmRule
 from gslcosim.search.motion.legs import LegPlanner, LegSpace
 from gslcosim.search.random_stream import RandomStream
+from gslcosim.search.search_agent import SearchAgent
 from gslcosim.search.senses.instruments import Nose, find_noses, find_vanes
 from gslcosim.search.senses.stop_and_measure import Measurement, StopAndMeasure
 from gslcosim.search.swarms.particle_swarm import (
@@ -106,8 +104,8 @@ class Explorer:
         return np.array(self._room.nearest(tuple(waypoint_m)))
 
 
-class SwarmMember:
-    """One of a swarm: it measures, remembers its own best, receives what the others know, reports, and declares.
+class SwarmMember(SearchAgent):
+    """One of a swarm, which knows the others by radio only: it measures, remembers its own best, reports, and declares.
 
     Its settings: `gas_floor`, `mox_band_frac`, `fades_s`, `declares`, `near_m`, `near_s`, `unchanged_s`.
 
@@ -118,27 +116,35 @@ class SwarmMember:
         tests/unit/search/swarms/test_swarm_robot.py
     """
 
-    def __init__(self, briefing: Briefing, settings: SimpleNamespace) -> None:
+    def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:
         """Begin without a best."""
-        self.settings = settings
-        self.draws = RandomStream(briefing.seed)
+        super().__init__(briefing, settings)
+        settings = self.settings
         self.team = Team(briefing)
-        self.height_m = briefing.search_height_m
         self.place_m, self.now_s = np.zeros(2), 0.0
         self.amount, self.wind_m_s = 0.0, np.zeros(2)
         self.own_best: Sighting | None = None
+        self.best: Sighting | None = None
         self.numbers: tuple[float, ...] = ()
         self.is_ignored: Callable[[Sequence[float]], bool] = lambda place_m: False
         nose, vane = find_noses(briefing)[0], next(iter(find_vanes(briefing)), None)
         self._measure = StopAndMeasure([nose], vane)
         self._smell = GasScale(nose, floor=settings.gas_floor, band_frac=settings.mox_band_frac)
         self._rule = SwarmRule(radius_m=settings.near_m, near_s=settings.near_s, unchanged_s=settings.unchanged_s)
-        self._declared = DeclarationGuard()
 
-    def observe(self, observation: Observation) -> tuple[tuple[str, Report], ...]:
+    def observe(self, observation: Observation) -> None:
+        """Measure and listen."""
+        self.listen(observation)
+
+    def listen(self, observation: Observation) -> tuple[tuple[str, Report], ...]:
         """Measure and listen, at every observation; return the news of the others."""
         self._measure.add(observation)
         return self.team.receive(observation)
+
+    def learn(self, observation: Observation) -> None:
+        """Take the measurement of this stop; the swarm's `best` is as it counts now."""
+        self.take(observation)
+        self.best = self.swarm_best()
 
     def take(self, observation: Observation) -> None:
         """Take the measurement that ends with a question: place, gas, wind, and the own best."""
@@ -180,21 +186,17 @@ class SwarmMember:
         reports = self.team.recent(self.now_s, max_age_s).values()
         return np.array([report.position_m[:2] for report in reports]).reshape(-1, 2)
 
-    def declared(self, observation: Observation, best: Sighting | None) -> Command | None:
-        """Return the declaration of the swarm's best, if it is due: all are near it, or it has been so for long."""
-        if best is None or not self.settings.declares:
+    def estimate(self, observation: Observation) -> Estimate | None:
+        """Return the swarm's best place, if all are near it, or it has been so for long."""
+        if self.best is None:
             return None
         heard_m = [self._place(), *map(tuple, self.others_m())]
         # Who is not heard is not near: it counts among those that are not.
         lost_m = [(math.inf, math.inf)] * (len(self.team.members) - len(heard_m))
-        estimate = self._rule.add(self.now_s, best.place_m, heard_m + lost_m)
-        estimate = self._declared.passes(estimate if estimate and estimate.confidence > 0.0 else None)
-        if estimate is None:
-            return None
-        command = declaration(observation, (*estimate.position_m, self.height_m), estimate.confidence)
-        return command.model_copy(update={"outgoing": self.call(observation)})
+        found = self._rule.add(self.now_s, self.best.place_m, heard_m + lost_m)
+        return found if found and found.confidence > 0.0 else None
 
-    def call(self, observation: Observation) -> tuple[RadioMessage, ...]:
+    def outgoing(self, observation: Observation) -> tuple[RadioMessage, ...]:
         """Return what goes out: place, gas, wind, and the best that it knows of."""
         best = self.swarm_best()
         x_m_s, y_m_s = self.wind_m_s
@@ -219,7 +221,7 @@ class SwarmMember:
 
 
 class SwarmRobot(SwarmMember):
-    """A member that goes by legs and measures at their ends.
+    """A member that goes by legs and measures at their ends; a method is its `step`.
 
     Its settings: those of a member, `leg_m` and `wall_margin_m`.
 
@@ -229,28 +231,30 @@ class SwarmRobot(SwarmMember):
         tests/unit/search/swarms/test_swarm_robot.py
     """
 
-    def __init__(self, briefing: Briefing, settings: SimpleNamespace) -> None:
+    def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:
         """Begin without a best and without a step."""
         super().__init__(briefing, settings)
-        self.step_m = _NO_STEP
-        self.pilot = LegPlanner(briefing, self.draws, margin_m=settings.wall_margin_m)
+        self.step_m = self._planned_m = _NO_STEP
+        self.pilot = LegPlanner(briefing, self.draws, margin_m=self.settings.wall_margin_m)
 
-    def decide(self, observation: Observation, step: Callable[[Sighting | None], Vector]) -> Command:
-        """Return the next leg, or a declaration, and report it; after a refused leg one in a random direction.
+    def continue_leg(self, observation: Observation) -> Command | None:
+        """Return the command while a leg is under way."""
+        return self.pilot.continue_leg(observation)
 
-        Args:
-            observation: The question.
-            step: The method's next step, given the swarm's best if there is any; it may draw.
-        """
-        if self.pilot.is_busy(observation):
-            return self.pilot.stay(observation)
-        was_refused = self.pilot.was_refused(observation)
-        if was_refused:
+    def learn(self, observation: Observation) -> None:
+        """Take the measurement of this stop, and plan the step that follows if nothing is declared."""
+        if self.pilot.was_refused(observation):
             self.give_up()
-        self.take(observation)
-        best = self.swarm_best()
-        step_m = step(best)
-        return self.declared(observation, best) or self.leg(observation, self.random_step() if was_refused else step_m)
+        super().learn(observation)
+        self._planned_m = self.step(self.best)
+
+    @abstractmethod
+    def step(self, best: Sighting | None) -> Vector:
+        """Return the next step [m], given the swarm's best if there is any; it may draw."""
+
+    def next_leg(self, observation: Observation) -> Command:
+        """Return the leg of the step; after a refused one a leg in a random direction."""
+        return self.leg(observation, self.random_step() if self.pilot.was_refused(observation) else self._planned_m)
 
     def give_up(self) -> None:
         """Begin again from rest: the last leg could not be flown."""
@@ -274,23 +278,26 @@ class SwarmRobot(SwarmMember):
         command = self.pilot.leg(observation, tuple(map(float, self.place_m + step_m)))
         assert command.position_world_m is not None
         self.step_m = np.array(command.position_world_m[:2]) - self.place_m
-        return command.model_copy(update={"outgoing": self.call(observation)})
+        return command
 
 
 class Particle(SwarmRobot):
     """A robot that moves as a particle of a swarm.
 
-    Its settings: those of a robot, `search_inertia`, `search_draw`, `waypoint_s` and `repel_m` (0: nobody repels).
+    Its settings: those of a robot, `inertia`, `own`, `swarm`, `search_inertia`, `search_draw`, `waypoint_s` and
+    `repel_m` (0: nobody repels).
 
     State: that of a robot, and its waypoint before any gas.
 
     Held by:
-        tests/unit/search/swarms/test_swarm_robot.py
+        tests/unit/search/swarms/test_swarm_robot.py, tests/unit/agents/test_s_pso.py
     """
 
-    def __init__(self, briefing: Briefing, settings: SimpleNamespace) -> None:
+    def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:
         """Begin without a best, a step and a waypoint."""
         super().__init__(briefing, settings)
+        settings = self.settings
+        self.weights = SwarmWeights(inertia=settings.inertia, own=settings.own, swarm=settings.swarm)
         self.explorer = Explorer(
             self.pilot.room, self.draws, inertia=settings.search_inertia, draw=settings.search_draw,
             waypoint_s=settings.waypoint_s,
@@ -300,6 +307,10 @@ class Particle(SwarmRobot):
         """Begin again from rest, and with another waypoint."""
         super().give_up()
         self.explorer.forget()
+
+    def step(self, best: Sighting | None) -> Vector:
+        """Return the next step: away from who is near, to a random waypoint before any gas, else the swarm's."""
+        return self.swarm_step(best, self.track)
 
     def swarm_step(self, best: Sighting | None, track: Callable[[Sighting], Vector]) -> Vector:
         """Return a step away from who is near; else towards a random waypoint before any gas; else the method's own.
@@ -317,60 +328,15 @@ class Particle(SwarmRobot):
         self.explorer.forget()
         return self.drawn_inside(lambda: track(best))
 
-    def particle_step(self, best: Sighting, weights: SwarmWeights) -> Vector:
+    def track(self, best: Sighting) -> Vector:
         """Return the step of a particle drawn to its own best and the swarm's, with fresh random numbers."""
         own_m = np.array((self.own_best or best).place_m)
         draws = np.array([[self.draws.fraction() for _ in range(2)] for _ in range(2)])
         best_m = np.array(best.place_m)
-        return pso_velocity(self.step_m, self.place_m, own_m, best_m, weights=weights, draws=draws)
+        return pso_velocity(self.step_m, self.place_m, own_m, best_m, weights=self.weights, draws=draws)
 
     def repelled(self) -> Vector | None:
         """Return the step away from robots that are too near, if any are."""
         return repelled_velocity(
             self.step_m, self.place_m, self.others_m(), within_m=self.settings.repel_m, leg_m=self.settings.leg_m
         )
-
-
-RobotT = TypeVar("RobotT", bound=SwarmRobot)
-
-
-class SwarmAgent(Agent, Generic[RobotT]):
-    """An agent whose robot goes by legs and knows the others by radio only; a method is its `step`."""
-
-    robot: RobotT
-
-    def observe(self, observation: Observation) -> None:
-        """Measure and listen."""
-        self.robot.observe(observation)
-
-    def decide(self, observation: Observation) -> Command:
-        """Return the next leg, or a declaration."""
-        return self.robot.decide(observation, self.step)
-
-    @abstractmethod
-    def step(self, best: Sighting | None) -> Vector:
-        """Return the next step [m], given the swarm's best if there is any."""
-
-
-class ParticleAgent(SwarmAgent[Particle]):
-    """One particle; it knows the others by radio only.
-
-    Its settings: those of a `Particle`, `inertia`, `own` and `swarm`.
-
-    Held by:
-        tests/unit/agents/test_s_pso.py
-    """
-
-    def __init__(self, briefing: Briefing, settings: SimpleNamespace) -> None:
-        """Begin without a best, a step and a waypoint."""
-        self.settings = settings
-        self.robot = Particle(briefing, settings)
-        self.weights = SwarmWeights(inertia=settings.inertia, own=settings.own, swarm=settings.swarm)
-
-    def step(self, best: Sighting | None) -> Vector:
-        """Return the next step: away from who is near, to a random waypoint before any gas, else the swarm's."""
-        return self.robot.swarm_step(best, self.track)
-
-    def track(self, best: Sighting) -> Vector:
-        """Return the step of the equation of motion, with fresh random numbers."""
-        return self.robot.particle_step(best, self.weights)

@@ -15,9 +15,9 @@ def made(name: str, **parameters) -> CPso:
 
 def pushed(agent: CPso, *heard: tuple[str, str]) -> list[float]:
     """What the charges add to the step of a robot at (7, 5)."""
-    question = observation(readings={"nose": 1.0}, heard=heard, name=agent.robot.team.name)
+    question = observation(readings={"nose": 1.0}, heard=heard, name=agent.team.name)
     agent.observe(question)
-    agent.robot.take(question)
+    agent.take(question)
     return agent.push_m().tolist()
 
 

@@ -40,7 +40,7 @@ def test_the_old_best_is_forgotten_and_less_gas_counts_again():
     for i in range(4):
         answer(agent, i, ppm=9.0 if i == 0 else 1.0)
     answer(agent, 4, ppm=1.0)
-    assert agent.robot.swarm_best().amount == 1.0
+    assert agent.swarm_best().amount == 1.0
 
 
 def test_it_spreads_for_so_many_legs():
@@ -66,11 +66,11 @@ def test_who_receives_that_another_restarted_does_so_too_and_old_bests_no_longer
     answer(agent, 0, ppm=9.0)
     answer(agent, 1, ppm=0.0, heard=[("first", "g 70 900 900 200 2 b900 900 200 2 n1")])
     assert agent.n_restarts == 1
-    assert agent.robot.own_best is None
-    assert agent.robot.swarm_best().amount == 2.0
+    assert agent.own_best is None
+    assert agent.swarm_best().amount == 2.0
     # The third has not heard of it yet, and tells the best of before: it does not count.
     answer(agent, 2, ppm=0.0, heard=[("third", "g 95 300 300 200 0 b700 500 200 9 n0")])
-    assert agent.robot.swarm_best().amount == 2.0
+    assert agent.swarm_best().amount == 2.0
 
 
 @pytest.mark.slow
@@ -86,6 +86,6 @@ def test_it_follows_gas_that_has_moved_where_s_pso_stays():
         parameters = {"declares": False, "fades_s": 0}
         swarm = clock["swarm"] = ToySwarm(agent_type, STARTS, gas, seed=3, parameters=parameters)
         swarm.fly(260.0)
-        found[agent_type] = swarm.robots[0].agent.robot.swarm_best().place_m
+        found[agent_type] = swarm.robots[0].agent.swarm_best().place_m
     assert math.dist(found[DrPso], (11.0, 11.0)) < 1.5
     assert math.dist(found[SPso], (4.0, 4.0)) < 1.5

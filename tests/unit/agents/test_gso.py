@@ -81,7 +81,7 @@ def test_who_is_out_of_sight_is_not_followed_and_sight_stays_in_its_bounds():
     for i in range(6):
         near = [("first", f"g {59 + 20 * i} 700 650 200 1 n7"), ("third", f"g {59 + 20 * i} 700 660 200 1 n7")]
         leg(agent, ppm=3.0, heard=near, tick=60 + 20 * i)
-        assert 0.0 <= agent.robot.radius_m <= 3.0
+        assert 0.0 <= agent.radius_m <= 3.0
 
 
 def test_in_calm_air_the_brightest_spirals_on():

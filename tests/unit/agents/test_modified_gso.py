@@ -30,11 +30,11 @@ def step(command, place_m=(7.0, 5.0)):
 def test_gas_in_a_declared_region_no_longer_counts():
     agent = made()
     answer(agent, ppm=5.0)
-    assert agent.robot.luciferin == 5.0
+    assert agent.luciferin == 5.0
     agent.forbid((7.5, 5.0))
     answer(agent, ppm=9.0, tick=60)
-    assert (agent.robot.luciferin, agent.robot.amount) == (0.0, 0.0)
-    assert agent.robot.swarm_best() is None
+    assert (agent.luciferin, agent.amount) == (0.0, 0.0)
+    assert agent.swarm_best() is None
 
 
 def test_who_is_led_into_a_declared_region_flies_elsewhere_before_gas_counts_again():

@@ -11,7 +11,7 @@ TOP_M = (5.0, 4.0)
 
 
 def best_of(swarm: ToySwarm):
-    bests = [robot.agent.robot.own_best for robot in swarm.robots]
+    bests = [robot.agent.own_best for robot in swarm.robots]
     return max((best for best in bests if best is not None), key=lambda best: best.amount)
 
 
@@ -34,12 +34,12 @@ def test_bests_are_not_where_the_robots_are_after_worse_readings():
     swarm = ToySwarm(SPso, CORNERS[:3], hill(*TOP_M), seed=2, parameters={"fades_s": 0, "declares": False})
     swarm.fly(40.0)
     for robot in swarm.robots:
-        best = robot.agent.robot.own_best
+        best = robot.agent.own_best
         measured = [place for place, asked in zip(robot.track_m, [True] * len(robot.track_m)) if asked]
         nearest = min(math.dist(place, TOP_M) for place in measured)
         assert math.dist(best.place_m, TOP_M) == pytest.approx(nearest, abs=1.0)
         assert best.amount == pytest.approx(hill(*TOP_M)(*best.place_m), rel=0.02)
-    assert any(math.dist(r.agent.robot.own_best.place_m, r.place_m) > 0.3 for r in swarm.robots)
+    assert any(math.dist(r.agent.own_best.place_m, r.place_m) > 0.3 for r in swarm.robots)
 
 
 def test_robots_keep_apart_in_a_crowd():

@@ -207,10 +207,10 @@ def test_teams_of_one_process_share_nothing():
     """Two agents in one process hear each other only when the channel carries it."""
     one, other = made(SPso, name="first", seed=1), made(SPso, name="third", seed=2)
     answer(one, seen(ppm=9.0))
-    assert other.robot.swarm_best() is None
+    assert other.swarm_best() is None
     text = encode(Report(time_s=4.0, position_m=(7.0, 5.0, 2.0), amount=9.0), max_bytes=64)
     other.observe(seen(tick=41, heard=[("first", text)]))
-    other.robot.now_s = 4.1
-    assert other.robot.swarm_best().amount == pytest.approx(9.0, rel=0.01)
-    assert isinstance(one.robot.team, Team)
-    assert np.array_equal(one.robot.place_m, (7.0, 5.0))
+    other.now_s = 4.1
+    assert other.swarm_best().amount == pytest.approx(9.0, rel=0.01)
+    assert isinstance(one.team, Team)
+    assert np.array_equal(one.place_m, (7.0, 5.0))

@@ -17,13 +17,13 @@ from gslcosim.search.motion.legs import LegSpace
 from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.senses.instruments import Nose
 from gslcosim.search.senses.stop_and_measure import Measurement
-from gslcosim.search.swarms.particle_swarm import SwarmWeights
 from gslcosim.search.swarms.rounds import parse
 from gslcosim.search.swarms.swarm_robot import Explorer, GasScale, Particle
 
 SETTINGS = SimpleNamespace(
     gas_floor=0.1, mox_band_frac=0.02, fades_s=0.0, declares=True, near_m=1.5, near_s=20.0, unchanged_s=60.0,
     leg_m=1.0, wall_margin_m=1.0, search_inertia=0.3, search_draw=0.7, waypoint_s=30.0, repel_m=1.5,
+    inertia=0.5, own=0.0, swarm=0.0,
 )  # fmt: skip
 ROOM = LegSpace(min_m=(1.0, 1.0, 0.5), max_m=(9.0, 9.0, 2.5))
 
@@ -191,28 +191,25 @@ def test_the_step_that_was_flown_is_the_velocity_of_the_next():
     robot.leg(seen(place_m=(8.6, 5.0)), np.array([1.0, 0.0]))
     assert robot.step_m == pytest.approx([0.4, 0.0], abs=2e-3)
     robot.own_best = None
-    step = robot.particle_step(
-        robot.own_best or taken(robot, seen(6.0)).own_best, SwarmWeights(inertia=0.5, own=0, swarm=0)
-    )
+    step = robot.track(taken(robot, seen(6.0)).own_best)
     assert step == pytest.approx([0.2, 0.0], abs=2e-3)
 
 
 def test_the_wind_that_is_reported_is_where_the_air_goes():
     robot = taken(particle(), seen(wind=(0.4, math.pi / 2)))
-    report = parse(robot.call(seen())[0].text)
+    report = parse(robot.outgoing(seen())[0].text)
     assert report.wind_m_s == pytest.approx((0.0, -0.4), abs=0.005)
 
 
 def test_who_does_not_send_keeps_a_declaration_for_nearness_back():
     robot = particle(unchanged_s=1000.0)
     for i in range(30):
-        taken(robot, seen(5.0, time_s=10.0 + i, heard=[("two", f"g {100 + 10 * i} 500 500 100 0")]))
-        assert robot.declared(seen(time_s=10.0 + i), robot.swarm_best()) is None
+        now = seen(5.0, time_s=10.0 + i, heard=[("two", f"g {100 + 10 * i} 500 500 100 0")])
+        assert robot.decide(now).declaration is None
     for i in range(30, 60):
         both = [(other, f"g {100 + 10 * i} 500 500 100 0") for other in ("two", "three")]
-        taken(robot, seen(5.0, time_s=10.0 + i, heard=both))
-        command = robot.declared(seen(time_s=10.0 + i), robot.swarm_best())
-        if command is not None:
+        command = robot.decide(seen(5.0, time_s=10.0 + i, heard=both))
+        if command.declaration is not None:
             break
     assert command.declaration.confidence == 1.0
     assert 10.0 + i == pytest.approx(10.0 + 30 + 20)
