@@ -109,8 +109,12 @@ def format_summary(flight: "RunResult") -> str:
     lines = [f"{_ENDINGS.get(reason, reason)} after {result.get('sim_time_s', 0.0):.1f} s of simulated time.", ""]
     if agents := result.get("agents"):
         lines += [format_agents_table(agents, result.get("sandboxes", {})), ""]
+    from gslcosim.validity.findings import format_validity
+
     agent_faults = [fault for fault in result.get("faults", []) if result.get("valid")]
     lines += [f"{fault['participant']}, tick {fault['tick']}: {fault['text']}" for fault in agent_faults]
+    if "validity" in result:
+        lines += [*format_validity(result["validity"]), ""]
     return "\n".join([*lines, *_paths(flight.run_dir, result)])
 
 

@@ -255,6 +255,9 @@ class Command(Message):
         return self.kind == "failed"
 
 
+# How the `reason` of a command begins that the runtime has put in place of one that could not be read.
+REFUSED_PREFIX = "refused: "
+
 # All kinds that an agent may write; `failed` is the runtime's.
 AGENT_KINDS = tuple(kind for kind in get_args(CommandKind) if kind != "failed")
 

@@ -1,7 +1,8 @@
 """Outcome of a run as `result.json` holds it, and its exit code."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from gslcosim.base.errors import ExitCode
@@ -9,7 +10,11 @@ from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.contract.messages import Ending, Verdict
 from gslcosim.runtime.agents.validator import AgentFault
 from gslcosim.runtime.digest import RunDigest
+from gslcosim.runtime.processes.sandbox.selection import is_sandboxed
+from gslcosim.runtime.run_dir import RunManifest
 from gslcosim.scenario import Scenario
+from gslcosim.validity.conduct import INTERNAL_KEYS
+from gslcosim.validity.findings import Validity, assess_run
 
 
 def build_ending(verdict: Verdict | None) -> Ending:
@@ -71,7 +76,26 @@ class RunOutcome:
             return ExitCode.FAULT
         return ExitCode.SUCCESS if self.verdict.end_reason == "success" else ExitCode.AGENT_FAILED
 
-    def as_result(self, scenario: Scenario, *, run_id: str, wall_s: float) -> dict[str, Any]:
+    def assess(self, scenario: Scenario, environments: Sequence[Path], manifest: RunManifest | None = None) -> Validity:
+        """Return what speaks for or against the run's figures.
+
+        Args:
+            scenario: What was run.
+            environments: The folder of its environment, and those that events made of it.
+            manifest: The run's, where there is one.
+        """
+        return assess_run(
+            scenario,
+            environments,
+            summary=self.summary,
+            n_ticks=self.ticks_flown + 1,
+            sandboxes=self.sandboxes,
+            unconfined=[name for name, words in self.sandboxes.items() if not is_sandboxed(words)],
+            is_complete=self.is_valid,
+            manifest=manifest,
+        )
+
+    def as_result(self, scenario: Scenario, *, run_id: str, wall_s: float, validity: Validity) -> dict[str, Any]:
         """Return the content of `result.json`."""
         tick_ns = scenario.tick_ns
         sim_time_s = seconds_from_ticks(self.ticks_flown, tick_ns)
@@ -82,6 +106,7 @@ class RunOutcome:
             "scenario": scenario.name,
             "seed": scenario.seed,
             "valid": self.is_valid,
+            "validity": validity.as_fields(),
             "end_reason": self._end_reason(),
             "sim_time_s": sim_time_s,
             "wall_time_s": round(wall_s, 3),
@@ -95,7 +120,7 @@ class RunOutcome:
             "faults": self._faults(),
             "sandboxes": dict(self.sandboxes),
             "agents": self._agents(scenario),
-            **self.summary,
+            **{key: value for key, value in self.summary.items() if key not in INTERNAL_KEYS},
             "timing_us_per_tick": {name: _get_per_tick_us(timing) for name, timing in self.timing.items()},
         }
 

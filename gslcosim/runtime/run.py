@@ -13,6 +13,7 @@ from gslcosim.base.disk_cache import keep_within_limit, mark_used
 from gslcosim.base.errors import MachineError, RecordingError, UsageError, format_fault
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE
 from gslcosim.base.processes import is_asked_to_end
+from gslcosim.base.untrusted_input import MalformedFileError
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.generation.cache import prepare_variants, with_variants
 from gslcosim.environment.store import load_environment
@@ -25,7 +26,7 @@ from gslcosim.runtime.outcome import RunOutcome, ServiceFault
 from gslcosim.runtime.processes.fork_server import ForkServer
 from gslcosim.runtime.processes.sandbox.selection import describe_sandboxes
 from gslcosim.runtime.replay.snapshot import Snapshot
-from gslcosim.runtime.run_dir import MachineLog, RunDir
+from gslcosim.runtime.run_dir import MachineLog, RunDir, RunManifest
 from gslcosim.runtime.services import ServiceGroup, build_dataflow, group_services, list_service_names, list_services
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunResult, RunStatus, StatusServer
@@ -279,12 +280,14 @@ def run_into_directory(
         MachineError: the folder cannot be made.
     """
     run_dir = RunDir.create(runs_dir, name=scenario.name, seed=scenario.seed)
+    environments = [environment_dir]
 
     preparation_s = time.perf_counter() - began
 
     def outcome_of_flight(report: StatusHandler) -> RunOutcome:
         run_dir.replace(run_dir.scenario.name, dump_resolved(scenario))
         later_rooms = prepare_variants(scenario, scenario_dir=directory, progress=_build_progress_handler(report))
+        environments.extend(later_rooms.values())
         setup = RunSetup(
             run_dir=run_dir,
             scenario=scenario,
@@ -319,7 +322,7 @@ def run_into_directory(
     outcome.preparation_s = preparation_s
     _repair_recording(run_dir, outcome, scenario)
     _save_digest(run_dir, outcome)
-    result = _save_result(run_dir, outcome, scenario, began)
+    result = _save_result(run_dir, outcome, scenario, environments, began)
     report(RunStatus(state="ended", sim_time_s=result["sim_time_s"], real_time_factor=result["real_time_factor"]))
     return outcome, RunResult(exit_code=int(outcome.exit_code), run_dir=run_dir.path, result=result)
 
@@ -366,9 +369,18 @@ def _save_digest(run_dir: RunDir, outcome: RunOutcome) -> None:
         _add_fault(outcome, str(error))
 
 
-def _save_result(run_dir: RunDir, outcome: RunOutcome, scenario: Scenario, began: float) -> dict[str, Any]:
+def _save_result(
+    run_dir: RunDir, outcome: RunOutcome, scenario: Scenario, environments: Sequence[Path], began: float
+) -> dict[str, Any]:
+    manifest = _read_manifest(run_dir)
+
     def result() -> dict[str, Any]:
-        return outcome.as_result(scenario, run_id=run_dir.run_id, wall_s=time.perf_counter() - began)
+        return outcome.as_result(
+            scenario,
+            run_id=run_dir.run_id,
+            wall_s=time.perf_counter() - began,
+            validity=outcome.assess(scenario, environments, manifest),
+        )
 
     try:
         run_dir.save_result(saved := result())
@@ -376,6 +388,14 @@ def _save_result(run_dir: RunDir, outcome: RunOutcome, scenario: Scenario, began
         _add_fault(outcome, str(error))
         return result()
     return saved
+
+
+# A run that failed early has none.
+def _read_manifest(run_dir: RunDir) -> RunManifest | None:
+    try:
+        return run_dir.load_manifest()
+    except MalformedFileError:
+        return None
 
 
 def _add_fault(outcome: RunOutcome, text: str) -> None:

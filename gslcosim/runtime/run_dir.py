@@ -200,6 +200,13 @@ class ForkOrigin(TypedDict):
     tick: int
 
 
+class SoftwareLock(TypedDict):
+    """Hash of the lock file, and the installed packages of other versions than it names."""
+
+    sha256: str
+    differing: list[str]
+
+
 class RunManifest(TypedDict, total=False):
     """Manifest of a run, as far as it is read; what another version has not written may be missing."""
 
@@ -209,6 +216,8 @@ class RunManifest(TypedDict, total=False):
     contract_hash: str
     gslcosim: str
     git: str | None
+    lock: SoftwareLock | None
+    installed_sha256: str
     fork_of: ForkOrigin
     imported_from: object
 

@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.scalar_kernels import scalar_kernel
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.contract.messages import (
+    REFUSED_PREFIX,
     AgentResult,
     AgentScore,
     BeliefScore,
@@ -18,15 +19,13 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.contract.record import build_unchecked_constructor
 from gslcosim.scenario.models.success import SuccessSpec
+from gslcosim.validity.conduct import GAS_CONTACT_PPM
 from gslcosim_services.referee import metrics
 from gslcosim_services.referee.metrics import compute_belief_score
 from gslcosim_services.referee.success import Evidence, build_criterion
 
 Outcome = Literal["success", "time_limit", "collision", "agent_failed", "declared", "out_of_bounds"]
 
-# What a TGS2600 needs to respond to ethanol is 0.2986 ppm, (air / A)^(1/B) of its power law: the weakest gas that
-# any of the sensors' models distinguishes from clean air.
-GAS_CONTACT_PPM = 0.3
 # What floors and walls give way where a vehicle hits them: it has not left the room [m].
 CONTACT_PENETRATION_M = 0.05
 
@@ -76,6 +75,10 @@ class AgentEvaluation:
         self._declared_confidence: float | None = None
         self._belief: BeliefScore | None = None
         self._rejection: str | None = None
+        self._n_refused = 0
+        self._n_adjusted = 0
+        self._first_refusal: str | None = None
+        self._gas_contact_s: float | None = None
         self._has_taken_off = False
         self._has_met_gas = False
         self._is_touching = False
@@ -168,10 +171,24 @@ class AgentEvaluation:
             belief=self._belief,
         )
 
+    def conduct(self) -> dict[str, Any]:
+        """Return the fields of `gslcosim.validity.conduct.AgentConduct` that the referee knows."""
+        return {
+            "n_commands": self._n_commands,
+            "n_refused": self._n_refused,
+            "n_adjusted": self._n_adjusted,
+            "first_refusal": self._first_refusal,
+            "gas_contact_s": self._gas_contact_s,
+            "has_succeeded": self.outcome == "success",
+        }
+
     def _note_command(self, command: Command | None) -> list[RefereeEvent]:
         if command is None or command.kind == "failed":
             return []
         self._n_commands += 1
+        if command.kind == "hold" and command.reason.startswith(REFUSED_PREFIX):
+            self._n_refused += 1
+            self._first_refusal = self._first_refusal or command.reason.removeprefix(REFUSED_PREFIX)
         if command.belief is not None:
             self._belief = compute_belief_score(
                 command.belief, self._rules.sources_m, within_m=self._rules.success.within_m
@@ -191,7 +208,15 @@ class AgentEvaluation:
     def _note_rejection(self, body: BodyState, command: Command | None) -> list[RefereeEvent]:
         is_new = body.rejected_command is not None and (command is not None or body.rejected_command != self._rejection)
         self._rejection = body.rejected_command
-        return [self._event("refused", f"command refused: {body.rejected_command}")] if is_new else []
+        if not is_new:
+            return []
+        # A vehicle that goes to another place than it was sent to, or stops early, has not refused.
+        if command is not None and body.waypoint_world_m is None:
+            self._n_refused += 1
+        else:
+            self._n_adjusted += 1
+        self._first_refusal = self._first_refusal or body.rejected_command
+        return [self._event("refused", f"command refused: {body.rejected_command}")]
 
     def _note_take_off(self, body: BodyState) -> list[RefereeEvent]:
         if self._has_taken_off or body.phase in ("on_ground", "failed"):
@@ -206,6 +231,7 @@ class AgentEvaluation:
             for gas in sample.gases:
                 if gas.mixing_ratio_ppm > GAS_CONTACT_PPM:
                     self._has_met_gas = True
+                    self._gas_contact_s = seconds_from_ticks(self._end_tick, self._rules.tick_ns)
                     text = (
                         f"first contact with {gas.gas}: {gas.mixing_ratio_ppm:.2f} ppm at {sample.sensor} "
                         f"(more than {GAS_CONTACT_PPM:g} ppm)"

@@ -27,6 +27,7 @@ from gslcosim.environment.variants import DynamicEnvironment
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import SourceMovesSpec
 from gslcosim.scenario.models.scenario import find_due_events
+from gslcosim.validity.conduct import CONDUCT_KEY
 from gslcosim_services.referee.agent_evaluation import AgentEvaluation, EvaluationRules, Outcome
 from gslcosim_services.referee.service import referee_spec
 
@@ -127,8 +128,10 @@ class RefereeCore:
         return {keys.SCORE: score, keys.VERDICT: self._verdict(tick)}
 
     def summary(self) -> dict[str, Any]:
-        """Return the scenario's events that have happened; see `Accounts`."""
-        return {"events": self._run.happened} if self._scenario.events else {}
+        """Return the agents' conduct, and the scenario's events that have happened; see `SupportsSummary`."""
+        conduct = {case.name: case.conduct() for case in self._run.cases}
+        events = {"events": self._run.happened} if self._scenario.events else {}
+        return {CONDUCT_KEY: conduct, **events}
 
     # The sources of cases that are closed stay where they were then.
     def _obey_events(self, tick: int, inbox: Inbox) -> list[RefereeEvent]:

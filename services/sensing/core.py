@@ -37,6 +37,7 @@ from gslcosim.scenario.models.events import (
 )
 from gslcosim.scenario.models.scenario import find_due_events, list_event_reads
 from gslcosim.scenario.models.sensors import PoseSensorSpec, SensorSpec
+from gslcosim.validity.conduct import GAS_QUANTITIES, SENSOR_STATES_KEY
 from gslcosim_services.sensing.briefing import build_briefing, find_sensor_kind
 from gslcosim_services.sensing.models import SensorModel, build_sensor, sensor_names
 from gslcosim_services.sensing.models.base import Estimator, Surroundings
@@ -124,6 +125,7 @@ class _Instrument:
     model: SensorModel
     is_on_board: bool
     estimate: Estimator | None
+    measures_gas: bool
 
     def look(self, surroundings: Surroundings, samples: "_Samples", tick: int) -> Reading:
         """Return the reading at the end of the tick."""
@@ -139,14 +141,19 @@ _Samples = dict[tuple[str, str], MountSample]
 
 @dataclass
 class _AgentInstruments:
-    """The instruments of one agent and what they showed last."""
+    """The instruments of one agent, what they showed last, and when a gas sensor began or ceased to measure.
+
+    `state_changes` has (tick, is_saturated, is_warming_up) by sensor, whenever either changed.
+    """
 
     instruments: tuple[_Instrument, ...]
     faults: SensorFaults | None
     last: list[Reading | None] = field(init=False)
+    state_changes: dict[str, list[tuple[int, bool, bool]]] = field(init=False)
 
     def __post_init__(self) -> None:
         self.last = [None] * len(self.instruments)
+        self.state_changes = {each.spec.name: [] for each in self.instruments if each.measures_gas}
 
     @property
     def sees_others(self) -> bool:
@@ -164,12 +171,21 @@ class _AgentInstruments:
             for reading, before in zip(readings, self.last, strict=True)
         ]
         self.last = [*readings]
+        self._note_states(tick, readings)
         estimates = [
             instrument.estimate(reading)
             for instrument, reading in zip(self.instruments, readings, strict=True)
             if instrument.estimate
         ]
         return sent + estimates
+
+    def _note_states(self, tick: int, readings: list[Reading]) -> None:
+        for instrument, reading in zip(self.instruments, readings, strict=True):
+            if not instrument.measures_gas:
+                continue
+            changes, state = self.state_changes[instrument.spec.name], (reading.is_saturated, reading.is_warming_up)
+            if not changes or changes[-1][1:] != state:
+                changes.append((tick, *state))
 
     # What the first pose sensor said last.
     @property
@@ -253,6 +269,10 @@ class SensingCore:
             outbox[keys.observation(agent)] = self._observation(tick, bodies[agent], panel.pose, readings, traffic)
         return outbox
 
+    def summary(self) -> dict[str, Any]:
+        """Return when gas sensors were saturated or warming up; see `SupportsSummary`."""
+        return {SENSOR_STATES_KEY: {agent: panel.state_changes for agent, panel in self._panels.items()}}
+
     def _new_panels(self, seed: int) -> dict[str, _AgentInstruments]:
         return {
             agent.name: _AgentInstruments(
@@ -266,7 +286,13 @@ class SensingCore:
         kind = find_sensor_kind(self._scenario, sensor.model)
         model = build_sensor(kind, sensor, self._scenario.tick_ns, rng)
         estimate = kind.estimator(self._scenario.gas.gas) if kind.estimator else None
-        return _Instrument(spec=sensor, model=model, is_on_board=kind.is_on_board, estimate=estimate)
+        return _Instrument(
+            spec=sensor,
+            model=model,
+            is_on_board=kind.is_on_board,
+            estimate=estimate,
+            measures_gas=kind.quantity in GAS_QUANTITIES,
+        )
 
     def _observation(
         self, tick: int, body: BodyState, pose: Reading | None, readings: tuple[Reading, ...], traffic: RadioTraffic

@@ -37,7 +37,7 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.runtime.outcome import RunOutcome
 from gslcosim.scenario import Scenario
-from gslcosim_services.referee.agent_evaluation import GAS_CONTACT_PPM
+from gslcosim.validity.conduct import GAS_CONTACT_PPM
 
 
 def counted_time_s(*, success: bool, time_to_source_s: float | None, limit_s: float) -> float:

@@ -33,10 +33,10 @@ from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunResult
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.loader import LoadedScenario
+from gslcosim.validity.conduct import GAS_CONTACT_PPM
 from gslcosim_services.fields.gas_builder import build_gas_field
 from gslcosim_services.fields.gas_field import PointGrid, wind_m_s_at
 from gslcosim_services.fields.gas_setup import gas_seed, gas_timing
-from gslcosim_services.referee.agent_evaluation import GAS_CONTACT_PPM
 
 Progress = Callable[[str, float], None]
 # A map is the mean of so many moments, spread evenly over the time limit, seen as recorded slices are.

@@ -3,13 +3,13 @@
 import argparse
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.base.errors import ExitCode, UsageError
 from gslcosim.cli.arguments import Command, add_override_options, load_checked
-from gslcosim.cli.terminal import add_json_option, write, write_json
+from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
     from gslcosim.scenario.checks.registry import FileKind
@@ -67,16 +67,21 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _validate_scenario(arguments: argparse.Namespace) -> int:
     from gslcosim.scenario import dump_resolved
+    from gslcosim.scenario.checks.registry import find_warnings
     from gslcosim.scenario.serialization import plain_values
 
     loaded = load_checked(arguments, prepares_run=False)
+    warnings = find_warnings(loaded.scenario, loaded.directory)
     if arguments.json:
-        write_json({"valid": True, "problems": [], "scenario": plain_values(loaded.scenario)})
+        fields = {"valid": True, "problems": [], "warnings": [asdict(warning) for warning in warnings]}
+        write_json({**fields, "scenario": plain_values(loaded.scenario)})
     elif arguments.resolved:
         write(dump_resolved(loaded.scenario).rstrip("\n"))
     else:
         agents = ", ".join(agent.name for agent in loaded.scenario.agents)
         write(f"{arguments.scenario}: valid. Scenario {loaded.name}, seed {loaded.scenario.seed}, agents: {agents}.")
+        for warning in warnings:
+            write_note(f"Warning: {warning}")
     return 0
 
 

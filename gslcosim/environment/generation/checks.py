@@ -7,6 +7,7 @@ from pathlib import Path
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.problems import Problem
 from gslcosim.environment.generation.cache import find_environment
+from gslcosim.environment.generation.provenance import WindMaker, find_mixed_air, read_wind_provenance
 from gslcosim.environment.positions import find_position_problems, find_position_problems_in
 from gslcosim.environment.variants import variant_scenarios
 from gslcosim.scenario import Scenario
@@ -56,3 +57,34 @@ def find_stored_wind_problems(scenario: Scenario, directory: Path) -> Iterable[P
         remedy = "Take built_in to solve it, or solver: {file: PATH}."
     path, found = ("wind.solver", wind.kind_name) if wind.file is None else ("wind.solver.file", wind.file)
     return [Problem(where=path, expected="wind that fits the room", found=f"'{found}'", remedy=remedy)]
+
+
+def find_mixed_air_problems(scenario: Scenario, directory: Path) -> Iterable[Problem]:
+    """Return what is to be known where stored gas is played back beside a wind that did not carry it.
+
+    Args:
+        scenario: Its gas is stored.
+        directory: The scenario's folder, where relative paths start.
+    """
+    mixed = find_mixed_air(scenario, _find_wind_maker(scenario, directory))
+    return [] if mixed is None else [mixed]
+
+
+# Before there is an environment: as `read_wind_provenance` will say it afterwards.
+def _find_wind_maker(scenario: Scenario, directory: Path) -> WindMaker:
+    from gslcosim.environment.generation.wind import read_stored_wind
+    from gslcosim.environment.geometry_source import build_geometry, find_folder
+
+    spec, wind = scenario.environment, scenario.wind
+    if spec.path is not None:
+        return read_wind_provenance(scenario, find_folder(spec, directory)).maker
+    if not isinstance(wind, WindSpec):
+        return "package"
+    if wind.file is not None:
+        return "file"
+    if wind.solver in ("openfoam", "uniform"):
+        return wind.solver
+    if spec.folder_key is not None and wind.solver in ("auto", "stored"):
+        stored = read_stored_wind(build_geometry(spec, wind, scenario_dir=directory), spec, wind, directory)
+        return "built_in" if stored is None else "imported"
+    return "built_in"

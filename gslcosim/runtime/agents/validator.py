@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from gslcosim.base.errors import ContractError, RunFolderError
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim.contract import codec
-from gslcosim.contract.messages import AGENT_KINDS, Belief, Command, Observation
+from gslcosim.contract.messages import AGENT_KINDS, REFUSED_PREFIX, Belief, Command, Observation
 from gslcosim.contract.schema import ContractVersionError, check_contract
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import AgentSpec
@@ -212,7 +212,7 @@ class CommandValidator:
         if refused is None or tick - refused[0] > MAX_EARLY_TICKS or tick not in self._pending:
             return []
         del self._pending[tick]
-        return [Command(tick=tick, kind="hold", reason=f"refused: {refused[1]}"[:500])]
+        return [Command(tick=tick, kind="hold", reason=f"{REFUSED_PREFIX}{refused[1]}"[:500])]
 
     def _check_contract(self, contract: str) -> None:
         if contract == self._checked_contract:
@@ -247,7 +247,7 @@ class CommandValidator:
             return []
         tick = self._oldest()
         del self._pending[tick]
-        return [Command(tick=tick, kind="hold", reason=f"refused: {text}"[:500])]
+        return [Command(tick=tick, kind="hold", reason=f"{REFUSED_PREFIX}{text}"[:500])]
 
     def _fail(self) -> list[Command]:
         if not self._pending:
@@ -350,7 +350,7 @@ class FreeRunningValidator(CommandValidator):
         """Take note that what the agent sent could not even be read; it holds from the next observation on."""
         if not (self.is_closed or self._gone is not None):
             self._note(text)
-            self._keep(Command(tick=0, kind="hold", reason=f"refused: {text}"[:500]))
+            self._keep(Command(tick=0, kind="hold", reason=f"{REFUSED_PREFIX}{text}"[:500]))
         return []
 
     def _keep(self, command: Command) -> None:

@@ -40,6 +40,7 @@ class Check:
         is_needed: Whether content needs the check at all; asked before anything is imported.
         is_part_of_preparation: Whether the preparation of a run reads the same files and says the same, so that only
             who prepares nothing runs it.
+        is_warning: Whether what it finds is no reason to refuse the file: the validity of a run says it too.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Check:
     subject: Subject | None = None
     is_needed: Callable[[Any], bool] = _is_always_needed
     is_part_of_preparation: bool = False
+    is_warning: bool = False
 
     def find(self, content: Any, directory: Path) -> Iterable[Problem]:
         """Return the problems of what a file holds.
@@ -99,6 +101,14 @@ CHECKS = (
         subject="room",
         finder="gslcosim_services.fields.models.formula_fields:find_stored_gas_problems",
         is_needed=lambda scenario: scenario.gas.stored is not None,
+    ),
+    Check(
+        name="mixed air",
+        of="scenario",
+        subject="room",
+        finder="gslcosim.environment.generation.checks:find_mixed_air_problems",
+        is_needed=lambda scenario: scenario.gas.stored is not None,
+        is_warning=True,
     ),
     Check(
         name="methods",
@@ -154,6 +164,7 @@ def list_scenario_checks(
         check
         for check in CHECKS
         if check.of == "scenario"
+        and not check.is_warning
         and check.subject in (subjects or SUBJECTS)
         and check.name not in without
         and not (prepares_run and check.is_part_of_preparation)
@@ -169,6 +180,17 @@ def list_scenario_checks(
     return tuple(check.find if processes is None else with_processes(check) for check in chosen)
 
 
+def find_warnings(scenario: Scenario, directory: Path) -> list[Problem]:
+    """Return what is to be known of a valid scenario before it is run.
+
+    Args:
+        scenario: What is to be run.
+        directory: The scenario's folder, where relative paths start.
+    """
+    warnings = (check for check in CHECKS if check.of == "scenario" and check.is_warning)
+    return [problem for check in warnings for problem in check.find(scenario, directory)]
+
+
 def find_problems(of: FileKind, content: Any, directory: Path) -> Iterator[Problem]:
     """Yield the problems that all checks of a kind of file find.
 
@@ -178,5 +200,5 @@ def find_problems(of: FileKind, content: Any, directory: Path) -> Iterator[Probl
         directory: Its folder, where relative paths start.
     """
     for check in CHECKS:
-        if check.of == of:
+        if check.of == of and not check.is_warning:
             yield from check.find(content, directory)

@@ -484,6 +484,22 @@ def test_events_are_reported_and_sources_that_move_are_followed():
     assert court.verdict.agents[0].straight_line_m == pytest.approx(3.0)
     assert court.verdict.agents[0].shortest_path_m == pytest.approx(2.0, abs=0.5)
     event = {"event": 0, "what": "source_moves", "tick": 1, "time_s": 0.1, "text": "source 0 moves to [8, 1, 2] m"}
-    assert court.core.summary() == {"events": [{**event, "agent": None}]}
+    assert court.core.summary()["events"] == [{**event, "agent": None}]
     court.core.reset(Episode(seed=1))
-    assert court.core.summary() == {"events": []}
+    assert court.core.summary()["events"] == []
+
+
+def test_refused_and_changed_commands_are_counted_with_the_first_reason():
+    court = Court(scenario())
+    court.step(command=WAYPOINT)  # takes effect a tick later
+    court.step(body(rejected_command="too far"), command=WAYPOINT)
+    court.step(
+        body(rejected_command="too near", waypoint_world_m=FAR),
+        command=Command(tick=0, kind="hold", reason="refused: no map"),
+    )
+    court.step(body(rejected_command="an edge"))
+    court.step(body(), samples=[sample(0.5)])
+    assert court.core.summary()["conduct"]["beetle"] == {
+        "n_commands": 3, "n_refused": 3, "n_adjusted": 1, "first_refusal": "too far", "gas_contact_s": 0.4,
+        "has_succeeded": False,
+    }  # fmt: skip

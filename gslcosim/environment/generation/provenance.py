@@ -1,0 +1,122 @@
+"""Provenance of an environment's wind: who has made it, whether it settled, and whether the gas belongs to it."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+
+from gslcosim.base.files import read_regular_file
+from gslcosim.base.problems import Problem
+from gslcosim.base.yaml_core import BoundedLoader
+from gslcosim.environment.store import HEADER_FILE, REPORT_FILE
+from gslcosim.scenario import Scenario
+
+WindMaker = Literal["built_in", "openfoam", "uniform", "file", "imported", "package", "unknown"]
+# A report has a few numbers for each pair of windows that was compared; headers have the boxes of large buildings.
+_MAX_BYTES = 64_000_000
+_MADE_FROM = "\nmade_from:"
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindProvenance:
+    """Who has made the wind of an environment, and what is known of its quality.
+
+    Attributes:
+        maker: The built-in solver, OpenFOAM, the same wind everywhere, a file that the scenario names, the imported
+            environment that brings it, the solver of another package, or unknown, of an environment folder that does
+            not say.
+        name: The solver's name, or the file or folder that it was read from.
+        has_settled: Whether the statistics of a solved wind had settled; absent where nobody has checked.
+        uncertainty_frac: Standard error of the mean wind over its speed, at least; absent where unknown.
+        end_time_s: Simulated time of the solve [s]; absent where it was not solved here.
+    """
+
+    maker: WindMaker
+    name: str
+    has_settled: bool | None = None
+    uncertainty_frac: float | None = None
+    end_time_s: float | None = None
+
+
+def read_wind_provenance(scenario: Scenario, folder: Path) -> WindProvenance:
+    """Return who has made the wind in an environment folder.
+
+    Args:
+        scenario: Whose environment it is.
+        folder: The folder, made or given.
+    """
+    report = _read_report(folder / REPORT_FILE)
+    if report is not None:
+        settling = report.get("settling") or {}
+        return WindProvenance(
+            maker="built_in",
+            name="built_in",
+            has_settled=settling.get("has_settled"),
+            uncertainty_frac=settling.get("uncertainty_frac"),
+            end_time_s=report.get("end_time_s"),
+        )
+    spec = scenario.environment
+    if spec.path is not None:
+        # What a scenario says of its wind has no meaning for a folder that has one.
+        made_from = _read_made_from(folder / HEADER_FILE)
+        wind = made_from.get("wind")
+        solver = wind.get("solver") if isinstance(wind, Mapping) else None
+        source = next((str(made_from[key]) for key in ("gsl_bench", "gaden") if key in made_from), spec.path)
+    else:
+        solver, source = scenario.wind.solver, str(getattr(spec, spec.folder_key or "", ""))
+    match solver:
+        case {"file": str(file)}:
+            return WindProvenance(maker="file", name=file)
+        case "auto" | "stored":
+            return WindProvenance(maker="imported", name=source)
+        case "openfoam" | "uniform":
+            return WindProvenance(maker=solver, name=solver)
+        case None | "built_in":
+            # The report of the built-in solver is missing.
+            return WindProvenance(maker="unknown", name=str(spec.path))
+        case _:
+            return WindProvenance(maker="package", name=str(solver))
+
+
+def find_mixed_air(scenario: Scenario, maker: WindMaker) -> Problem | None:
+    """Return what is wrong where stored gas does not belong to the wind beside it; nothing where it may.
+
+    Gas that is played back was carried by the wind of its own simulation. An anemometer beside it reads the wind of the
+    environment: two airs in one run, unless both come from one simulation.
+
+    Args:
+        scenario: What is run.
+        maker: Who has made its wind.
+    """
+    stored = scenario.gas.stored
+    if stored is None or maker in ("file", "imported", "unknown"):
+        return None
+    winds = {"uniform": "the same wind everywhere", "package": f"the wind of {scenario.wind.kind_name}"}
+    return Problem(
+        where="gas.playback.folder",
+        expected="the wind in which this gas was simulated beside it",
+        found=f"'{stored.folder}' with {winds.get(maker, f'a wind that {maker} has solved')}",
+        remedy="Give that wind with wind.solver: {file: PATH}, or let gslcosim carry the gas (gas.model: filament); "
+        "otherwise what an anemometer reads has not carried this gas.",
+    )
+
+
+def _read_report(path: Path) -> dict[str, Any] | None:
+    try:
+        report = json.loads(read_regular_file(path, max_bytes=_MAX_BYTES))
+    except (OSError, ValueError):
+        return None
+    return report if isinstance(report, dict) else None
+
+
+# The last part of the header; the boxes before it are not parsed.
+def _read_made_from(path: Path) -> Mapping[str, Any]:
+    try:
+        _, key, rest = read_regular_file(path, max_bytes=_MAX_BYTES).decode().rpartition(_MADE_FROM)
+        made_from = yaml.load(key + rest, Loader=BoundedLoader)["made_from"]
+    except (OSError, ValueError, LookupError, TypeError, yaml.YAMLError):
+        return {}
+    return made_from if isinstance(made_from, Mapping) else {}
