@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Literal
 
+from PIL import Image
+
 from gslcosim.base.errors import RecordingError
 from gslcosim.base.files import ScratchFolder
 from gslcosim.base.processes import build_parent_death_prefix
@@ -68,7 +70,7 @@ def screenshot(path: Path, png: Path, *, window_size: tuple[int, int] = (1600, 1
     Args:
         path: The recording.
         png: The picture to write.
-        window_size: Width and height of the window [points]; the picture has two pixels for each.
+        window_size: Width and height of the picture [pixels].
 
     Raises:
         RecordingError: there is no such file, no Vulkan driver, or the viewer fails.
@@ -78,6 +80,16 @@ def screenshot(path: Path, png: Path, *, window_size: tuple[int, int] = (1600, 1
     said = _try_screenshot(path, png.resolve(), f"{window_size[0]}x{window_size[1]}")
     if not png.is_file():
         raise RecordingError(f"{_failure_reason(said)}\nFile: {path}")
+    _resize(png, window_size)
+
+
+# The viewer draws two pixels for each point of its window.
+def _resize(png: Path, size: tuple[int, int]) -> None:
+    with Image.open(png) as drawn:
+        if drawn.size == size:
+            return
+        picture = drawn.convert("RGB").resize(size, Image.Resampling.LANCZOS)
+    picture.save(png)
 
 
 def _try_screenshot(path: Path, png: Path, size: str) -> str:
@@ -103,7 +115,8 @@ def _try_screenshot(path: Path, png: Path, size: str) -> str:
                 )
                 return drawn.stdout + drawn.stderr
     raise RecordingError(
-        f"viewer: expected a picture within {SCREENSHOT_TIMEOUT_S:g} s, was still drawing in {N_TRIES} tries.\n"
+        f"viewer: expected a picture within {SCREENSHOT_TIMEOUT_S:g} s, was still drawing in {N_TRIES} tries. "
+        "Ask for a smaller one (--window-size), close what else computes, or look at it with gslcosim view.\n"
         f"File: {path}"
     )
 

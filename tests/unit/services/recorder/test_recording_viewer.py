@@ -9,6 +9,7 @@ import sys
 import psutil
 import pytest
 from deadlines import EVENT_S
+from PIL import Image
 
 from gslcosim.base.errors import RecordingError
 from gslcosim.base.processes import build_parent_death_prefix
@@ -49,7 +50,7 @@ def test_a_picture_has_the_asked_size(record, tmp_path):
     screenshot(record(), png, window_size=(800, 500))
     header = png.read_bytes()[:24]
     assert header[1:4] == b"PNG"
-    assert struct.unpack(">II", header[16:]) == (1600, 1000)
+    assert struct.unpack(">II", header[16:]) == (800, 500)
 
 
 @pytest.mark.slow
@@ -65,7 +66,8 @@ def test_without_a_driver_the_package_to_install_is_named(record, tmp_path, monk
 
 def _hanging_viewer(folder, *, n_hangs):
     """Write a program that hangs the first times it is called and then draws; it counts its calls."""
-    calls = folder / "calls"
+    calls, picture = folder / "calls", folder / "drawn.png"
+    Image.new("RGB", (3200, 2000), "red").save(picture)
     program = folder / "viewer"
     # The picture's path is the argument behind --screenshot-to.
     program.write_text(
@@ -73,7 +75,7 @@ def _hanging_viewer(folder, *, n_hangs):
 echo call >> '{calls}'
 if [ "$(wc -l < '{calls}')" -le {n_hangs} ]; then exec sleep 60; fi
 while [ "$1" != --screenshot-to ]; do shift; done
-printf drawn > "$2"
+cat '{picture}' > "$2"
 """
     )
     program.chmod(0o755)
@@ -88,9 +90,11 @@ def test_a_viewer_that_hangs_is_started_again(record, tmp_path, monkeypatch, n_h
     monkeypatch.setattr(viewer, "SCREENSHOT_TIMEOUT_S", 5.0 if n_hangs < viewer.N_TRIES else 0.5)
     if n_hangs < viewer.N_TRIES:
         screenshot(path, png)
-        assert png.read_bytes() == b"drawn"
+        with Image.open(png) as picture:
+            assert picture.size == (1600, 1000)
+            assert picture.getpixel((800, 500)) == (255, 0, 0)
     else:
-        with pytest.raises(RecordingError, match="was still drawing in 2 tries"):
+        with pytest.raises(RecordingError, match=r"was still drawing in 2 tries.*--window-size"):
             screenshot(path, png)
         assert not png.exists()
 
