@@ -29,7 +29,7 @@ class LineSweep(FormationAgent):
 
     def __init__(self, briefing: Briefing) -> None:
         super().__init__(briefing)
-        self.line = diagonal_line(self.flight.n_members, 1.0)
+        self.line = diagonal_line(self.n_members, 1.0)
         self.axis_rad = 0.0
         self.lanes_m: np.ndarray | None = None
         self.n_swept = 0
@@ -46,8 +46,8 @@ class LineSweep(FormationAgent):
         """Return where this robot goes: with the sweep while there is no gas, else about the best place."""
         self.n_blank = 0 if now.has_gas else self.n_blank + 1
         if self.n_blank > self.settings.patience:
-            self.flight.best = None
-        best = self.flight.best
+            self.best = None
+        best = self.best
         if best is None:
             self.spacing_m = self.settings.spacing_m
             return self.swept_place_m(now)
@@ -60,15 +60,13 @@ class LineSweep(FormationAgent):
         swept = [int(now.numbers_of(name)[0]) for name in now.names if now.numbers_of(name)]
         self.n_swept = max([self.n_swept, *swept]) + 1
         centre_m = find_lane_point(self.lanes_m, (self.n_swept - 1) * self.settings.search_step_m)
-        return centre_m + in_world(self.settings.spacing_m * self.line, self.axis_rad)[self.flight.index]
+        return centre_m + in_world(self.settings.spacing_m * self.line, self.axis_rad)[self.index]
 
     def sweep_m(self, now: Round) -> np.ndarray:
         """Return the lanes of the line's middle, near end first: beyond walls, as all of the line must reach them."""
-        n, spacing_m = self.flight.n_members, self.settings.spacing_m
-        self.axis_rad = nearest_axis_rad(self.flight.upwind_rad)
-        lanes_m = plan_crosswind_lanes(
-            self.flight.room, self.axis_rad, n * spacing_m, inset_m=-0.5 * (n - 1) * spacing_m
-        )
+        n, spacing_m = self.n_members, self.settings.spacing_m
+        self.axis_rad = nearest_axis_rad(self.upwind_rad)
+        lanes_m = plan_crosswind_lanes(self.room, self.axis_rad, n * spacing_m, inset_m=-0.5 * (n - 1) * spacing_m)
         here_m = now.positions_m.mean(axis=0)
         return min((lanes_m, lanes_m[::-1]), key=lambda lanes_m: float(np.hypot(*(lanes_m[0] - here_m))))
 
@@ -85,7 +83,7 @@ class LineSweep(FormationAgent):
         self.spacing_m *= 1.0 / s.shrink_frac if surges else s.shrink_frac
         self.spacing_m = min(s.most_spacing_m, max(s.least_spacing_m, self.spacing_m))
         lead_m = np.array([[s.lead_m if surges else 0.0, 0.0]])
-        return centre_m + in_world(self.spacing_m * self.line + lead_m, self.flight.upwind_rad)[self.flight.index]
+        return centre_m + in_world(self.spacing_m * self.line + lead_m, self.upwind_rad)[self.index]
 
 
 if __name__ == "__main__":

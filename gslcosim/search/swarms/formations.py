@@ -8,19 +8,15 @@ from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.agent_kit import Agent
-from gslcosim.contract.messages import Briefing, Command, Observation
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import declaration
-from gslcosim.search.motion.declaration import DeclarationGuard, Estimate, SwarmRule
+from gslcosim.agent_kit import Briefing, Command, Observation, RadioMessage
+from gslcosim.search.motion.declaration import Estimate, SwarmRule
 from gslcosim.search.motion.legs import LegPlanner, LegSpace
-from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.cast_and_surge import CastSequence
+from gslcosim.search.search_agent import SearchAgent
 from gslcosim.search.senses.instruments import find_noses, find_vanes
 from gslcosim.search.senses.stop_and_measure import MeasuredWind, TrustedWind
 from gslcosim.search.swarms.particle_swarm import Sighting
@@ -473,30 +469,32 @@ class PlumeMemory:
 _NEW_WIND_FRAC = 0.5
 
 
-class FormationFlight:
-    """Flies one robot of a formation: it reads in step with the others and goes to its place beside them.
+class FormationAgent(SearchAgent):
+    """One robot of a formation that reads in rounds: all wait until all have read, and then step together.
 
-    Its settings: `wall_margin_m`, `hold_s` (how long each place is read), `gas_floor`, `mox_band_frac`, `calm_m_s` (a
-    wind no faster has no direction), `timeout_s`, `fades_s` (of best places) and `declares`; for `found` also `near_m`,
-    `near_s`, `unchanged_s` and `declare_factor` (how many times the floor the best place must have); for `met_gas` and
-    `searching_centre_m` also `search_step_m`, `cast_m` and `n_casts`.
-
-    Use `observe` with every observation; `FormationAgent.decide` shows the rest.
+    A method says where its robot goes next. Its settings: `wall_margin_m`, `hold_s` (how long each place is read),
+    `gas_floor`, `mox_band_frac`, `calm_m_s` (a wind no faster has no direction), `timeout_s`, `fades_s` (of best
+    places) and `declares`; for `estimate` also `near_m`, `near_s`, `unchanged_s` and `declare_factor` (how many times
+    the floor the best place must have); for `met_gas` and `searching_centre_m` also `search_step_m`, `cast_m` and
+    `n_casts`.
 
     State: the rounds, the pilot, the team's wind, its best place, the plume's memory, and what was declared.
 
     Held by:
-        tests/unit/search/swarms/test_formation_flight.py
+        tests/unit/search/swarms/test_formation_agent.py
     """
 
-    def __init__(self, briefing: Briefing, settings: SimpleNamespace) -> None:
-        """Join the team of a briefing."""
-        s = self.settings = settings
+    now: Round
+
+    def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:
+        """Join the team of a briefing, before the first round."""
+        super().__init__(briefing, settings)
+        s = self.settings
         nose, vane = find_noses(briefing)[0], next(iter(find_vanes(briefing)), None)
         smell = GasScale(nose, floor=s.gas_floor, band_frac=s.mox_band_frac)
         self.rounds = Rounds(briefing, nose, vane, amount=smell.amount, timeout_s=s.timeout_s, window_s=s.hold_s)
-        self.pilot = LegPlanner(briefing, RandomStream(briefing.seed), margin_m=s.wall_margin_m)
-        self.room, self.height_m = self.pilot.room, self.pilot.height_m
+        self.pilot = LegPlanner(briefing, self.draws, margin_m=s.wall_margin_m)
+        self.room = self.pilot.room
         self.wind = TrustedWind(threshold_m_s=s.calm_m_s)
         self.best: Sighting | None = None
         self._wind_m_s = np.zeros(2)
@@ -504,7 +502,7 @@ class FormationFlight:
         # What was refused while it waits: the answer to a wait says nothing of the leg any more.
         self._notice: str | None = None
         self._rule: SwarmRule | None = None
-        self._declared = DeclarationGuard()
+        self.target_m: Floats = np.zeros(2)
 
     @property
     def index(self) -> int:
@@ -522,24 +520,61 @@ class FormationFlight:
         return self.wind.upwind_rad or 0.0
 
     def observe(self, observation: Observation) -> None:
-        """Take note of an observation, whether or not it asks."""
+        """Read and listen: reports come with any observation."""
         self.rounds.observe(observation)
         self._notice = observation.notice or self._notice
 
-    def complete(self, observation: Observation, numbers: Sequence[float] = ()) -> Round | None:
-        """Return the round's reports when all have read; until then answer with `wait`."""
-        if self.pilot.is_busy(observation):
-            return None
+    def continue_leg(self, observation: Observation) -> Command | None:
+        """Return the command while the own leg is under way, and while others have not read yet."""
+        command = self.pilot.continue_leg(observation)
+        if command is not None:
+            return command
         best = None if self.best is None else self.best.faded(observation.time_s, self.settings.fades_s)
         reported = None if best is None else ReportedBest(position_m=(*best.place_m, self.height_m), amount=best.amount)
-        now = self.rounds.complete(observation, numbers, best=reported)
-        if now is not None:
-            self._learn(now, observation.time_s)
-        return now
+        now = self.rounds.complete(observation, self.numbers(), best=reported)
+        if now is None:
+            return self.rounds.wait(observation)
+        self.now = now
+        return None
 
-    def wait(self, observation: Observation) -> Command:
-        """Return the command that waits for the others, or for the own leg to end."""
-        return self.pilot.stay(observation) if self.pilot.is_busy(observation) else self.rounds.wait(observation)
+    def learn(self, observation: Observation) -> None:
+        """Take in the round: the team's wind and best place, and where this robot goes unless it declares."""
+        self.learn_round(self.now, observation.time_s)
+        self.target_m = self.next_place_m(self.now)
+
+    def estimate(self, observation: Observation) -> Estimate | None:
+        """Return where the source is if the swarm's rule says so."""
+        s = self.settings
+        if self.best is None or self.best.amount < s.declare_factor * s.gas_floor:
+            return None
+        if self._rule is None:
+            self._rule = SwarmRule(radius_m=s.near_m, near_s=s.near_s, unchanged_s=s.unchanged_s)
+        members_m = [(float(x), float(y)) for x, y in self.now.positions_m]
+        return self._rule.add(observation.time_s, self.best.place_m, members_m)
+
+    def declare(self, observation: Observation, found: Estimate) -> Command | None:
+        """Return the declaration, which holds as long as a place is read."""
+        command = super().declare(observation, found)
+        return None if command is None else command.model_copy(update={"hold_s": self.settings.hold_s})
+
+    def next_leg(self, observation: Observation) -> Command:
+        """Return the leg to the next place, or as near to it as the room allows; another one where that was refused."""
+        inside_m = self.room.nearest([float(x) for x in self.target_m[:2]])
+        noted = observation.model_copy(update={"notice": self._notice})
+        self._notice = None
+        return self.pilot.leg(noted, inside_m, hold_s=self.settings.hold_s)
+
+    def outgoing(self, observation: Observation) -> tuple[RadioMessage, ...]:
+        """Return the last report: the others hear it with each answer."""
+        return self.rounds.call()
+
+    def numbers(self) -> tuple[float, ...]:
+        """Return the method's own numbers that go with this robot's report."""
+        return ()
+
+    @abstractmethod
+    def next_place_m(self, now: Round) -> Floats:
+        """Return where this robot goes after a round, (2,), world frame [m]."""
 
     def slots_of(self, now: Round) -> list[int]:
         """Return the slots of the robots of a round, in its order."""
@@ -562,34 +597,6 @@ class FormationFlight:
         """Take note that the formation has gas; when it is lost, the search begins here."""
         self._plume_memory(lane_m, inset_m).met_gas(here_m, self.upwind_rad)
 
-    def found(self, now: Round, time_s: float) -> Estimate | None:
-        """Return where the source is if the swarm's rule says so and it was not said yet; call it every round."""
-        s = self.settings
-        if self.best is None or not s.declares or self.best.amount < s.declare_factor * s.gas_floor:
-            return None
-        if self._rule is None:
-            self._rule = SwarmRule(radius_m=s.near_m, near_s=s.near_s, unchanged_s=s.unchanged_s)
-        members_m = [(float(x), float(y)) for x, y in now.positions_m]
-        return self._declared.passes(self._rule.add(time_s, self.best.place_m, members_m))
-
-    def new(self, estimate: Estimate | None) -> Estimate | None:
-        """Return an estimate of the method's own if it is to be declared and was not yet."""
-        return self._declared.passes(estimate) if self.settings.declares else None
-
-    def declare(self, observation: Observation, estimate: Estimate) -> Command:
-        """Return the command that declares the source; the others hear the last report with it, as with a step."""
-        x_m, y_m = estimate.position_m[:2]
-        said = declaration(observation, (x_m, y_m, self.height_m), estimate.confidence)
-        return said.model_copy(update={"outgoing": self.rounds.call(), "hold_s": self.settings.hold_s})
-
-    def step(self, observation: Observation, target_m: Sequence[float] | Floats) -> Command:
-        """Return the leg to a place, or as near to it as the room allows; another one where that was refused."""
-        inside_m = self.room.nearest([float(x) for x in target_m[:2]])
-        noted = observation.model_copy(update={"notice": self._notice})
-        self._notice = None
-        leg = self.pilot.leg(noted, inside_m, hold_s=self.settings.hold_s)
-        return leg.model_copy(update={"outgoing": self.rounds.call()})
-
     def _plume_memory(self, lane_m: float, inset_m: float) -> PlumeMemory:
         if self._memory is None:
             s = self.settings
@@ -597,7 +604,8 @@ class FormationFlight:
             self._memory = PlumeMemory(lanes_m, step_m=s.search_step_m, cast_m=s.cast_m, n_casts=s.n_casts)
         return self._memory
 
-    def _learn(self, now: Round, time_s: float) -> None:
+    def learn_round(self, now: Round, time_s: float) -> None:
+        """Take in the wind of the team, and the best place that any of it knows of."""
         share = _NEW_WIND_FRAC if self._wind_m_s.any() else 1.0
         self._wind_m_s = (1.0 - share) * self._wind_m_s + share * np.array(now.mean_wind_m_s)
         x_m_s, y_m_s = (float(v) for v in self._wind_m_s)
@@ -610,50 +618,6 @@ class FormationFlight:
 
 
 # What a report says of gas at places: its own reading, and the best place that it knows of.
-class FormationAgent(Agent):
-    """One robot of a formation that reads in rounds: all wait until all have read, and then step together.
-
-    A method is a subclass that names its `program` (`__file__`, with its card beside it) and says where its robot goes
-    next. Its settings: those of a `FormationFlight`.
-    """
-
-    program: ClassVar[str]
-
-    def __init__(self, briefing: Briefing) -> None:
-        """Begin before the first round.
-
-        Raises:
-            MethodError: the agent lacks something that its card asks for, or a parameter is wrong.
-        """
-        self.settings = load_settings(briefing, self.program)
-        self.flight = FormationFlight(briefing, self.settings)
-
-    def observe(self, observation: Observation) -> None:
-        """Read and listen: reports come with any observation."""
-        self.flight.observe(observation)
-
-    def decide(self, observation: Observation) -> Command:
-        """Wait until all have read; then declare, or step with the others."""
-        now = self.flight.complete(observation, self.numbers())
-        return self.flight.wait(observation) if now is None else self.answer(observation, now)
-
-    def answer(self, observation: Observation, now: Round) -> Command:
-        """Return the step, or the declaration, that answers a round."""
-        target_m = self.next_place_m(now)
-        found = self.flight.found(now, observation.time_s)
-        if found is not None:
-            return self.flight.declare(observation, found)
-        return self.flight.step(observation, target_m)
-
-    def numbers(self) -> tuple[float, ...]:
-        """Return the method's own numbers that go with this robot's report."""
-        return ()
-
-    @abstractmethod
-    def next_place_m(self, now: Round) -> Floats:
-        """Return where this robot goes after a round, (2,), world frame [m]."""
-
-
 def _sightings(report: Report) -> list[Sighting]:
     sightings = [Sighting((report.position_m[0], report.position_m[1]), report.amount, report.time_s)]
     best = report.best

@@ -58,8 +58,8 @@ def test_gas_that_is_gone_is_given_up_and_the_sweep_goes_on():
     state = {"on": True}
     flight = TeamFlight(LineSweep, STARTS, gas=lambda x, y: 5.0 if state["on"] and x > 9.0 else 0.0)
     flight.fly(30.0)
-    assert all(vehicle.agent.flight.best is not None for vehicle in flight.vehicles.values())
+    assert all(vehicle.agent.best is not None for vehicle in flight.vehicles.values())
     state["on"] = False
     flight.fly(120.0)
-    assert all(vehicle.agent.flight.best is None for vehicle in flight.vehicles.values())
+    assert all(vehicle.agent.best is None for vehicle in flight.vehicles.values())
     assert flight.vehicles["robot_0"].agent.n_swept > 3

@@ -6,8 +6,7 @@ from built_messages import build_briefing, build_observation
 
 from gslcosim.agent_kit import Observation, RadioReception, Reading
 from gslcosim.contract.messages import ChannelDescription, SensorDescription
-from gslcosim.search.motion.declaration import Estimate
-from gslcosim.search.swarms.formations import FormationFlight, formation
+from gslcosim.search.swarms.formations import FormationAgent, formation
 from gslcosim.search.swarms.rounds import Report, ReportedBest, encode
 
 NAMES = ("ada", "bob", "cyd")
@@ -26,10 +25,19 @@ SENSORS = tuple(
 PLACES_M = {"ada": (4.0, 4.0), "bob": (5.0, 4.0), "cyd": (4.0, 5.0)}
 
 
-def flight(**changes) -> FormationFlight:
+class Robot(FormationAgent):
+    """Goes where a test says."""
+
+    goal_m = (4.0, 4.0)
+
+    def next_place_m(self, now):
+        return np.array(self.goal_m)
+
+
+def flight(**changes) -> Robot:
     channel = ChannelDescription(name="radio", members=NAMES, range_m=None, delay_ticks=1, max_bytes=1024)
     agent_briefing = build_briefing(agent="ada", sensors=SENSORS, channels=(channel,))
-    return FormationFlight(agent_briefing, SimpleNamespace(**{**SETTINGS, **changes}))
+    return Robot(agent_briefing, SimpleNamespace(**{**SETTINGS, **changes}))
 
 
 def seen(time_s, *, ppm=0.0, heard=(), notice=None, upwind_rad=0.0, speed_m_s=0.5) -> Observation:
@@ -55,22 +63,20 @@ def says(name, number, time_s, *, amount=0.0, best=None, wind_m_s=(-0.5, 0.0)):
 
 
 def play_round(team, time_s, *, ppm=0.0, **of_the_others):
-    """Let ada read, hear the two others a moment later, and return the round."""
+    """Let ada read, hear the two others a moment later, and return what she does then."""
     number = team.rounds.number
     first = seen(time_s, ppm=ppm)
     team.observe(first)
-    assert team.complete(first) is None
-    team.wait(first)
+    assert team.decide(first).kind == "hold"
     then = seen(time_s + 0.2, ppm=ppm, heard=[says(name, number, time_s, **of_the_others) for name in ("bob", "cyd")])
     team.observe(then)
-    return team.complete(then)
+    return team.decide(then)
 
 
 def test_it_waits_for_the_others_and_sends_them_its_own_reading_meanwhile():
     team, first = flight(), seen(1.0, ppm=2.0)
     team.observe(first)
-    assert team.complete(first) is None
-    waiting = team.wait(first)
+    waiting = team.decide(first)
     assert waiting.kind == "hold"
     assert waiting.hold_s < 1.0
     assert waiting.outgoing
@@ -89,8 +95,8 @@ def test_the_best_place_of_all_is_known_and_is_forgotten_when_its_gas_is_old():
 
 def test_gas_up_to_the_floor_is_none():
     team = flight()
-    now = play_round(team, 1.0, ppm=0.1, amount=0.0)
-    assert not now.has_gas
+    play_round(team, 1.0, ppm=0.1, amount=0.0)
+    assert not team.now.has_gas
     assert team.best is None
 
 
@@ -102,9 +108,8 @@ def test_the_wind_is_that_of_the_team_and_calm_air_keeps_the_last_direction():
         number = team.rounds.number
         calm = seen(3.0 * i, speed_m_s=0.0, heard=[says(n, number, 3.0 * i, wind_m_s=(0.0, 0.0)) for n in NAMES[1:]])
         team.observe(calm)
-        team.complete(calm)
-        team.wait(calm)
-        team.complete(seen(3.0 * i + 0.2, speed_m_s=0.0))
+        team.decide(calm)
+        team.decide(seen(3.0 * i + 0.2, speed_m_s=0.0))
     assert team.wind.is_calm
     assert team.upwind_rad == pytest.approx(0.0, abs=1e-9)
 
@@ -112,15 +117,15 @@ def test_the_wind_is_that_of_the_team_and_calm_air_keeps_the_last_direction():
 def test_the_centre_is_where_the_slots_say():
     team = flight()
     offsets = formation("ring", 3, 1.0)
-    now = play_round(team, 1.0)
+    play_round(team, 1.0)
     places = np.array([PLACES_M[name] for name in NAMES])
-    assert team.centre_of(now, offsets) == pytest.approx((places - offsets).mean(axis=0))
+    assert team.centre_of(team.now, offsets) == pytest.approx((places - offsets).mean(axis=0))
 
 
 def test_a_step_ends_in_the_room_and_shows_the_reading_again():
     team = flight()
-    play_round(team, 1.0)
-    leg = team.step(seen(1.2), (20.0, 4.0))
+    team.goal_m = (20.0, 4.0)
+    leg = play_round(team, 1.0)
     assert leg.kind == "waypoint"
     assert leg.position_world_m == pytest.approx((8.5, 4.0, 1.0))
     assert leg.outgoing
@@ -128,35 +133,26 @@ def test_a_step_ends_in_the_room_and_shows_the_reading_again():
 
 def test_a_refused_step_is_not_flown_again_as_it_was():
     team = flight()
-    play_round(team, 1.0)
-    first = team.step(seen(1.2), (6.0, 4.0))
-    refused = seen(5.0, notice="in an obstacle")
-    team.observe(refused)
-    team.wait(refused)
-    again = team.step(seen(5.2), (6.0, 4.0))
-    assert again.position_world_m != first.position_world_m
+    team.goal_m = (6.0, 4.0)
+    first = play_round(team, 1.0)
+    team.observe(seen(3.0, notice="in an obstacle"))
+    assert play_round(team, 5.0).position_world_m != first.position_world_m
 
 
 @pytest.mark.parametrize(("ppm", "is_declared"), [(2.0, True), (0.4, False)])
 def test_all_near_a_place_with_much_gas_for_long_is_a_declaration_said_once(ppm, is_declared):
-    team, found = flight(), []
-    for i in range(8):
-        now = play_round(team, 1.0 + 2.0 * i, ppm=ppm)
-        found.append(team.found(now, 1.2 + 2.0 * i))
-    said = [estimate for estimate in found if estimate is not None]
+    team = flight()
+    commands = [play_round(team, 1.0 + 2.0 * i, ppm=ppm) for i in range(8)]
+    said = [command for command in commands if command.declaration is not None]
     assert len(said) == int(is_declared)
     if said:
-        command = team.declare(seen(20.0), said[0])
-        assert command.declaration.position_world_m == pytest.approx((*PLACES_M["ada"], 1.0))
-        assert command.outgoing
+        assert said[0].declaration.position_world_m == pytest.approx((*PLACES_M["ada"], 1.0))
+        assert said[0].outgoing
 
 
 def test_a_team_that_is_not_to_declare_never_does():
     team = flight(declares=False)
-    for i in range(8):
-        now = play_round(team, 1.0 + 2.0 * i, ppm=3.0)
-        assert team.found(now, 1.2 + 2.0 * i) is None
-    assert team.new(Estimate(position_m=(1.0, 1.0), confidence=1.0)) is None
+    assert {play_round(team, 1.0 + 2.0 * i, ppm=3.0).kind for i in range(8)} == {"waypoint"}
 
 
 def test_without_gas_it_searches_lanes_and_after_gas_about_where_it_was():
