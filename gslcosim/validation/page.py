@@ -64,7 +64,7 @@ def make_storable(case: Case, effort: Effort, result: CaseResult) -> StoredResul
 
 
 def _storable_row(row: Comparison) -> StoredRow:
-    ends = (None if math.isnan(x) else x for x in (row.ours.value, row.ours.low, row.ours.high))
+    ends = (None if math.isnan(x) else float(x) for x in (row.ours.value, row.ours.low, row.ours.high))
     value, low, high = ends
     return StoredRow(
         measured_set=row.measured_set,

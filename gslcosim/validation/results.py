@@ -36,7 +36,7 @@ class Goal:
 
     def is_met(self, value: float) -> bool:
         """Return whether a value reaches the goal; what is undefined does not."""
-        return self.low <= value <= self.high
+        return bool(self.low <= value <= self.high)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,41 @@
+"""Cases on the reference data: what they reach, which must not get lost."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from gslcosim.validation import read_measured
+from gslcosim.validation.cases import load_case
+from gslcosim.validation.results import ignore_progress
+
+REFERENCE = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[4] / "shared" / "reference"))
+MEASURED = REFERENCE / "measured"
+
+pytestmark = pytest.mark.skipif(not MEASURED.is_dir(), reason=f"GSLCOSIM_REFERENCE: no measured data in {REFERENCE}")
+
+
+def rows_of(case, folder, effort="full"):
+    """Return the rows of a case on one reference set, by quantity."""
+    result = load_case(case).run(read_measured(MEASURED / folder), effort, ignore_progress)
+    assert all(row.is_met is not False or row.if_missed for row in result.rows)
+    return {row.quantity: row for row in result.rows}
+
+
+def test_the_plume_from_measured_wind_meets_its_goals():
+    judged = [row for row in rows_of("laser-forward", "chilbolton").values() if row.goal]
+    assert len(judged) == 4
+    assert all(row.is_met for row in judged)
+    assert all(row.ours.low < row.ours.value < row.ours.high for row in judged)
+
+
+def test_puffs_agree_with_masts_above_the_background_of_the_hour():
+    rows = rows_of("network-forward", "metec")
+    shares = {name.split(":")[0]: row for name, row in rows.items() if "FAC2" in name and "the hour" in name}
+    assert set(shares) == {"largest mast", "paired"}
+    assert all(row.is_met for row in shares.values())
+
+
+@pytest.mark.slow
+def test_leaks_are_found_by_lasers():
+    assert all(row.is_met for row in rows_of("laser-source", "chilbolton", "quick").values())
