@@ -6,12 +6,10 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gslcosim.cli.arguments import parse_positive_number
+from gslcosim.cli.bench_workers import add_worker_arguments
 from gslcosim.cli.terminal import table
 
 if TYPE_CHECKING:
-    from gslcosim.bench.cases.models import LimitsSpec
-    from gslcosim.bench.execution.pool import Pool
     from gslcosim.bench.statistics.estimates import Estimate
     from gslcosim.bench.statistics.settings import SettingFigures
     from gslcosim.bench.studies.sweep import SweepResult
@@ -29,20 +27,8 @@ def add_target_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--entry", required=True, metavar="NAME", help="the method: an entry of the suite, a bundled one, or a .py file"
     )
-    parser.add_argument(
-        "--jobs",
-        type=parse_positive_number,
-        metavar="N",
-        help="how many workers on this machine (default: one for each core)",
-    )
+    add_worker_arguments(parser)
     parser.add_argument("--results", type=Path, metavar="DIR", help="where results go (default: below results/)")
-
-
-def start_pool(jobs: int | None, limits: "LimitsSpec") -> "Pool":
-    """Return started workers: as many as asked for, or one for each core."""
-    from gslcosim.bench.execution.pool import LocalPool, n_cores
-
-    return LocalPool(jobs or n_cores(), limits)
 
 
 def format_stage(stage: "TuningProgress") -> str:

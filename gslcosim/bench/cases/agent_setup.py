@@ -14,6 +14,7 @@ from gslcosim.environment.positions import can_start_at
 from gslcosim.environment.store import load_environment
 from gslcosim.methods.card import MethodCard, find_card_beside
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.scenario import StartSpec
 from gslcosim.scenario.problems import ProblemsError
 from gslcosim.scenario.serialization import plain_values
 
@@ -82,7 +83,8 @@ def apply_entry(
     if is_sandboxed:
         first["sandbox"] = "required"
     first |= {
-        "start": _start(entry, directory) | (_APART if is_sandboxed and entry.start.python is not None else {}),
+        "start": resolve_start(entry.start, directory).model_dump(mode="json", exclude_defaults=True)
+        | (_APART if is_sandboxed and entry.start.python is not None else {}),
         "parameters": {**entry.parameters, **entry.parameters_in.get(name, {})},
         "knows": _knows(entry, card),
     }
@@ -135,16 +137,14 @@ def _take_off_the_clock(values: dict[str, Any], name: str) -> None:
         )
 
 
-def _start(entry: EntrySpec, directory: Path) -> dict[str, Any]:
-    start = entry.start.model_dump(mode="json", exclude_defaults=True)
-    if entry.start.python is not None and (directory / entry.start.python).is_file():
-        start["python"] = str((directory / entry.start.python).resolve())
-    if entry.start.command is not None:
-        words = [
-            str((directory / word).resolve()) if _is_beside(directory, word) else word for word in start["command"]
-        ]
-        start["command"] = words
-    return start
+def resolve_start(start: StartSpec, directory: Path) -> StartSpec:
+    """Return how a program is started with the files beside a suite by their absolute paths."""
+    if start.python is not None and (directory / start.python).is_file():
+        return start.model_copy(update={"python": str((directory / start.python).resolve())})
+    if start.command is None:
+        return start
+    words = (str((directory / word).resolve()) if _is_beside(directory, word) else word for word in start.command)
+    return start.model_copy(update={"command": tuple(words)})
 
 
 # A word of a command that names a file beside the suite: the program, or the script that an interpreter runs.

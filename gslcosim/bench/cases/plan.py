@@ -153,7 +153,7 @@ def _places_of(spec: ScenarioSpec, loaded: LoadedSuite) -> Iterator[tuple[str, s
     try:
         if spec.split is None or spec.cases is None:
             source = find_scenario_beside(spec.source, loaded.directory)
-            name = spec.name or _name_in(source)
+            name = spec.name or read_scenario_name(source)
             yield name, name, source, None, {}
             return
         family = find_family_beside(spec.source, loaded.directory)
@@ -164,7 +164,8 @@ def _places_of(spec: ScenarioSpec, loaded: LoadedSuite) -> Iterator[tuple[str, s
         raise ScenarioError(f"{loaded.shown_path}: scenarios: {error}") from error
 
 
-def _name_in(path: Path) -> str:
+def read_scenario_name(path: Path) -> str:
+    """Return the name that a scenario's file gives it, else that of the file."""
     block = read_yaml(read_regular_file(path).decode("utf-8-sig"), source=str(path)).block
     return str((block or {}).get("name", path.stem))
 

@@ -14,7 +14,7 @@ from gslcosim.base.bundled import bundled_agents, bundled_scenarios, bundled_sui
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.yaml_core import CoreLoader
-from gslcosim.bench.cases.agent_setup import find_card
+from gslcosim.bench.cases.agent_setup import find_card, resolve_start
 from gslcosim.bench.cases.models import (
     MAX_NAME_LENGTH,
     SCHEMA,
@@ -27,7 +27,7 @@ from gslcosim.bench.cases.models import (
     Suite,
     derive_seed,
 )
-from gslcosim.bench.cases.plan import expand_cases
+from gslcosim.bench.cases.plan import expand_cases, read_scenario_name
 from gslcosim.bench.cases.suite_files import LoadedSuite, find_suite, load_suite
 from gslcosim.contract.messages import ParameterValue
 from gslcosim.methods.card import MethodCard, Parameter, find_unmet_needs
@@ -127,12 +127,9 @@ def _schema_of(path: Path) -> str:
 
 def _suite_around(source: str, entry: EntrySpec, *, repetitions: int, seed: int | None) -> LoadedSuite:
     path = find_scenario(source).resolve()
-    name = str(
-        (read_yaml(read_regular_file(path).decode("utf-8-sig"), source=source).block or {}).get("name", path.stem)
-    )
     suite = Suite(
         schema=SCHEMA,
-        name=name,
+        name=read_scenario_name(path),
         seed=1 if seed is None else seed,
         scenarios=(ScenarioSpec(source=source if source in bundled_scenarios() else str(path)),),
         repetitions=repetitions,
@@ -146,8 +143,9 @@ def _entry_in(loaded: LoadedSuite, name: str) -> EntrySpec:
     for giver in _givers(loaded):
         for entry in (*giver.suite.entries_with_anchors, *giver.suite.entries):
             if entry.name == name:
-                entry = entry.model_copy(update={"vary": {}})
-                return entry if giver is loaded else _standing_alone(entry, giver.directory)
+                # Paths of an included suite's entry start at that suite's file.
+                start = entry.start if giver is loaded else resolve_start(entry.start, giver.directory)
+                return entry.model_copy(update={"vary": {}, "start": start})
     if (other := _bundled_or_file(name)) is not None:
         return other
     known = [entry.name for giver in _givers(loaded) for entry in giver.suite.entries_with_anchors]
@@ -162,19 +160,6 @@ def _givers(loaded: LoadedSuite) -> list[LoadedSuite]:
     if loaded.suite.entries:
         return [loaded]
     return [loaded, *(giver for inner in loaded.included for giver in _givers(inner))]
-
-
-# Paths of an included suite's entry start at that suite's file.
-def _standing_alone(entry: EntrySpec, directory: Path) -> EntrySpec:
-    def whole(word: str) -> str:
-        return str((directory / word).resolve()) if (directory / word).is_file() else word
-
-    start = entry.start
-    if start.python is not None:
-        start = start.model_copy(update={"python": whole(start.python)})
-    if start.command is not None:
-        start = start.model_copy(update={"command": tuple(whole(word) for word in start.command)})
-    return entry.model_copy(update={"start": start})
 
 
 def _bundled_or_file(name: str) -> EntrySpec | None:

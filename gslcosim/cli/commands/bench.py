@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import ExitCode, UsageError
 from gslcosim.cli.arguments import RECORDING, Command, CommandFamily, parse_positive_number, parse_whole_number
+from gslcosim.cli.bench_workers import add_worker_arguments, check_sandbox_here, start_pool
 from gslcosim.cli.commands import sweep, tune
 from gslcosim.cli.progress import ProgressLine
-from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
+from gslcosim.cli.terminal import add_json_option, table, write, write_json
 
 if TYPE_CHECKING:
     from gslcosim.bench.cases import LoadedSuite, Plan
-    from gslcosim.bench.cases.models import LimitsSpec, Selection, Shard
-    from gslcosim.bench.execution.pool import Pool
+    from gslcosim.bench.cases.models import Selection, Shard
 
 EXAMPLES = """  gslcosim bench list
   gslcosim bench plan gsl_bench_2023
@@ -43,7 +43,7 @@ def _add_suite(parser: argparse.ArgumentParser) -> None:
 
 def _add_run_arguments(parser: argparse.ArgumentParser) -> None:
     _add_suite(parser)
-    _add_workers(parser)
+    add_worker_arguments(parser)
     parser.add_argument(
         "--results",
         type=Path,
@@ -76,7 +76,7 @@ def _add_verify_arguments(parser: argparse.ArgumentParser) -> None:
         help="of the lot (default: a new one, which nobody knows before)",
     )
     _add_trusted(parser)
-    _add_workers(parser)
+    add_worker_arguments(parser)
 
 
 def _add_merge_arguments(parser: argparse.ArgumentParser) -> None:
@@ -114,19 +114,6 @@ def _add_selection(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--filter", metavar="TEXT", help="only cases with this text in their name, or like this pattern"
-    )
-
-
-def _add_workers(parser: argparse.ArgumentParser) -> None:
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument(
-        "--jobs",
-        type=parse_positive_number,
-        metavar="N",
-        help="how many workers on this machine (default: one for each core)",
-    )
-    where.add_argument(
-        "--ray", metavar="ADDRESS", help="fly on a Ray cluster: its address, auto, or local (pip install gslcosim[ray])"
     )
 
 
@@ -171,14 +158,14 @@ def _run_suite(arguments: argparse.Namespace) -> int:
 
     selection, shard = _chosen(arguments)
     loaded, plan = _planned(arguments, is_quiet=arguments.json)
-    _check_here(arguments, plan)
+    check_sandbox_here(arguments, plan)
     name = loaded.suite.name if shard is None else f"{loaded.suite.name}-{shard.index}-of-{shard.count}"
     folder = ResultsFolder(arguments.results or RESULTS_DIR / name)
     with show_suite_progress(loaded.suite.name, is_quiet=arguments.json) as report:
         run = SuiteRun(
             plan,
             folder,
-            lambda: _pool(arguments, loaded.suite.limits),
+            lambda: start_pool(arguments, loaded.suite.limits),
             selection=selection,
             shard=shard,
             flies_failures_again=arguments.retry,
@@ -257,11 +244,11 @@ def _verify(arguments: argparse.Namespace) -> int:
     trials = again.sample(arguments.sample, seed=seed)
     if not trials:
         raise UsageError(f"{arguments.results}: expected flights with a result, found none.")
-    _check_here(arguments, again.plan)
+    check_sandbox_here(arguments, again.plan)
     if not arguments.trusted:
         check_confinable(trials, again.folder.path)
     prepare_marks()
-    pool = _pool(arguments, again.plan.loaded.suite.limits)
+    pool = start_pool(arguments, again.plan.loaded.suite.limits)
     try:
         with ProgressLine("verifying", is_quiet=arguments.json) as line:
             verification = verify_trials(again, trials, pool, line.count, is_trusted=arguments.trusted)
@@ -319,27 +306,6 @@ def _planned(arguments: argparse.Namespace, *, is_quiet: bool) -> "tuple[LoadedS
     with ProgressLine("planning", is_quiet=is_quiet) as line:
         plan = build_plan(loaded, progress=lambda n: line.count(n, 0))
     return loaded, plan
-
-
-# A cluster's nodes tell for themselves, run by run.
-def _check_here(arguments: argparse.Namespace, plan: "Plan") -> None:
-    from gslcosim.bench.execution.verification import check_machine
-
-    if arguments.ray is None:
-        check_machine(plan)
-
-
-def _pool(arguments: argparse.Namespace, limits: "LimitsSpec") -> "Pool":
-    if arguments.ray is not None:
-        from gslcosim.bench.execution.ray_pool import RayPool
-
-        return RayPool(arguments.ray, limits)
-    from gslcosim.bench.execution.pool import LocalPool, n_cores
-
-    n_jobs = arguments.jobs or n_cores()
-    if n_jobs > 4 * n_cores():
-        write_note(f"--jobs: {n_jobs} workers on {n_cores()} cores take turns.")
-    return LocalPool(n_jobs, limits)
 
 
 COMMAND = CommandFamily(

@@ -4,8 +4,9 @@ import argparse
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
+from gslcosim.cli.bench_workers import check_sandbox_here, start_pool
 from gslcosim.cli.progress import ProgressLine
-from gslcosim.cli.study_output import RESULTS_DIR, add_target_arguments, format_sweep, start_pool
+from gslcosim.cli.study_output import RESULTS_DIR, add_target_arguments, format_sweep
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 EXAMPLES = """  gslcosim bench sweep tiny_room --entry dung_beetle --vary leg_m=0.4,0.8,1.6
@@ -50,12 +51,13 @@ def _run(arguments: argparse.Namespace) -> int:
     sweeper = SweepPlan(subject, parse_varied(arguments.vary, subject))
     with ProgressLine("planning", is_quiet=arguments.json) as line:
         plan = build_plan(sweeper.suite(), progress=lambda n: line.count(n, 0))
+    check_sandbox_here(arguments, plan)
     folder = ResultsFolder(arguments.results or RESULTS_DIR / "_".join([sweeper.name, *sweeper.varied]))
     with show_suite_progress(sweeper.name, is_quiet=arguments.json) as report:
         summary = SuiteRun(
             plan,
             folder,
-            lambda: start_pool(arguments.jobs, subject.loaded.suite.limits),
+            lambda: start_pool(arguments, subject.loaded.suite.limits),
             selection=Selection(),
             report=report,
         ).fly()

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
+from gslcosim.cli.bench_workers import start_pool
 from gslcosim.cli.progress import ProgressLine
-from gslcosim.cli.study_output import RESULTS_DIR, add_target_arguments, format_stage, format_tuning, start_pool
+from gslcosim.cli.study_output import RESULTS_DIR, add_target_arguments, format_stage, format_tuning
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ def _run(arguments: argparse.Namespace) -> int:
             split_budget(arguments.budget, arguments.flights_per_setting),
             seed=arguments.seed,
             folder=folder,
-            start_pool=lambda: start_pool(arguments.jobs, suite.limits),
+            start_pool=lambda: start_pool(arguments, suite.limits),
             report=show,
             tell=lambda stage: line.note(format_stage(stage)),
         )

@@ -5,6 +5,7 @@ import io
 import json
 import re
 import shlex
+from argparse import Namespace
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,8 +19,8 @@ from gslcosim.bench.store import ResultsFolder
 from gslcosim.bench.studies.target import find_target, parse_ranges
 from gslcosim.bench.studies.tuning import Tuner, TuningProgress, split_budget
 from gslcosim.cli.arguments import build_parser, parse
+from gslcosim.cli.bench_workers import start_pool
 from gslcosim.cli.main import GROUPS, main
-from gslcosim.cli.study_output import start_pool
 
 PAGE = (Path(__file__).parents[3] / "docs" / "benchmark" / "sweeps.md").read_text()
 CALLS = [line for line in PAGE.splitlines() if line.startswith("gslcosim ")]
@@ -121,7 +122,7 @@ def test_an_interrupted_tuning_goes_on_and_ends_the_same(
     pools: list[Pool] = []
 
     def start() -> Pool:
-        pools.append(start_pool(2, subject.loaded.suite.limits))
+        pools.append(start_pool(Namespace(jobs=2, ray=None), subject.loaded.suite.limits))
         return pools[-1]
 
     children = set(psutil.Process().children(recursive=True))

@@ -1,0 +1,48 @@
+"""Workers of `gslcosim bench`: the options that ask for them, and the pool that is started."""
+
+import argparse
+from typing import TYPE_CHECKING
+
+from gslcosim.cli.arguments import parse_positive_number
+from gslcosim.cli.terminal import write_note
+
+if TYPE_CHECKING:
+    from gslcosim.bench.cases import Plan
+    from gslcosim.bench.cases.models import LimitsSpec
+    from gslcosim.bench.execution.pool import Pool
+
+
+def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add where runs are flown: on so many cores of this machine, or on a cluster."""
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "--jobs",
+        type=parse_positive_number,
+        metavar="N",
+        help="how many workers on this machine (default: one for each core)",
+    )
+    where.add_argument(
+        "--ray", metavar="ADDRESS", help="fly on a Ray cluster: its address, auto, or local (pip install gslcosim[ray])"
+    )
+
+
+def check_sandbox_here(arguments: argparse.Namespace, plan: "Plan") -> None:
+    """Refuse a plan that demands a sandbox which this machine does not have; nodes of a cluster tell run by run."""
+    from gslcosim.bench.execution.verification import check_machine
+
+    if arguments.ray is None:
+        check_machine(plan)
+
+
+def start_pool(arguments: argparse.Namespace, limits: "LimitsSpec") -> "Pool":
+    """Return the started workers that a command line asks for."""
+    if arguments.ray is not None:
+        from gslcosim.bench.execution.ray_pool import RayPool
+
+        return RayPool(arguments.ray, limits)
+    from gslcosim.bench.execution.pool import LocalPool, n_cores
+
+    n_jobs = arguments.jobs or n_cores()
+    if n_jobs > 4 * n_cores():
+        write_note(f"--jobs: {n_jobs} workers on {n_cores()} cores take turns.")
+    return LocalPool(n_jobs, limits)
