@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 from gslcosim.scenario.model_schema import SettingRow, list_settings
-from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SENSORS
-from gslcosim_services.sensing.models import SENSOR_MODELS
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SENSORS, is_ideal, real_model
+from gslcosim_services.sensing.models import SENSOR_MODELS, SensorKind
 from gslcosim_services.sensing.models.gas_sensors import PID_GASES
 from gslcosim_services.sensing.models.mox import MOX_PARAMETERS, MoxParameters
 
@@ -22,17 +22,22 @@ def fill_tables(page: str) -> str:
 
 def _model_rows() -> str:
     kinds = [SENSOR_MODELS[name] for name in SENSORS]
-    rows = [f"| `{kind.name}` | {kind.quantity} | {kind.unit} | {kind.description} |" for kind in kinds]
+    rows = [f"| `{kind.name}` | {kind.quantity} | {kind.unit} | {_what(kind)} |" for kind in kinds]
     return "\n".join(["| model | quantity | unit | what it is |", "|---|---|---|---|", *rows]) + "\n"
+
+
+def _what(kind: SensorKind) -> str:
+    return f"`{real_model(kind.name)}` without errors." if is_ideal(kind.name) else kind.description
 
 
 # A row for each setting, whatever the number of models that have it; what all have comes first.
 def _setting_rows() -> str:
     owners: dict[SettingRow, list[str]] = {}
-    for name, block in SENSOR_BLOCKS.items():
+    real = {name: block for name, block in SENSOR_BLOCKS.items() if not is_ideal(name)}
+    for name, block in real.items():
         for setting in list_settings(block, kind=name, without=frozenset({"model"})):
             owners.setdefault(setting, []).append(name)
-    ranked = sorted(owners.items(), key=lambda item: len(item[1]) < len(SENSOR_BLOCKS))
+    ranked = sorted(owners.items(), key=lambda item: len(item[1]) < len(real))
     rows = [
         f"| `{each.key}` | {each.unit} | {each.default} | {each.meaning} | {_models(names)} |" for each, names in ranked
     ]
@@ -40,7 +45,7 @@ def _setting_rows() -> str:
 
 
 def _models(names: list[str]) -> str:
-    if len(names) == len(SENSOR_BLOCKS):
+    if len(names) == sum(not is_ideal(name) for name in SENSOR_BLOCKS):
         return "all"
     mox = list(MOX_PARAMETERS)
     if set(mox) <= set(names):

@@ -26,7 +26,7 @@ from gslcosim.methods.card import CARD_FILE, MethodCard, find_card_beside, find_
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.gas import FilamentsSpec
 from gslcosim.scenario.models.scenario import AgentSpec
-from gslcosim.scenario.models.sensors import RaySensorSpec, TurnedSensorSpec
+from gslcosim.scenario.models.sensors import RaySensorSpec, TurnedSensorSpec, real_model
 from gslcosim_services.sensing.models import SensorKind, sensor_kind, sensor_names
 from gslcosim_services.sensing.models.base import estimate_name
 from gslcosim_services.sensing.models.mox import ESTIMATE_QUANTITY, ESTIMATE_UNIT
@@ -49,7 +49,7 @@ def describe_sensors(agent: AgentSpec, scenario: Scenario) -> tuple[SensorDescri
     sensors = tuple(
         SensorDescription(
             name=sensor.name,
-            model=sensor.model,
+            model=real_model(sensor.model),
             quantity=kind.quantity,
             unit=kind.unit,
             mount_body_m=sensor.mount_m,
@@ -61,7 +61,7 @@ def describe_sensors(agent: AgentSpec, scenario: Scenario) -> tuple[SensorDescri
     estimates = tuple(
         SensorDescription(
             name=estimate_name(sensor.name),
-            model=sensor.model,
+            model=real_model(sensor.model),
             quantity=ESTIMATE_QUANTITY,
             unit=ESTIMATE_UNIT,
             mount_body_m=sensor.mount_m,

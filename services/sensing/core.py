@@ -40,7 +40,7 @@ from gslcosim.scenario.models.sensors import PoseSensorSpec, SensorSpec
 from gslcosim.validity.conduct import GAS_QUANTITIES, SENSOR_STATES_KEY
 from gslcosim_services.sensing.briefing import build_briefing, find_sensor_kind
 from gslcosim_services.sensing.models import SensorModel, build_sensor, sensor_names
-from gslcosim_services.sensing.models.base import Estimator, Surroundings
+from gslcosim_services.sensing.models.base import Estimator, ImperfectSensor, Surroundings
 from gslcosim_services.sensing.ray_scene import RayScene
 from gslcosim_services.sensing.service import sensing_spec
 
@@ -135,6 +135,10 @@ class _Instrument:
             raise ModelError(f"sensing: expected a sample for {body.agent}.{self.spec.name} in tick {tick}, was none.")
         return self.model.read(sample, mount_velocity_world_m_s(body, self.spec.mount_m))
 
+    def calibrated(self, reading: Reading) -> Reading:
+        """Return a reading as its owner takes it who has calibrated this unit in clean air."""
+        return self.model.calibrated(reading) if isinstance(self.model, ImperfectSensor) else reading
+
 
 _Samples = dict[tuple[str, str], MountSample]
 
@@ -173,7 +177,7 @@ class _AgentInstruments:
         self.last = [*readings]
         self._note_states(tick, readings)
         estimates = [
-            instrument.estimate(reading)
+            instrument.estimate(instrument.calibrated(reading))
             for instrument, reading in zip(self.instruments, readings, strict=True)
             if instrument.estimate
         ]

@@ -17,7 +17,7 @@ def sample(ppm):
 
 def ohm_after(parameters, tick_s, phases):
     """Read through phases of (ppm, seconds) after one tick in clean air."""
-    spec = make_sensor_spec(model=parameters.model, name="nose")
+    spec = make_sensor_spec(model=f"{parameters.model}_ideal", name="nose")
     sensor = build_mox_kind(parameters).build(spec, tick_s, stream(1, "test"))
     ohm = sensor.read(sample(0.0), (0.0, 0.0, 0.0)).values[0]
     for ppm, duration_s in phases:

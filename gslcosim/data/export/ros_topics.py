@@ -20,7 +20,13 @@ from gslcosim.data.export.tables import safe_name
 from gslcosim.data.run import RunData
 from gslcosim.data.streams import RecordedPictures, RecordedSeries, RecordedShapes, RecordedTrack
 from gslcosim.environment.plan_view import PlanView
-from gslcosim.scenario.models.sensors import LidarSensorSpec, ReachingSensorSpec, SensorSpec, TurnedSensorSpec
+from gslcosim.scenario.models.sensors import (
+    LidarSensorSpec,
+    ReachingSensorSpec,
+    SensorSpec,
+    TurnedSensorSpec,
+    real_model,
+)
 from gslcosim_services.recorder.stream_table import (
     ANGULAR_VELOCITY,
     APPARENT_WIND,
@@ -118,8 +124,8 @@ def _maker(
 
 def _gas_reading(series: RecordedSeries, spec: SensorSpec, types: RosTypes, frame: str) -> Callable[[int, int], Any]:
     technology = {"ohm": ros_types.MOX, "ppm m": ros_types.TDLAS}.get(series.unit, ros_types.UNKNOWN)
-    technology = ros_types.PID if spec.model == "pid" else technology
-    part = ros_types.PARTS.get(spec.model, 0)
+    technology = ros_types.PID if real_model(spec.model) == "pid" else technology
+    part = ros_types.PARTS.get(real_model(spec.model), 0)
     units = ros_types.UNITS.get(series.unit, 0)
     # In clean air, as far as the recording shows: the highest resistance.
     clean = float(np.max(series.value)) if series.unit == "ohm" else 0.0

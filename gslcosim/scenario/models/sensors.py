@@ -4,7 +4,7 @@ import math
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, SerializeAsAny, TypeAdapter, model_validator
+from pydantic import Field, SerializeAsAny, TypeAdapter, create_model, model_validator
 
 from gslcosim.base.plugins import EntryPoints, PluginError
 from gslcosim.base.problems import broken_rule_error
@@ -44,6 +44,15 @@ class MeasuringSensorSpec(NoisySensorSpec):
     drift_per_s: float = Field(default=0.0, description="is added to the bias each second, in the unit of its readings")
     max_value: Positive | None = Field(
         default=None, description="size of a value at which it saturates, in the unit of its readings (absent: none)"
+    )
+    gain_spread: NonNegative = Field(
+        default=0.0, description="how far units differ: standard deviation of the logarithm of a factor on each value"
+    )
+    drift_spread_per_s: NonNegative = Field(
+        default=0.0, description="how far the drifts of units differ, in the unit of its readings"
+    )
+    resolution: NonNegative = Field(
+        default=0.0, description="step of what it shows, in the unit of its readings (0: none)"
     )
 
 
@@ -91,6 +100,14 @@ class MoxSensorSpec(MeasuringSensorSpec):
 
     has_estimates: ClassVar[bool] = True
 
+    gain_spread: NonNegative = Field(
+        default=0.3, description="how far units differ: standard deviation of the logarithm of R0"
+    )
+    noise_frac: NonNegative = Field(default=0.003, description="noise of the logarithm of its resistance")
+    baseline_walk: NonNegative = Field(
+        default=0.0004, description="random walk of the logarithm of its resistance [1/sqrt(s)]"
+    )
+
 
 # Lamps that are sold: krypton, and argon behind a lithium fluoride window.
 PID_LAMPS_EV = (10.6, 11.7)
@@ -99,6 +116,19 @@ PID_LAMPS_EV = (10.6, 11.7)
 class PidSensorSpec(MeasuringSensorSpec):
     """A photo-ionisation detector."""
 
+    noise_std: NonNegative = Field(
+        default=0.03, description="standard deviation of the white noise, in the unit of its readings"
+    )
+    gain_spread: NonNegative = Field(
+        default=0.05, description="how far units differ: standard deviation of the logarithm of a factor on each value"
+    )
+    drift_spread_per_s: NonNegative = Field(
+        default=3e-5, description="how far the drifts of units differ, in the unit of its readings"
+    )
+    resolution: NonNegative = Field(
+        default=0.1, description="step of what it shows, in the unit of its readings (0: none)"
+    )
+    t90_s: NonNegative = Field(default=3.0, description="time after a step until it shows nine tenths (0: at once)")
     lamp_ev: Positive = Field(default=11.7, description="energy of its lamp's photons: 10.6 or 11.7")
 
     @model_validator(mode="after")
@@ -141,10 +171,28 @@ class SecondOrderSensorSpec(MeasuringSensorSpec):
 class TdlasSensorSpec(MeasuringSensorSpec, BeamSensorSpec):
     """An open-path laser along a beam."""
 
+    noise_std: NonNegative = Field(
+        default=3.0, description="standard deviation of the white noise, in the unit of its readings"
+    )
+    gain_spread: NonNegative = Field(
+        default=0.05, description="how far units differ: standard deviation of the logarithm of a factor on each value"
+    )
+    resolution: NonNegative = Field(
+        default=1.0, description="step of what it shows, in the unit of its readings (0: none)"
+    )
+    t90_s: NonNegative = Field(default=0.1, description="time after a step until it shows nine tenths (0: at once)")
+
 
 class Anemometer3dSpec(MeasuringSensorSpec):
     """An anemometer of three axes."""
 
+    gain_spread: NonNegative = Field(
+        default=0.01, description="how far units differ: standard deviation of the logarithm of a factor on each value"
+    )
+    resolution: NonNegative = Field(
+        default=0.01, description="step of what it shows, in the unit of its readings (0: none)"
+    )
+    t90_s: NonNegative = Field(default=0.25, description="time after a step until it shows nine tenths (0: at once)")
     speed_noise_std_m_s: NonNegative = Field(default=0.01, description="noise of the speed, or of each component")
 
 
@@ -153,6 +201,31 @@ class AnemometerSpec(Anemometer3dSpec):
 
     direction_noise_std_rad: NonNegative = Field(default=0.1, description="noise of the direction")
 
+
+# What an instrument without errors does without, where its block has it.
+_ERRORS = (
+    "noise_std", "gain_spread", "drift_spread_per_s", "resolution", "t90_s", "noise_frac", "baseline_walk",
+    "speed_noise_std_m_s", "direction_noise_std_rad",
+)  # fmt: skip
+IDEAL_SUFFIX = "_ideal"
+
+
+# The block of the same instrument, by default without errors.
+def _ideal(name: str, block: type[MeasuringSensorSpec]) -> type[MeasuringSensorSpec]:
+    fields: dict[str, Any] = {
+        key: (NonNegative, Field(default=0.0, description=block.model_fields[key].description))
+        for key in _ERRORS
+        if key in block.model_fields
+    }
+    doc = f"{block.__doc__} It is without errors unless some are given."
+    return create_model(name, __base__=block, __module__=__name__, __doc__=doc, **fields)
+
+
+IdealMoxSpec = _ideal("IdealMoxSpec", MoxSensorSpec)
+IdealPidSpec = _ideal("IdealPidSpec", PidSensorSpec)
+IdealTdlasSpec = _ideal("IdealTdlasSpec", TdlasSensorSpec)
+IdealAnemometerSpec = _ideal("IdealAnemometerSpec", AnemometerSpec)
+IdealAnemometer3dSpec = _ideal("IdealAnemometer3dSpec", Anemometer3dSpec)
 
 Pixels = Annotated[int, Field(ge=8, le=2048)]
 Rays = Annotated[int, Field(ge=1, le=4096)]
@@ -365,6 +438,16 @@ SENSOR_BLOCKS: dict[str, type[SensorSpec]] = {
     "bump": BumpSensorSpec,
     "camera": ColourCameraSpec,
     "depth_camera": DepthCameraSpec,
+    "tgs2600_ideal": IdealMoxSpec,
+    "tgs2602_ideal": IdealMoxSpec,
+    "tgs2610_ideal": IdealMoxSpec,
+    "tgs2611_ideal": IdealMoxSpec,
+    "tgs2612_ideal": IdealMoxSpec,
+    "tgs2620_ideal": IdealMoxSpec,
+    "pid_ideal": IdealPidSpec,
+    "tdlas_ideal": IdealTdlasSpec,
+    "anemometer_ideal": IdealAnemometerSpec,
+    "anemometer_3d_ideal": IdealAnemometer3dSpec,
 }
 SENSORS = tuple(SENSOR_BLOCKS)
 ON_BOARD_SENSORS = tuple(name for name, block in SENSOR_BLOCKS.items() if issubclass(block, OnBoardSensorSpec))
@@ -386,8 +469,16 @@ def sensor_names() -> tuple[str, ...]:
 
 @cache
 def mox_sensor_names() -> tuple[str, ...]:
-    """Return the names of all MOX sensors: gslcosim's and those of installed packages that can be imported."""
-    return tuple(name for name in sensor_names() if issubclass(_block_of(name), MoxSensorSpec))
+    """Return the names of all MOX sensors: gslcosim's and those of installed packages that can be imported.
+
+    An ideal one has the figures of the real one, and is left out.
+    """
+    return tuple(name for name in sensor_names() if issubclass(_block_of(name), MoxSensorSpec) and not is_ideal(name))
+
+
+def is_ideal(model: str) -> bool:
+    """Return whether a model is one of gslcosim's without errors, `pid_ideal` beside `pid`."""
+    return model in SENSOR_BLOCKS and model.endswith(IDEAL_SUFFIX)
 
 
 def _block_of(model: str) -> type[Spec]:
@@ -400,6 +491,11 @@ def _block_of(model: str) -> type[Spec]:
 def has_estimates(model: str) -> bool:
     """Return whether readings of a sensor model come with an estimate of the mixing ratio."""
     return SENSOR_BLOCKS.get(model, SensorSpec).has_estimates
+
+
+def real_model(model: str) -> str:
+    """Return the model of the instrument that an ideal one stands for, `pid` for `pid_ideal`; agents are told this."""
+    return model.removesuffix(IDEAL_SUFFIX) if is_ideal(model) else model
 
 
 # Chosen by `model`.

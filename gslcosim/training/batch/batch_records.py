@@ -147,6 +147,9 @@ INSTRUMENT = np.dtype(
         ("noise_std", np.float64),
         ("bias", np.float64),
         ("drift_per_s", np.float64),
+        ("gain_spread", np.float64),  # how units differ
+        ("drift_spread_per_s", np.float64),
+        ("resolution", np.float64),
         ("max_value", np.float64),
         ("least_value", np.float64),
         ("period_ticks", np.int64),
@@ -163,6 +166,8 @@ INSTRUMENT = np.dtype(
 GAUGE = np.dtype(
     [
         ("stream", np.uint64, (4,)),
+        ("gain", np.float64),  # of the unit
+        ("drift_per_s", np.float64),
         ("has_begun", np.int64),
         ("values", np.float64, (MOST_VALUES,)),  # of the last reading
         ("is_warming_up", np.int64),

@@ -243,6 +243,8 @@ class BatchInstruments:
         row["has_errors"] = is_imperfect(kind, sensor)
         row["n_with_errors"] = row["n_values"] if kind.n_with_errors is None else kind.n_with_errors
         row["noise_std"], row["bias"], row["drift_per_s"] = errors.noise_std, errors.bias, errors.drift_per_s
+        row["gain_spread"], row["drift_spread_per_s"] = errors.gain_spread, errors.drift_spread_per_s
+        row["resolution"] = errors.resolution
         row["max_value"], row["least_value"] = errors.max_value, kind.least_value
         row["period_ticks"] = ticks_from_seconds(sensor.period_s, tick_ns) if sensor.period_s else 1
         row["warm_up_ticks"] = ticks_from_seconds(sensor.warm_up_s, tick_ns)

@@ -11,7 +11,7 @@ from gslcosim.training.batch.free_space import array_at, copy_inplace
 from gslcosim.training.batch.pcg64 import next_normal_inplace, seed_inplace
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
 from gslcosim.training.batch.scalar_compilation import address_of, call_kernel
-from gslcosim_services.sensing.models.base import add_errors, limit_value
+from gslcosim_services.sensing.models.base import add_errors, draw_drift, draw_gain, limit_value, quantize
 from gslcosim_services.sensing.models.range_finders import note_contact
 from gslcosim_services.sensing.ray_kernels import distance_among_boxes, noisy_range_m
 
@@ -28,6 +28,8 @@ def switch_on_inplace(instrument, gauge, memory, name, seed):
         seed: The search's seed.
     """
     seed_inplace(gauge.stream, seed, name)
+    gauge.gain = draw_gain(instrument.gain_spread, gauge.stream)
+    gauge.drift_per_s = draw_drift(instrument.drift_per_s, instrument.drift_spread_per_s, gauge.stream)
     gauge.has_begun = gauge.is_warming_up = 0
     first, n = instrument.first_memory, instrument.n_state
     copy_inplace(memory[first : first + n], array_at(instrument.new_state, n, np.float64))
@@ -127,9 +129,9 @@ def _disturb_inplace(instrument, gauge, tick, tick_s, raw):
     for k in range(instrument.n_values):
         value = raw[k]
         if k < instrument.n_with_errors:
-            bias, drift_per_s, noise_std = instrument.bias, instrument.drift_per_s, instrument.noise_std
-            value = add_errors(value, bias, drift_per_s, tick, tick_s, noise_std, gauge.stream)
-            value = limit_value(value, instrument.max_value, instrument.least_value)
+            bias, drift_per_s, noise_std = instrument.bias, gauge.drift_per_s, instrument.noise_std
+            value = add_errors(value, gauge.gain, bias, drift_per_s, tick, tick_s, noise_std, gauge.stream)
+            value = quantize(limit_value(value, instrument.max_value, instrument.least_value), instrument.resolution)
         gauge.values[k] = value
 
 
@@ -166,9 +168,12 @@ def write_reading_inplace(numbers, instrument, gauge, work):
 
 @reference_free_njit()
 def _estimate_inplace(instrument, gauge, estimates):
+    # As the owner of this unit takes them who has calibrated it; the estimate then stands in their place.
+    for k in range(instrument.n_values):
+        estimates[k] = gauge.values[k] / gauge.gain if k < instrument.n_with_errors else gauge.values[k]
     given, n = instrument.estimate_parameters, instrument.n_estimate_parameters
-    values = address_of(gauge.values)
-    call_kernel(instrument.estimate, (given, n, values, instrument.n_values, address_of(estimates)))
+    values = address_of(estimates)
+    call_kernel(instrument.estimate, (given, n, values, instrument.n_values, values))
 
 
 @reference_free_njit()

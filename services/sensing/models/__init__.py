@@ -7,18 +7,26 @@ from pathlib import Path
 from gslcosim.base.errors import ScenarioError
 from gslcosim.scenario.models.sensors import SENSOR_OFFERS
 from gslcosim_services.sensing.models.anemometer import ANEMOMETER, ANEMOMETER_3D
-from gslcosim_services.sensing.models.base import KernelSensorKind, SensorKernel, SensorKind, SensorModel, build_sensor
-from gslcosim_services.sensing.models.gas_sensors import PPM_KINDS, TDLAS
+from gslcosim_services.sensing.models.base import (
+    KernelSensorKind,
+    SensorKernel,
+    SensorKind,
+    SensorModel,
+    build_sensor,
+    ideal_kind,
+)
+from gslcosim_services.sensing.models.gas_sensors import PID, PPM_KINDS, TDLAS
 from gslcosim_services.sensing.models.mox import MOX_PARAMETERS, build_mox_kind
 from gslcosim_services.sensing.models.navigation import BAROMETER, GPS, IMU, MAGNETOMETER, POSE
 from gslcosim_services.sensing.models.range_finders import BUMPER, CAMERA_KINDS, RANGE_KINDS
 
 _MOX_KINDS = tuple(build_mox_kind(parameters) for parameters in MOX_PARAMETERS.values())
-
 _ON_BOARD_KINDS = (IMU, GPS, BAROMETER, MAGNETOMETER, POSE, *RANGE_KINDS, BUMPER, *CAMERA_KINDS)
+_IDEAL_KINDS = tuple(ideal_kind(kind) for kind in (*_MOX_KINDS, PID, TDLAS, ANEMOMETER, ANEMOMETER_3D))
 
 SENSOR_MODELS: dict[str, SensorKind] = {
-    kind.name: kind for kind in (*_MOX_KINDS, *PPM_KINDS, TDLAS, ANEMOMETER, ANEMOMETER_3D, *_ON_BOARD_KINDS)
+    kind.name: kind
+    for kind in (*_MOX_KINDS, *PPM_KINDS, TDLAS, ANEMOMETER, ANEMOMETER_3D, *_ON_BOARD_KINDS, *_IDEAL_KINDS)
 }
 
 

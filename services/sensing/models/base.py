@@ -3,9 +3,9 @@
 import math
 from collections import deque
 from collections.abc import Callable, MutableSequence, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,14 @@ from gslcosim.base.ticks import NS_PER_S, exact_ticks_from_seconds
 from gslcosim.contract.messages import BodyState, CameraImage, MountSample, Reading
 from gslcosim.contract.record import build_unchecked_constructor
 from gslcosim.scenario.models.gas import GasDefinition
-from gslcosim.scenario.models.sensors import MeasuringSensorSpec, NoisySensorSpec, OnBoardSensorSpec, SensorSpec
+from gslcosim.scenario.models.sensors import (
+    IDEAL_SUFFIX,
+    SENSOR_BLOCKS,
+    MeasuringSensorSpec,
+    NoisySensorSpec,
+    OnBoardSensorSpec,
+    SensorSpec,
+)
 from gslcosim_services.sensing.ray_scene import RayScene
 
 
@@ -104,6 +111,9 @@ class SensorKernel:
     n_values: int = 1
 
 
+Kind = TypeVar("Kind", bound=SensorKind)
+
+
 @dataclass(frozen=True, kw_only=True)
 class KernelSensorKind(SensorKind):
     """A kind of sensor of gas or wind whose instrument is a scalar kernel, so that it works in batches too.
@@ -120,6 +130,17 @@ class KernelSensorKind(SensorKind):
             return KernelSensor(self, spec, tick_s, rng)
 
         object.__setattr__(self, "build", build)
+
+
+def ideal_kind(kind: Kind) -> Kind:
+    """Return the row of the same instrument without errors, for a model that has one."""
+    name, for_gases = kind.name + IDEAL_SUFFIX, kind.for_gases
+    return replace(
+        kind,
+        name=name,
+        settings=SENSOR_BLOCKS[name],
+        for_gases=None if for_gases is None else lambda definitions: ideal_kind(for_gases(definitions)),
+    )
 
 
 class KernelSensor:
@@ -247,17 +268,44 @@ class Surroundings:
 
 
 @scalar_kernel
+def draw_gain(spread: float, stream: Any) -> float:
+    """Return the factor of a unit, exp(N(0, spread)); draws a number where units differ.
+
+    Held by: tests/unit/services/sensing/test_measurement_errors.py
+    """
+    return math.exp(spread * next_normal(stream)) if spread != 0.0 else 1.0
+
+
+@scalar_kernel
+def draw_drift(drift_per_s: float, spread_per_s: float, stream: Any) -> float:
+    """Return the drift of a unit, drift + N(0, spread); draws a number where units differ.
+
+    Held by: tests/unit/services/sensing/test_measurement_errors.py
+    """
+    return drift_per_s + spread_per_s * next_normal(stream) if spread_per_s != 0.0 else drift_per_s
+
+
+@scalar_kernel
 def add_errors(
-    value: float, bias: float, drift_per_s: float, tick: int, tick_s: float, noise_std: float, stream: Any
+    value: float, gain: float, bias: float, drift_per_s: float, tick: int, tick_s: float, noise_std: float, stream: Any
 ) -> float:
-    """Return a value with the errors of an instrument: v + bias + drift_per_s t + N(0, noise_std).
+    """Return a value with the errors of an instrument: gain v + bias + drift_per_s t + N(0, noise_std).
 
     Draws a number where there is noise. Held by: tests/unit/services/sensing/test_measurement_errors.py
     """
     offset = bias + drift_per_s * tick * tick_s
     if noise_std == 0.0:
-        return value + offset
-    return value + offset + noise_std * next_normal(stream)
+        return gain * value + offset
+    return gain * value + offset + noise_std * next_normal(stream)
+
+
+@scalar_kernel
+def quantize(value: float, resolution: float) -> float:
+    """Return the multiple of the resolution that is nearest to a value; the value where the resolution is 0.
+
+    Held by: tests/unit/services/sensing/test_measurement_errors.py
+    """
+    return math.floor(value / resolution + 0.5) * resolution if resolution != 0.0 else value
 
 
 @scalar_kernel
@@ -277,6 +325,9 @@ class MeasurementErrors:
     bias: float = 0.0
     drift_per_s: float = 0.0
     max_value: float = math.inf
+    gain_spread: float = 0.0
+    drift_spread_per_s: float = 0.0
+    resolution: float = 0.0
 
 
 def read_errors(kind: SensorKind, spec: SensorSpec) -> MeasurementErrors:
@@ -289,20 +340,39 @@ def read_errors(kind: SensorKind, spec: SensorSpec) -> MeasurementErrors:
         bias=spec.bias,
         drift_per_s=spec.drift_per_s,
         max_value=math.inf if spec.max_value is None else spec.max_value,
+        gain_spread=spec.gain_spread,
+        drift_spread_per_s=spec.drift_spread_per_s,
+        resolution=spec.resolution,
     )
+
+
+def lag_frac(t90_s: float, tick_s: float) -> float:
+    """Return by how much of its gap an instrument follows in a tick; 1 without a lag.
+
+    f = 1 - exp(-dt ln 10 / t90)        a first-order lag shows nine tenths of a step after t90
+    """
+    return -math.expm1(-tick_s * math.log(10.0) / t90_s) if t90_s > 0.0 else 1.0
+
+
+@scalar_kernel
+def follow(shown: float, true: float, frac: float) -> float:
+    """Return what an instrument shows that follows by a fraction of its gap; the truth itself for 1."""
+    return true if frac == 1.0 else shown + frac * (true - shown)
 
 
 class ImperfectSensor:
     """A model behind a delay, with errors on its values, read at its own rate.
 
     In this order: the model sees the sample of `delay_s` ago (the first one until then); each value v becomes
-    v + bias + drift_per_s t + N(0, noise_std), t the time since the start; values are kept within +- `max_value`, and
-    `is_saturated` says so, and never fall below the kind's `least_value`; between readings, `period_s` apart, the last
-    one is repeated. Until `warm_up_s` after the start a reading `is_warming_up`: its values are those of the first one.
-    Units are the reading's.
+    gain v + bias + drift t + N(0, noise_std), t the time since the start, where the unit has a gain of
+    exp(N(0, gain_spread)) and a drift of drift_per_s + N(0, drift_spread_per_s); values are kept within +- `max_value`,
+    and `is_saturated` says so, never fall below the kind's `least_value`, and are rounded to the `resolution`; between
+    readings, `period_s` apart, the last one is repeated. Until `warm_up_s` after the start a reading `is_warming_up`:
+    its values are those of the first one. Units are the reading's.
 
-    State: samples within the delay, the last reading, the number of the tick. Draws one number for each value at each
-    reading, from the sensor's own stream, after the model's own draws; none where `noise_std` is 0 or is the model's.
+    State: samples within the delay, the last reading, the number of the tick. When made it draws the unit's gain and
+    drift, where units differ: each run flies another unit. Draws one number for each value at each reading, after the
+    model's own draws; none where `noise_std` is 0 or is the model's. All from the sensor's own stream.
     Values past the kind's first `n_with_errors`, such as a direction behind a speed, stay as the model has them.
     Held by: tests/unit/services/sensing/test_measurement_errors.py
     """
@@ -316,6 +386,8 @@ class ImperfectSensor:
         self._tick_s = tick_ns / NS_PER_S
         self._errors = read_errors(kind, spec)
         self._rng = rng
+        self.gain = draw_gain(self._errors.gain_spread, rng)
+        self._drift_per_s = draw_drift(self._errors.drift_per_s, self._errors.drift_spread_per_s, rng)
         self._period_ticks = _delay_ticks(spec.period_s, tick_ns, f"sensor {spec.name}: period_s") or 1
         delay_ticks = _delay_ticks(spec.delay_s or None, tick_ns, f"sensor {spec.name}: delay_s")
         self._seen: deque[tuple[Any, Vec3]] = deque(maxlen=delay_ticks + 1)
@@ -336,14 +408,27 @@ class ImperfectSensor:
         self._cold = self._cold or self._last.model_copy(update={"is_warming_up": True})
         return self._cold
 
+    def calibrated(self, reading: Reading) -> Reading:
+        """Return a reading as a unit of the model's nominal gain would show it."""
+        n = self._kind.n_with_errors
+        values = [value / self.gain for value in reading.values[:n]]
+        return reading.model_copy(update={"values": (*values, *reading.values[len(values) :])})
+
     def _with_errors(self, reading: Reading) -> Reading:
-        n, errors, tick = self._kind.n_with_errors, self._errors, self._tick
+        n, errors, tick, tick_s, drift = (
+            self._kind.n_with_errors,
+            self._errors,
+            self._tick,
+            self._tick_s,
+            self._drift_per_s,
+        )
         values = [
-            add_errors(value, errors.bias, errors.drift_per_s, tick, self._tick_s, errors.noise_std, self._rng)
+            add_errors(value, self.gain, errors.bias, drift, tick, tick_s, errors.noise_std, self._rng)
             for value in reading.values[:n]
         ]
         is_over = math.isfinite(errors.max_value) and max(map(abs, values)) >= errors.max_value
-        values = [limit_value(value, errors.max_value, self._kind.least_value) for value in values]
+        least = self._kind.least_value
+        values = [quantize(limit_value(value, errors.max_value, least), errors.resolution) for value in values]
         return reading.model_copy(
             update={
                 "values": (*values, *reading.values[len(values) :]),

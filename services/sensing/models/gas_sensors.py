@@ -30,6 +30,8 @@ from gslcosim_services.sensing.models.base import (
     KernelSensorKind,
     SensorKernel,
     SensorKind,
+    follow,
+    lag_frac,
     new_window,
     push_count,
     push_value,
@@ -80,17 +82,18 @@ def measure_pid(
     stream: Any,
     values: MutableSequence[float],
 ) -> bool:
-    """Measure with a photo-ionisation detector: at once, without noise of its own.
+    """Measure with a photo-ionisation detector behind its lag, without noise.
 
-    reading = sum over gases of c / CF [ppm]      parameters = CF correction factor of each gas, 0 of those not seen
+    y follows the sum over gases of c / CF [ppm] by `lag_frac` of the gap in each tick, from 0 at the start;
+    parameters = (lag_frac, CF correction factor of each gas, 0 of those not seen)
 
-    State: none. See `SensorKernel` for the arguments. Source: RAE Systems, Technical Note TN-106; see `PID_GASES`.
+    State: y. See `SensorKernel` for the arguments. Source: RAE Systems, Technical Note TN-106; see `PID_GASES`.
     Deviation: GADEN has 10.47 for ethanol, which is its ionisation energy [eV] and not a factor.
     Held by: tests/unit/services/sensing/test_ppm_sensors.py
     """
     for i in range(len(ppm)):
-        ppm[i] = ppm[i] / parameters[i] if parameters[i] != 0.0 else 0.0
-    values[0] = total_ppm(ppm)
+        ppm[i] = ppm[i] / parameters[1 + i] if parameters[1 + i] != 0.0 else 0.0
+    values[0] = state[0] = follow(state[0], total_ppm(ppm), parameters[0])
     return False
 
 
@@ -235,18 +238,19 @@ def _build_pid_kind(definitions: tuple[GasDefinition, ...]) -> KernelSensorKind:
     defined = {gas.name: gas.pid_correction for gas in definitions if gas.pid_correction is not None}
 
     def kernel(spec: PidSensorSpec, gases: tuple[str, ...], tick_s: float) -> SensorKernel:
-        del tick_s
         known = {name: gas.correction(spec.lamp_ev) for name, gas in PID_GASES.items()}
         corrections = {**known, **defined}
-        return SensorKernel(advance=measure_pid, parameters=tuple(corrections.get(gas, 0.0) for gas in gases))
+        numbers = (lag_frac(spec.t90_s, tick_s), *(corrections.get(gas, 0.0) for gas in gases))
+        return SensorKernel(advance=measure_pid, parameters=numbers, state=(0.0,))
 
     return KernelSensorKind(
         name="pid",
         settings=SENSOR_BLOCKS["pid"],
         quantity="mixing_ratio",
         unit="ppm",
-        description="Photo-ionisation detector: values = (ppm,), each gas over its correction factor; no lag.",
+        description="Photo-ionisation detector: values = (ppm,), each gas over its correction factor.",
         kernel=kernel,
+        least_value=0.0,
         for_gases=_build_pid_kind,
     )
 
@@ -278,8 +282,9 @@ def _second_order_kernel(spec: SecondOrderSensorSpec, gases: tuple[str, ...], ti
     return SensorKernel(advance=advance_two_lags, parameters=lags, state=(0.0, 0.0))
 
 
+PID = _build_pid_kind(())
 PPM_KINDS = (
-    _build_pid_kind(()),
+    PID,
     KernelSensorKind(
         name="threshold",
         settings=SENSOR_BLOCKS["threshold"],
@@ -336,7 +341,8 @@ class TdlasSensor:
     reading = mean of the mixing ratio along the beam times its length      [ppm m] = [ppm] [m]
 
     The beam starts at the mount and points in the direction `beam_body`. Where no wall reflects it within
-    `max_range_m`, the reading is 0 and `is_saturated`: nothing came back. State: none. No noise of its own, no lag.
+    `max_range_m`, the reading falls to 0 and `is_saturated`: nothing came back. It follows by `lag_frac` of the gap in
+    each tick. State: what it shows, 0 at first. No noise of its own.
 
     Source:
         GADEN's simulated TDLAS marches along a ray and sums ppm times metres of methane.
@@ -348,26 +354,29 @@ class TdlasSensor:
         tests/unit/services/sensing/test_tdlas.py, tests/unit/services/fields/test_sample_points.py
     """
 
-    def __init__(self, spec: TdlasSensorSpec) -> None:
+    def __init__(self, spec: TdlasSensorSpec, tick_s: float) -> None:
         self._sensor = spec.name
+        self._frac = lag_frac(spec.t90_s, tick_s)
+        self._shown_ppm_m = 0.0
 
     def read(self, sample: MountSample, mount_velocity_world_m_s: Vec3) -> Reading:
         """Return the reading [ppm m]; see `SensorModel.read`. The first gas is the one that is searched for."""
         del mount_velocity_world_m_s
         beam_m = sample.beam_m or 0.0
         ppm = sample.gases[0].mixing_ratio_ppm if sample.gases else 0.0
+        self._shown_ppm_m = follow(self._shown_ppm_m, ppm * beam_m, self._frac)
         return Reading(
             sensor=self._sensor,
             quantity=TDLAS_QUANTITY,
             unit=TDLAS_UNIT,
-            values=(ppm * beam_m,),
+            values=(self._shown_ppm_m,),
             is_saturated=beam_m == 0.0,
         )
 
 
 def _build_tdlas(spec: TdlasSensorSpec, tick_s: float, rng: np.random.Generator) -> TdlasSensor:
-    del tick_s, rng
-    return TdlasSensor(spec)
+    del rng
+    return TdlasSensor(spec, tick_s)
 
 
 TDLAS = SensorKind(

@@ -5,9 +5,9 @@ from collections.abc import MutableSequence, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from gslcosim.base.scalar_kernels import scalar_kernel
+from gslcosim.base.scalar_kernels import next_normal, scalar_kernel
 from gslcosim.scenario.models.gas import GasDefinition
-from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SensorSpec
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, MoxSensorSpec
 from gslcosim_services.sensing.models.base import KernelEstimator, KernelSensorKind, SensorKernel
 
 MIN_RATIO = 0.01
@@ -104,21 +104,33 @@ MOX_PARAMETERS = {parameters.model: parameters for parameters in _TABLE}
 
 # Where a sensor's numbers stand among the parameters of its kernel: then come A and B of each gas, 0 and 0 where it has
 # no effect.
-_R0_OHM, _AIR_RATIO, _RISE_FRAC, _DECAY_FRAC, _LAWS = range(5)
+_R0_OHM, _AIR_RATIO, _RISE_FRAC, _DECAY_FRAC, _NOISE, _WALK_STEP, _LAWS = range(7)
+# Closer than this to clean air nobody takes a resistance for gas: ten standard deviations of the default noise.
+CLEAN_BAND_FRAC = 0.03
 
 
-def build_mox_kernel(parameters: MoxParameters, gases: tuple[str, ...], tick_s: float) -> SensorKernel:
+def build_mox_kernel(
+    parameters: MoxParameters,
+    gases: tuple[str, ...],
+    tick_s: float,
+    *,
+    noise_frac: float = 0.0,
+    baseline_walk: float = 0.0,
+) -> SensorKernel:
     """Return the kernel of a sensor.
 
     Args:
         parameters: The sensor's figures.
         gases: Names of the gases, in the order in which it gets their mixing ratios.
         tick_s: Length of a tick [s].
+        noise_frac: White noise of ln R, its standard deviation.
+        baseline_walk: Random walk of ln R [1/sqrt(s)].
     """
     rise_frac, decay_frac = (-math.expm1(-tick_s / lag_s) for lag_s in (parameters.rise_s, parameters.decay_s))
     laws = [number for gas in gases for number in parameters.power_law.get(gas, (0.0, 0.0))]
-    numbers = (parameters.r0_ohm, parameters.air_ratio, rise_frac, decay_frac, *laws)
-    return SensorKernel(advance=advance_mox, parameters=numbers, state=(0.0,))
+    walk_step = baseline_walk * math.sqrt(tick_s)
+    numbers = (parameters.r0_ohm, parameters.air_ratio, rise_frac, decay_frac, noise_frac, walk_step, *laws)
+    return SensorKernel(advance=advance_mox, parameters=numbers, state=(0.0, 0.0))
 
 
 @scalar_kernel
@@ -160,15 +172,21 @@ def advance_mox(
     stream: Any,
     values: MutableSequence[float],
 ) -> bool:
-    """Advance a bare MOX element after its warm-up by a tick, without noise, temperature or humidity effects.
+    """Advance a bare MOX element after its warm-up by a tick.
 
     y' = (target - y) / tau      tau = rise time where the target is below y (more gas), else decay time
     A tick of length dt takes y to y + (1 - exp(-dt / tau)) (target - y).
 
-    State: y = Rs/R0, which is never 0 but before the first reading. The first reading (tick 0) is that of clean air.
-    The sample is the true mixing ratio; a diffusion-fed element feels no wind and not its own motion. The reading is
-    R0 y [ohm]; it is saturated when y is at its least value of 0.01 (to a thousandth of it, since it only ever comes
-    close). Draws nothing. See `SensorKernel` for the arguments.
+    R = R0 y e^(b + n)        b baseline, a random walk with N(0, walk^2 dt) in each tick; n ~ N(0, noise^2)
+
+    State: y = Rs/R0, which is never 0 but before the first reading; b, 0 at first. The first reading (tick 0) is that
+    of clean air. The sample is the true mixing ratio; a diffusion-fed element feels no wind and not its own motion. The
+    reading is R [ohm]; it is saturated when y is at its least value of 0.01 (to a thousandth of it, since it only ever
+    comes close). Draws b's step, then n, where there are any. See `SensorKernel` for the arguments.
+
+    Left out:
+        Humidity and temperature, which move the baseline of a real one by tens of per cent between days; the walk
+        stands for what they do within a flight.
 
     Source:
         First-order response with figures as in GADEN (see `steady_ratio`).
@@ -185,7 +203,13 @@ def advance_mox(
         frac = parameters[_RISE_FRAC] if target < y else parameters[_DECAY_FRAC]
         y += frac * (target - y)
     state[0] = y
-    values[0] = parameters[_R0_OHM] * y
+    ohm = parameters[_R0_OHM] * y
+    if parameters[_WALK_STEP] != 0.0:
+        state[1] += parameters[_WALK_STEP] * next_normal(stream)
+        ohm *= math.exp(state[1])
+    if parameters[_NOISE] != 0.0:
+        ohm *= math.exp(parameters[_NOISE] * next_normal(stream))
+    values[0] = ohm
     return y <= 1.001 * MIN_RATIO
 
 
@@ -193,10 +217,11 @@ def advance_mox(
 def estimate_ppm(parameters: Sequence[float], values: Sequence[float]) -> float:
     """Return the mixing ratio of one gas alone at which a sensor settles to a resistance [ppm by volume].
 
-    c = (Rs/R0 / A)^(1 / B) below the ratio of clean air, and 0 from there on; infinity becomes the largest double.
+    c = (Rs/R0 / A)^(1 / B) where Rs/R0 is more than `CLEAN_BAND_FRAC` below clean air, else 0; infinity becomes the
+    largest double.
 
-    What somebody with the maker's sheet would conclude: the sensor's lag, its other gases and its errors are in it, and
-    just below clean air it jumps to the floor, below which the gas has no effect.
+    What somebody would conclude with the maker's sheet and the R0 of this unit: the sensor's lag, its other gases, its
+    noise and baseline are in it, and just below clean air it jumps to the floor, below which the gas has no effect.
 
     Args:
         parameters: Of `build_mox_kernel` for this gas alone, of which it must have figures.
@@ -206,7 +231,7 @@ def estimate_ppm(parameters: Sequence[float], values: Sequence[float]) -> float:
         tests/unit/services/sensing/test_mox.py (inverts the steady response)
     """
     ratio = max(values[0] / parameters[_R0_OHM], 1e-12)
-    if ratio >= parameters[_AIR_RATIO] * (1.0 - 1e-9):
+    if ratio >= parameters[_AIR_RATIO] * (1.0 - CLEAN_BAND_FRAC):
         return 0.0
     exponent = math.log(ratio / parameters[_LAWS]) / parameters[_LAWS + 1]
     return math.exp(min(exponent, 700.0))
@@ -229,9 +254,9 @@ def add_gases(parameters: MoxParameters, definitions: tuple[GasDefinition, ...])
 def build_mox_kind(parameters: MoxParameters) -> KernelSensorKind:
     """Return the row of the table of sensor models for one MOX sensor."""
 
-    def kernel(spec: SensorSpec, gases: tuple[str, ...], tick_s: float) -> SensorKernel:
-        del spec
-        return build_mox_kernel(parameters, gases, tick_s)
+    def kernel(spec: MoxSensorSpec, gases: tuple[str, ...], tick_s: float) -> SensorKernel:
+        errors = {"noise_frac": spec.noise_frac, "baseline_walk": spec.baseline_walk}
+        return build_mox_kernel(parameters, gases, tick_s, **errors)
 
     return KernelSensorKind(
         name=parameters.model,

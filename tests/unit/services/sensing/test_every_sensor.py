@@ -56,7 +56,7 @@ def without_own_noise(name):
     """Return the settings of a model, of those that its block has, that take its noise and wandering away."""
     block = getattr(make_sensor_spec(model=name, name="s"), name, None)
     keys = [key for key in type(block).model_fields if re.search("noise|walk|bias|drift", key)] if block else []
-    own = {"speed_noise_std_m_s", "direction_noise_std_rad"} & SENSOR_BLOCKS[name].model_fields.keys()
+    own = [key for key in SENSOR_BLOCKS[name].model_fields if re.search("noise|walk|spread", key)]
     silent = dict.fromkeys(own, 0.0)
     return {**silent, name: dict.fromkeys(keys, 0.0)} if keys else silent
 
@@ -92,7 +92,8 @@ def test_until_it_is_warm_every_sensor_says_so(read, name):
 def test_noise_has_an_effect_and_belongs_to_the_stream(read, name):
     """Its own, where its block has some, else the scenario's; without it a sensor shows the same for every seed."""
     silent = without_own_noise(name)
-    noisy = {} if name in silent or name.startswith("anemometer") else {"noise_std": 0.05}
+    has_own = name in silent or name in {"anemometer", "anemometer_3d"}
+    noisy = {} if has_own else {"noise_std": 0.05}
     # What compares shows noise only near its threshold.
     noisy |= {"threshold_ppm": 2000.0} if name == "binary" else {}
     moments = [1] * 8

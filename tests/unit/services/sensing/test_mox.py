@@ -24,7 +24,9 @@ def sample(**ppm):
 
 
 def build_nose(tick_s):
-    return SENSOR_MODELS["tgs2600"].build(make_sensor_spec(model="tgs2600", name="nose"), tick_s, stream(1, "test"))
+    return SENSOR_MODELS["tgs2600_ideal"].build(
+        make_sensor_spec(model="tgs2600_ideal", name="nose"), tick_s, stream(1, "test")
+    )
 
 
 def steady_ohm(model, **ppm):
@@ -115,9 +117,9 @@ def test_the_estimate_inverts_the_steady_response(model, gas):
         assert estimator(gas) is None
         return
     numbers = build_mox_kernel(parameters, (gas,), 0.1).parameters
-    for ppm in (1.01 * floor_ppm, 10.0 * floor_ppm):
+    for ppm in (2.0 * floor_ppm, 10.0 * floor_ppm):
         assert estimate_ppm(numbers, (steady_ohm(model, **{gas: ppm}),)) == pytest.approx(ppm, rel=1e-9)
-    for clean_ohm in (steady_ohm(model), 1.2 * steady_ohm(model)):
+    for clean_ohm in (0.98 * steady_ohm(model), steady_ohm(model), 1.2 * steady_ohm(model)):
         assert estimate_ppm(numbers, (clean_ohm,)) == 0.0
 
 

@@ -39,9 +39,9 @@ def values_of(sensor, samples):
 )
 def test_a_pid_divides_by_the_correction_factor_of_its_lamp(gas, at_10_6_ev, at_11_7_ev):
     gases = [sample(**{gas: 50.0})]
-    assert values_of(instrument_of("pid", lamp_ev=10.6), gases)[0] == pytest.approx(50.0 / at_10_6_ev)
-    assert values_of(instrument_of("pid", lamp_ev=11.7), gases)[0] == pytest.approx(50.0 / at_11_7_ev)
-    assert values_of(instrument_of("pid"), gases)[0] == pytest.approx(50.0 / at_11_7_ev)
+    assert values_of(instrument_of("pid_ideal", lamp_ev=10.6), gases)[0] == pytest.approx(50.0 / at_10_6_ev)
+    assert values_of(instrument_of("pid_ideal", lamp_ev=11.7), gases)[0] == pytest.approx(50.0 / at_11_7_ev)
+    assert values_of(instrument_of("pid_ideal"), gases)[0] == pytest.approx(50.0 / at_11_7_ev)
 
 
 def test_a_pid_answers_to_gases_below_the_energy_of_its_lamp_alone():
@@ -59,8 +59,8 @@ def test_a_pid_has_one_of_two_lamps():
 
 
 def test_a_pid_adds_gases_and_is_blind_to_some():
-    assert values_of(instrument_of("pid"), [sample(methane=1e4, hydrogen=1e4, fluorine=1e4)])[0] == 0.0
-    assert values_of(instrument_of("pid"), [sample(acetone=14.0, chlorine=2.0)])[0] == pytest.approx(12.0)
+    assert values_of(instrument_of("pid_ideal"), [sample(methane=1e4, hydrogen=1e4, fluorine=1e4)])[0] == 0.0
+    assert values_of(instrument_of("pid_ideal"), [sample(acetone=14.0, chlorine=2.0)])[0] == pytest.approx(12.0)
 
 
 def test_a_threshold_sensor_reads_above_its_threshold_only():

@@ -61,8 +61,8 @@ def inbox(tick, agents=("beetle", "moth"), sensors=("nose", "wind"), **changes):
 def scenario():
     """Two agents with a nose and an anemometer each."""
     sensors = [
-        {"model": "tgs2600", "name": "nose", "mount_m": (0.2, 0.0, 0.0)},
-        {"model": "anemometer", "name": "wind", "speed_noise_std_m_s": 0.0, "direction_noise_std_rad": 0.0},
+        {"model": "tgs2600_ideal", "name": "nose", "mount_m": (0.2, 0.0, 0.0)},
+        {"model": "anemometer_ideal", "name": "wind", "speed_noise_std_m_s": 0.0, "direction_noise_std_rad": 0.0},
     ]
     agents = [
         {"name": name, "start": {"python": "x"}, "vehicle": {"start_m": (1, 1, 0.2)}, "sensors": sensors}
@@ -227,6 +227,22 @@ def test_the_estimate_follows_the_reported_resistance_to_the_true_mixing_ratio(c
     assert estimates[-1] == pytest.approx(5.0, rel=1e-6)
 
 
+def test_the_estimate_is_that_of_a_unit_that_was_calibrated_in_clean_air(scenario, make_room):
+    """The resistance of units differs; the estimate is made with the R0 of the unit that is flown."""
+    values = plain_values(scenario)
+    values["agents"][0]["sensors"][0]["gain_spread"] = 0.3
+    core = SensingCore(Scenario.model_validate(values), make_room())
+    last = {}
+    for seed in (3, 4):
+        core.reset(Episode(seed=seed))
+        for tick in range(1500):
+            last[seed] = core.step(tick, inbox(tick))[keys.observation("beetle")]
+    ohms = [observation.reading("nose").values[0] for observation in last.values()]
+    assert abs(ohms[0] - ohms[1]) > 0.02 * ohms[0]
+    for observation in last.values():
+        assert observation.reading("nose_ppm").values[0] == pytest.approx(5.0, rel=1e-5)
+
+
 def test_a_gas_of_ones_own_is_noticed_as_the_scenario_says(scenario, make_room):
     plain = plain_values(scenario)
     plain["gas"] |= {
@@ -237,7 +253,7 @@ def test_a_gas_of_ones_own_is_noticed_as_the_scenario_says(scenario, make_room):
         ],
     }  # fmt: skip
     nose = plain["agents"][0]["sensors"][0]
-    plain["agents"][0]["sensors"] = [nose, {"model": "pid", "name": "wind"}]
+    plain["agents"][0]["sensors"] = [nose, {"model": "pid_ideal", "name": "wind"}]
     core = SensingCore(Scenario.model_validate(plain), make_room())
     core.reset(Episode(seed=3))
     for tick in range(1500):

@@ -10,7 +10,9 @@ from gslcosim_services.sensing import SENSOR_MODELS
 
 @pytest.mark.parametrize(("beam_m", "value", "is_saturated"), [(4.0, 10.0, False), (0.0, 0.0, True), (None, 0.0, True)])
 def test_the_reading_is_mean_times_length_and_nothing_without_an_echo(beam_m, value, is_saturated):
-    sensor = SENSOR_MODELS["tdlas"].build(make_sensor_spec(model="tdlas", name="laser"), 0.1, stream(1, "laser"))
+    sensor = SENSOR_MODELS["tdlas_ideal"].build(
+        make_sensor_spec(model="tdlas_ideal", name="laser"), 0.1, stream(1, "laser")
+    )
     gases = (GasAmount(gas="methane", mixing_ratio_ppm=2.5), GasAmount(gas="ethanol", mixing_ratio_ppm=100.0))
     sample = MountSample(agent="a", sensor="laser", gases=gases, wind_world_m_s=(0.0, 0.0, 0.0), beam_m=beam_m)
     reading = sensor.read(sample, (0.0, 0.0, 0.0))
