@@ -18,6 +18,7 @@ from gslcosim_services.fields.filament.plume import FilamentPlume, Filaments, Wi
 from gslcosim_services.fields.gas_field import PointGrid, Visibility
 from gslcosim_services.fields.mixing_ratio import check_points, mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid
 from gslcosim_services.fields.spatial_index import FilamentIndex
+from gslcosim_services.fields.turbulence.felt import FeltTurbulence
 
 
 @numba.njit(cache=True, nogil=True)
@@ -102,6 +103,7 @@ class FilamentField:
         n_readings_per_step: int = MIN_READINGS_FOR_INDEX,
         wind_at: WindAt | None = None,
         later_sights: Mapping[Closed, Visibility] | None = None,
+        turbulence: FeltTurbulence | None = None,
     ) -> None:
         """Look at filaments.
 
@@ -114,6 +116,7 @@ class FilamentField:
             wind_at: The model's own wind at a time [s], (nx, ny, n, 3) at cell centres, n = 1 when it is the same at
                 all heights; absent: the room's.
             later_sights: What is seen with certain doors closed, by their names.
+            turbulence: Turbulence that readings of gas and wind feel.
         """
         self._source = source
         self._goes_ahead = source if isinstance(source, SupportsPrefetch) else None
@@ -126,6 +129,7 @@ class FilamentField:
         self._indexed: Filaments | None = None
         self._seen: Filaments | None = None
         self._wind_at = wind_at
+        self._turbulence = turbulence
 
     @property
     def gases(self) -> tuple[str, ...]:
@@ -162,6 +166,8 @@ class FilamentField:
     def reset(self, seed: int) -> None:
         """Return to time 0."""
         self._source.reset(seed)
+        if self._turbulence is not None:
+            self._turbulence.reset(seed)
         self._sight = self._sights[AT_START]
         self._seen = None
 
@@ -194,15 +200,19 @@ class FilamentField:
 
     def mixing_ratio_ppm_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the mixing ratios at points; see `GasField`."""
+        ppm = self._for_all_gases(self._sum_at(points_world_m))
+        if self._turbulence is None or not ppm.any():
+            return ppm
+        return ppm * self._turbulence.gas_factors_at(check_points(points_world_m), self.time_s)[:, None]
+
+    def _sum_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
         filaments, sight = self.filaments, self._sight
         if not self._uses_index:
-            ppm = mixing_ratio_ppm_at(points_world_m, filaments, walls=sight.walls, cutoff_sigma=sight.cutoff_sigma)
-            return self._for_all_gases(ppm)
+            return mixing_ratio_ppm_at(points_world_m, filaments, walls=sight.walls, cutoff_sigma=sight.cutoff_sigma)
         if self._indexed is not filaments:
             self._index.build(filaments)
             self._indexed = filaments
-        ppm = self._index.mixing_ratio_ppm_at(points_world_m, walls=sight.walls, cutoff_sigma=sight.cutoff_sigma)
-        return self._for_all_gases(ppm)
+        return self._index.mixing_ratio_ppm_at(points_world_m, walls=sight.walls, cutoff_sigma=sight.cutoff_sigma)
 
     def mixing_ratio_ppm_on_grid(self, grid: PointGrid, *, gas: int = 0, cutoff_sigma: float) -> NDArray[np.float64]:
         """Return the mixing ratio of one gas on a grid, through walls; see `GasField`."""
@@ -217,6 +227,8 @@ class FilamentField:
 
     def wind_m_s_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """Return the model's own wind at points, if it has one; see `GasField`."""
+        if self._turbulence is not None:
+            return self._turbulence.wind_m_s_at(check_points(points_world_m), self.time_s)
         if self._wind_at is None:
             return None
         wind_m_s = self._wind_at(self.time_s)

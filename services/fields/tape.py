@@ -44,7 +44,7 @@ _HEAD, _FIRST, _FILAMENTS, _SOURCES = "head.json", "first.npy", "filaments.npy",
 _IRRELEVANT_SETTINGS = {"tape", "seed"}
 _SOURCE_FILES = (
     *(f"gslcosim_services/fields/{name}" for name in (
-        "filament", "models", "gas_setup.py", "gases.py", "tape.py",
+        "filament", "models", "turbulence", "gas_setup.py", "gases.py", "tape.py",
     )),
     *(f"gslcosim/{name}" for name in (
         "environment/model.py", "environment/grid_kernels.py", "base/rng.py",
@@ -280,7 +280,7 @@ def tape_hash(scenario: Scenario, environment: Environment, seed: int) -> str:
         "tick_ns": scenario.tick_ns,
         "n_frames": TapeSchedule.of(scenario).n_frames,
         "environment": environment.content_hash,
-        "packages": {name: version(name) for name in ("numpy", "numba", "llvmlite")},
+        "packages": {name: version(name) for name in ("numpy", "numba", "llvmlite", "scipy")},
         "processor": get_host_cpu_name(),
     }
     digest = hashlib.blake2b(json.dumps(recipe, sort_keys=True).encode(), digest_size=16)

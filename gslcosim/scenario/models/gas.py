@@ -172,6 +172,26 @@ class PlaybackSpec(Spec):
     loop: bool = Field(default=False, description="time begins anew after the last frame")
 
 
+class TurbulenceSpec(KindedSpec):
+    """Turbulence that moves filaments, spreads them, and that instruments feel.
+
+    `wind`: its strength is that of k and epsilon, which the wind's solver has kept with the wind. `given`: everywhere
+    the same, with `intensity_frac`, the standard deviation of the velocity along each axis over the mean wind's speed,
+    and the integral length `length_m`. `inner_intensity` is standard deviation over mean of the gas within filaments.
+    """
+
+    belongs: ClassVar[Mapping[str, tuple[str, ...]]] = dict.fromkeys(("intensity_frac", "length_m"), ("given",))
+
+    kind: Literal["given", "wind"] = Field(default="given", description="where its strength comes from")
+    intensity_frac: Annotated[float, Field(gt=0, le=2)] = Field(
+        default=0.3, description="fluctuation over mean wind speed, along each axis"
+    )
+    length_m: Positive = Field(default=2.0, description="integral length, about that of the largest eddies")
+    inner_intensity: Annotated[float, Field(ge=0, le=3)] = Field(
+        default=0.65, description="standard deviation over mean of gas within filaments"
+    )
+
+
 class GasSpec(KindedSpec):
     """Base of all gas models; the block of a model adds what only this model has.
 
@@ -244,8 +264,9 @@ class GasSpec(KindedSpec):
 class FilamentsSpec(GasSpec):
     """Base of gas models that move filaments.
 
-    Growth sigma^2 = sigma0^2 + growth_m2_s * age; random walk with eddy diffusivity per axis. `compatibility` repeats
-    GADEN's noise, cut-off and buoyancy, with `gaden_noise_std_m` in place of the eddy diffusivity.
+    Growth sigma^2 = sigma0^2 + growth_m2_s * age; random walk with eddy diffusivity per axis. `turbulence` replaces
+    both by eddies that all filaments share and that anemometers feel. `compatibility` repeats GADEN's noise, cut-off
+    and buoyancy, with `gaden_noise_std_m` in place of the eddy diffusivity.
     """
 
     has_filaments: ClassVar[bool] = True
@@ -261,13 +282,20 @@ class FilamentsSpec(GasSpec):
     gaden_noise_std_m: NonNegative = Field(
         default=0.02, description="noise of a step, with `compatibility` in place of the eddy diffusivity"
     )
+    turbulence: TurbulenceSpec | None = Field(
+        default=None, description="turbulence in place of growth and eddy diffusivity (absent: none)"
+    )
 
     def useless_keys(self) -> dict[str, str]:
-        """Return the keys that mean nothing with this compatibility, each with where it belongs."""
+        """Return the keys that mean nothing with this compatibility or turbulence, each with where it belongs."""
+        useless = dict(super().useless_keys())
         if self.compatibility == "none":
-            return {"gaden_noise_std_m": "compatibility: gaden_2, gaden_3", **super().useless_keys()}
-        ours = dict.fromkeys(("eddy_diffusivity_m2_s", "buoyancy"), "compatibility: none")
-        return {**ours, **super().useless_keys()}
+            useless["gaden_noise_std_m"] = "compatibility: gaden_2, gaden_3"
+        else:
+            useless |= dict.fromkeys(("eddy_diffusivity_m2_s", "buoyancy", "turbulence"), "compatibility: none")
+        if self.turbulence is not None:
+            useless |= dict.fromkeys(("eddy_diffusivity_m2_s", "growth_m2_s"), "gas without turbulence")
+        return useless
 
 
 class FilamentGasSpec(FilamentsSpec):

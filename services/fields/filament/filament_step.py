@@ -60,12 +60,7 @@ def _time_to_face(coordinate_m, displacement_m, origin_m, cell_m, i):
 
 
 @numba.njit(cache=True, nogil=True)
-def _after_wall(displacement_m, reflects):
-    return -displacement_m if reflects else 0.0
-
-
-@numba.njit(cache=True, nogil=True)
-def trace_displacement(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz, reflects):
+def trace_reflections(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz, reflects):
     """Move a point through the grid cell by cell, along or off the walls that it meets.
 
     At a wall (a solid cell, or the border of the grid) the component of the remaining displacement that points into
@@ -85,8 +80,9 @@ def trace_displacement(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz, reflect
         reflects: Whether walls reflect; otherwise the point slides along them.
 
     Returns:
-        (x, y, z, ended): where the displacement ends, world frame [m], strictly inside a cell that is not solid;
-        `ended` when the point left through an outlet.
+        (x, y, z, ended, sx, sy, sz): where the displacement ends, world frame [m], strictly inside a cell that is not
+        solid; `ended` when the point left through an outlet; -1.0 along axes that were reflected an odd number of times
+        (0.0 where it slides), otherwise 1.0.
 
     Source:
         Cell traversal after Amanatides and Woo 1987, A fast voxel traversal algorithm for ray tracing; the wall rules
@@ -97,6 +93,8 @@ def trace_displacement(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz, reflect
     nx, ny, nz = occupancy.shape
     ox, oy, oz = origin_m[0], origin_m[1], origin_m[2]
     i, j, k = cell_index(x, ox, cell_m), cell_index(y, oy, cell_m), cell_index(z, oz, cell_m)
+    wall = -1.0 if reflects else 0.0
+    sx = sy = sz = 1.0
     while True:
         tx = _time_to_face(x, dx, ox, cell_m, i)
         ty = _time_to_face(y, dy, oy, cell_m, j)
@@ -106,7 +104,7 @@ def trace_displacement(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz, reflect
             x = _clamped(x + dx, ox, cell_m, i)
             y = _clamped(y + dy, oy, cell_m, j)
             z = _clamped(z + dz, oz, cell_m, k)
-            return x, y, z, False
+            return x, y, z, False, sx, sy, sz
         x += t * dx
         y += t * dy
         z += t * dz
@@ -123,17 +121,37 @@ def trace_displacement(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz, reflect
             nk = k + 1 if dz > 0.0 else k - 1
         is_inside = 0 <= ni < nx and 0 <= nj < ny and 0 <= nk < nz
         if is_inside and occupancy[ni, nj, nk] == OUTLET:
-            return x, y, z, True
+            return x, y, z, True, sx, sy, sz
         if is_inside and occupancy[ni, nj, nk] != SOLID:
             i, j, k = ni, nj, nk
         elif occupancy[i, j, k] == OUTLET:
-            return x, y, z, True
+            return x, y, z, True, sx, sy, sz
         elif tx == t:
-            dx = _after_wall(dx, reflects)
+            dx, sx = wall * dx, wall * sx
         elif ty == t:
-            dy = _after_wall(dy, reflects)
+            dy, sy = wall * dy, wall * sy
         else:
-            dz = _after_wall(dz, reflects)
+            dz, sz = wall * dz, wall * sz
+
+
+@numba.njit(cache=True, nogil=True)
+def trace_displacement(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz, reflects):
+    """Move a point through the grid cell by cell; `trace_reflections` without the signs.
+
+    Args:
+        occupancy: (nx, ny, nz) uint8, 0 free, 1 solid, 2 outlet; index order ij.
+        origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
+        cell_m: Edge of the cubic cells [m].
+        x: Start, world frame [m]; in a cell that is not solid.
+        y: Start, world frame [m].
+        z: Start, world frame [m].
+        dx: Displacement, world frame [m]; of any length.
+        dy: Displacement, world frame [m].
+        dz: Displacement, world frame [m].
+        reflects: Whether walls reflect; otherwise the point slides along them.
+    """
+    x, y, z, has_left, _, _, _ = trace_reflections(occupancy, origin_m, cell_m, x, y, z, dx, dy, dz, reflects=reflects)
+    return x, y, z, has_left
 
 
 @numba.njit(cache=True, nogil=True)

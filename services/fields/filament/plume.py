@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,10 @@ from gslcosim_services.fields.filament.counter_rng import draw_uniforms
 from gslcosim_services.fields.filament.downwash import Jets, blow_filaments_inplace
 from gslcosim_services.fields.filament.filament_step import NOT_FINITE, move_filaments_inplace, trace_displacement
 from gslcosim_services.fields.filament.release import POINT, ReleasePlan, SourceChange, SourceShape, SourceValve
+from gslcosim_services.fields.filament.turbulent_step import move_turbulent_filaments_inplace
 from gslcosim_services.fields.gases import air_density_mol_m3
+from gslcosim_services.fields.turbulence.air import TurbulentAir
+from gslcosim_services.fields.turbulence.eddies import LargeEddies
 
 SPHERE_DRAG = 0.5
 RADIUS_SIGMA = 2.0
@@ -93,7 +96,7 @@ def gaden_3_buoyancy(specific_gravity: float, ppm: float, sigma_m: float) -> Buo
 
 
 class FilamentTable:
-    """Table of filaments: positions, sizes, births and sources; the first n rows are in use."""
+    """Table of filaments: positions, sizes, births, sources, and own velocities in turbulent air; n rows are in use."""
 
     def __init__(self, capacity: int) -> None:
         self.capacity = capacity
@@ -102,24 +105,33 @@ class FilamentTable:
         self.birth_steps = np.zeros(capacity)
         self.filament_id = np.zeros(capacity, np.int64)
         self.source_index = np.zeros(capacity, np.int32)
+        self.own_velocity = np.zeros((capacity, 3))
 
     def keep(self, is_kept: NDArray[np.bool_]) -> int:
         """Keep some of the first n filaments, (n,), in their order, as the first rows; return how many."""
         kept = np.flatnonzero(is_kept)
         n = len(kept)
-        for column in (self.position_m, self.sigma_m, self.birth_steps, self.filament_id, self.source_index):
+        for column in self._columns:
             column[:n] = column[kept]
         return n
 
     def grown(self, capacity: int, n: int) -> "FilamentTable":
         """Return a table with more room, and the same first n filaments."""
         table = FilamentTable(capacity)
-        table.position_m[:n] = self.position_m[:n]
-        table.sigma_m[:n] = self.sigma_m[:n]
-        table.birth_steps[:n] = self.birth_steps[:n]
-        table.filament_id[:n] = self.filament_id[:n]
-        table.source_index[:n] = self.source_index[:n]
+        for column, old in zip(table._columns, self._columns, strict=True):
+            column[:n] = old[:n]
         return table
+
+    @property
+    def _columns(self) -> tuple[NDArray[Any], ...]:
+        return (
+            self.position_m,
+            self.sigma_m,
+            self.birth_steps,
+            self.filament_id,
+            self.source_index,
+            self.own_velocity,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -239,6 +251,7 @@ class FilamentPlume:
         seed: int,
         noise_std_m: float | None = None,
         wind_at: WindAt | None = None,
+        air: TurbulentAir | None = None,
     ) -> None:
         """Build a plume without filaments at time 0.
 
@@ -251,6 +264,7 @@ class FilamentPlume:
             seed: The run's seed.
             noise_std_m: Random displacement of a step per axis [m] in place of sqrt(2 D step_s), for compatibility.
             wind_at: The wind at a time [s] in place of the environment's, (nx, ny, n, 3) float32, n = nz or 1.
+            air: Turbulence that moves filaments and makes them grow, in place of diffusivity, noise and growth.
 
         Raises:
             ScenarioError: a source outside the air.
@@ -277,6 +291,8 @@ class FilamentPlume:
         self._buoyancy_power = _common_power(sources)
         self._table = FilamentTable(FIRST_CAPACITY)
         self._draws = _RandomStreams(sources, seed)
+        self._air = air
+        self._eddies = None if air is None else LargeEddies(air.scales, seed=seed)
         self._n_born = [0] * len(sources)
         self._n = 0
         self._step = 0
@@ -284,6 +300,8 @@ class FilamentPlume:
     def reset(self, seed: int) -> None:
         """Return to a room without gas at time 0, and to the sources as they began."""
         self._draws = _RandomStreams(self._sources, seed)
+        if self._eddies is not None:
+            self._eddies.reset(seed)
         self._room = self._cells[AT_START]
         self._place_m = _positions_m(self._sources)
         self._valves = [SourceValve() for _ in self._sources]
@@ -321,6 +339,16 @@ class FilamentPlume:
             amount_mol=self._amount_mol,
             gas_index=self._gas_index,
         )
+
+    def add_filaments(self, position_world_m: NDArray[np.float64], *, i_source: int = 0) -> None:
+        """Add filaments of a source at (n, 3) places, world frame [m], born now: tracers, or gas that is there already.
+
+        They are filaments like all others from then on, until the next reset.
+        """
+        n_new = len(position_world_m)
+        self._make_room_for(n_new)
+        self._table.position_m[self._n : self._n + n_new] = position_world_m
+        self._register(i_source, [self.time_s] * n_new)
 
     def change_source(self, i_source: int, change: SourceChange) -> None:
         """Change a source from the next step on, until the next reset."""
@@ -363,8 +391,18 @@ class FilamentPlume:
         self._step += 1
         for i in range(len(self._sources)):
             self._release(i, start_s)
+        wind_m_s = self._wind_at(start_s)
+        if self._air is None or self._eddies is None:
+            n_left = self._move(wind_m_s)
+        else:
+            n_left = self._move_in_turbulence(wind_m_s, self._air, self._eddies)
+        if n_left == NOT_FINITE:
+            raise ModelError(f"fields: a filament's movement is not finite in gas step {self._step}.")
+        self._n = n_left
+
+    def _move(self, wind_m_s: NDArray[np.float32]) -> int:
         grid, table = self._environment.grid, self._table
-        n_left = move_filaments_inplace(
+        return move_filaments_inplace(
             table.position_m,
             table.sigma_m,
             table.birth_steps,
@@ -374,7 +412,7 @@ class FilamentPlume:
             self._sigma0_m,
             self._buoyancy,
             self._buoyancy_power,
-            self._wind_at(start_s),
+            wind_m_s,
             self._room.occupancy,
             self._room.is_open,
             grid.origin_m,
@@ -385,9 +423,29 @@ class FilamentPlume:
             self._growth_m2_s,
             self._draws.key,
         )
-        if n_left == NOT_FINITE:
-            raise ModelError(f"fields: a filament's movement is not finite in gas step {self._step}.")
-        self._n = n_left
+
+    def _move_in_turbulence(self, wind_m_s: NDArray[np.float32], air: TurbulentAir, eddies: LargeEddies) -> int:
+        grid, table = self._environment.grid, self._table
+        return move_turbulent_filaments_inplace(
+            table.position_m,
+            table.sigma_m,
+            table.birth_steps,
+            table.filament_id,
+            table.source_index,
+            table.own_velocity,
+            self._n,
+            self._buoyancy,
+            self._buoyancy_power,
+            wind_m_s,
+            air.nodes_in(wind_m_s),
+            eddies.at((self._step - 0.5) * self._step_s),
+            self._room.occupancy,
+            grid.origin_m,
+            grid.cell_m,
+            self._step,
+            self._step_s,
+            self._draws.key,
+        )
 
     def _wind_of_room(self, time_s: float) -> NDArray[np.float32]:
         return self._wind_m_s[self._environment.wind.frame_at(time_s)]
@@ -398,19 +456,29 @@ class FilamentPlume:
         n_new = len(births_s)
         if n_new == 0:
             return
+        self._make_room_for(n_new)
+        first_id = i_source * IDS_PER_SOURCE + self._n_born[i_source]
+        new = slice(self._n, self._n + n_new)
+        self._table.position_m[new] = self._place_m[i_source]
+        if source.shape.kind != "point":
+            self._table.position_m[new] = self._positions_in_shape(i_source, first_id, n_new)
+        self._register(i_source, births_s)
+
+    def _make_room_for(self, n_new: int) -> None:
         if self._n + n_new > self._table.capacity:
             self._table = self._table.grown(max(self._n + n_new, 2 * self._table.capacity), self._n)
-        table = self._table
+
+    # All of the newborn but their places, which are in the table already.
+    def _register(self, i_source: int, births_s: list[float]) -> None:
+        n_new, table = len(births_s), self._table
         new = slice(self._n, self._n + n_new)
         first_id = i_source * IDS_PER_SOURCE + self._n_born[i_source]
-        table.position_m[new] = self._place_m[i_source]
-        if source.shape.kind != "point":
-            table.position_m[new] = self._positions_in_shape(i_source, first_id, n_new)
-        table.sigma_m[new] = source.sigma_m
+        table.sigma_m[new] = self._sources[i_source].sigma_m
         # The quotient may round to just after the step's end; an age below zero has no square root.
         table.birth_steps[new] = [min(birth_s / self._step_s, self._step) for birth_s in births_s]
         table.filament_id[new] = range(first_id, first_id + n_new)
         table.source_index[new] = i_source
+        table.own_velocity[new] = 0.0
         self._n_born[i_source] += n_new
         self._n += n_new
 

@@ -20,7 +20,7 @@ from gslcosim_services.fields.filament_field import FilamentField
 from gslcosim_services.fields.gas_field import GasField, Visibility
 from gslcosim_services.fields.gas_setup import GasSetup, build_gas_field_from_block, wind_at_first_source_m_s
 from gslcosim_services.fields.mixing_ratio import Walls
-from gslcosim_services.fields.models.filament_gas import build_gas_model
+from gslcosim_services.fields.models.filament_gas import build_felt_turbulence, build_gas_model
 
 
 @numba.njit(cache=True, nogil=True)
@@ -370,15 +370,16 @@ def open_sides_and_top(environment: Environment) -> Environment:
 @build_gas_field_from_block.register
 def _build_farrell_field(block: FarrellGasSpec, setup: GasSetup) -> GasField:
     scenario, environment, spec = setup.scenario, setup.environment, block.farrell
+    mean_m_s = spec.wind_m_s or wind_at_first_source_m_s(scenario, environment)
     wind = FarrellWind(
         environment.grid,
-        mean_m_s=spec.wind_m_s or wind_at_first_source_m_s(scenario, environment),
+        mean_m_s=mean_m_s,
         gusts=Gusts(std_m_s=spec.gust_std_m_s, period_s=spec.gust_period_s, damping=spec.gust_damping),
         viscosity_m2_s=spec.eddy_viscosity_m2_s,
         n_nodes=spec.n_nodes,
     )
     field_of_air = open_sides_and_top(environment)
-    model = build_gas_model(scenario, field_of_air, wind_at=wind.at)
+    model = build_gas_model(scenario, field_of_air, wind_at=wind.at, own_speed_m_s=math.hypot(*mean_m_s))
     source = OpenFieldPlume(model.plume, wind)
     source.reset(setup.seed)
     return FilamentField(
@@ -388,4 +389,5 @@ def _build_farrell_field(block: FarrellGasSpec, setup: GasSetup) -> GasField:
         sight=setup.sight or Visibility(walls=Walls.of(field_of_air), cutoff_sigma=model.cutoff_sigma),
         n_readings_per_step=setup.n_readings_per_step,
         wind_at=wind.at,
+        turbulence=build_felt_turbulence(block, model, setup, wind_at=wind.at),
     )

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from gslcosim.base.errors import ScenarioError
 from gslcosim.environment.model import AT_START, Environment
 from gslcosim.scenario import Scenario
@@ -38,6 +40,14 @@ from gslcosim_services.fields.gas_setup import (
 from gslcosim_services.fields.gases import air_density_mol_m3, find_gas
 from gslcosim_services.fields.mixing_ratio import CUTOFF_SIGMA, Walls
 from gslcosim_services.fields.tape import MAX_SOURCES, CachedPlume
+from gslcosim_services.fields.turbulence.air import (
+    KEpsilon,
+    TurbulentAir,
+    build_turbulent_air,
+    k_epsilon_of_intensity,
+    mean_speed_m_s,
+)
+from gslcosim_services.fields.turbulence.felt import FeltTurbulence
 
 # GADEN 3 multiplies its noise by ten times the step: at its usual 0.1 s the configured value remains.
 GADEN_3_NOISE_PER_S = 10.0
@@ -46,16 +56,18 @@ GADEN_3_CUTOFF_SIGMA = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class GasModel:
-    """Gas model of a scenario: names of the gases, the plume, and the cut-off of its readings."""
+    """Gas model of a scenario: names of the gases, the plume, the cut-off of its readings, and its turbulence."""
 
     gases: tuple[str, ...]
     plume: FilamentPlume
     cutoff_sigma: float
+    air: TurbulentAir | None = None
 
 
 @build_gas_field_from_block.register
 def _build_filament_field(block: FilamentGasSpec, setup: GasSetup) -> GasField:
     model = build_gas_model(setup.scenario, setup.environment, wind_at=setup.wind_at)
+    wind = setup.environment.wind
     return FilamentField(
         _build_filament_source(block, model.plume, setup),
         model.gases,
@@ -68,6 +80,60 @@ def _build_filament_field(block: FilamentGasSpec, setup: GasSetup) -> GasField:
             for closed, room in setup.environment.by_doors().items()
             if closed != AT_START
         },
+        turbulence=build_felt_turbulence(
+            block,
+            model,
+            setup,
+            wind_at=setup.wind_at or (lambda time_s: np.asarray(wind.velocity_m_s[wind.frame_at(time_s)])),
+        ),
+    )
+
+
+def build_felt_turbulence(
+    block: FilamentsSpec, model: "GasModel", setup: GasSetup, *, wind_at: WindAt
+) -> FeltTurbulence | None:
+    """Build what instruments feel of a gas's turbulence in a mean wind; nothing where it has none."""
+    if block.turbulence is None or model.air is None:
+        return None
+    return FeltTurbulence(
+        model.air,
+        setup.environment.grid,
+        inner_intensity=block.turbulence.inner_intensity,
+        wind_at=wind_at,
+        seed=setup.seed,
+    )
+
+
+def build_air_of_gas(gas: FilamentsSpec, environment: Environment, *, speed_m_s: float | None) -> TurbulentAir | None:
+    """Build the turbulence of a gas in its room; nothing where it has none.
+
+    Args:
+        gas: Its `turbulence`.
+        environment: The room.
+        speed_m_s: Mean speed of the gas's own wind, in air that goes on beyond the grid; absent: the room's wind.
+
+    Raises:
+        ScenarioError: the wind has no k and epsilon, or blows nowhere.
+    """
+    spec = gas.turbulence
+    if spec is None:
+        return None
+    if spec.kind == "wind":
+        raise ScenarioError(
+            "gas.turbulence.kind: expected given, as the wind has no k and epsilon, was wind. "
+            "Give intensity_frac and length_m."
+        )
+    speed = mean_speed_m_s(environment) if speed_m_s is None else speed_m_s
+    if speed <= 0.0:
+        raise ScenarioError(
+            "gas.turbulence.kind: expected a wind that blows with kind: given, was still air. Leave turbulence out."
+        )
+    k, epsilon = k_epsilon_of_intensity(spec.intensity_frac * speed, spec.length_m)
+    shape = environment.grid.shape
+    return build_turbulent_air(
+        environment,
+        KEpsilon(k_m2_s2=np.full(shape, k), epsilon_m2_s3=np.full(shape, epsilon)),
+        is_open=speed_m_s is not None,
     )
 
 
@@ -100,13 +166,20 @@ def build_cached_plume(scenario: Scenario, environment: Environment) -> CachedPl
     return CachedPlume(plume_of, scenario, environment)
 
 
-def build_gas_model(scenario: Scenario, environment: Environment, *, wind_at: WindAt | None = None) -> GasModel:
+def build_gas_model(
+    scenario: Scenario,
+    environment: Environment,
+    *,
+    wind_at: WindAt | None = None,
+    own_speed_m_s: float | None = None,
+) -> GasModel:
     """Build the filaments of a scenario in its room; the gas that is searched for comes first.
 
     Args:
         scenario: Its `gas`.
         environment: Its room.
         wind_at: The wind at a time [s] in place of the room's; see `FilamentPlume`.
+        own_speed_m_s: Mean speed of that wind, where the gas has its own and the air goes on beyond the grid.
 
     `compatibility: gaden_2` draws the same displacement in each step whatever its length and knows no buoyancy;
     `gaden_3_buoyancy` scales it with the step's length, has its own buoyancy, and reads filaments up to 3 sigma away.
@@ -119,6 +192,7 @@ def build_gas_model(scenario: Scenario, environment: Environment, *, wind_at: Wi
         raise ScenarioError(f"gas.model: expected a model that moves filaments, was {scenario.gas.model}.")
     gas, timing = scenario.gas, gas_timing(scenario)
     gases = list_gas_names(gas)
+    air = build_air_of_gas(gas, environment, speed_m_s=own_speed_m_s)
     plume = FilamentPlume(
         environment,
         tuple(_build_source(source, gas, gases) for source in gas.sources),
@@ -128,9 +202,10 @@ def build_gas_model(scenario: Scenario, environment: Environment, *, wind_at: Wi
         noise_std_m=_noise_std_m(gas, timing.step_s),
         seed=gas_seed(scenario, scenario.seed),
         wind_at=wind_at,
+        air=air,
     )
     cutoff_sigma = GADEN_3_CUTOFF_SIGMA if gas.compatibility == "gaden_3" else CUTOFF_SIGMA
-    return GasModel(gases=gases, plume=plume, cutoff_sigma=cutoff_sigma)
+    return GasModel(gases=gases, plume=plume, cutoff_sigma=cutoff_sigma, air=air)
 
 
 def _build_source(source: SourceSpec, gas: FilamentsSpec, gases: tuple[str, ...]) -> GasSource:

@@ -63,7 +63,15 @@ def messages(scenario, room, *, seed=3, n_ticks=21):
 
 
 @pytest.mark.parametrize(
-    "gas", [{}, {"sources": SOURCES}, {"step_s": 0.05}, {"step_s": 0.2, "warm_up_s": 4.0}, {"warm_up_s": 0.0}]
+    "gas",
+    [
+        {},
+        {"sources": SOURCES},
+        {"step_s": 0.05},
+        {"step_s": 0.2, "warm_up_s": 4.0},
+        {"warm_up_s": 0.0},
+        {"turbulence": {}},
+    ],
 )
 def test_gas_from_tape_is_live_gas_to_the_bit(scenario_of, room, cache, gas):
     live = messages(scenario_of(tape=False, **gas), room)

@@ -1,0 +1,306 @@
+# pyright: basic
+# ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
+"""Turbulence of a room's air: its strength and scales from k and epsilon, at the corners of cells, walls included."""
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.environment.model import Cell, Environment
+from gslcosim_services.fields.turbulence.eddies import EddyScales, largest_spacing_m, potential_amplitude_m2_s
+
+LAGRANGIAN_C0 = 6.0
+"""Kolmogorov's constant C0 of the Lagrangian structure function: Lien and D'Asaro 2002, Physics of Fluids 14, 4456."""
+LENGTH_PER_K_EPSILON = 0.43
+"""Longitudinal integral length over k^(3/2) / epsilon: Pope 2000, fig. 6.24."""
+RICHARDSON_G = 0.5
+"""Richardson's constant g of <r^2> = g eps t^3: Ott and Mann 2000, Journal of Fluid Mechanics 422, 207."""
+OWN_TIME_RATIO = 2.0
+"""Time for which a filament remembers its own velocity over the Lagrangian time scale."""
+OWN_SHARE = OWN_TIME_RATIO * RICHARDSON_G / (2.0 * LAGRANGIAN_C0)
+"""Share of the energy that each filament has for itself.
+
+Its velocity is an Ornstein-Uhlenbeck process driven by noise of g eps / 2, so that two filaments that start together
+part as <r^2> = g eps t^3 while they remember it (Obukhov 1959); its variance is that noise times half its time.
+"""
+
+# Columns of the table at corners.
+AMPLITUDE, OWN_STD, OWN_RATE, EPSILON_ROOT = 0, 1, 2, 3
+
+
+class AirNodes(NamedTuple):
+    """Turbulence at the corners of cells, in the form for kernels.
+
+    `nodes` (nx + 1, ny + 1, nz + 1, 4) float32: amplitude of the large eddies' potential [m2/s], zero on walls; the
+    standard deviation of a filament's own velocity along each axis [m/s]; its rate of forgetting [1/s]; the cube root
+    of epsilon [m^(2/3)/s].
+    `drift_m_s` (nx, ny, nz or 1, 3) float32 wind at cell centres that carries eddies, smooth over their size.
+    `length_m` is the integral length.
+    """
+
+    nodes: Any
+    drift_m_s: Any
+    length_m: float
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _bracket_with_slope(coordinate_m, origin_m, cell_m, n):
+    # Lower and upper centre, weight of the upper, and the weight's slope: zero beyond the outermost centres.
+    s = (coordinate_m - origin_m) / cell_m - 0.5
+    if n < 2 or s <= 0.0:
+        return 0, 0, 0.0, 0.0
+    if s >= n - 1.0:
+        return n - 1, n - 1, 0.0, 0.0
+    i = np.int64(s)
+    return i, i + 1, s - i, 1.0 / cell_m
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _trilinear_with_slopes(f000, f001, f010, f011, f100, f101, f110, f111, a, b, c, da, db, dc):
+    f00, f01, f10, f11 = f000 + a * (f100 - f000), f001 + a * (f101 - f001), f010 + a * (f110 - f010), f011 + a * (
+        f111 - f011
+    )  # fmt: skip
+    f0, f1 = f00 + b * (f10 - f00), f01 + b * (f11 - f01)
+    e0 = (f100 - f000) + b * ((f110 - f010) - (f100 - f000))
+    e1 = (f101 - f001) + b * ((f111 - f011) - (f101 - f001))
+    return (
+        f0 + c * (f1 - f0),
+        (e0 + c * (e1 - e0)) * da,
+        ((f10 - f00) + c * ((f11 - f01) - (f10 - f00))) * db,
+        (f1 - f0) * dc,
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def wind_with_slopes(velocity_m_s, origin_m, cell_m, x, y, z):
+    """Return the wind at a point and its slopes, of the same interpolation as `trilinear_wind`.
+
+    Args:
+        velocity_m_s: (nx, ny, nz, 3) wind at cell centres, world frame [m/s].
+        origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
+        cell_m: Edge of the cubic cells [m].
+        x: Point, world frame [m]; y and z likewise.
+        y: See x.
+        z: See x.
+
+    Returns:
+        Twelve numbers: u, v, w [m/s], then the slopes along x, y and z of u, of v and of w [1/s].
+
+    Held by:
+        tests/unit/services/fields/turbulence/test_air.py
+    """
+    f = velocity_m_s
+    nx, ny, nz, _ = f.shape
+    i, i1, a, da = _bracket_with_slope(x, origin_m[0], cell_m, nx)
+    j, j1, b, db = _bracket_with_slope(y, origin_m[1], cell_m, ny)
+    k, k1, c, dc = _bracket_with_slope(z, origin_m[2], cell_m, nz)
+    u, ux, uy, uz = _trilinear_with_slopes(
+        f[i, j, k, 0], f[i, j, k1, 0], f[i, j1, k, 0], f[i, j1, k1, 0],
+        f[i1, j, k, 0], f[i1, j, k1, 0], f[i1, j1, k, 0], f[i1, j1, k1, 0], a, b, c, da, db, dc,
+    )  # fmt: skip
+    v, vx, vy, vz = _trilinear_with_slopes(
+        f[i, j, k, 1], f[i, j, k1, 1], f[i, j1, k, 1], f[i, j1, k1, 1],
+        f[i1, j, k, 1], f[i1, j, k1, 1], f[i1, j1, k, 1], f[i1, j1, k1, 1], a, b, c, da, db, dc,
+    )  # fmt: skip
+    w, wx, wy, wz = _trilinear_with_slopes(
+        f[i, j, k, 2], f[i, j, k1, 2], f[i, j1, k, 2], f[i, j1, k1, 2],
+        f[i1, j, k, 2], f[i1, j, k1, 2], f[i1, j1, k, 2], f[i1, j1, k1, 2], a, b, c, da, db, dc,
+    )  # fmt: skip
+    return u, v, w, ux, uy, uz, vx, vy, vz, wx, wy, wz
+
+
+@numba.njit(cache=True, nogil=True)
+def node_value_with_slopes(nodes, column, origin_m, cell_m, x, y, z):
+    """Return one column of the table at corners at a point, and its slopes along x, y and z.
+
+    Args:
+        nodes: See `AirNodes`.
+        column: Which.
+        origin_m: (3,) corner (0, 0, 0), world frame [m].
+        cell_m: Edge of the cubic cells [m].
+        x: Point, world frame [m], in the grid; y and z likewise.
+        y: See x.
+        z: See x.
+    """
+    sx, sy, sz = (x - origin_m[0]) / cell_m, (y - origin_m[1]) / cell_m, (z - origin_m[2]) / cell_m
+    i = min(max(np.int64(sx), 0), nodes.shape[0] - 2)
+    j = min(max(np.int64(sy), 0), nodes.shape[1] - 2)
+    k = min(max(np.int64(sz), 0), nodes.shape[2] - 2)
+    a, b, c = min(max(sx - i, 0.0), 1.0), min(max(sy - j, 0.0), 1.0), min(max(sz - k, 0.0), 1.0)
+    per_m = 1.0 / cell_m
+    return _trilinear_with_slopes(
+        nodes[i, j, k, column], nodes[i, j, k + 1, column],
+        nodes[i, j + 1, k, column], nodes[i, j + 1, k + 1, column],
+        nodes[i + 1, j, k, column], nodes[i + 1, j, k + 1, column],
+        nodes[i + 1, j + 1, k, column], nodes[i + 1, j + 1, k + 1, column],
+        a, b, c, per_m, per_m, per_m,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TurbulentAir:
+    """Turbulence of a room.
+
+    Attributes:
+        scales: Size and time of its large eddies.
+        velocity_std_m_s: Standard deviation of the velocity along each axis, its mean in the room [m/s].
+        nodes: Strength at the corners of cells.
+        drifts_with_wind: Whether the wind of each instant carries the eddies, in place of the one in `nodes`.
+    """
+
+    scales: EddyScales
+    velocity_std_m_s: float
+    nodes: AirNodes
+    drifts_with_wind: bool = False
+
+    def nodes_in(self, wind_m_s: NDArray[np.float32]) -> AirNodes:
+        """Return the table for kernels, in the wind of an instant."""
+        return self.nodes._replace(drift_m_s=wind_m_s) if self.drifts_with_wind else self.nodes
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KEpsilon:
+    """Turbulence energy [m2/s2] and its dissipation [m2/s3] at cell centres, (nx, ny, nz) each."""
+
+    k_m2_s2: NDArray[np.floating]
+    epsilon_m2_s3: NDArray[np.floating]
+
+
+def integral_length_m(k_m2_s2: float, epsilon_m2_s3: float) -> float:
+    """Return the longitudinal integral length 0.43 k^(3/2) / epsilon [m]."""
+    return LENGTH_PER_K_EPSILON * k_m2_s2**1.5 / epsilon_m2_s3
+
+
+def lagrangian_time_s(k_m2_s2: float, epsilon_m2_s3: float) -> float:
+    """Return the Lagrangian time scale 2 s^2 / (C0 epsilon), s^2 = 2 k / 3 [s].
+
+    Source:
+        Thomson 1987, Journal of Fluid Mechanics 180, 529.
+    """
+    return 4.0 * k_m2_s2 / (3.0 * LAGRANGIAN_C0 * epsilon_m2_s3)
+
+
+def k_epsilon_of_intensity(velocity_std_m_s: float, length_m: float) -> tuple[float, float]:
+    """Return k [m2/s2] and epsilon [m2/s3] of a standard deviation along each axis and an integral length."""
+    k_m2_s2 = 1.5 * velocity_std_m_s**2
+    return k_m2_s2, LENGTH_PER_K_EPSILON * k_m2_s2**1.5 / length_m
+
+
+def mean_speed_m_s(environment: Environment) -> float:
+    """Return the mean speed of the wind over a room's air and the frames of its wind [m/s]."""
+    velocity_m_s = np.asarray(environment.wind.velocity_m_s, np.float64)
+    return float(np.linalg.norm(velocity_m_s, axis=-1)[:, environment.occupancy != Cell.SOLID].mean())
+
+
+def build_turbulent_air(
+    environment: Environment,
+    strength: KEpsilon,
+    *,
+    is_open: bool = False,
+) -> TurbulentAir:
+    """Build the turbulence of a room from k and epsilon at its cell centres.
+
+    The large eddies have one size and one time in a room: those of its mean k and epsilon, weighted by k, and no more
+    than half of the least side of a closed room. Their strength is that of each place, and fades near walls.
+
+    Args:
+        environment: The room.
+        strength: Its k and epsilon; what is in solids is not looked at.
+        is_open: Whether the air goes on beyond the grid's sides and top, in a wind of the gas's own.
+    """
+    air = environment.occupancy != Cell.SOLID
+    k = np.where(air, np.maximum(strength.k_m2_s2, 1e-8), 0.0)
+    epsilon = np.where(air, np.maximum(strength.epsilon_m2_s3, 1e-10), 0.0)
+    # Sums in one order on every machine: numpy's pairwise sums are.
+    mean_k = float((k * k).sum() / k.sum())
+    mean_epsilon = float((k * epsilon).sum() / k.sum())
+    least_side_m = min(environment.grid.shape) * environment.grid.cell_m
+    length_m = integral_length_m(mean_k, mean_epsilon)
+    if not is_open:
+        length_m = min(length_m, 0.5 * least_side_m)
+    scales = EddyScales(length_m=length_m, time_s=lagrangian_time_s(mean_k, mean_epsilon))
+    spacing_m = largest_spacing_m(length_m)
+    node_k, node_epsilon = _at_corners(k, air), _at_corners(epsilon, air)
+    std = np.sqrt(2.0 / 3.0 * node_k)
+    fade = _fade_at_walls(_distance_to_walls_m(environment, is_open=is_open, reach_m=spacing_m) / spacing_m)
+    nodes = np.empty((*std.shape, 4), np.float32)
+    nodes[..., AMPLITUDE] = potential_amplitude_m2_s(math.sqrt(1.0 - OWN_SHARE), spacing_m) * std * fade
+    nodes[..., OWN_STD] = math.sqrt(OWN_SHARE) * std
+    nodes[..., OWN_RATE] = 0.75 * LAGRANGIAN_C0 / OWN_TIME_RATIO * node_epsilon / node_k
+    nodes[..., EPSILON_ROOT] = np.cbrt(node_epsilon)
+    drift = np.zeros((1, 1, 1, 3)) if is_open else _smooth_wind(environment, air, length_m)
+    return TurbulentAir(
+        scales=scales,
+        velocity_std_m_s=math.sqrt(2.0 / 3.0 * mean_k),
+        nodes=AirNodes(nodes, np.ascontiguousarray(drift, np.float32), length_m),
+        drifts_with_wind=is_open,
+    )
+
+
+# The mean of the cells of air around each corner; corners within solids have that of the nearest air.
+def _at_corners(values: NDArray[np.floating], air: NDArray[np.bool_]) -> NDArray[np.float64]:
+    from scipy import ndimage
+
+    sums, counts = (_sum_around_corners(np.where(air, each, 0.0)) for each in (values, np.ones(air.shape)))
+    mean = sums / np.maximum(counts, 1.0)
+    if (counts == 0).any():
+        nearest: Any = ndimage.distance_transform_edt(counts == 0, return_distances=False, return_indices=True)
+        mean = mean[tuple(nearest)]
+    return mean
+
+
+def _sum_around_corners(values: NDArray[np.floating]) -> NDArray[np.float64]:
+    padded = np.pad(np.asarray(values, np.float64), 1)
+    for axis in range(3):
+        length = padded.shape[axis]
+        padded = np.take(padded, range(length - 1), axis) + np.take(padded, range(1, length), axis)
+    return padded
+
+
+def _distance_to_walls_m(environment: Environment, *, is_open: bool, reach_m: float) -> NDArray[np.float64]:
+    from scipy import ndimage
+
+    # Beyond the border there is wall, save beside an outlet; of an open field only the floor is one.
+    solid = np.pad(environment.occupancy == Cell.SOLID, 1, constant_values=True)
+    outlet = np.pad(environment.occupancy == Cell.OUTLET, 1, constant_values=False)
+    if is_open:
+        solid[0] = solid[-1] = solid[:, 0] = solid[:, -1] = solid[:, :, -1] = False
+        solid[:, :, 0] = True
+    for axis in range(3):
+        walls, outlets = np.moveaxis(solid, axis, 0), np.moveaxis(outlet, axis, 0)
+        walls[0] &= ~outlets[1]
+        walls[-1] &= ~outlets[-2]
+    is_wall = np.zeros(tuple(n + 1 for n in environment.grid.shape), np.bool_)
+    for di in (0, 1):
+        for dj in (0, 1):
+            for dk in (0, 1):
+                nx, ny, nz = is_wall.shape
+                is_wall |= solid[di : di + nx, dj : dj + ny, dk : dk + nz]
+    if not is_wall.any():
+        return np.full(is_wall.shape, reach_m)
+    distance: Any = ndimage.distance_transform_edt(~is_wall)
+    return distance * environment.grid.cell_m
+
+
+# Zero at a wall, one from a spacing on, smooth between: Bridson's ramp.
+def _fade_at_walls(distance: NDArray[np.float64]) -> NDArray[np.float64]:
+    r = np.minimum(distance, 1.0)
+    return r * (15.0 - 10.0 * r**2 + 3.0 * r**4) / 8.0
+
+
+def _smooth_wind(environment: Environment, air: NDArray[np.bool_], length_m: float) -> NDArray[np.float64]:
+    from scipy import ndimage
+
+    mean = np.asarray(environment.wind.velocity_m_s).mean(axis=0, dtype=np.float64)
+    width = 0.5 * length_m / environment.grid.cell_m
+    share = ndimage.gaussian_filter(air.astype(np.float64), width, mode="constant", truncate=3.0)
+    smooth = [
+        ndimage.gaussian_filter(np.where(air, mean[..., i], 0.0), width, mode="constant", truncate=3.0)
+        / np.maximum(share, 1e-3)
+        for i in range(3)
+    ]
+    return np.stack(smooth, axis=-1)

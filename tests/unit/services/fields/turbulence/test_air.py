@@ -1,0 +1,100 @@
+"""Turbulence of a room: slopes of interpolation, scales of k and epsilon, and what walls do."""
+
+import numpy as np
+import pytest
+
+from gslcosim.environment.grid_kernels import trilinear_wind
+from gslcosim.environment.model import Cell, Environment, Grid, WindFrames
+from gslcosim_services.fields.turbulence.air import (
+    AMPLITUDE,
+    EPSILON_ROOT,
+    LAGRANGIAN_C0,
+    OWN_RATE,
+    OWN_STD,
+    OWN_TIME_RATIO,
+    KEpsilon,
+    build_turbulent_air,
+    integral_length_m,
+    k_epsilon_of_intensity,
+    lagrangian_time_s,
+    mean_speed_m_s,
+    wind_with_slopes,
+)
+
+
+def test_wind_and_its_slopes_are_those_of_the_interpolation():
+    rng = np.random.default_rng(1)
+    wind_m_s = rng.normal(size=(5, 4, 3, 3)).astype(np.float32)
+    origin_m, cell_m, h = np.array([1.0, 2.0, 3.0]), 0.5, 1e-6
+    for point_m in origin_m + rng.random((40, 3)) * (2.5, 2.0, 1.5):
+        found = wind_with_slopes(wind_m_s, origin_m, cell_m, *point_m)
+        assert found[:3] == pytest.approx(trilinear_wind(wind_m_s, origin_m, cell_m, *point_m), abs=1e-6)
+        for axis in range(3):
+            step_m = h * np.eye(3)[axis]
+            ahead, behind = (
+                np.array(trilinear_wind(wind_m_s, origin_m, cell_m, *(point_m + sign * step_m))) for sign in (1, -1)
+            )
+            assert np.array(found[3 + axis :: 3]) == pytest.approx((ahead - behind) / (2 * h), abs=1e-4)
+
+
+def test_wind_of_one_layer_has_no_slope_across_it():
+    wind_m_s = np.ones((3, 3, 1, 3), np.float32)
+    assert wind_with_slopes(wind_m_s, np.zeros(3), 1.0, 1.2, 1.4, 0.9) == pytest.approx((1.0,) * 3 + (0.0,) * 9)
+
+
+def test_k_and_epsilon_of_an_intensity_have_its_scales():
+    k, epsilon = k_epsilon_of_intensity(0.4, 2.5)
+    assert k == pytest.approx(0.24)
+    assert integral_length_m(k, epsilon) == pytest.approx(2.5)
+    assert lagrangian_time_s(k, epsilon) == pytest.approx(2 * 0.4**2 / (LAGRANGIAN_C0 * epsilon))
+
+
+@pytest.fixture
+def room():
+    occupancy = np.zeros((12, 10, 8), np.uint8)
+    occupancy[4:6, 4:6, :3] = Cell.SOLID
+    occupancy[-1, 2:8, 2:6] = Cell.OUTLET
+    wind_m_s = np.full((1, 12, 10, 8, 3), (0.3, 0.4, 0.0), np.float32)
+    wind_m_s[0, occupancy == Cell.SOLID] = 9.0
+    return Environment(
+        name="room",
+        grid=Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.5, shape=occupancy.shape),
+        occupancy=occupancy,
+        wind=WindFrames(velocity_m_s=wind_m_s),
+        boxes=(),
+        openings=(),
+        content_hash="room",
+    )
+
+
+def test_strength_is_that_of_each_place_and_what_is_in_solids_is_not_looked_at(room):
+    k, epsilon = np.full(room.grid.shape, 0.06), np.full(room.grid.shape, 0.01)
+    k[room.occupancy == Cell.SOLID] = 1e9
+    epsilon[room.occupancy == Cell.SOLID] = np.nan
+    air = build_turbulent_air(room, KEpsilon(k_m2_s2=k, epsilon_m2_s3=epsilon))
+    nodes = air.nodes.nodes
+    assert air.velocity_std_m_s == pytest.approx(0.2)
+    assert air.scales.length_m == pytest.approx(0.43 * 0.06**1.5 / 0.01)
+    assert nodes[..., OWN_STD] == pytest.approx(np.full(nodes.shape[:3], nodes[0, 0, 0, OWN_STD]), rel=1e-5)
+    assert nodes[..., OWN_RATE] == pytest.approx(
+        np.full(nodes.shape[:3], 1 / (OWN_TIME_RATIO * air.scales.time_s)), rel=1e-5
+    )
+    assert nodes[..., EPSILON_ROOT] == pytest.approx(np.full(nodes.shape[:3], 0.01 ** (1 / 3)), rel=1e-5)
+    assert air.nodes.drift_m_s.reshape(-1, 3) == pytest.approx(np.full((960, 3), (0.3, 0.4, 0.0)), abs=1e-6)
+    assert mean_speed_m_s(room) == pytest.approx(0.5)
+
+
+def test_eddies_fade_at_walls_and_not_at_outlets(room):
+    k, epsilon = np.full(room.grid.shape, 0.06), np.full(room.grid.shape, 0.01)
+    amplitude = build_turbulent_air(room, KEpsilon(k_m2_s2=k, epsilon_m2_s3=epsilon)).nodes.nodes[..., AMPLITUDE]
+    assert (amplitude[0] == 0).all()
+    assert (amplitude[:, :, 0] == 0).all()
+    assert (amplitude[4:7, 4:7, :4] == 0).all()
+    assert amplitude[-1, 5, 4] > 0
+    assert amplitude[-1, 0, 4] == 0
+    assert amplitude[2, 2, 4] > 0
+
+
+def test_eddies_of_a_small_room_are_half_of_its_least_side_at_most(room):
+    k, epsilon = np.full(room.grid.shape, 6.0), np.full(room.grid.shape, 0.01)
+    assert build_turbulent_air(room, KEpsilon(k_m2_s2=k, epsilon_m2_s3=epsilon)).scales.length_m == 2.0

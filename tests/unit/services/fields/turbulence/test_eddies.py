@@ -1,0 +1,134 @@
+"""Large eddies: variance, no divergence, still at walls, the same for all who ask."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from gslcosim.environment.model import Cell, Environment, Grid, WindFrames
+from gslcosim_services.fields.turbulence.air import (
+    AMPLITUDE,
+    KEpsilon,
+    build_turbulent_air,
+    k_epsilon_of_intensity,
+    node_value_with_slopes,
+    wind_with_slopes,
+)
+from gslcosim_services.fields.turbulence.eddies import EddyScales, LargeEddies, draw_vectors, eddy_velocity
+from gslcosim_services.fields.turbulence.felt import turbulent_wind_at_points
+
+CELL_M = 0.25
+
+
+def make_room(shape=(24, 20, 16), *, is_solid=None):
+    occupancy = np.zeros(shape, np.uint8)
+    if is_solid is not None:
+        occupancy[is_solid] = Cell.SOLID
+    x, y, z = ((np.arange(n) + 0.5) / n for n in shape)
+    wind_m_s = np.zeros((1, *shape, 3), np.float32)
+    wind_m_s[0, ..., 0] = (1.0 + y[:, None]) * np.ones((shape[0], 1, 1))
+    wind_m_s[0, ..., 2] = 0.3 * x[:, None, None]
+    del z
+    return Environment(
+        name="room",
+        grid=Grid(origin_m=(1.0, -2.0, 0.5), cell_m=CELL_M, shape=shape),
+        occupancy=occupancy,
+        wind=WindFrames(velocity_m_s=wind_m_s),
+        boxes=(),
+        openings=(),
+        content_hash="room",
+    )
+
+
+def make_air(room, *, std_m_s=0.3, length_m=0.8, is_open=False):
+    k, epsilon = k_epsilon_of_intensity(std_m_s, length_m)
+    shape = room.grid.shape
+    return build_turbulent_air(
+        room, KEpsilon(k_m2_s2=np.full(shape, k), epsilon_m2_s3=np.full(shape, epsilon)), is_open=is_open
+    )
+
+
+def velocity_at(air, room, layers, points_m):
+    """Velocity of the eddies alone, (m, 3)."""
+    found = []
+    for x, y, z in points_m:
+        origin_m, nodes = np.array(room.grid.origin_m), air.nodes
+        amplitude, *slope = node_value_with_slopes(nodes.nodes, AMPLITUDE, origin_m, CELL_M, x, y, z)
+        drift = wind_with_slopes(nodes.drift_m_s, origin_m, CELL_M, x, y, z)
+        found.append(eddy_velocity(layers, x, y, z, drift, amplitude, tuple(slope)))
+    return np.array(found)
+
+
+def test_variance_is_that_of_the_turbulence():
+    """Even air, many places and histories."""
+    room = make_room()
+    air = make_air(room, is_open=True)
+    air.nodes.nodes[...] = air.nodes.nodes[0, 0, -1]
+    air = dataclasses.replace(air, drifts_with_wind=False)
+    points_m = np.random.default_rng(1).random((4000, 3)) * (6, 5, 4) + room.grid.origin_m
+    still = np.zeros((*room.grid.shape, 3), np.float32)
+    found = [
+        turbulent_wind_at_points(
+            still, air.nodes, LargeEddies(air.scales, seed=seed).at(7.3), room.grid.origin_m, CELL_M, points_m
+        )
+        for seed in range(20)
+    ]
+    assert np.mean(np.square(found)) == pytest.approx(0.3**2, rel=0.15)
+
+
+def test_there_is_no_divergence_in_sheared_wind_beside_walls():
+    room = make_room(is_solid=np.s_[10:14, 8:12, :6])
+    air = make_air(room)
+    layers = LargeEddies(air.scales, seed=3).at(4.2)
+    rng, h = np.random.default_rng(2), 1e-4
+    origin_m, points_m = np.array(room.grid.origin_m), []
+    # Not across the faces of the tables' cells, where slopes jump.
+    while len(points_m) < 100:
+        point_m = origin_m + rng.random(3) * (6, 5, 4)
+        halves = (point_m - origin_m) / (0.5 * CELL_M)
+        if (np.abs(halves - np.rint(halves)) > 0.01).all():
+            points_m.append(point_m)
+    points_m = np.array(points_m)
+    slopes = []
+    for axis in range(3):
+        step_m = h * np.eye(3)[axis]
+        ahead, behind = (velocity_at(air, room, layers, points_m + sign * step_m)[:, axis] for sign in (1, -1))
+        slopes.append((ahead - behind) / (2 * h))
+    divergence = np.sum(slopes, axis=0)
+    assert np.abs(slopes).max() > 0.2
+    # A few differences cross a node of the splines.
+    assert np.quantile(np.abs(divergence), 0.9) < 0.01 * np.mean(np.abs(slopes))
+
+
+def test_no_eddy_blows_through_a_wall():
+    room = make_room(is_solid=np.s_[10:14, 8:12, :6])
+    air = make_air(room)
+    layers = LargeEddies(air.scales, seed=3).at(4.2)
+    origin_m, rng = np.array(room.grid.origin_m), np.random.default_rng(4)
+    ceiling_m = origin_m + np.column_stack([rng.random((50, 2)) * (6, 5), np.full(50, 4.0)])
+    side_m = origin_m + np.column_stack([np.full(50, 10 * CELL_M - 1e-7), 2.0 + rng.random(50), 1.5 * rng.random(50)])
+    assert np.abs(velocity_at(air, room, layers, ceiling_m)[:, 2]).max() < 1e-6
+    assert np.abs(velocity_at(air, room, layers, side_m)[:, 0]).max() < 1e-5
+    assert np.abs(velocity_at(air, room, layers, side_m)[:, 1]).max() > 0.01
+
+
+def test_eddies_follow_from_seed_and_time_alone():
+    scales = EddyScales(length_m=1.0, time_s=2.0)
+    first, second = LargeEddies(scales, seed=5), LargeEddies(scales, seed=6)
+    before = first.at(3.0)
+    first.at(90.0)
+    draw_vectors.cache_clear()
+    second.reset(5)
+    for ours, theirs in zip(second.at(3.0), before, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    assert np.sum(before.weight**2) == pytest.approx(np.sum(first.at(11.7).weight ** 2))
+
+
+def test_the_first_octaves_are_the_same_however_many_there_are():
+    scales = EddyScales(length_m=1.0, time_s=2.0)
+    few, many = (LargeEddies(scales, seed=5, fine_share=0.1, n_octaves=n).at(3.0) for n in (3, 6))
+    np.testing.assert_array_equal(few.weight, many.weight[:6])
+    np.testing.assert_array_equal(few.potential[5], many.potential[5])
+    assert np.sum(many.weight[6:] ** 2 * many.spacing_m[6:] ** -2) == pytest.approx(
+        0.1 * np.sum(few.weight**2 * few.spacing_m**-2)
+    )
