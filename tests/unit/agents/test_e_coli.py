@@ -4,7 +4,6 @@ from itertools import pairwise
 import pytest
 from briefings import briefing, observation
 
-from gslcosim.base.errors import MethodError
 from gslcosim_agents.e_coli.agent import EColi
 
 HERE_M = (7.0, 5.0, 2.0)
@@ -115,8 +114,3 @@ def test_much_gas_that_ends_nearby_is_declared_and_the_search_goes_on():
     assert len(declared) == 1
     assert math.dist(declared[0].declaration.position_world_m, HERE_M) < 0.1
     assert said[-1].kind == "waypoint"
-
-
-def test_without_a_nose_it_says_what_is_missing():
-    with pytest.raises(MethodError, match="of kind gas"):
-        EColi(briefing(sensors=[("anemometer", "vane")]))

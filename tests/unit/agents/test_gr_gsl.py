@@ -3,7 +3,6 @@ import math
 import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim.base.errors import MethodError
 from gslcosim.search.beliefs import mass_within
 from gslcosim_agents.gr_gsl.agent import GrGslAgent
 
@@ -81,13 +80,3 @@ def test_it_declares_once_when_the_belief_is_narrow_and_searches_on():
     assert commands[0].kind == "declare_source"
     assert commands[0].declaration.position_world_m[2] == 2.0
     assert [command.kind for command in commands[1:]] == ["waypoint", "waypoint"]
-
-
-def test_equal_seeds_and_readings_give_equal_commands():
-    first, second = (flown(searcher(), 4, ppm_at=lambda place_m: 5.0 - place_m[1]) for _ in range(2))
-    assert first == second
-
-
-def test_without_a_map_it_says_what_to_do():
-    with pytest.raises(MethodError, match="map: true"):
-        GrGslAgent(briefing(sensors=SENSORS))

@@ -1,7 +1,5 @@
-import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim.base.errors import MethodError
 from gslcosim.search.motion.legs import build_obstacles
 from gslcosim_agents.oracle.agent import Oracle
 
@@ -62,8 +60,3 @@ def test_it_may_be_set_not_to_declare():
     agent = oracle(parameters={"declares": False})
     agent.decide(observation(position_m=START_M))
     assert agent.decide(observation(position_m=NEAR_M)).kind == "hold"
-
-
-def test_without_the_grant_it_says_what_is_missing():
-    with pytest.raises(MethodError, match="source"):
-        Oracle(briefing())

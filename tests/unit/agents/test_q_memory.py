@@ -8,7 +8,6 @@ import pytest
 from briefings import briefing, observation
 from ribbon_world import Ribbon, fly
 
-from gslcosim.base.errors import MethodError
 from gslcosim.search.reactive.temporal_memory import N_GAS_STATES, N_STATES, load_policies
 from gslcosim_agents.q_memory import agent as program
 from gslcosim_agents.q_memory.agent import QMemory
@@ -82,11 +81,6 @@ def test_equal_seeds_give_equal_steps(recovery):
         return [agent.decide(at(40 + 12 * i, ppm=float(i < 3))) for i in range(30)]
 
     assert steps() == steps()
-
-
-def test_a_missing_anemometer_is_reported_at_the_briefing():
-    with pytest.raises(MethodError, match="wind"):
-        made(sensors=(("pid", "nose"),))
 
 
 @pytest.mark.parametrize("nose", ["pid", "binary", "tgs2600"])

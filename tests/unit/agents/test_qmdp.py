@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim.base.errors import MethodError
 from gslcosim.search.information.pomdp import MOVES, offsets_m
 from gslcosim_agents.qmdp.agent import TABLE, Qmdp
 from gslcosim_agents.qmdp.agent import PlumeTable as Table
@@ -137,19 +136,6 @@ def test_a_mox_sensor_is_read_by_its_estimate():
     by_pid = agent()
     by_pid.decide(seen(4.0))
     assert by_estimate.belief == pytest.approx(by_pid.belief)
-
-
-def test_equal_seeds_give_equal_commands():
-    first, same = agent(seed=5), agent(seed=5)
-    for tick in range(8):
-        assert first.decide(seen(0.4, tick=tick)) == same.decide(seen(0.4, tick=tick))
-
-
-def test_it_says_what_it_lacks_at_its_briefing():
-    with pytest.raises(MethodError, match="at least 1 of kind wind"):
-        agent(sensors=(("pid", "nose"),))
-    with pytest.raises(MethodError, match="one of perseus, qmdp"):
-        agent(parameters={"policy": "guess"})
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -4,7 +4,6 @@ from itertools import pairwise
 import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim.base.errors import MethodError
 from gslcosim.search.motion.legs import build_obstacles
 from gslcosim_agents.random_walker.agent import RandomWalker
 
@@ -46,8 +45,3 @@ def test_its_legs_and_holds_are_parameters():
     assert math.dist(command.position_world_m, HERE_M) == pytest.approx(0.5, abs=0.002)
     timed = RandomWalker(briefing(parameters={"leg_s": 3})).decide(observation(position_m=HERE_M))
     assert timed.waypoints[0].after_s == 3.0
-
-
-def test_a_wrong_parameter_is_refused_with_what_is_allowed():
-    with pytest.raises(MethodError, match="at most 10"):
-        RandomWalker(briefing(parameters={"step_m": 11.0}))

@@ -5,7 +5,6 @@ import pytest
 from briefings import briefing, observation
 from ribbon_world import Ribbon, fly
 
-from gslcosim.base.errors import MethodError
 from gslcosim_agents.silkmoth.agent import Silkmoth
 
 WEST_RAD = math.pi  # the wind comes from -x
@@ -82,19 +81,6 @@ def test_it_does_not_fly_out_of_the_margin(place_m, axis, sign):
 def test_it_keeps_its_height(z_m, climb_m_s):
     command = made().decide(at(10, place_m=(7.0, 5.0, z_m)))
     assert command.velocity_world_m_s[2] == pytest.approx(climb_m_s)
-
-
-def test_equal_seeds_give_equal_commands():
-    first, same = (
-        [agent.decide(at(tick, left=1.0, right=1.0)) for tick in range(10, 20)] for agent in (made(), made())
-    )
-    assert first == same
-
-
-@pytest.mark.parametrize("sensors", [PAIR[:2], PAIR[1:]])
-def test_a_missing_nose_or_anemometer_is_reported_at_the_briefing(sensors):
-    with pytest.raises(MethodError, match="expected"):
-        made(sensors=sensors)
 
 
 @pytest.mark.parametrize("nose", ["pid", "binary"])

@@ -1,34 +1,14 @@
-import math
-
 import pytest
-from briefings import briefing, observation
+import stops_in_wind
 from ribbon_world import Ribbon, fly
+from stops_in_wind import START_M, at, flown
 
-from gslcosim.base.errors import MethodError
 from gslcosim_agents.surge_cast.agent import SurgeCast
 from gslcosim_agents.surge_cast_3d.agent import SurgeCast3d
 
-WEST_RAD = math.pi  # the wind comes from -x
-PID = (("pid", "nose"), ("anemometer", "vane"))
-START_M = (7.0, 5.0, 2.0)
-
 
 def made(**changes):
-    return SurgeCast3d(briefing(**{"sensors": PID, **changes}))
-
-
-def at(tick, place_m=START_M, *, ppm=0.0, notice=None, status="holding"):
-    readings = {"nose": ppm, "vane": (0.5, WEST_RAD)}
-    seen = observation(tick=tick, position_m=place_m, readings=readings, notice=notice)
-    return seen.model_copy(update={"status": status})
-
-
-def flown(agent, amounts, place_m=START_M):
-    places = []
-    for i, ppm in enumerate(amounts):
-        place_m = agent.decide(at(40 + 40 * i, place_m, ppm=ppm)).position_world_m
-        places.append(place_m)
-    return places
+    return stops_in_wind.made(SurgeCast3d, **changes)
 
 
 def test_a_lost_plume_is_looked_for_on_both_sides_above_and_below():
@@ -57,15 +37,6 @@ def test_when_a_height_is_seen_it_explores_above_and_then_below():
 def test_heights_stay_within_the_margin():
     agent = made(parameters={"lost_m": 1.0, "cast_height_m": 10.0, "explore_step_m": 8.0, "layer_m": 10.0})
     assert all(0.5 <= z <= 7.5 for _, _, z in flown(agent, ([1.0] + [0.0] * 10) * 3))
-
-
-def test_equal_seeds_give_equal_legs():
-    assert flown(made(seed=3), [1.0, 0.0, 0.0, 0.0]) == flown(made(seed=3), [1.0, 0.0, 0.0, 0.0])
-
-
-def test_a_missing_anemometer_is_reported_at_the_briefing():
-    with pytest.raises(MethodError, match="wind"):
-        made(sensors=(("pid", "nose"),))
 
 
 @pytest.mark.parametrize("nose", ["pid", "tgs2600"])

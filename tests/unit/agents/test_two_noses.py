@@ -63,11 +63,6 @@ def test_a_number_of_readings_alone_declares_nothing():
     assert all(command.kind != "declare_source" for command in commands)
 
 
-def test_equal_seeds_give_equal_commands():
-    first, same = ([agent.decide(at(40 + 20 * i)) for i in range(10)] for agent in (made(seed=3), made(seed=3)))
-    assert first == same
-
-
 def test_one_nose_is_too_few():
     with pytest.raises(MethodError, match="at least 2"):
         made(sensors=PAIR[:1])

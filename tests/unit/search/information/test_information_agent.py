@@ -175,6 +175,10 @@ def test_in_space_it_also_goes_up_and_down():
     assert search.p.shape == (15, 10, 8)
 
 
+def test_a_step_spans_a_square_of_cells():
+    assert searcher(step_m=1.5).build_context((7.0, 5.0)).cells_per_step == pytest.approx(9.0)
+
+
 def test_a_tree_surveys_each_place_once():
     context = searcher().build_context((7.0, 5.0))
     tree = context.tree(2)
