@@ -32,7 +32,12 @@ class GrGslAgent(StopMapAgent[GrGsl]):
             self.method.update(stop.position_m, is_hit=stop.is_hit, downwind_rad=downwind_rad)
 
     def next_goal(self, observation: Observation) -> tuple[int, ...] | None:
-        """Return the cell whose measurement tells most, or the likeliest one, by the setting `motion`."""
+        """Return the cell whose measurement tells most, or the likeliest one, by the setting `motion`.
+
+        Before the first gas it is the least explored one.
+        """
+        if self.method.last_hit_m is None:
+            return self.method.least_explored(observation.position_world_m)
         if self.settings.motion == "informed":
             return self.method.most_informative(self.winds.wind_m_s())
         return self.method.most_likely(observation.position_world_m)

@@ -137,6 +137,8 @@ def _divergence(q, p):
 
 Array = NDArray[np.float64]
 _NO_DIRECTION = math.nan
+# Logarithms of probabilities closer than this are those of equal ones, rounded.
+_EQUAL = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,7 +164,10 @@ class GrGsl(GoalCells):
        direction leads to (`spread_weights`).
     2. The belief is multiplied with these weights and normalised.
     3. Where to measure next is chosen among the free cells within `reach_cells` of way from cells visited: the most
-       probable one, or the one that tells most (`information_gain_nats`). Places given up are left out.
+       probable one, or the one that tells most (`information_gain_nats`). The 3 x 3 cells around a visited one and
+       places given up are left out.
+    4. Before the first hit all places tell about as much, and what is chosen among them is a matter of their order: so
+       it goes to the place in reach that is farthest from all visited ones (`least_explored`).
 
     State: the logarithm of the belief, the place of the last hit, cells visited, cells in reach, cells given up, and
     the trees of paths from cells that were looked at (which depend on the room alone).
@@ -171,8 +176,10 @@ class GrGsl(GoalCells):
         Ojeda, Monroy, Gonzalez-Jimenez 2021, Evaluation of gas source localization algorithms, RA-L; parameters as in
         the group's public code [C].
     Deviation:
-        In the public code the place of the last hit begins at the start; here there is none. A hit without a wind is
-        skipped. At most `candidates` places are compared, the most probable ones.
+        In the public code the robot waits for gas before it searches; rule 4 is ours. There the place of the last hit
+        begins at the start; here there is none. A hit without a wind moves that place, and changes the belief no more
+        than there. At most `candidates` places are compared, the most probable ones; of equally probable ones such as
+        lie evenly over the plan. There all are.
     Held by:
         tests/unit/search/maps/test_gr_gsl.py
     """
@@ -191,6 +198,7 @@ class GrGsl(GoalCells):
         self.settings = settings or GrGslSettings()
         super().__init__(free, grid, reach_cells=self.settings.reach_cells, flyable=flyable)
         self.last_hit_m: tuple[float, ...] | None = None
+        self._distance_cells = np.full(free.shape, np.inf)
         self._log_p = np.where(free, 0.0, -np.inf)
 
     @property
@@ -198,12 +206,21 @@ class GrGsl(GoalCells):
         """The belief: (nx, ny) probabilities, 0 in solid cells."""
         return normalised_from_log(self._log_p)
 
+    def visit(self, point_m: Sequence[float]) -> None:
+        """Take note of a place where the robot was: cells near it come into reach, those around it are no goals."""
+        super().visit(point_m)
+        i, j = self._cell(point_m)
+        self._is_closed[max(0, i - 1) : i + 2, max(0, j - 1) : j + 2] = True
+        di, dj = (np.arange(n) - k for n, k in zip(self.free.shape, (i, j), strict=True))
+        self._distance_cells = np.minimum(self._distance_cells, np.hypot(di[:, None], dj[None, :]))
+
     def update(self, point_m: Sequence[float], *, is_hit: bool, downwind_rad: float | None) -> None:
         """Take in a measurement at a point: gas or none, and where the wind goes [rad]; None when it is calm."""
         self.visit(point_m)
-        if is_hit and downwind_rad is None:
-            return
         cell = self._cell(point_m)
+        if is_hit and downwind_rad is None:
+            self.last_hit_m = self.grid.centre_m(cell)
+            return
         weight = self._hit_weight(cell, downwind_rad) if is_hit else self._miss_weight(cell)
         with np.errstate(divide="ignore"):
             self._log_p = self._log_p + np.log(weight).reshape(self.free.shape)
@@ -212,17 +229,40 @@ class GrGsl(GoalCells):
             self.last_hit_m = self.grid.centre_m(cell)
 
     def candidates(self) -> list[Cell]:
-        """Return the cells that are in reach and not visited, at most `candidates`, the most probable ones first."""
-        cells = np.argwhere(self._is_open & ~self._is_closed)
-        likely = np.argsort(-self._log_p[tuple(cells.T)], kind="stable")[: self.settings.candidates]
+        """Return the cells that are in reach and not visited, at most `candidates`, the most probable ones first.
+
+        Of those as probable as the least probable one of them, such as lie evenly among all of these in C order.
+        """
+        cells, n = np.argwhere(self._is_open & ~self._is_closed), self.settings.candidates
+        log_p = self._log_p[tuple(cells.T)]
+        likely = np.argsort(-log_p, kind="stable")
+        if len(cells) > n:
+            least = log_p[likely[n - 1]]
+            surer, equal = likely[log_p[likely] > least + _EQUAL], np.flatnonzero(np.abs(log_p - least) <= _EQUAL)
+            surer = surer[: n - 1]
+            left = n - len(surer)
+            likely = np.concatenate([surer, equal[np.arange(left) * len(equal) // left]])
         return [(int(i), int(j)) for i, j in cells[likely]]
+
+    def least_explored(self, point_m: Sequence[float]) -> Cell | None:
+        """Return the cell in reach that is farthest from all visited ones, of equal ones the nearest to a point.
+
+        None when none is left. Half a cell counts as equal.
+        """
+        is_left = self._is_open & ~self._is_closed
+        if not is_left.any():
+            return None
+        best = is_left & (self._distance_cells >= self._distance_cells[is_left].max() - 0.5)
+        length, _ = self._tree(self._cell(point_m))
+        i, j = np.unravel_index(int(np.where(best, length.reshape(self.free.shape), np.inf).argmin()), self.free.shape)
+        return int(i), int(j)
 
     def most_likely(self, point_m: Sequence[float]) -> Cell | None:
         """Return the cell in reach with the highest belief, of equal ones the farthest; None when none is left."""
         is_left = self._is_open & ~self._is_closed
         if not is_left.any():
             return None
-        best = is_left & (self._log_p >= self._log_p[is_left].max() - 1e-9)
+        best = is_left & (self._log_p >= self._log_p[is_left].max() - _EQUAL)
         length, _ = self._tree(self._cell(point_m))
         farthest = np.where(best, length.reshape(self.free.shape), -2).argmax()
         i, j = np.unravel_index(int(farthest), self.free.shape)

@@ -44,6 +44,20 @@ def test_gas_in_a_west_wind_moves_its_belief_to_the_west():
     assert mass_within(p, grid, (3.0, 5.0), 1.0) > 3.0 * mass_within(p, grid, (11.0, 5.0), 1.0)
 
 
+@pytest.mark.parametrize("motion", ["informed", "likely"])
+@pytest.mark.parametrize("wind", [(0.4, 0.0), (0.4, math.pi / 2), (0.4, math.pi), (0.4, -math.pi / 2), (0.0, 0.0)])
+def test_in_clean_air_it_explores_most_of_the_room_whatever_the_wind(wind, motion):
+    """A room of 10 x 8 m, of which it would see a third when ties were broken by the order of cells."""
+    known = open_map(size_m=(10.0, 8.0))
+    agent = GrGslAgent(
+        briefing(sensors=SENSORS, seed=1, size_m=(10.0, 8.0, 3.0), known_map=known, parameters={"motion": motion})
+    )
+    places_m = {START_M[:2], *(c.position_world_m[:2] for c in flown(agent, 60, wind=wind) if c.position_world_m)}
+    centres_m = [(x + 0.5, y + 0.5) for x in range(10) for y in range(8)]
+    seen = [any(math.dist(centre_m, place_m) < 1.0 for place_m in places_m) for centre_m in centres_m]
+    assert sum(seen) > 0.8 * len(seen)
+
+
 def test_gas_in_calm_air_shows_nothing():
     agent = searcher(wind_threshold_m_s=0.1)
     flown(agent, 1, ppm_at=lambda _: 5.0, wind=(0.02, 0.0))
