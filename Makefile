@@ -123,7 +123,7 @@ docs: .venv/ready-dev contract    # rewrite the generated pages
 	$(BIN)/python docs/_build/scenario_page.py > docs/scenario.md
 	$(BIN)/python docs/_build/sensors_page.py docs/sensors.md
 	$(BIN)/python docs/_build/methods_page.py agents docs
-	$(BIN)/python docs/_build/search_page.py > docs/search.md
+	$(BIN)/python docs/_build/search_page.py docs
 
 docs-site: .venv/ready-docs  # build the pages as a site in build/site; what is wrong with a page is an error
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -c docs . build/site

@@ -61,7 +61,8 @@ copybutton_exclude = ".linenos, .gp, .go"
 _SUBPAGES = {
     "docs/decisions/README": ["docs/decisions/*.md"],
     "docs/write-an-agent": ["docs/agents/*.md"],
-    "docs/methods": ["agents/*/README.md"],
+    "docs/methods": ["docs/methods/*.md", "agents/*/README.md"],
+    "docs/search": ["docs/search/*.md"],
     "docs/examples/adapters/README": ["docs/examples/adapters/*/README.md"],
 }
 _LISTED_ELSEWHERE = ("agents/contract/README",)

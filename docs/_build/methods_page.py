@@ -1,4 +1,4 @@
-"""Page docs/methods.md from the method cards: `python docs/_build/methods_page.py agents docs`."""
+"""Pages docs/methods.md and docs/methods/*.md from the method cards: `python docs/_build/methods_page.py agents docs`."""
 
 import json
 import re
@@ -27,31 +27,39 @@ _WORDS = {
     "vision": "Vision",
 }
 
-_HEAD = (
-    "# Search methods\n\n"
-    "<!-- Made by `make docs` from the method cards, agents/*/method.yaml; do not edit. -->\n\n"
-    "Each method is a folder in `agents/`, flown by its name, `start: {python: surge_cast}`, and set by `parameters` "
-    "in the scenario.\n"
-    "`gslcosim validate` tells what a method needs and lacks, before anything flies.\n"
-    "[write-an-agent.md](write-an-agent.md) has the way to one of your own, [search.md](search.md) the building "
-    "blocks; policies of other packages fly through [adapters](examples/adapters/README.md).\n\n"
-    "Sensors are kinds: *gas* any nose at a point, *gas_ppm* one that tells a mixing ratio (or a MOX sensor with its "
-    "estimate), *gas_ohm* a MOX sensor, *wind* an anemometer, *range* range finders.\n"
-    "*Knows* is what the scenario must grant with `knows`.\n"
-    "*D* is 2 for a search in the plane at the search height, 3 for one in space.\n"
-    "*Declares*: it has a rule by which it says where the source is. "
-    "*Believes*: it publishes a probability for each place.\n"
-)
+_NOTE = "<!-- Made by `make docs` from the method cards, agents/*/method.yaml; do not edit. -->"
+_HEAD = f"""# Search methods
+
+{_NOTE}
+
+Each method is a folder in `agents/`.
+A scenario starts it by name, `start: {{python: surge_cast}}`, and sets it by `parameters`.
+`gslcosim validate` reports what a scenario lacks for its methods.
+
+- Your own method: [write-an-agent.md](write-an-agent.md), with the building blocks in [search.md](search.md).
+- Policies of other packages: [adapters](examples/adapters/README.md).
+- Measured comparison of the methods: [studies/methods.md](studies/methods.md).
+"""
+_LEGEND = """## Legend
+
+| column | meaning |
+|---|---|
+| sensors | *gas*: any gas sensor at a point; *gas_ppm*: one that measures a mixing ratio, or a MOX sensor with its estimate; *gas_ohm*: a MOX sensor; *wind*: an anemometer; *range*: range finders |
+| knows | prior knowledge that the scenario must grant with `knows` |
+| D | 2: searches in the plane at the search height; 3: searches in space |
+| robots | number of robots |
+| declares | declares the position of the source |
+| believes | publishes a probability for each cell |
+"""  # noqa: E501
 _COST_NOTE = (
-    "*Cost* is the processor time of a decision with the observations since the one before it, 95th percentile beside "
-    "the limit [ms]; `{command}` measures it ({machine}).\n"
+    "| cost / limit | processor time per decision, with the observations since the previous one: 95th percentile and "
+    "limit [ms]; `{command}` measures it ({machine}) |\n"
 )
 _TAGS = (
-    "Where a parameter's value comes from: [C] read in public code or in a thesis; [A] in an abstract; [M] remembered, "
+    "The column *from* gives the source of a default: [C] public code or a thesis; [A] an abstract; [M] memory, "
     "unverified; [R] computed for this project; ours: chosen here.\n\n"
-    "The pictures show one and the same case, made by `docs/studies/draw_method_tracks.py`: shades are gas at the end "
-    "of the flight, at the height of search; lines are tracks, from the dots on; the cross is the source, a ring a "
-    "declaration.\n"
+    "All pictures show the same case (`docs/studies/draw_method_tracks.py`). Shades: gas at the end of the run, at the "
+    "search height. Lines: tracks, from the dots on. Cross: source. Ring: declaration.\n"
 )
 
 
@@ -85,16 +93,22 @@ def find_methods(agents: Path, costs: Mapping[str, Any]) -> list[Method]:
     return sorted(found, key=lambda method: (FAMILIES.index(method.card.family), method.card.title))
 
 
-def build_methods_page(agents: Path, docs: Path) -> str:
-    """Return the text of docs/methods.md."""
+def build_methods_pages(agents: Path, docs: Path) -> dict[str, str]:
+    """Return the pages by their paths in docs: methods.md with a table for each family, and a page for each family."""
     costs = load_costs(docs)
     methods = find_methods(agents, costs)
     note = _COST_NOTE.format(command=costs["command"], machine=costs["machine"]) if costs else ""
-    parts = [_HEAD + note, _table(methods), _TAGS]
+    tables, pages = [], dict[str, str]()
     for family in FAMILIES:
         of_family = [method for method in methods if method.card.family == family]
         if of_family:
-            parts += [f"## {_WORDS[family]}\n", *map(_section, of_family)]
+            tables += [f"## {_WORDS[family]}\n", _table(of_family)]
+            head = f"# {_WORDS[family]}\n\n{_NOTE}\n\n[methods.md](../methods.md) compares all methods.\n{_TAGS}"
+            pages[f"methods/{family}.md"] = _join([head, *map(_section, of_family)])
+    return {PAGE: _join([_HEAD, *tables, _LEGEND + note]), **pages}
+
+
+def _join(parts: list[str]) -> str:
     return "\n".join(parts).rstrip("\n") + "\n"
 
 
@@ -105,17 +119,16 @@ def load_costs(docs: Path) -> dict[str, Any]:
 
 
 def _table(methods: list[Method]) -> str:
-    head = "| method | family | paper | sensors | knows | D | robots | declares | believes | cost / limit |"
-    return "\n".join([head, "|---|---|---|---|---|---|---|---|---|---|", *map(_row, methods), ""])
+    head = "| method | search | sensors | knows | D | robots | declares | believes | cost / limit |"
+    return "\n".join([head, "|---|---|---|---|---|---|---|---|---|", *map(_row, methods), ""])
 
 
 def _row(method: Method) -> str:
     card = method.card
     cost = "" if method.p95_ms is None else f"{method.p95_ms:g} / {card.decision_limit_ms:g}"
     cells = (
-        f"[{card.title}](#{method.name})",
-        card.family,
-        _short_paper(card.paper),
+        f"[{card.title}](methods/{card.family}.md#{method.name})",
+        _first_sentence(card.summary),
         _sensors(card),
         ", ".join(card.needs.knows),
         f"{card.dimensions}",
@@ -127,19 +140,23 @@ def _row(method: Method) -> str:
     return "| " + " | ".join(map(_cell, cells)) + " |"
 
 
+def _first_sentence(text: str) -> str:
+    return re.split(r"(?<=[a-z0-9)][.]) ", " ".join(text.split()))[0].rstrip(".")
+
+
 def _section(method: Method) -> str:
     card = method.card
     needs = ", ".join(filter(None, (_sensors(card), "radio" if card.needs.radio else "", *card.needs.knows)))
-    ports = ", ".join(f"[{language}](../agents/{folder}/README.md)" for folder, language in method.ports.items())
+    ports = ", ".join(f"[{language}](../../agents/{folder}/README.md)" for folder, language in method.ports.items())
     lines = [
-        f"### {method.name}\n",
-        f"![Track of {card.title}]({PICTURES}/{method.name}.png)\n",
+        f"## {method.name}\n",
+        f"![Track of {card.title}](../{PICTURES}/{method.name}.png)\n",
         f"**{card.title}.** {card.summary}",
-        f"Rules, deviations and known weaknesses: [agents/{method.name}](../agents/{method.name}/README.md).",
-        *([f"Also in {ports}."] if ports else []),
         "",
-        f"Paper: {card.paper}.".replace("..", "."),
-        f"Needs: {needs or 'nothing'}; robots: {_robots(card)}.",
+        f"- Paper: {card.paper}.".replace("..", "."),
+        f"- Needs: {needs or 'nothing'}; robots: {_robots(card)}.",
+        f"- Rules, deviations and known weaknesses: [agents/{method.name}](../../agents/{method.name}/README.md).",
+        *([f"- Also in {ports}."] if ports else []),
         "",
         *_parameters(card.parameters),
     ]
@@ -195,17 +212,11 @@ def _robots(card: MethodCard) -> str:
     return f"{card.robots[0]} to {card.robots[1]}" if isinstance(card.robots, tuple) else f"{card.robots}"
 
 
-# Up to the first year: `Pang, Farrell 2006`.
-def _short_paper(paper: str) -> str:
-    found = re.match(r"[^;:(]*?\b(?:19|20)\d\d\b", paper)
-    return found[0] if found else re.split(r"[;(,]", paper)[0].strip()
-
-
 def _cell(text: str) -> str:
     return text.replace("|", "\\|").replace("\n", " ")
 
 
-# Folders of other languages say which methods they have, or are named after theirs.
+# Folders of other languages list their methods, or are named after theirs.
 def _ports_of(folder: Path) -> dict[str, str]:
     ports: dict[str, str] = {}
     for path in sorted(folder.parent.glob("*/agent.yaml")):
@@ -218,4 +229,6 @@ def _ports_of(folder: Path) -> dict[str, str]:
 
 if __name__ == "__main__":
     agents_dir, docs_dir = map(Path, sys.argv[1:])
-    (docs_dir / PAGE).write_text(build_methods_page(agents_dir, docs_dir), encoding="utf-8")
+    for name, text in build_methods_pages(agents_dir, docs_dir).items():
+        (docs_dir / name).parent.mkdir(exist_ok=True)
+        (docs_dir / name).write_text(text, encoding="utf-8")

@@ -20,8 +20,8 @@ RECORDS = re.compile(r"^(CHANGELOG\.md|docs/decisions/|docs/studies/)")
 LONG_WORDS = 25
 
 _IRREGULAR = (
-    "begun bound bought broken brought built caught chosen cut done drawn driven found given gone held hidden kept known "
-    "laid left lost made meant met paid proven put read run said seen sent set shown shut slept solved spent split spread "
+    "begun bound bought broken brought built caught chosen cut done drawn driven found given gone held hidden kept "
+    "known laid left lost made meant met paid proven put read run said seen sent set shown shut slept solved spent split spread "
     "stored stopped sought taken taught thrown told thought understood withdrawn won worn written"
 )
 _PASSIVE = re.compile(
@@ -35,7 +35,7 @@ HABITS = re.compile(
     r"is told|are told|whoever|nobody|anew|there is no telling|what it comes to|goes on|go on|flown)\b",
     re.IGNORECASE,
 )
-_WORD = re.compile(r"[A-Za-z0-9À-ž][\w'’./:-]*")
+_WORD = re.compile(r"[A-Za-z0-9À-ž][\w'./:-]*")
 # A full stop ends a sentence before a capital letter, a quotation, code or the end, but not after these.
 _END = re.compile(r"(?<=[.!?])(?<!e\.g\.)(?<!i\.e\.)(?<!eq\.)(?<!al\.)(?<!vs\.)[\"')*_]*\s+(?=[A-Z\"'(`*_\[])")
 _ITEM = re.compile(r"^\s*(?:[-*+]|\d+[.)])\s+")

@@ -5,6 +5,7 @@ import sys
 import typing
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
@@ -30,31 +31,35 @@ from gslcosim.scenario.models.sensors import mox_sensor_names
 from gslcosim.scenario.problems import child_path
 from gslcosim.scenario.serialization import MAX_LEVELS, MAX_VALUES
 
-_HEAD = f"""# Scenario files
+_HEAD = """# Scenario files
 
 <!-- Made by `make docs` from gslcosim/scenario/models; do not edit. -->
 
-A scenario is one YAML document.
-`gslcosim validate FILE` tells all of its problems at once, each with its line.
-With `--resolved` it prints the scenario with all defaults filled in.
+A scenario is one YAML file.
+`gslcosim validate FILE` lists all its problems, each with its line; `--resolved` prints it with all defaults.
+This page has every key. Start with this complete scenario:
 
-- Values follow YAML 1.2's core schema: `yes`, `on` and `12:30` are texts, `1e-3` is a number.
-  Other tags than its own are refused.
-- The file is in UTF-8. A byte order mark is passed over, and lines may end as on Windows.
-- Each key is there once; a second one is an error with both lines.
-- Lists and blocks are at most {MAX_LEVELS} deep.
-  There are at most {MAX_VALUES} values, counted where aliases repeat them.
-- A file has at most {MAX_BYTES / 1e6:g} MB, and a number is at most {MAX_NUMBER:g} in size.
-- Unknown keys are errors, and so is a key that means nothing with the kind of its block.
-- Numbers are finite, and have the unit that their key's name ends with; units are never written behind them.
-  Whole numbers have no point.
-- Relative paths start at the scenario's folder; those given by `--set` at the working directory.
-
-`[]` in a key stands for each item of a list.
-In the column *with* are the kinds of block that have the key; where it is empty, all have it.
-Packages bring kinds of their own, which `gslcosim list` shows, and [services](extend/service.md).
 """
-# Where more is reported of a block.
+_EXAMPLE = "scenarios/tiny_room.yaml"
+_FORMAT = f"""## Reading the tables
+
+- `[]` in a key stands for each item of a list.
+- *with* lists the kinds of block that have the key; an empty cell means all kinds.
+- *default* is `required` for keys that you must set, and `absent` for keys without a value.
+- Packages can add kinds: `gslcosim list` shows them, and [services](extend/service.md).
+
+## File format
+
+- The file is UTF-8, with Unix or Windows line ends; a byte order mark is ignored.
+- Values follow the core schema of YAML 1.2: `yes`, `on` and `12:30` are texts, `1e-3` is a number.
+  Other tags are errors.
+- Unknown and duplicate keys are errors, and so are keys that the kind of a block does not have.
+- Numbers are finite. The name of a key ends with its unit; do not write units after numbers. Integers have no point.
+- Paths are relative to the scenario's folder; in `--set`, to the working directory.
+- Limits: {MAX_BYTES / 1e6:g} MB per file, {MAX_LEVELS} nested levels, {MAX_VALUES} values (repeated aliases count),
+  numbers up to {MAX_NUMBER:g}.
+"""
+# Pages with more about a block.
 _PAGES = {
     "environment": "environments.md",
     "environment.geometry": "own-geometry.md",
@@ -98,7 +103,28 @@ class BlockSection:
 
 def build_scenario_page() -> str:
     """Return the whole page."""
-    return "\n".join([_HEAD, *map(_text_of_section, iterate_sections(BlockSection(path="", kinds={"": Scenario})))])
+    sections = list(iterate_sections(BlockSection(path="", kinds={"": Scenario})))
+    return "\n".join([_HEAD + _example(), _index(sections), _FORMAT, *map(_text_of_section, sections)])
+
+
+def _example() -> str:
+    program = (Path(__file__).parents[2] / _EXAMPLE).read_text(encoding="utf-8")
+    return f"<!-- from {_EXAMPLE} -->\n```yaml\n{program}```\n"
+
+
+# A line for each block of the file, with the blocks inside it.
+def _index(sections: list[BlockSection]) -> str:
+    rows = ["## Blocks\n", "| block | contents | blocks inside | guide |", "|---|---|---|---|"]
+    meanings = {row.path: row.meaning for row in section_rows(sections[0])}
+    for key, meaning in meanings.items():
+        inner = [each.path for each in sections if each.path.startswith((f"{key}.", f"{key}["))]
+        own = next((each.path for each in sections if each.path in (key, f"{key}[]")), None)
+        if own is None:
+            continue
+        links = ", ".join(f"[{path.removeprefix(own).lstrip('.')}](#{_anchor(path)})" for path in inner if path != own)
+        page = _PAGES.get(own, "")
+        rows.append(f"| [{own}](#{_anchor(own)}) | {meaning} | {links} | {f'[{page}]({page})' if page else ''} |")
+    return "\n".join([*rows, ""])
 
 
 def iterate_sections(section: BlockSection) -> Iterator[BlockSection]:
@@ -145,7 +171,7 @@ def _text_of_section(section: BlockSection) -> str:
     is_one = len(kinds) == 1
     # What all kinds have comes first.
     ranked = sorted(rows.items(), key=lambda item: len(item[1]) < len(kinds))
-    head = ["key", "what is allowed", "unit", "default", *([] if is_one else ["with"]), "meaning"]
+    head = ["key", "value", "unit", "default", *([] if is_one else ["with"]), "meaning"]
     cells = [
         [f"`{row.path}`", row.allowed, row.unit, row.default, *([] if is_one else [_with(has, kinds)]), row.meaning]
         for row, has in ranked
@@ -159,7 +185,7 @@ def _prose(section: BlockSection) -> Iterator[str]:
     if len({*section.kinds.values()}) == 1:
         yield f"{inspect.cleandoc(next(iter(section.kinds.values())).__doc__ or '')}\n"
     if section.path in _PAGES:
-        yield f"More in [{_PAGES[section.path]}]({_PAGES[section.path]}).\n"
+        yield f"Guide: [{_PAGES[section.path]}]({_PAGES[section.path]}).\n"
 
 
 # A block some of whose keys belong to some kinds only is as good as a block for each kind.

@@ -1,4 +1,4 @@
-"""docs/methods.md is what the method cards say, and each bundled method is complete."""
+"""docs/methods.md and docs/methods/ match the method cards, and each bundled method is complete."""
 
 import importlib.util
 import json
@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from methods_page import COSTS, PAGE, PICTURES, build_methods_page, find_methods, load_costs
+from methods_page import COSTS, PAGE, PICTURES, build_methods_pages, find_methods, load_costs
 
 ROOT = Path(__file__).parents[2]
 DOCS, AGENTS = ROOT / "docs", ROOT / "agents"
@@ -28,8 +28,11 @@ parameters:
 """
 
 
-def test_the_page_is_what_the_cards_say():
-    assert (DOCS / PAGE).read_text() == build_methods_page(AGENTS, DOCS), "`make docs` rewrites it"
+def test_the_pages_match_the_cards():
+    pages = build_methods_pages(AGENTS, DOCS)
+    assert {path.relative_to(DOCS).as_posix() for path in DOCS.glob("methods/*.md")} == {*pages} - {PAGE}
+    for name, text in pages.items():
+        assert (DOCS / name).read_text() == text, f"`make docs` rewrites {name}"
 
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda method: method.name)
@@ -92,15 +95,18 @@ def folders(tmp_path):
 
 
 def test_a_row_and_a_section_show_all_that_a_card_has(folders):
-    page = build_methods_page(*folders)
-    assert "| [First](#first) | anchor | Doe, Roe 1999 | 2 gas | map | 2 | 3 to 10 | yes |  |  |" in page
+    pages = build_methods_pages(*folders)
+    row = "| [First](methods/anchor.md#first) | Does it | 2 gas | map | 2 | 3 to 10 | yes |  |  |"
+    assert row in pages[PAGE]
+    assert pages[PAGE].index("(methods/swarm.md#later)") > pages[PAGE].index(row)
+    page = pages["methods/anchor.md"]
     assert "| `step_m` | 1 | 0.5 to 5 m | length of a leg | [M] |" in page
     assert "| `rule` | on | on, off | a rule | ours |" in page
     assert "| `hold_s` | null | from 0 s | a hold | ours |" in page
     assert "Needs: 2 gas, radio, map; robots: 3 to 10." in page
-    assert "Also in [C++](../agents/both_cpp/README.md), [Rust](../agents/first_rust/README.md)." in page
-    assert "Also in [C++](../agents/both_cpp/README.md)." in page
-    assert page.index("### first") < page.index("### later")
+    assert "Also in [C++](../../agents/both_cpp/README.md), [Rust](../../agents/first_rust/README.md)." in page
+    assert "## first\n" in page
+    assert "Also in [C++](../../agents/both_cpp/README.md)." in pages["methods/swarm.md"]
 
 
 def test_a_cost_stands_beside_its_limit_with_the_machine_that_it_is_of(folders):
@@ -108,6 +114,6 @@ def test_a_cost_stands_beside_its_limit_with_the_machine_that_it_is_of(folders):
     (docs / "studies").mkdir(parents=True)
     costs = {"command": "make it", "machine": "a box", "methods": {"first": {"p50_ms": 0.1, "p95_ms": 0.25}}}
     (docs / COSTS).write_text(json.dumps(costs))
-    page = build_methods_page(agents, docs)
+    page = build_methods_pages(agents, docs)[PAGE]
     assert "| yes |  | 0.25 / 1 |" in page
     assert "`make it` measures it (a box)" in page

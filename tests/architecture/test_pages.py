@@ -118,8 +118,8 @@ def test_the_index_has_every_page():
     assert [name_of(page) for page in pages if f"({page.relative_to(ROOT / 'docs').as_posix()})" not in index] == []
 
 
-def test_the_map_of_the_readme_names_all_folders_and_no_others():
-    table = (ROOT / "README.md").read_text().split("## The map\n\n")[1].split("\n\n")[0]
+def test_the_map_of_the_architecture_names_all_folders_and_no_others():
+    table = (ROOT / "ARCHITECTURE.md").read_text().split("## The map\n\n")[1].split("\n\n")[0]
     named = set()
     for row in re.findall(r"^\| (`.+?`) \|", table, re.MULTILINE):
         first, *others = re.findall(r"`([^`]+)`", row)

@@ -35,10 +35,10 @@ def test_every_key_has_a_meaning_a_default_and_what_is_allowed(row):
 @pytest.mark.parametrize(
     "line",
     [
-        "| `tick_ms` | a whole number from 1 to 1000 | milliseconds | 100 | time between exchanges of messages, a "
-        "multiple of 4 |",
-        "| `agents[].vehicle.avoidance` | one of none, 2d or 3d |  | none | how it plans its way around obstacles: not "
-        "at all, at its height, or over and under them too |",
+        "| `tick_ms` | a whole number from 1 to 1000 | milliseconds | 100 | tick: time between message exchanges, "
+        "a multiple of 4 |",
+        "| `agents[].vehicle.avoidance` | one of none, 2d or 3d |  | none | obstacle avoidance: none, around "
+        "obstacles at its height (2d), or also over and under them (3d) |",
         "| `wind.max_time_s` | a number greater than 0 | seconds | 120 | auto, built_in | latest end of a solve "
         "without `end_time_s` |",
         "| `gas.sources[].release.on_s` | a number greater than 0 | seconds | 10 | intermittent | time of release |",

@@ -1,4 +1,4 @@
-"""README.md is true: its commands and its agent run as they stand, one after the other, in an empty folder."""
+"""README.md and docs/commands.md are true: commands and agent run as they stand, in an empty folder."""
 
 import os
 import re
@@ -11,6 +11,7 @@ from deadlines import PROCESS_S
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
+COMMANDS = (ROOT / "docs" / "commands.md").read_text()
 # What a reader has already when the page says so: two runs of one seed, the newest of them, and a scenario.
 GIVEN = {
     "RUN_A": "$(ls -d runs/* | tail -n 2 | head -n 1)",
@@ -19,12 +20,16 @@ GIVEN = {
 }
 
 
-def section(title):
-    return README.split(f"## {title}\n")[1].split("\n## ")[0]
+def section(title, page=README):
+    return page.split(f"## {title}\n")[1].split("\n## ")[0]
 
 
 def commands_of(title):
-    return [line for block in re.findall(r"```sh\n(.*?)```", section(title), re.DOTALL) for line in block.splitlines()]
+    return [
+        line
+        for block in re.findall(r"```sh\n(.*?)```", section(title, COMMANDS), re.DOTALL)
+        for line in block.splitlines()
+    ]
 
 
 def run(line, folder):

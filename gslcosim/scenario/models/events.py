@@ -10,20 +10,21 @@ from gslcosim.scenario.models.base import Fraction, Name, NonNegative, OneOf, Po
 
 
 class TriggerSpec(Spec):
-    """A condition on the truth about one agent's vehicle; it counts when it holds for the first time.
+    """Condition on the true state of one agent's vehicle; it triggers the event the first time it holds.
 
-    With `gas_above_ppm`, any sensor of the vehicle is in more than that of the gas that is searched for; with
-    `within_m`, the vehicle is at most that far from `of_m`. The event follows `delay_s` after it, in the next tick at
-    the earliest.
+    - `gas_above_ppm`: any sensor of the vehicle is in more than this mixing ratio of the gas to find.
+    - `within_m`: the vehicle is at most this far from `of_m`.
+
+    The event follows `delay_s` later, in the next tick at the earliest.
     """
 
-    agent: Name = Field(description="whose vehicle")
+    agent: Name = Field(description="agent of the vehicle")
     gas_above_ppm: Positive | None = Field(
-        default=None, description="true mixing ratio at any of its sensors that has to be exceeded"
+        default=None, description="threshold of the true mixing ratio at any of its sensors"
     )
-    within_m: Positive | None = Field(default=None, description="distance to `of_m` that has to be reached")
-    of_m: Vec3 | None = Field(default=None, description="the place in the world that `within_m` is measured from")
-    delay_s: NonNegative = Field(default=0.0, description="time from there until the event")
+    within_m: Positive | None = Field(default=None, description="distance to `of_m` that triggers the event")
+    of_m: Vec3 | None = Field(default=None, description="position in the world from which `within_m` is measured")
+    delay_s: NonNegative = Field(default=0.0, description="delay from the trigger to the event")
 
     @model_validator(mode="after")
     def _check_one(self) -> Self:
@@ -57,9 +58,9 @@ class TriggerSpec(Spec):
 class EventSpec(Spec):
     """Something that happens during a run: at a time, or once a condition holds; each event happens at most once."""
 
-    what: str = Field(description="what happens")
-    at_s: Positive | None = Field(default=None, description="simulated time at which it happens")
-    when: TriggerSpec | None = Field(default=None, description="condition upon which it happens, in place of `at_s`")
+    what: str = Field(description="kind of event")
+    at_s: Positive | None = Field(default=None, description="simulated time of the event")
+    when: TriggerSpec | None = Field(default=None, description="condition that triggers the event, in place of `at_s`")
 
     drives_wind: ClassVar[bool] = False
 
@@ -87,7 +88,7 @@ class EventSpec(Spec):
 class SourceEventSpec(EventSpec):
     """Something that happens to one source of gas; `source` is its place in `gas.sources`, from 0 on."""
 
-    source: Annotated[int, Field(ge=0)] = Field(default=0, description="which source: its place in `gas.sources`")
+    source: Annotated[int, Field(ge=0)] = Field(default=0, description="index of the source in `gas.sources`")
 
     @property
     def text(self) -> str:
@@ -106,7 +107,7 @@ class SourceStartsSpec(SourceEventSpec):
     too.
     """
 
-    what: Literal["source_starts"] = Field(default="source_starts", description="what happens")  # pyright: ignore[reportIncompatibleVariableOverride]
+    what: Literal["source_starts"] = Field(default="source_starts", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
     @property
     def _deed(self) -> str:
@@ -116,7 +117,7 @@ class SourceStartsSpec(SourceEventSpec):
 class SourceStopsSpec(SourceEventSpec):
     """A source stops to release gas; what is in the air stays there. Its release goes on unseen and may start again."""
 
-    what: Literal["source_stops"] = Field(default="source_stops", description="what happens")  # pyright: ignore[reportIncompatibleVariableOverride]
+    what: Literal["source_stops"] = Field(default="source_stops", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
     @property
     def _deed(self) -> str:
@@ -126,8 +127,8 @@ class SourceStopsSpec(SourceEventSpec):
 class SourceMovesSpec(SourceEventSpec):
     """A source is at another place from then on. The referee, its distances and its criterion follow it."""
 
-    what: Literal["source_moves"] = Field(default="source_moves", description="what happens")  # pyright: ignore[reportIncompatibleVariableOverride]
-    to_m: Vec3 = Field(description="its new place in the world")
+    what: Literal["source_moves"] = Field(default="source_moves", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
+    to_m: Vec3 = Field(description="new position in the world")
 
     @property
     def _deed(self) -> str:
@@ -137,8 +138,8 @@ class SourceMovesSpec(SourceEventSpec):
 class SourceRateSpec(SourceEventSpec):
     """A source releases more or less than before; for releases that are `constant` or `poisson`."""
 
-    what: Literal["source_rate"] = Field(default="source_rate", description="what happens")  # pyright: ignore[reportIncompatibleVariableOverride]
-    filaments_per_s: Positive = Field(description="mean rate of release from then on")
+    what: Literal["source_rate"] = Field(default="source_rate", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
+    filaments_per_s: Positive = Field(description="mean release rate from then on")
 
     @property
     def _deed(self) -> str:
@@ -154,10 +155,10 @@ class WindChangesSpec(EventSpec):
 
     drives_wind: ClassVar[bool] = True
 
-    what: Literal["wind_changes"] = Field(default="wind_changes", description="what happens")  # pyright: ignore[reportIncompatibleVariableOverride]
-    share: NonNegative = Field(default=1.0, description="how fast it blows, as a share of the wind that is meant")
+    what: Literal["wind_changes"] = Field(default="wind_changes", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
+    share: NonNegative = Field(default=1.0, description="wind speed as a fraction of the given wind")
     inlet_velocity_m_s: Vec3 | None = Field(
-        default=None, description="wind through the inlets (absent: the scenario's own)"
+        default=None, description="wind through the inlets (absent: that of the scenario)"
     )
 
     @property
@@ -173,7 +174,7 @@ class DoorEventSpec(EventSpec):
 
     drives_wind: ClassVar[bool] = True
 
-    door: Name = Field(description="the door's name")
+    door: Name = Field(description="name of the door")
 
     @property
     def text(self) -> str:
@@ -188,7 +189,7 @@ class DoorEventSpec(EventSpec):
 class DoorOpensSpec(DoorEventSpec):
     """A door opens: its box is gone. All of the air follows at once, as where the wind changes."""
 
-    what: Literal["door_opens"] = Field(default="door_opens", description="what happens")  # pyright: ignore[reportIncompatibleVariableOverride]
+    what: Literal["door_opens"] = Field(default="door_opens", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
     @property
     def _deed(self) -> str:
@@ -198,7 +199,7 @@ class DoorOpensSpec(DoorEventSpec):
 class DoorClosesSpec(DoorEventSpec):
     """A door closes: its box stands there, and gas that was in its place is gone. It waits for no vehicle."""
 
-    what: Literal["door_closes"] = Field(default="door_closes", description="what happens")  # pyright: ignore[reportIncompatibleVariableOverride]
+    what: Literal["door_closes"] = Field(default="door_closes", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
     @property
     def _deed(self) -> str:
@@ -208,8 +209,8 @@ class DoorClosesSpec(DoorEventSpec):
 class SensorEventSpec(EventSpec):
     """Something that happens to one sensor of an agent; a later event of the same sensor takes its place."""
 
-    agent: Name = Field(description="whose sensor")
-    sensor: Name = Field(description="the sensor's name")
+    agent: Name = Field(description="agent of the sensor")
+    sensor: Name = Field(description="name of the sensor")
 
     @property
     def about_agent(self) -> str | None:
@@ -229,7 +230,7 @@ class SensorEventSpec(EventSpec):
 class SensorDropsOutSpec(SensorEventSpec):
     """A sensor measures no more: its readings say `is_warming_up`, and their values mean nothing."""
 
-    what: Literal["sensor_drops_out"] = Field(default="sensor_drops_out", description="what happens")  # pyright: ignore[reportIncompatibleVariableOverride]
+    what: Literal["sensor_drops_out"] = Field(default="sensor_drops_out", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
     @property
     def _deed(self) -> str:
@@ -239,7 +240,7 @@ class SensorDropsOutSpec(SensorEventSpec):
 class SensorSticksSpec(SensorEventSpec):
     """A sensor repeats its last reading, and nothing in the reading says so."""
 
-    what: Literal["sensor_sticks"] = Field(default="sensor_sticks", description="what happens")  # pyright: ignore[reportIncompatibleVariableOverride]
+    what: Literal["sensor_sticks"] = Field(default="sensor_sticks", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
     @property
     def _deed(self) -> str:
@@ -249,8 +250,8 @@ class SensorSticksSpec(SensorEventSpec):
 class SensorDriftsSpec(SensorEventSpec):
     """A sensor with a `drift_per_s` of its own drifts away from then on, beside that one."""
 
-    what: Literal["sensor_drifts"] = Field(default="sensor_drifts", description="what happens")  # pyright: ignore[reportIncompatibleVariableOverride]
-    drift_per_s: float = Field(description="is added each second, in the unit of its readings")
+    what: Literal["sensor_drifts"] = Field(default="sensor_drifts", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
+    drift_per_s: float = Field(description="drift per second, in the unit of its readings")
 
     @property
     def _deed(self) -> str:
@@ -260,8 +261,8 @@ class SensorDriftsSpec(SensorEventSpec):
 class SensorBiasedSpec(SensorEventSpec):
     """A sensor with a `bias` of its own has another one beside it."""
 
-    what: Literal["sensor_biased"] = Field(default="sensor_biased", description="what happens")  # pyright: ignore[reportIncompatibleVariableOverride]
-    bias: float = Field(description="is added to each value, in the unit of its readings")
+    what: Literal["sensor_biased"] = Field(default="sensor_biased", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
+    bias: float = Field(description="offset of each value, in the unit of its readings")
 
     @property
     def _deed(self) -> str:
@@ -271,7 +272,7 @@ class SensorBiasedSpec(SensorEventSpec):
 class SensorRecoversSpec(SensorEventSpec):
     """A sensor measures again as before its first event."""
 
-    what: Literal["sensor_recovers"] = Field(default="sensor_recovers", description="what happens")  # pyright: ignore[reportIncompatibleVariableOverride]
+    what: Literal["sensor_recovers"] = Field(default="sensor_recovers", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
     @property
     def _deed(self) -> str:
@@ -281,10 +282,10 @@ class SensorRecoversSpec(SensorEventSpec):
 class RotorWeakensSpec(EventSpec):
     """A rotor of a vehicle gives a share of its thrust and torque; the vehicle's control does not know."""
 
-    what: Literal["rotor_weakens"] = Field(default="rotor_weakens", description="what happens")  # pyright: ignore[reportIncompatibleVariableOverride]
-    agent: Name = Field(description="whose vehicle")
-    rotor: Annotated[int, Field(ge=0)] = Field(description="which rotor, from 0 on")
-    share: Fraction = Field(description="share of the thrust and torque of a sound one")
+    what: Literal["rotor_weakens"] = Field(default="rotor_weakens", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
+    agent: Name = Field(description="agent of the vehicle")
+    rotor: Annotated[int, Field(ge=0)] = Field(description="index of the rotor, from 0")
+    share: Fraction = Field(description="fraction of the thrust and torque of an intact rotor")
 
     @property
     def about_agent(self) -> str | None:
@@ -300,8 +301,8 @@ class RotorWeakensSpec(EventSpec):
 class RadioEventSpec(EventSpec):
     """Something that happens to radio: to all texts from and to `agent`, to all on `channel`, or to those of both."""
 
-    agent: Name | None = Field(default=None, description="whose radio (absent: everybody's)")
-    channel: Name | None = Field(default=None, description="on which channel (absent: on all)")
+    agent: Name | None = Field(default=None, description="agent of the radio (absent: all agents)")
+    channel: Name | None = Field(default=None, description="channel (absent: all)")
 
     @property
     def about_agent(self) -> str | None:
@@ -316,7 +317,7 @@ class RadioEventSpec(EventSpec):
 class RadioLostSpec(RadioEventSpec):
     """Texts are lost from then on; those on their way arrive."""
 
-    what: Literal["radio_lost"] = Field(default="radio_lost", description="what happens")  # pyright: ignore[reportIncompatibleVariableOverride]
+    what: Literal["radio_lost"] = Field(default="radio_lost", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
     @property
     def text(self) -> str:
@@ -327,7 +328,7 @@ class RadioLostSpec(RadioEventSpec):
 class RadioReturnsSpec(RadioEventSpec):
     """Undoes those `radio_lost` that name the same agent and channel."""
 
-    what: Literal["radio_returns"] = Field(default="radio_returns", description="what happens")  # pyright: ignore[reportIncompatibleVariableOverride]
+    what: Literal["radio_returns"] = Field(default="radio_returns", description="kind of event")  # pyright: ignore[reportIncompatibleVariableOverride]
 
     @property
     def text(self) -> str:

@@ -13,11 +13,13 @@ from gslcosim.scenario.models.base import KindedSpec, Name, NonNegative, OneOf, 
 
 
 class ReleaseSpec(KindedSpec):
-    """Times at which filaments are born.
+    """Timing of releases.
 
-    `constant` evenly, `poisson` independently of each other; `variable` draws a rate from 0 to `filaments_per_s` again
-    every `interval_s`; `intermittent` releases for `on_s` and pauses for `off_s`; `scheduled` changes the rate as
-    `schedule` says: pairs of time [s since the start of the warm-up] and filaments per second, times ascending.
+    - `constant`: evenly spaced. `poisson`: independent of each other.
+    - `variable`: a new rate between 0 and `filaments_per_s` every `interval_s`.
+    - `intermittent`: `on_s` of release, then `off_s` of pause.
+    - `scheduled`: rates from `schedule`, pairs of ascending time [s from the start of the warm-up] and filaments per
+      second.
     """
 
     belongs: ClassVar[Mapping[str, tuple[str, ...]]] = {
@@ -28,9 +30,9 @@ class ReleaseSpec(KindedSpec):
     }
 
     kind: Literal["constant", "poisson", "variable", "intermittent", "scheduled"] = Field(
-        default="constant", description="when filaments are born"
+        default="constant", description="timing of releases"
     )
-    interval_s: Positive = Field(default=1.0, description="time between new rates")
+    interval_s: Positive = Field(default=1.0, description="time between changes of the rate")
     on_s: Positive = Field(default=10.0, description="time of release")
     off_s: Positive = Field(default=10.0, description="pause between releases")
     schedule: tuple[tuple[NonNegative, NonNegative], ...] = Field(
@@ -52,15 +54,17 @@ class ReleaseSpec(KindedSpec):
 
 
 class ShapeSpec(KindedSpec):
-    """The extent of a source about its position.
+    """Shape and size of a source around its position.
 
-    `size_m` is a box's edges, a line's vector from end to end, or the edges of the box around a sphere or an upright
-    cylinder; a point has none.
+    `size_m` holds the edges of a box, the vector from end to end of a line, or the edges of the box around a sphere or
+    an upright cylinder. A point has none.
     """
 
     belongs: ClassVar[Mapping[str, tuple[str, ...]]] = {"size_m": ("box", "line", "sphere", "cylinder")}
 
-    kind: Literal["point", "box", "line", "sphere", "cylinder"] = Field(default="point", description="its form")
+    kind: Literal["point", "box", "line", "sphere", "cylinder"] = Field(
+        default="point", description="shape of the source"
+    )
     size_m: Vec3 = Field(default=(0.0, 0.0, 0.0), description="edges, or a line's vector from end to end")
 
     @model_validator(mode="after")
@@ -77,36 +81,33 @@ class ShapeSpec(KindedSpec):
 
 
 class SourceSpec(Spec):
-    """A source of gas. `ppm` and `sigma_m` are a filament's centre mixing ratio and size at birth.
+    """Source of gas. `ppm` and `sigma_m` are the centre mixing ratio and the size of a new filament."""
 
-    `gas` is this source's gas where it differs from the one that is searched for.
-    """
-
-    position_m: Vec3 = Field(description="its place in the world; random: drawn by the seed in free air")
+    position_m: Vec3 = Field(description="position in the world; random: drawn from the seed in free air")
     filaments_per_s: Positive = Field(default=10.0, description="mean rate of release")
-    ppm: Positive = Field(default=10.0, description="mixing ratio at the centre of a filament at birth")
-    sigma_m: Positive = Field(default=0.1, description="size of a filament at birth")
-    gas: str | None = Field(default=None, description="its gas (absent: the one that is searched for)")
-    shape: ShapeSpec = Field(default=ShapeSpec(), description="its extent")
-    release: ReleaseSpec = Field(default=ReleaseSpec(), description="when filaments are born")
+    ppm: Positive = Field(default=10.0, description="mixing ratio at the centre of a new filament")
+    sigma_m: Positive = Field(default=0.1, description="standard deviation of a new filament")
+    gas: str | None = Field(default=None, description="gas of the source (absent: the gas to find)")
+    shape: ShapeSpec = Field(default=ShapeSpec(), description="shape and size")
+    release: ReleaseSpec = Field(default=ReleaseSpec(), description="timing of releases")
 
 
 class PowerLawSpec(Spec):
     """Response of a MOX sensor to a gas: Rs/R0 = a c^b, c in ppm; `b` is negative, as resistance falls with gas."""
 
-    sensor: str = Field(description="the model of the sensor")
+    sensor: str = Field(description="model of the sensor")
     a: Positive = Field(description="factor of Rs/R0 = a c^b, c in ppm")
     b: Annotated[float, Field(le=0)] = Field(description="exponent")
 
 
 class GasDefinition(Spec):
-    """A gas that gslcosim does not know by itself.
+    """Gas that gslcosim does not include.
 
-    `specific_gravity` is its density relative to air; `mox` gives the response of MOX sensors, which otherwise do not
-    notice it; `pid_correction` is its correction factor with the lamp that is flown (absent: not ionised).
+    MOX sensors respond only to gases with `mox`, photo-ionisation detectors only to gases with `pid_correction`, the
+    correction factor of the lamp in use.
     """
 
-    name: Name = Field(description="what the gas is called")
+    name: Name = Field(description="name of the gas")
     specific_gravity: Positive = Field(description="density relative to air")
     mox: tuple[PowerLawSpec, ...] = Field(default=(), description="response of MOX sensors (absent: none)")
     pid_correction: Positive | None = Field(
@@ -128,48 +129,45 @@ GAS_ENTRY_POINTS = "gslcosim.gas_models"
 class PlumeSpec(Spec):
     """Settings of `gaussian_plume` and `meandering_plume`.
 
-    `stability` is Pasquill's class; `wind_m_s` is the even wind (absent: the room's at the first source); `has_ground`
-    mirrors the plume at z = 0. A meandering plume is `instantaneous_frac` as wide as the mean one at any moment, and
-    moves about within it with the correlation time `meander_s`.
+    A meandering plume is at any moment `instantaneous_frac` as wide as its mean, and wanders within that mean with the
+    correlation time `meander_s`.
     """
 
     stability: Literal["A", "B", "C", "D", "E", "F"] = Field(default="D", description="Pasquill's class")
-    wind_m_s: Vec3 | None = Field(default=None, description="even wind (absent: the room's at the first source)")
-    has_ground: bool = Field(default=True, description="the plume is mirrored at z = 0")
+    wind_m_s: Vec3 | None = Field(
+        default=None, description="uniform wind (absent: wind of the room at the first source)"
+    )
+    has_ground: bool = Field(default=True, description="reflect the plume at z = 0")
     instantaneous_frac: Annotated[float, Field(gt=0, le=1)] = Field(
-        default=0.5, description="width of a meandering plume at any moment as a share of the mean one"
+        default=0.5, description="instantaneous width of a meandering plume as a fraction of the mean width"
     )
     meander_s: Positive = Field(default=20.0, description="correlation time of a meandering plume")
 
 
 class FarrellSpec(Spec):
-    """Settings of Farrell's open field: a horizontal wind that gusts at the corners stir, over `n_nodes` a side.
+    """Settings of Farrell's open field: a horizontal wind with gusts at its corners, on `n_nodes` nodes per side."""
 
-    `wind_m_s` is the mean wind (absent: the room's at the first source); gusts at the corners have the standard
-    deviation `gust_std_m_s`, the period `gust_period_s` and the damping ratio `gust_damping`; `eddy_viscosity_m2_s`
-    spreads them through the field.
-    """
-
-    wind_m_s: Vec3 | None = Field(default=None, description="mean wind (absent: the room's at the first source)")
+    wind_m_s: Vec3 | None = Field(default=None, description="mean wind (absent: wind of the room at the first source)")
     gust_std_m_s: NonNegative = Field(default=0.5, description="standard deviation of the gusts at the corners")
     gust_period_s: Positive = Field(default=30.0, description="period of the gusts")
     gust_damping: Annotated[float, Field(gt=0, lt=1)] = Field(default=0.1, description="damping ratio of the gusts")
-    eddy_viscosity_m2_s: NonNegative = Field(default=10.0, description="spreads gusts through the field")
-    n_nodes: Annotated[int, Field(ge=3, le=200)] = Field(default=21, description="nodes of the wind's grid a side")
+    eddy_viscosity_m2_s: NonNegative = Field(
+        default=10.0, description="eddy viscosity, which spreads gusts through the field"
+    )
+    n_nodes: Annotated[int, Field(ge=3, le=200)] = Field(default=21, description="nodes of the wind grid per side")
 
 
 class PlaybackSpec(Spec):
-    """Stored gas: a `folder` of frames of GADEN, GSL-Bench or AutoGDM+, or a movie (`.npz`).
+    """Stored gas: a `folder` of frames of GADEN, GSL-Bench or AutoGDM+, or a movie (`.npz`), which has its own times.
 
-    `period_s` is the time between frames (absent: 1 s for GSL-Bench, 0.5 s for GADEN; a movie has times of its own);
-    with `loop` time begins again after the last frame, otherwise the last one stays.
+    With `loop` it restarts after the last frame; otherwise the last frame stays.
     """
 
-    folder: str = Field(description="frames of GADEN, GSL-Bench or AutoGDM+, or a movie (.npz)")
+    folder: str = Field(description="folder of frames of GADEN, GSL-Bench or AutoGDM+, or a movie (.npz)")
     period_s: Positive | None = Field(
         default=None, description="time between frames (absent: 1 s for GSL-Bench, 0.5 s for GADEN)"
     )
-    loop: bool = Field(default=False, description="time begins anew after the last frame")
+    loop: bool = Field(default=False, description="restart at the first frame after the last one")
 
 
 class TurbulenceSpec(KindedSpec):
@@ -205,17 +203,17 @@ class GasSpec(KindedSpec):
     can_be_taped: ClassVar[bool] = False
     can_be_driven: ClassVar[bool] = False
 
-    model: str = Field(description="which gas model it is")
-    gas: str = Field(default="ethanol", description="the gas to search for")
-    sources: Annotated[tuple[SourceSpec, ...], Field(min_length=1)] = Field(description="where gas comes from")
+    model: str = Field(description="gas model")
+    gas: str = Field(default="ethanol", description="gas to find")
+    sources: Annotated[tuple[SourceSpec, ...], Field(min_length=1)] = Field(description="sources of gas")
     step_s: Positive = Field(default=0.1, description="time step of the model")
-    warm_up_s: NonNegative = Field(default=150.0, description="age of the plume when the run starts")
-    define: tuple[GasDefinition, ...] = Field(default=(), description="gases that gslcosim does not know by itself")
+    warm_up_s: NonNegative = Field(default=150.0, description="age of the plume at the start of the run")
+    define: tuple[GasDefinition, ...] = Field(default=(), description="additional gases")
     seed: Annotated[int, Field(ge=0, le=2**31)] | None = Field(
-        default=None, description="replaces the run's seed for the gas alone, so that runs can share it"
+        default=None, description="seed of the gas alone, so that runs with different seeds can share it"
     )
-    tape: bool = Field(default=False, description="the gas is computed once and kept for all runs with the same gas")
-    rotor_downwash: bool = Field(default=False, description="rotors blow filaments away")
+    tape: bool = Field(default=False, description="compute the gas once and cache it for all runs with the same gas")
+    rotor_downwash: bool = Field(default=False, description="let rotor downwash move filaments")
 
     @property
     def stored(self) -> PlaybackSpec | None:
@@ -271,16 +269,16 @@ class FilamentsSpec(GasSpec):
 
     has_filaments: ClassVar[bool] = True
 
-    growth_m2_s: NonNegative = Field(default=0.001, description="growth of a filament's variance")
-    eddy_diffusivity_m2_s: NonNegative = Field(default=0.002, description="of the random walk, per axis")
+    growth_m2_s: NonNegative = Field(default=0.001, description="growth of the variance of a filament")
+    eddy_diffusivity_m2_s: NonNegative = Field(default=0.002, description="diffusivity of the random walk, per axis")
     buoyancy: Literal["terminal_velocity", "none"] = Field(
-        default="terminal_velocity", description="whether light gases rise and heavy ones sink"
+        default="terminal_velocity", description="buoyancy of light and heavy gases"
     )
     compatibility: Literal["none", "gaden_2", "gaden_3"] = Field(
-        default="none", description="whose noise, cut-off and buoyancy are repeated"
+        default="none", description="GADEN version whose noise, cut-off and buoyancy to reproduce"
     )
     gaden_noise_std_m: NonNegative = Field(
-        default=0.02, description="noise of a step, with `compatibility` in place of the eddy diffusivity"
+        default=0.02, description="noise per step, with `compatibility` in place of the eddy diffusivity"
     )
     turbulence: TurbulenceSpec | None = Field(
         default=None, description="turbulence in place of growth and eddy diffusivity (absent: none)"
@@ -304,14 +302,14 @@ class FilamentGasSpec(FilamentsSpec):
     can_be_taped: ClassVar[bool] = True
     can_be_driven: ClassVar[bool] = True
 
-    model: Literal["filament"] = Field(default="filament", description="which gas model it is")  # pyright: ignore
+    model: Literal["filament"] = Field(default="filament", description="gas model")  # pyright: ignore
 
 
 class FarrellGasSpec(FilamentsSpec):
     """Filaments in Farrell's open field."""
 
-    model: Literal["farrell"] = Field(default="farrell", description="which gas model it is")  # pyright: ignore
-    farrell: FarrellSpec = Field(default=FarrellSpec(), description="its wind")
+    model: Literal["farrell"] = Field(default="farrell", description="gas model")  # pyright: ignore
+    farrell: FarrellSpec = Field(default=FarrellSpec(), description="wind of the open field")
 
 
 class FormulaGasSpec(GasSpec):
@@ -329,7 +327,7 @@ class GaussianPlumeGasSpec(FormulaGasSpec):
     """The mean plume of each source, by Gauss's formula."""
 
     model: Literal["gaussian_plume"] = Field(  # pyright: ignore
-        default="gaussian_plume", description="which gas model it is"
+        default="gaussian_plume", description="gas model"
     )
 
 
@@ -337,7 +335,7 @@ class MeanderingPlumeGasSpec(FormulaGasSpec):
     """A narrower plume that moves about within the mean one."""
 
     model: Literal["meandering_plume"] = Field(  # pyright: ignore
-        default="meandering_plume", description="which gas model it is"
+        default="meandering_plume", description="gas model"
     )
 
 
@@ -346,8 +344,8 @@ class PlaybackGasSpec(GasSpec):
 
     has_releases: ClassVar[bool] = False
 
-    model: Literal["playback"] = Field(default="playback", description="which gas model it is")  # pyright: ignore
-    playback: PlaybackSpec | None = Field(default=None, description="what is played")
+    model: Literal["playback"] = Field(default="playback", description="gas model")  # pyright: ignore
+    playback: PlaybackSpec | None = Field(default=None, description="stored gas")
 
     @property
     def stored(self) -> PlaybackSpec | None:

@@ -73,9 +73,9 @@ DEFAULT_KIND = "warehouse_empty"
 class BoxSpec(Spec):
     """A solid box in the room, corners in the world frame [m]."""
 
-    name: Name = Field(description="what the box is called")
-    min_m: Vec3 = Field(description="its lower corner")
-    max_m: Vec3 = Field(description="its upper corner")
+    name: Name = Field(description="name of the box")
+    min_m: Vec3 = Field(description="lower corner")
+    max_m: Vec3 = Field(description="upper corner")
 
     @model_validator(mode="after")
     def _check_corners(self) -> Self:
@@ -84,16 +84,16 @@ class BoxSpec(Spec):
 
 
 class DoorSpec(BoxSpec):
-    """A box that events take away and put back: closed it is solid, open it is not there."""
+    """A box that events remove and restore: solid while closed, absent while open."""
 
-    is_open: bool = Field(default=False, description="whether it is open at the start")
+    is_open: bool = Field(default=False, description="open at the start")
 
 
 class OpeningSpec(Spec):
-    """An inlet or outlet: a rectangle on the room's boundary, given as a flat box [m]."""
+    """An inlet or outlet: a rectangle on the boundary of the room, as a flat box [m]."""
 
-    min_m: Vec3 = Field(description="its lower corner")
-    max_m: Vec3 = Field(description="its upper corner, at the same place along one axis")
+    min_m: Vec3 = Field(description="lower corner")
+    max_m: Vec3 = Field(description="upper corner, equal to the lower one along one axis")
 
     @model_validator(mode="after")
     def _check_corners(self) -> Self:
@@ -102,19 +102,17 @@ class OpeningSpec(Spec):
 
 
 class FurtherOpeningSpec(OpeningSpec):
-    """An opening beside the layout's own inlet and outlet.
+    """An opening in addition to the inlet and outlet of the layout.
 
-    An inlet's wind is `velocity_m_s`, by default that of the scenario's wind; one that leaves the room is a fan that
-    draws air out. `open` is a side where the outdoors go on.
+    `velocity_m_s` is the wind of an inlet; a vector that points outwards makes a fan that draws air out. `open` is an
+    open boundary to the outdoors.
     """
 
-    name: Name = Field(description="what the opening is called")
+    name: Name = Field(description="name of the opening")
     kind: Literal["inlet", "outlet", "open"] = Field(
-        description="whether air comes in, goes out, or the outdoors go on"
+        description="role of the opening: inlet, outlet, or open boundary to the outdoors"
     )
-    velocity_m_s: Vec3 | None = Field(
-        default=None, description="wind of an inlet (absent: that of the scenario's wind)"
-    )
+    velocity_m_s: Vec3 | None = Field(default=None, description="wind of an inlet (absent: wind of the scenario)")
 
     @model_validator(mode="after")
     def _check_velocity(self) -> Self:
@@ -131,23 +129,23 @@ class RoomSpec(Spec):
     along x and y below the ceiling, by default one for about every 6 m.
     """
 
-    kind: str = Field(description="which layout it is")
+    kind: str = Field(description="layout")
     size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = Field(description="inner size along x, y and z")
-    seed: Annotated[int, Field(ge=0)] = Field(default=1, description="decides all that is drawn at random in the room")
+    seed: Annotated[int, Field(ge=0)] = Field(default=1, description="seed of all random parts of the room")
     wall_m: Positive = Field(default=0.2, description="thickness of the outer walls")
-    inlet: OpeningSpec | None = Field(default=None, description="the inlet (absent: where the layout has it)")
-    outlet: OpeningSpec | None = Field(default=None, description="the outlet (absent: where the layout has it)")
-    obstacles: tuple[BoxSpec, ...] = Field(default=(), description="boxes beside what the layout furnishes")
+    inlet: OpeningSpec | None = Field(default=None, description="inlet (absent: inlet of the layout)")
+    outlet: OpeningSpec | None = Field(default=None, description="outlet (absent: outlet of the layout)")
+    obstacles: tuple[BoxSpec, ...] = Field(default=(), description="additional boxes")
     inlet_size_m: tuple[Positive, Positive] | None = Field(
-        default=None, description="width and height of the layout's own inlet"
+        default=None, description="width and height of the inlet of the layout"
     )
     outlet_size_m: tuple[Positive, Positive] | None = Field(
-        default=None, description="width and height of the layout's own outlet"
+        default=None, description="width and height of the outlet of the layout"
     )
     walls: Literal["white", "white_yellow"] = Field(default="white", description="colours of the walls")
-    openings: tuple[FurtherOpeningSpec, ...] = Field(default=(), description="openings beside inlet and outlet")
+    openings: tuple[FurtherOpeningSpec, ...] = Field(default=(), description="additional openings")
     lights: tuple[Count, Count] | None = Field(
-        default=None, description="lamps along x and y (absent: one for about every 6 m)"
+        default=None, description="number of lamps along x and y (absent: about one per 6 m)"
     )
 
     @model_validator(mode="after")
@@ -179,13 +177,13 @@ class RacksSpec(RoomSpec):
     """
 
     size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (15.0, 15.0, 8.0)
-    filled_least_frac: Fraction = Field(default=0.2, description="share of the racks that are filled at least")
+    filled_least_frac: Fraction = Field(default=0.2, description="minimum fill fraction of a rack")
     rack_size_m: tuple[Positive, Positive, Positive] = Field(
-        default=(1.0, 4.0, 3.0), description="size of a rack across, along and high"
+        default=(1.0, 4.0, 3.0), description="width, length and height of a rack"
     )
-    rack_aisle_m: Positive = Field(default=3.0, description="least width between rows")
+    rack_aisle_m: Positive = Field(default=3.0, description="minimum width of an aisle")
     end_aisle_m: Positive | None = Field(
-        default=None, description="width between the ends of rows and the wall (absent: the wider opening and 2 m)"
+        default=None, description="width between the ends of rows and the wall (absent: the wider opening plus 2 m)"
     )
 
 
@@ -204,11 +202,11 @@ class ComplexWarehouseSpec(RacksSpec):
 
     kind: Literal["warehouse_complex"] = "warehouse_complex"  # pyright: ignore
     side_aisle_m: Positive = Field(
-        default=1.6, description="least width between the turned rows' ends and the rows at the walls"
+        default=1.6, description="minimum width between the ends of turned rows and the rows at the walls"
     )
-    n_forklifts: Count = Field(default=1, description="forklifts, where there is place")
-    n_piles: Count = Field(default=5, description="piles of goods, where there is place")
-    n_pallets: Count = Field(default=3, description="pallets, where there is place")
+    n_forklifts: Count = Field(default=1, description="number of forklifts, fewer if they do not fit")
+    n_piles: Count = Field(default=5, description="number of piles of goods, fewer if they do not fit")
+    n_pallets: Count = Field(default=3, description="number of pallets, fewer if they do not fit")
 
 
 class OfficeSpec(RoomSpec):
@@ -220,15 +218,15 @@ class OfficeSpec(RoomSpec):
     kind: Literal["office"] = "office"  # pyright: ignore
     size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (16.0, 12.0, 3.0)
     rooms_per_side: Annotated[int, Field(ge=1, le=20)] = Field(
-        default=4, description="rooms on each side of the corridor"
+        default=4, description="number of rooms on each side of the corridor"
     )
     corridor_m: Positive = Field(default=2.0, description="width of the corridor")
     door_m: tuple[Positive, Positive] = Field(default=(1.0, 2.0), description="width and height of doors")
     partition_m: Positive = Field(default=0.2, description="thickness of inner walls")
     outline: Literal["rectangle", "l_shape"] = Field(
-        default="rectangle", description="l_shape takes away the rooms of the upper right"
+        default="rectangle", description="shape of the floor plan; l_shape removes the upper right rooms"
     )
-    has_furniture: bool = Field(default=True, description="whether there are desks")
+    has_furniture: bool = Field(default=True, description="add desks")
 
 
 class HomeSpec(RoomSpec):
@@ -240,12 +238,12 @@ class HomeSpec(RoomSpec):
     kind: Literal["home"] = "home"  # pyright: ignore
     size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (10.0, 8.0, 2.6)
     n_rooms: Annotated[int, Field(ge=1, le=30)] = Field(
-        default=5, description="rooms, fewer where there is no place for another"
+        default=5, description="number of rooms, fewer if they do not fit"
     )
-    least_room_m: Positive = Field(default=2.4, description="least width of a room")
+    least_room_m: Positive = Field(default=2.4, description="minimum width of a room")
     door_m: tuple[Positive, Positive] = Field(default=(1.0, 2.0), description="width and height of doors")
     partition_m: Positive = Field(default=0.2, description="thickness of inner walls")
-    has_furniture: bool = Field(default=True, description="whether there is furniture")
+    has_furniture: bool = Field(default=True, description="add furniture")
 
 
 class ClutteredRoomsSpec(RoomSpec):
@@ -258,12 +256,14 @@ class ClutteredRoomsSpec(RoomSpec):
     kind: Literal["cluttered_rooms"] = "cluttered_rooms"  # pyright: ignore
     size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (10.0, 10.0, 3.0)
     n_rooms: tuple[Annotated[int, Field(ge=1, le=20)], Annotated[int, Field(ge=1, le=20)]] = Field(
-        default=(3, 3), description="rooms along x and y"
+        default=(3, 3), description="number of rooms along x and y"
     )
     passage_m: Positive = Field(default=1.4, description="width of passages")
     partition_m: Positive = Field(default=0.2, description="thickness of inner walls")
-    extra_passage_frac: Fraction = Field(default=0.3, description="share of the other walls that have a passage too")
-    n_clutter: Count = Field(default=6, description="boxes that stand about")
+    extra_passage_frac: Fraction = Field(
+        default=0.3, description="fraction of the other walls that also have a passage"
+    )
+    n_clutter: Count = Field(default=6, description="number of boxes that stand in the rooms")
 
 
 class PlantSpec(RoomSpec):
@@ -275,12 +275,10 @@ class PlantSpec(RoomSpec):
 
     kind: Literal["plant"] = "plant"  # pyright: ignore
     size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (24.0, 18.0, 8.0)
-    n_tanks: Count = Field(default=4, description="tanks")
-    n_buildings: Count = Field(default=2, description="buildings")
+    n_tanks: Count = Field(default=4, description="number of tanks")
+    n_buildings: Count = Field(default=2, description="number of buildings")
     roughness_m: Positive = Field(default=0.03, description="roughness length of the ground")
-    reference_height_m: Positive = Field(
-        default=10.0, description="height at which the wind is `wind.inlet_velocity_m_s`"
-    )
+    reference_height_m: Positive = Field(default=10.0, description="reference height of `wind.inlet_velocity_m_s`")
 
 
 class WindTunnelSpec(RoomSpec):
@@ -288,8 +286,8 @@ class WindTunnelSpec(RoomSpec):
 
     kind: Literal["wind_tunnel"] = "wind_tunnel"  # pyright: ignore
     size_m: tuple[RoomEdge, RoomEdge, RoomEdge] = (8.0, 2.0, 2.0)
-    n_blocks: Count = Field(default=0, description="blocks in a row across the middle line")
-    block_m: Positive = Field(default=0.4, description="edge of a block")
+    n_blocks: Count = Field(default=0, description="number of blocks in a row across the middle line")
+    block_m: Positive = Field(default=0.4, description="edge length of a block")
     gap_m: NonNegative = Field(default=1.2, description="gap between blocks")
 
 
@@ -315,10 +313,10 @@ Layout = Annotated[
 
 
 class ExtentSpec(Spec):
-    """A box by two opposite corners, world frame [m]; it may be flat along one axis where it stands for a surface."""
+    """A box by two opposite corners, world frame [m]; a box around a surface may be flat along one axis."""
 
-    min_m: Vec3 = Field(description="its lower corner")
-    max_m: Vec3 = Field(description="its upper corner")
+    min_m: Vec3 = Field(description="lower corner")
+    max_m: Vec3 = Field(description="upper corner")
 
     @model_validator(mode="after")
     def _check_corners(self) -> Self:
@@ -327,10 +325,10 @@ class ExtentSpec(Spec):
 
 
 class BoundsSpec(Spec):
-    """The box of air to keep, world frame [m]; its sides are walls where no opening is."""
+    """Box of air to keep, world frame [m]; its sides are walls except at openings."""
 
-    min_m: Vec3 = Field(description="its lower corner")
-    max_m: Vec3 = Field(description="its upper corner")
+    min_m: Vec3 = Field(description="lower corner")
+    max_m: Vec3 = Field(description="upper corner")
 
     @model_validator(mode="after")
     def _check_corners(self) -> Self:
@@ -339,20 +337,19 @@ class BoundsSpec(Spec):
 
 
 class GeometryOpeningSpec(Spec):
-    """Opening of a geometry where air comes in or goes out: a `box` around it, or a `surface` of the files by its name.
+    """An opening of a geometry: a `box` around it, or the name of a `surface` in the files.
 
-    A surface is a mesh, group, material, node, solid or geom. `kind: open` is a side where the outdoors go
-    on. `velocity_m_s` is an inlet's; without it the wind of `wind.inlet_velocity_m_s`, straight inwards.
+    A surface is a mesh, group, material, node, solid or geom. `kind: open` is an open boundary to the outdoors.
     """
 
-    name: Name = Field(description="what the opening is called")
+    name: Name = Field(description="name of the opening")
     kind: Literal["inlet", "outlet", "open"] = Field(
-        description="whether air comes in, goes out, or the outdoors go on"
+        description="role of the opening: inlet, outlet, or open boundary to the outdoors"
     )
-    box: ExtentSpec | None = Field(default=None, description="a box around it")
-    surface: str | None = Field(default=None, description="its name in the files")
+    box: ExtentSpec | None = Field(default=None, description="box around the opening")
+    surface: str | None = Field(default=None, description="name of the object in the files")
     velocity_m_s: Vec3 | None = Field(
-        default=None, description="wind of an inlet (absent: that of `wind.inlet_velocity_m_s`, straight inwards)"
+        default=None, description="wind of an inlet (absent: `wind.inlet_velocity_m_s`, straight inwards)"
     )
 
     @model_validator(mode="after")
@@ -368,29 +365,27 @@ class GeometryOpeningSpec(Spec):
 
 
 class GeometrySpec(Spec):
-    """A room from files of geometry: STL, OBJ, glTF (.gltf or .glb) or MJCF (.xml), relative to the scenario's folder.
+    """A room from geometry files: STL, OBJ, glTF (.gltf or .glb) or MJCF (.xml), relative to the scenario's folder.
 
-    `scale` turns their unit into metres: 0.001 for millimetres. `up` is the axis that points up in the files, by
-    default y in glTF, as its standard says, and z in the others. `translate_m` is added last. Surfaces whose names
-    begin with inlet or outlet are openings without being listed in `openings`.
-
-    `free_point_m` is a point known to be air; by default it is sought beside the first inlet, then beside the other
-    openings, then in the middle. Without `bounds_m` the geometry has to close the air in, except at openings.
+    - Surfaces whose names begin with inlet or outlet are openings, even if `openings` does not list them.
+    - `scale` is 0.001 for files in millimetres. gslcosim scales first, then rotates by `up`, then adds `translate_m`.
+    - Without `free_point_m`, gslcosim looks for air beside the first inlet, then the other openings, then the middle.
+    - Without `bounds_m`, the geometry must enclose the air, except at openings.
     """
 
     files: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
         description="STL, OBJ, glTF or MJCF, relative to the scenario's folder"
     )
-    scale: Positive = Field(default=1.0, description="turns the unit of the files into metres")
+    scale: Positive = Field(default=1.0, description="factor from the unit of the files to metres")
     up: Literal["y", "z"] | None = Field(
         default=None, description="axis that points up in the files (absent: y in glTF, z in the others)"
     )
-    translate_m: Vec3 = Field(default=(0.0, 0.0, 0.0), description="is added to the scaled and turned geometry")
-    free_point_m: Vec3 | None = Field(default=None, description="a point known to be air (absent: it is sought)")
+    translate_m: Vec3 = Field(default=(0.0, 0.0, 0.0), description="offset of the scaled and rotated geometry")
+    free_point_m: Vec3 | None = Field(default=None, description="a point in the air (absent: found automatically)")
     bounds_m: BoundsSpec | None = Field(
-        default=None, description="the air to keep (absent: what the geometry closes in)"
+        default=None, description="region of air to keep (absent: the air that the geometry encloses)"
     )
-    openings: tuple[GeometryOpeningSpec, ...] = Field(default=(), description="where air comes in or goes out")
+    openings: tuple[GeometryOpeningSpec, ...] = Field(default=(), description="openings of the room")
 
     @model_validator(mode="after")
     def _check_names(self) -> Self:

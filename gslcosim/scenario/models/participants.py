@@ -39,21 +39,20 @@ SandboxChoice = Literal["auto", "required", "bubblewrap", "landlock", "none"]
 
 
 class AgentLimitsSpec(Spec):
-    """The bounds of what an agent's processes use together; to reach one is the agent's failure.
+    """Resource limits for all processes of an agent together; an agent that reaches one has failed. Absent: no limit.
 
-    `cpu_s` is processor time [s], `memory_mb` is memory held [MB], `n_processes` is how many run at once. `n_files` is
-    how many files each process has open at once: it gets an error where it opens more. Absent: no bound.
+    `n_files` differs: it is a limit per process, and opening one more file is an error in that process.
     """
 
-    cpu_s: Positive | None = Field(default=None, description="processor time")
+    cpu_s: Positive | None = Field(default=None, description="limit of processor time")
     memory_mb: Annotated[float, Field(ge=8)] | None = Field(
-        default=None, description="memory held, in MB; what processes share counts for each"
+        default=None, description="limit of resident memory in MB; shared memory counts for each process"
     )
     n_files: Annotated[int, Field(ge=16, le=1_000_000)] | None = Field(
-        default=None, description="files that each process has open at once"
+        default=None, description="limit of open files per process"
     )
     n_processes: Annotated[int, Field(ge=1, le=100_000)] | None = Field(
-        default=None, description="processes that run at once"
+        default=None, description="limit of concurrent processes"
     )
 
     @property
@@ -67,61 +66,57 @@ MAX_ANSWER_S = 25.0
 
 
 class ProgramStartSpec(Spec):
-    """Start of a participant's program: its command, its connection to the gateway, and its format."""
+    """Start of a participant's program: command, connection to the gateway, and format."""
 
     command: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
-        description="a program and its arguments: with a slash in the scenario's folder, else on the PATH"
+        description="program and arguments; a name with a slash is relative to the scenario's folder, others "
+        "are found on the PATH"
     )
     door: Literal["stdio", "tcp", "unix"] = Field(
-        default="stdio", description="how it speaks with the run: over its standard streams, or a connection"
+        default="stdio", description="transport: standard streams or a connection"
     )
-    format: Literal["msgpack", "json"] = Field(default="msgpack", description="how frames are written")
+    format: Literal["msgpack", "json"] = Field(default="msgpack", description="encoding of frames")
 
 
 class PortReadSpec(Spec):
-    """A port that a participant reads, truth among them; `delay` says of how many ticks before."""
+    """A port that a participant reads, true values included, `delay` ticks late."""
 
     port: Annotated[str, StringConstraints(min_length=1, max_length=200)] = Field(
-        description="which port, such as truth/samples; docs/messages.md has all, those of participants are "
-        "participant/NAME/PORT"
+        description="port, such as truth/samples (docs/messages.md) or participant/NAME/PORT"
     )
     delay: Annotated[int, Field(ge=0, le=1000)] = Field(
-        default=0, description="ticks between a message and the step that reads it"
+        default=0, description="delay in ticks between a message and the step that reads it"
     )
 
 
 class ParticipantProgramSpec(Spec):
-    """A model of the user's own: a program that reads what it declares, each tick of its period, and answers it.
+    """Your own model: a program that reads its inputs once per period and answers.
 
-    `reads` are its inputs; it is a part of the world, so they may be truth, which no agent can read. `writes` names its
-    outputs: `ventilation` changes the wind of the room, any other word is a port of its own,
-    `participant/<name>/<word>`, whose numbers and truth values become curves in the recording.
-    `parameters` are handed to the program as they are.
+    - `reads`: its inputs. A participant is part of the world, so it may read true values, which agents cannot.
+    - `writes`: its outputs. `ventilation` changes the wind of the room; any other name is a port of its own,
+      `participant/<name>/<output>`, whose numbers become curves in the recording.
+    - `parameters`: passed to the program unchanged.
     """
 
-    name: Name = Field(description="what the participant is called")
-    start: ProgramStartSpec = Field(description="how its program is started")
-    reads: tuple[PortReadSpec, ...] = Field(default=(), description="what it reads")
+    name: Name = Field(description="name of the participant")
+    start: ProgramStartSpec = Field(description="command that starts the program")
+    reads: tuple[PortReadSpec, ...] = Field(default=(), description="ports that it reads")
     writes: Annotated[tuple[Name, ...], Field(min_length=1)] = Field(
-        description="what it writes: ventilation, which changes the wind, or words for ports of its own"
+        description="ports that it writes: ventilation, which changes the wind, or names of its own ports"
     )
-    period_s: Positive | None = Field(
-        default=None, description="simulated time between its steps (absent: it steps every tick)"
-    )
+    period_s: Positive | None = Field(default=None, description="simulated time between steps (absent: one tick)")
     answer_within_s: Annotated[float, Field(gt=0, le=MAX_ANSWER_S)] = Field(
-        default=10.0, description="how long the run waits for an answer, by the clock on the wall"
+        default=10.0, description="wall-clock timeout for an answer"
     )
-    parameters: dict[Name, ParameterValue] = Field(
-        default={}, description="settings of the model, handed to it as they are"
-    )
+    parameters: dict[Name, ParameterValue] = Field(default={}, description="settings of the model, passed unchanged")
     sandbox: SandboxChoice = Field(
-        default="auto", description="what its program is started in; auto: the strongest that the machine has"
+        default="auto", description="sandbox of the program; auto: the strongest on this machine"
     )
-    limits: AgentLimitsSpec = Field(default=AgentLimitsSpec(), description="the bounds of what its processes use")
-    may_read: tuple[str, ...] = Field(default=(), description="folders that it sees besides its own")
-    may_write: tuple[str, ...] = Field(default=(), description="folders that it may change")
+    limits: AgentLimitsSpec = Field(default=AgentLimitsSpec(), description="resource limits of its processes")
+    may_read: tuple[str, ...] = Field(default=(), description="additional folders that it may read")
+    may_write: tuple[str, ...] = Field(default=(), description="folders that it may write")
     environment: EnvironmentVariables | None = Field(
-        default=None, description="variables of its environment by name; one without a value is passed on from ours"
+        default=None, description="environment variables; a variable without a value is inherited"
     )
 
     @property
@@ -174,7 +169,7 @@ class ServiceSpec(Spec):
     drives_wind: ClassVar[bool] = False
     recorded_ports: ClassVar[tuple[str, ...]] = ()
 
-    name: Name = Field(description="which service it is")
+    name: Name = Field(description="name of the service")
 
 
 Service = Annotated[

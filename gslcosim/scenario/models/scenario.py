@@ -45,24 +45,19 @@ FOLDER_KEYS = ("path", "gsl_bench", "gaden")
 
 
 class EnvironmentSpec(Spec):
-    """Environment of the run.
+    """Environment of the run: exactly one of `layout`, `path`, `gsl_bench`, `gaden` and `geometry`.
 
-    One of: a `layout` to generate; the `path` of an environment's folder made before; a folder of GSL-Bench or
-    AutoGDM+ as `gsl_bench`; one of GADEN, with its OccupancyGrid3D.csv, as `gaden`; the user's own `geometry`.
-
-    `doors` are boxes in that room which events open and close, see docs/events.md.
+    `doors` are boxes in the room that events open and close, see docs/events.md.
     """
 
-    layout: Layout | None = Field(default=None, description="a room to generate")
+    layout: Layout | None = Field(default=None, description="room to generate")
     path: str | None = Field(
-        default=None, description="folder of an environment that was made before, relative to the scenario's folder"
+        default=None, description="folder of a generated or imported environment, relative to the scenario's folder"
     )
-    gsl_bench: str | None = Field(default=None, description="folder of an environment of GSL-Bench or AutoGDM+")
-    gaden: str | None = Field(
-        default=None, description="folder of an environment of GADEN, with its OccupancyGrid3D.csv"
-    )
-    geometry: GeometrySpec | None = Field(default=None, description="a room from files of geometry")
-    doors: tuple[DoorSpec, ...] = Field(default=(), description="boxes in the room that events open and close")
+    gsl_bench: str | None = Field(default=None, description="folder of a GSL-Bench or AutoGDM+ environment")
+    gaden: str | None = Field(default=None, description="folder of a GADEN environment, with its OccupancyGrid3D.csv")
+    geometry: GeometrySpec | None = Field(default=None, description="room from geometry files")
+    doors: tuple[DoorSpec, ...] = Field(default=(), description="doors: boxes that events open and close")
 
     @property
     def folder_key(self) -> str | None:
@@ -83,36 +78,36 @@ class EnvironmentSpec(Spec):
 
 
 class StartSpec(Spec):
-    """Start of an agent: a Python agent by name or file, a command line, or one that attaches itself.
+    """Start of an agent: a Python agent by name or file, a command line, or an agent that attaches itself.
 
-    `door` is the way it joins: `zenoh`, or the gateway over `stdio`, `tcp` or `unix` in a `format` of frames.
-    `observations: asked` sends through the gateway only those that await a command. A Python agent joins over zenoh,
-    or with `door: stdio` by frames of msgpack: then it has a process of its own where everything else is in one.
-    `process_of` names another agent whose process flies this one too, through that agent's door.
-    `method` is what lists and tables call the method of one that attaches itself.
+    - `door`: transport, `zenoh` or the gateway over `stdio`, `tcp` or `unix`. With `stdio`, a Python agent speaks
+      msgpack frames and keeps its own process even if everything else runs in one.
+    - `format`: encoding of the gateway's frames.
+    - `observations: asked`: the gateway sends only observations that require a command.
+    - `process_of`: another agent whose process, and door, also serves this agent.
+    - `method`: method name in lists and tables for an agent that attaches itself.
     """
 
     python: str | None = Field(
-        default=None, description="a bundled agent by its name, or a Python file relative to the scenario's folder"
+        default=None, description="name of a bundled agent, or a Python file relative to the scenario's folder"
     )
     command: Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
         default=None,
-        description="a program and its arguments: with a slash in the scenario's folder, else on the PATH",
+        description="program and arguments; a name with a slash is relative to the scenario's folder, others "
+        "are found on the PATH",
     )
-    attach: bool = Field(default=False, description="the agent is started by its user and attaches itself")
+    attach: bool = Field(default=False, description="wait for an agent that the user starts and that attaches itself")
     door: Literal["zenoh", "stdio", "tcp", "unix"] = Field(
-        default="zenoh", description="how it joins: over Zenoh, or through the gateway over one of the others"
+        default="zenoh", description="transport: Zenoh, or one of the gateway's"
     )
-    format: Literal["msgpack", "json"] = Field(
-        default="msgpack", description="how frames through the gateway are written"
-    )
+    format: Literal["msgpack", "json"] = Field(default="msgpack", description="encoding of gateway frames")
     observations: Literal["all", "asked"] = Field(
-        default="all", description="which observations go through the gateway; asked: only those that await a command"
+        default="all", description="observations to send through the gateway; asked: only those that require a command"
     )
     method: Name | None = Field(
-        default=None, description="what the method of an agent that attaches itself is called (absent: attached)"
+        default=None, description="method name of an agent that attaches itself (absent: attached)"
     )
-    process_of: Name | None = Field(default=None, description="name of the agent whose process flies this one too")
+    process_of: Name | None = Field(default=None, description="name of the agent whose process also controls this one")
 
     @property
     def is_behind_gateway(self) -> bool:
@@ -189,32 +184,33 @@ def _usual_height_m(values: dict[str, Any]) -> float:
 
 
 class VehicleSpec(Spec):
-    """The robot: model, start (on the ground), cruising height, limits and hold time at each waypoint.
+    """Vehicle: model, start position on the ground, search height, limits and hold time at each waypoint.
 
-    The cruising height is 2 m unless `search_height_m` says otherwise; what drives has none: it is left out.
-    `avoidance` plans the way to waypoints around obstacles: `2d` at the height of the flight, on wheels on the floor;
-    `3d` over and under them too; `none` straight on, whatever is there. `separation_m` is how far its centre keeps from
-    those of other vehicles on its way to waypoints and at a velocity; 0: it does not look out for them.
+    - `search_height_m`: 2 m by default; ground vehicles have none.
+    - `avoidance`: `none` goes straight to waypoints; `2d` plans around obstacles at the search height, or on the floor;
+      `3d` also plans over and under them.
+    - `separation_m`: distance that it keeps from other vehicles, centre to centre, on the way to waypoints and at a
+      commanded velocity; 0 for none.
     """
 
-    model: str = Field(default="iris", description="which vehicle it is; `gslcosim list vehicles` names them")
+    model: str = Field(default="iris", description="vehicle model, see `gslcosim list vehicles`")
     start_m: Vec3 = Field(
-        description="where it starts, in the world; random: drawn by the seed where it can stand and rise"
+        description="start position in the world; random: drawn from the seed where the vehicle fits and can climb"
     )
     search_height_m: Positive = Field(
         default_factory=_usual_height_m,
-        description="height at which it searches (absent: 2; what drives has none)",
+        description="search height (absent: 2; none for ground vehicles)",
     )
-    hold_s: NonNegative = Field(default=2.0, description="how long it holds at a waypoint before the agent is asked")
-    max_speed_m_s: Positive = Field(default=1.0, description="its greatest speed")
-    max_acceleration_m_s2: Positive = Field(default=2.0, description="its greatest acceleration")
+    hold_s: NonNegative = Field(default=2.0, description="hold time at a waypoint before the agent decides")
+    max_speed_m_s: Positive = Field(default=1.0, description="maximum speed")
+    max_acceleration_m_s2: Positive = Field(default=2.0, description="maximum acceleration")
     avoidance: Literal["none", "2d", "3d"] = Field(
         default="none",
-        description="how it plans its way around obstacles: not at all, at its height, or over and under them too",
+        description="obstacle avoidance: none, around obstacles at its height (2d), or also over and under them (3d)",
     )
     separation_m: NonNegative = Field(
         default=0.0,
-        description="how far its centre keeps from those of others in the air (0: it does not look out for them)",
+        description="minimum distance between its centre and those of other flying vehicles (0: no separation)",
     )
 
     @property
@@ -278,18 +274,18 @@ class VehicleSpec(Spec):
 
 
 class KnowledgeSpec(Spec):
-    """The knowledge that an agent is granted beyond its sensors, given in its briefing; `result.json` says so.
+    """Prior knowledge that the briefing gives to the agent; `result.json` records it.
 
-    `map` is the occupancy of the room: `true` or `2d` cut at the agent's search height, `3d` the whole of it.
-    `plume` are nominal figures of the plume: strength, spread, wind speed. `source` are the places of the sources, for
-    upper bounds such as the oracle.
+    - `map`: occupancy of the room, at the search height (`true`, `2d`) or complete (`3d`).
+    - `plume`: nominal strength, spread and wind speed.
+    - `source`: positions of the sources, for upper bounds such as the oracle.
     """
 
     map: bool | Literal["2d", "3d"] = Field(
-        default=False, description="the occupancy of the room: true or 2d at the search height, 3d the whole"
+        default=False, description="occupancy of the room: true or 2d at the search height, 3d complete"
     )
     plume: bool = Field(default=False, description="nominal figures of the plume: strength, spread, wind speed")
-    source: bool = Field(default=False, description="the places of the sources")
+    source: bool = Field(default=False, description="positions of the sources")
 
     @property
     def granted(self) -> tuple[str, ...]:
@@ -303,45 +299,40 @@ Mode = Literal["on_request", "lockstep", "free"] | dict[Literal["latency"], Anno
 class AgentSpec(Spec):
     """One agent with its vehicle and sensors.
 
-    `parameters` are settings of the method, handed to the agent as they are: any scalars, or lists of them.
-    `seed` is what it draws from, in place of one that follows from the run's.
-    `knows` grants knowledge that sensors do not give.
-    `mode` says when simulated time waits for it: `on_request` at its waypoints, `lockstep` every tick,
-    `{latency: N}` N ticks after each observation, `free` never: its commands take effect when they come.
-    `sandbox` is what its process is started in: `auto` is the strongest that the machine has, `required` the same but
-    an error where that is none or the agent has no process here, `bubblewrap` and `landlock` demand one, `none` starts
-    it without. It sees its own folder and no run; `may_read` and `may_write` name more folders. `limits` bounds what it
-    uses. Of the environment it has `PATH`, `LANG`, `LC_*`, `TZ`, `HOME`, `TMPDIR` and numbers of threads;
-    `environment` names more variables.
+    - `parameters`: scalars, or lists of them, passed to the agent unchanged.
+    - `mode`: simulated time waits for the agent at its waypoints (`on_request`), every tick (`lockstep`), N ticks after
+      each observation (`{latency: N}`), or never (`free`); free agents' commands take effect on arrival.
+    - `sandbox`: `auto` takes the strongest on this machine; `required` does too, but fails if there is none or the
+      agent has no process here; `bubblewrap` and `landlock` demand one; `none` starts the agent without.
+    - `may_read`, `may_write`: an agent sees its own folder and no run; these name more folders.
+    - `environment`: variables beside `PATH`, `LANG`, `LC_*`, `TZ`, `HOME`, `TMPDIR` and the numbers of threads.
     """
 
-    name: Name = Field(description="what the agent is called")
-    start: StartSpec = Field(description="how it comes to life")
+    name: Name = Field(description="name of the agent")
+    start: StartSpec = Field(description="start of the agent")
     mode: Mode = Field(
         default="on_request",
-        description="when time waits for it: at its waypoints, every tick, N ticks after each observation, or never",
+        description="when simulated time waits for the agent: at its waypoints, every tick, N ticks after "
+        "each observation, or never",
     )
-    vehicle: VehicleSpec = Field(description="what it flies or drives")
-    sensors: Annotated[tuple[Sensor, ...], Field(min_length=1)] = Field(description="what it senses")
-    answer_within_s: Positive = Field(
-        default=30.0, description="how long the run waits for an answer, by the clock on the wall"
-    )
-    parameters: dict[Name, ParameterValue] = Field(
-        default={}, description="settings of its method, handed to it as they are"
-    )
+    vehicle: VehicleSpec = Field(description="vehicle of the agent")
+    sensors: Annotated[tuple[Sensor, ...], Field(min_length=1)] = Field(description="sensors of the agent")
+    answer_within_s: Positive = Field(default=30.0, description="wall-clock timeout for an answer")
+    parameters: dict[Name, ParameterValue] = Field(default={}, description="parameters of the method, passed unchanged")
     seed: Annotated[int, Field(ge=0, lt=2**31)] | None = Field(
-        default=None, description="seed of its own that it is told (absent: it follows from the run's and its name)"
+        default=None, description="seed of the agent (absent: derived from the seed of the run and the agent's name)"
     )
-    knows: KnowledgeSpec = Field(default=KnowledgeSpec(), description="what it is told beyond its sensors")
+    knows: KnowledgeSpec = Field(default=KnowledgeSpec(), description="prior knowledge of the agent beyond its sensors")
     sandbox: SandboxChoice = Field(
         default="auto",
-        description="what its process is started in; auto: the strongest here; required: that, but not none",
+        description="sandbox of the process; auto: the strongest on this machine; required: the same, but an "
+        "error if there is none",
     )
-    limits: AgentLimitsSpec = Field(default=AgentLimitsSpec(), description="the bounds of what its processes use")
-    may_read: tuple[str, ...] = Field(default=(), description="folders that it sees besides its own")
-    may_write: tuple[str, ...] = Field(default=(), description="folders that it may change")
+    limits: AgentLimitsSpec = Field(default=AgentLimitsSpec(), description="resource limits of its processes")
+    may_read: tuple[str, ...] = Field(default=(), description="additional folders that it may read")
+    may_write: tuple[str, ...] = Field(default=(), description="folders that it may write")
     environment: EnvironmentVariables | None = Field(
-        default=None, description="variables of its environment by name; one without a value is passed on from ours"
+        default=None, description="environment variables; a variable without a value is inherited"
     )
 
     @property
@@ -376,26 +367,30 @@ class AgentSpec(Spec):
 
 
 class ChannelSpec(Spec):
-    """A channel on which agents send each other texts.
+    """Radio channel on which agents send texts to each other.
 
-    `members` are the agents that send and hear on it; `range_m` is how far it reaches, in a straight line whatever is
-    between (absent: everywhere); `loss_frac` of the messages are lost, each for each receiver by itself; a message is
-    heard `delay_ticks` after the observation that the sender answered with it (an agent with latency N sends N - 1
-    ticks later); `max_bytes` bounds a text in UTF-8.
+    - `members`: agents that send and receive on it.
+    - `range_m`: range in a straight line, through walls (absent: unlimited).
+    - `loss_frac`: fraction of messages lost, drawn for each receiver separately.
+    - `delay_ticks`: delay from the observation that the sender answered to the delivery. An agent with latency N sends
+      N - 1 ticks after that observation.
+    - `max_bytes`: maximum length of a text in UTF-8.
     """
 
-    name: Name = Field(description="what the channel is called")
+    name: Name = Field(description="name of the channel")
     members: Literal["all"] | Annotated[tuple[Name, ...], Field(min_length=1)] = Field(
-        default="all", description="the agents that send and hear on it"
+        default="all", description="agents that send and receive on it"
     )
-    range_m: Positive | None = Field(default=None, description="how far it reaches (absent: everywhere)")
+    range_m: Positive | None = Field(default=None, description="range (absent: unlimited)")
     loss_frac: Annotated[float, Field(ge=0, le=1)] = Field(
-        default=0.0, description="share of the messages that are lost"
+        default=0.0, description="fraction of messages that are lost"
     )
     delay_ticks: Annotated[int, Field(ge=1, le=1000)] = Field(
-        default=1, description="ticks from the observation that the sender answered until it is heard"
+        default=1, description="delay in ticks from the observation that the sender answered to the delivery"
     )
-    max_bytes: Annotated[int, Field(ge=1, le=65536)] = Field(default=1024, description="longest text in UTF-8")
+    max_bytes: Annotated[int, Field(ge=1, le=65536)] = Field(
+        default=1024, description="maximum length of a text in UTF-8"
+    )
 
 
 class StopSpec(Spec):
@@ -408,18 +403,20 @@ class StopSpec(Spec):
 class RefereeSpec(Spec):
     """Scoring of the run."""
 
-    success: Success = Field(default=SourceSuccess(), description="what counts as success")
-    stop: StopSpec = Field(default=StopSpec(), description="what ends the run besides success")
+    success: Success = Field(default=SourceSuccess(), description="success criterion")
+    stop: StopSpec = Field(default=StopSpec(), description="conditions that end the run besides success")
 
 
 class RecordingSpec(Spec):
-    """Content of the recording, how often, and from when to when [s of simulated time]; `to_s` absent: to the end."""
+    """Content, rate, start and end of the recording [s of simulated time]; without `to_s` it ends with the run."""
 
-    enabled: bool = Field(default=True, description="whether the run is recorded")
-    gas_every_s: Positive = Field(default=1.0, description="simulated time between pictures of the gas")
-    slice_cell_m: Positive = Field(default=0.25, description="edge of the cells of the slice through the gas")
-    from_s: NonNegative = Field(default=0.0, description="simulated time at which recording begins")
-    to_s: Positive | None = Field(default=None, description="simulated time at which it ends (absent: with the run)")
+    enabled: bool = Field(default=True, description="record the run")
+    gas_every_s: Positive = Field(default=1.0, description="simulated time between gas images")
+    slice_cell_m: Positive = Field(default=0.25, description="cell size of the gas slice")
+    from_s: NonNegative = Field(default=0.0, description="simulated time at which the recording starts")
+    to_s: Positive | None = Field(
+        default=None, description="simulated time at which the recording ends (absent: end of the run)"
+    )
 
     @model_validator(mode="after")
     def _check_times(self) -> Self:
@@ -434,16 +431,16 @@ class RecordingSpec(Spec):
 
 
 class SnapshotsSpec(Spec):
-    """The state of a run, kept in its folder now and then, from which a fork or a replay begins."""
+    """Snapshots of the state of a run, kept in its folder; forks and replays can start from them."""
 
-    every_s: Positive = Field(default=60.0, description="simulated time between two snapshots")
+    every_s: Positive = Field(default=60.0, description="simulated time between snapshots")
 
 
 class RestartSpec(Spec):
-    """Services that die are started again at their last snapshot, with the same digest; the recorder is not."""
+    """Restart of services that die, from their last snapshot, with the same digest; never of the recorder."""
 
     tries: Annotated[int, Field(ge=1, le=100)] = Field(
-        default=3, description="how often a service that comes no further is started again before that is a fault"
+        default=3, description="restarts of a service without progress before the run fails"
     )
 
 
@@ -452,46 +449,49 @@ Processes = Literal["separate", "grouped", "one"] | tuple[tuple[Name, ...], ...]
 
 
 class Scenario(Spec):
-    """A whole scenario file. `tick_ms` is the exchange step; physics sub-steps are inside the world.
+    """A scenario file. `tick_ms` is the exchange step; the world takes physics sub-steps within it.
 
-    `processes` says how `gslcosim up` spreads the run over processes, without influence on its results: each service
-    and each agent has its own (`separate`), all services share one and agents have their own (`grouped`), or everything
-    is in one (`one`); lists of services name those that share a process. Suites fly in worker processes, whatever
-    it says. `pace` makes simulated time follow the clock on the wall, which changes no result unless an agent's mode is
-    `free`.
+    `processes` spreads a run over processes and never changes results. Suites ignore it: they use worker processes.
+
+    - `separate`: each service and each agent has its own process.
+    - `grouped`: all services share a process; each agent has its own.
+    - `one`: everything runs in one process.
+    - Lists of names: the services of a list share a process.
+
+    `pace` ties simulated time to the wall clock. It changes results only for agents of mode `free`.
     """
 
-    schema_: Literal["gslcosim/scenario/1"] = Field(alias="schema", description="which kind of file it is")
-    name: Name = Field(description="what the scenario is called")
-    seed: Annotated[int, Field(ge=0, le=2**31)] = Field(default=0, description="decides all that is drawn at random")
+    schema_: Literal["gslcosim/scenario/1"] = Field(alias="schema", description="file format and version")
+    name: Name = Field(description="name of the scenario")
+    seed: Annotated[int, Field(ge=0, le=2**31)] = Field(default=0, description="seed of all random draws")
     tick_ms: Annotated[int, Field(ge=1, le=1000)] = Field(
-        default=100, description="time between exchanges of messages, a multiple of 4"
+        default=100, description="tick: time between message exchanges, a multiple of 4"
     )
-    environment: EnvironmentSpec = Field(description="where the run takes place")
-    wind: Wind = Field(default=WindSpec(), description="the air's motion")
-    gas: Gas = Field(description="the gas, its sources and how it spreads")
-    agents: Annotated[tuple[AgentSpec, ...], Field(min_length=1)] = Field(description="who searches")
-    referee: RefereeSpec = Field(default=RefereeSpec(), description="how the run is judged")
-    recording: RecordingSpec = Field(default=RecordingSpec(), description="what is recorded")
-    channels: tuple[ChannelSpec, ...] = Field(default=(), description="channels on which agents send each other texts")
-    services: tuple[Service, ...] = Field(default=(), description="services of other packages that take part")
+    environment: EnvironmentSpec = Field(description="environment of the run")
+    wind: Wind = Field(default=WindSpec(), description="motion of the air")
+    gas: Gas = Field(description="gas, its sources and its dispersion")
+    agents: Annotated[tuple[AgentSpec, ...], Field(min_length=1)] = Field(description="agents that search")
+    referee: RefereeSpec = Field(default=RefereeSpec(), description="rules by which the referee judges")
+    recording: RecordingSpec = Field(default=RecordingSpec(), description="recording settings")
+    channels: tuple[ChannelSpec, ...] = Field(default=(), description="radio channels between agents")
+    services: tuple[Service, ...] = Field(default=(), description="services of other packages")
     participants: tuple[ParticipantProgramSpec, ...] = Field(
-        default=(), description="models of one's own that take part as programs, in any language"
+        default=(), description="your own models, as programs in any language"
     )
-    events: tuple[Event, ...] = Field(default=(), description="what happens during the run")
+    events: tuple[Event, ...] = Field(default=(), description="events during the run")
     pace: Annotated[float, Field(ge=0.05, le=1000)] | None = Field(
         default=None,
-        description="simulated seconds in a second of the clock on the wall (absent: as fast as it goes)",
+        description="simulated seconds per wall-clock second (absent: as fast as possible)",
     )
     snapshots: SnapshotsSpec | None = Field(
-        default=None, description="when the run's state is kept (absent: never), without influence on results"
+        default=None, description="snapshots of the state (absent: none), without influence on results"
     )
     restart: RestartSpec | None = Field(
         default=None,
-        description="whether services that die are started again (absent: their end is the run's); with snapshots",
+        description="restart of services that die (absent: the run fails); needs snapshots",
     )
     processes: Processes = Field(
-        default="separate", description="which services share a process, without influence on results"
+        default="separate", description="services that share a process, without influence on results"
     )
 
     @model_validator(mode="after")

@@ -21,12 +21,12 @@ class SensorSpec(Spec):
 
     has_estimates: ClassVar[bool] = False
 
-    model: str = Field(description="which sensor it is")
-    name: Name = Field(description="what its readings are called")
-    mount_m: Vec3 = Field(default=(0.0, 0.0, 0.0), description="its place in the body frame")
+    model: str = Field(description="model of the sensor")
+    name: Name = Field(description="name of its readings")
+    mount_m: Vec3 = Field(default=(0.0, 0.0, 0.0), description="position in the body frame")
     period_s: Positive | None = Field(default=None, description="time between readings (absent: every tick)")
-    delay_s: NonNegative = Field(default=0.0, description="age of what a reading shows")
-    warm_up_s: NonNegative = Field(default=0.0, description="time from the start until it measures")
+    delay_s: NonNegative = Field(default=0.0, description="age of the sample that a reading shows")
+    warm_up_s: NonNegative = Field(default=0.0, description="time from the start to the first valid reading")
 
 
 class NoisySensorSpec(SensorSpec):
@@ -40,19 +40,19 @@ class NoisySensorSpec(SensorSpec):
 class MeasuringSensorSpec(NoisySensorSpec):
     """A sensor with the usual errors of an instrument, in the unit of its readings."""
 
-    bias: float = Field(default=0.0, description="is added to each value, in the unit of its readings")
-    drift_per_s: float = Field(default=0.0, description="is added to the bias each second, in the unit of its readings")
+    bias: float = Field(default=0.0, description="offset of each value, in the unit of its readings")
+    drift_per_s: float = Field(default=0.0, description="growth of the bias per second, in the unit of its readings")
     max_value: Positive | None = Field(
-        default=None, description="size of a value at which it saturates, in the unit of its readings (absent: none)"
+        default=None, description="limit of the absolute value, in the unit of its readings (absent: none)"
     )
     gain_spread: NonNegative = Field(
-        default=0.0, description="how far units differ: standard deviation of the logarithm of a factor on each value"
+        default=0.0, description="spread of units: standard deviation of the logarithm of a factor on each value"
     )
     drift_spread_per_s: NonNegative = Field(
-        default=0.0, description="how far the drifts of units differ, in the unit of its readings"
+        default=0.0, description="spread of the drifts of units, in the unit of its readings"
     )
     resolution: NonNegative = Field(
-        default=0.0, description="step of what it shows, in the unit of its readings (0: none)"
+        default=0.0, description="resolution, in the unit of its readings (0: none)"
     )
 
 
@@ -71,7 +71,7 @@ class TurnedSensorSpec(SensorSpec):
 class ReachingSensorSpec(SensorSpec):
     """A sensor that sees as far as some range."""
 
-    max_range_m: Positive = Field(default=30.0, description="how far it sees")
+    max_range_m: Positive = Field(default=30.0, description="range")
 
 
 class BeamSensorSpec(ReachingSensorSpec):
@@ -101,7 +101,7 @@ class MoxSensorSpec(MeasuringSensorSpec):
     has_estimates: ClassVar[bool] = True
 
     gain_spread: NonNegative = Field(
-        default=0.3, description="how far units differ: standard deviation of the logarithm of R0"
+        default=0.3, description="spread of units: standard deviation of the logarithm of R0"
     )
     noise_frac: NonNegative = Field(default=0.003, description="noise of the logarithm of its resistance")
     baseline_walk: NonNegative = Field(
@@ -120,16 +120,16 @@ class PidSensorSpec(MeasuringSensorSpec):
         default=0.03, description="standard deviation of the white noise, in the unit of its readings"
     )
     gain_spread: NonNegative = Field(
-        default=0.05, description="how far units differ: standard deviation of the logarithm of a factor on each value"
+        default=0.05, description="spread of units: standard deviation of the logarithm of a factor on each value"
     )
     drift_spread_per_s: NonNegative = Field(
-        default=3e-5, description="how far the drifts of units differ, in the unit of its readings"
+        default=3e-5, description="spread of the drifts of units, in the unit of its readings"
     )
     resolution: NonNegative = Field(
-        default=0.1, description="step of what it shows, in the unit of its readings (0: none)"
+        default=0.1, description="resolution, in the unit of its readings (0: none)"
     )
-    t90_s: NonNegative = Field(default=3.0, description="time after a step until it shows nine tenths (0: at once)")
-    lamp_ev: Positive = Field(default=11.7, description="energy of its lamp's photons: 10.6 or 11.7")
+    t90_s: NonNegative = Field(default=3.0, description="response time T90 to a step (0: none)")
+    lamp_ev: Positive = Field(default=11.7, description="photon energy of the lamp: 10.6 or 11.7")
 
     @model_validator(mode="after")
     def _check_lamp(self) -> Self:
@@ -146,7 +146,7 @@ class PidSensorSpec(MeasuringSensorSpec):
 class ThresholdSensorSpec(MeasuringSensorSpec):
     """A sensor that compares the mixing ratio with a threshold: `threshold` and `binary`."""
 
-    threshold_ppm: NonNegative = Field(default=0.1, description="mixing ratio above which there is gas")
+    threshold_ppm: NonNegative = Field(default=0.1, description="threshold of the mixing ratio")
 
 
 class HitCounterSpec(MeasuringSensorSpec):
@@ -158,14 +158,18 @@ class HitCounterSpec(MeasuringSensorSpec):
 class AveragingSensorSpec(MeasuringSensorSpec):
     """A sensor that shows a mean over time."""
 
-    averaging_s: Positive = Field(default=1.0, description="time over which it takes the mean")
+    averaging_s: Positive = Field(default=1.0, description="averaging time")
 
 
 class SecondOrderSensorSpec(MeasuringSensorSpec):
     """A slow sensor: two lags in series, one pair of time constants up and one down."""
 
-    response_s: tuple[Positive, Positive] = Field(default=(1.0, 2.0), description="two time constants for more gas")
-    recovery_s: tuple[Positive, Positive] = Field(default=(2.0, 10.0), description="two time constants for less gas")
+    response_s: tuple[Positive, Positive] = Field(
+        default=(1.0, 2.0), description="two time constants while gas increases"
+    )
+    recovery_s: tuple[Positive, Positive] = Field(
+        default=(2.0, 10.0), description="two time constants while gas decreases"
+    )
 
 
 class TdlasSensorSpec(MeasuringSensorSpec, BeamSensorSpec):
@@ -175,24 +179,24 @@ class TdlasSensorSpec(MeasuringSensorSpec, BeamSensorSpec):
         default=3.0, description="standard deviation of the white noise, in the unit of its readings"
     )
     gain_spread: NonNegative = Field(
-        default=0.05, description="how far units differ: standard deviation of the logarithm of a factor on each value"
+        default=0.05, description="spread of units: standard deviation of the logarithm of a factor on each value"
     )
     resolution: NonNegative = Field(
-        default=1.0, description="step of what it shows, in the unit of its readings (0: none)"
+        default=1.0, description="resolution, in the unit of its readings (0: none)"
     )
-    t90_s: NonNegative = Field(default=0.1, description="time after a step until it shows nine tenths (0: at once)")
+    t90_s: NonNegative = Field(default=0.1, description="response time T90 to a step (0: none)")
 
 
 class Anemometer3dSpec(MeasuringSensorSpec):
     """An anemometer of three axes."""
 
     gain_spread: NonNegative = Field(
-        default=0.01, description="how far units differ: standard deviation of the logarithm of a factor on each value"
+        default=0.01, description="spread of units: standard deviation of the logarithm of a factor on each value"
     )
     resolution: NonNegative = Field(
-        default=0.01, description="step of what it shows, in the unit of its readings (0: none)"
+        default=0.01, description="resolution, in the unit of its readings (0: none)"
     )
-    t90_s: NonNegative = Field(default=0.25, description="time after a step until it shows nine tenths (0: at once)")
+    t90_s: NonNegative = Field(default=0.25, description="response time T90 to a step (0: none)")
     speed_noise_std_m_s: NonNegative = Field(default=0.01, description="noise of the speed, or of each component")
 
 
@@ -232,11 +236,10 @@ Rays = Annotated[int, Field(ge=1, le=4096)]
 
 
 class ImuSpec(Spec):
-    """Errors of an IMU; those of the sensors of Pegasus (Jacinto et al. 2024), which are of the ADIS16448's kind.
+    """Errors of an IMU, from the sensors of Pegasus (Jacinto et al. 2024), which resemble an ADIS16448.
 
-    Noise densities [rad/s/sqrt(Hz), m/s^2/sqrt(Hz)], random walks of the biases [rad/s^2/sqrt(Hz), m/s^3/sqrt(Hz)],
-    after whose correlation times [s] they are forgotten, and the spread of the biases at the start. `rate_hz` is how
-    many samples there are a second (absent: one for each physics step).
+    Noise densities [rad/s/sqrt(Hz), m/s^2/sqrt(Hz)], random walks of the biases [rad/s^2/sqrt(Hz), m/s^3/sqrt(Hz)] with
+    correlation times [s], and the spread of the biases at the start.
     """
 
     rate_hz: Positive | None = Field(default=None, description="samples per second (absent: one for each physics step)")
@@ -244,7 +247,7 @@ class ImuSpec(Spec):
         default=3.3937e-4, description="noise density of the angular velocity [rad/s/sqrt(Hz)]"
     )
     gyro_random_walk: NonNegative = Field(default=3.8785e-5, description="random walk of its bias [rad/s^2/sqrt(Hz)]")
-    gyro_correlation_s: Positive = Field(default=1000.0, description="time after which that bias is forgotten")
+    gyro_correlation_s: Positive = Field(default=1000.0, description="correlation time of that bias")
     gyro_start_bias_rad_s: NonNegative = Field(default=0.0087, description="spread of that bias at the start")
     accelerometer_noise_density: NonNegative = Field(
         default=0.004, description="noise density of the specific force [m/s^2/sqrt(Hz)]"
@@ -252,21 +255,21 @@ class ImuSpec(Spec):
     accelerometer_random_walk: NonNegative = Field(
         default=0.006, description="random walk of its bias [m/s^3/sqrt(Hz)]"
     )
-    accelerometer_correlation_s: Positive = Field(default=300.0, description="time after which that bias is forgotten")
+    accelerometer_correlation_s: Positive = Field(default=300.0, description="correlation time of that bias")
     accelerometer_start_bias_m_s2: NonNegative = Field(default=0.196, description="spread of that bias at the start")
     max_rate_rad_s: Positive = Field(default=34.9, description="limit of the angular velocity")
     max_acceleration_m_s2: Positive = Field(default=156.9, description="limit of the specific force")
 
 
 class GpsSpec(Spec):
-    """Errors of a GPS receiver: a wandering offset and white noise on each position and velocity, horizontal, vertical.
+    """Errors of a GPS receiver: a wandering offset and white noise of position and velocity, horizontal and vertical.
 
-    Random walk of the offset [m/sqrt(s)], forgotten after `correlation_s`; white noise [m, m/s] of each fix.
+    Random walk of the offset [m/sqrt(s)] with the correlation time `correlation_s`; white noise [m, m/s] of each fix.
     """
 
     random_walk_xy: NonNegative = Field(default=0.008, description="random walk of the horizontal offset [m/sqrt(s)]")
     random_walk_z: NonNegative = Field(default=0.016, description="random walk of the vertical offset [m/sqrt(s)]")
-    correlation_s: Positive = Field(default=60.0, description="time after which the offset is forgotten")
+    correlation_s: Positive = Field(default=60.0, description="correlation time of the offset")
     position_noise_xy_m: NonNegative = Field(default=2e-4, description="white noise of the horizontal position")
     position_noise_z_m: NonNegative = Field(default=4e-4, description="white noise of the height")
     velocity_noise_xy_m_s: NonNegative = Field(default=0.0126, description="white noise of the horizontal velocity")
@@ -283,15 +286,15 @@ class BarometerSpec(Spec):
 
 
 class MagnetometerSpec(Spec):
-    """Field [uT] in the world's axes (east, north, up) and errors of a magnetometer.
+    """Field [uT] in world axes (east, north, up) and errors of a magnetometer.
 
-    Noise density [uT/sqrt(Hz)], random walk of the bias [uT/s/sqrt(Hz)], forgotten after `correlation_s`.
+    Noise density [uT/sqrt(Hz)], random walk of the bias [uT/s/sqrt(Hz)] with the correlation time `correlation_s`.
     """
 
     field_world_ut: Vec3 = Field(default=(0.7, 19.3, -45.5), description="the earth's field: east, north, up [uT]")
     noise_density: NonNegative = Field(default=0.04, description="noise density [uT/sqrt(Hz)]")
     random_walk: NonNegative = Field(default=6.4e-4, description="random walk of the bias [uT/s/sqrt(Hz)]")
-    correlation_s: Positive = Field(default=600.0, description="time after which the bias is forgotten")
+    correlation_s: Positive = Field(default=600.0, description="correlation time of the bias")
 
 
 class PoseSpec(Spec):
@@ -312,7 +315,7 @@ class AzimuthsSpec(Spec):
 
     n_azimuths: Rays = Field(default=360, description="number of rays in a level")
     azimuth_span_rad: Annotated[float, Field(gt=0, le=2 * math.pi)] = Field(
-        default=2 * math.pi, description="angle that they span"
+        default=2 * math.pi, description="angle that the azimuths span"
     )
 
 
@@ -336,7 +339,7 @@ class PictureSpec(Spec):
 class ColourPictureSpec(PictureSpec):
     """Picture in colours, and how it travels."""
 
-    encoding: Literal["png", "jpeg"] = Field(default="png", description="how colours travel")
+    encoding: Literal["png", "jpeg"] = Field(default="png", description="encoding of the image")
 
 
 class ImuSensorSpec(OnBoardSensorSpec):

@@ -24,7 +24,7 @@ class SuccessSpec(Spec):
     """
 
     within_m: Positive = Field(default=1.0, description="success radius")
-    of: str = Field(description="which criterion it is")
+    of: str = Field(description="criterion")
 
     @property
     def is_horizontal(self) -> bool:
@@ -61,7 +61,7 @@ class SuccessSpec(Spec):
 
 
 class _PlaceSpec(SuccessSpec):
-    horizontal: bool = Field(default=False, description="heights do not count in distances")
+    horizontal: bool = Field(default=False, description="ignore height in distances")
 
     @property
     def is_horizontal(self) -> bool:
@@ -151,7 +151,7 @@ class MapSuccess(SuccessSpec):
 
     of: Literal["map"] = "map"  # pyright: ignore[reportIncompatibleVariableOverride]
     mass_at_least: Annotated[float, Field(gt=0, le=1)] = Field(
-        default=0.5, description="probability within the success radius that the last belief has to give"
+        default=0.5, description="minimum probability within the success radius in the last belief"
     )
 
     @property

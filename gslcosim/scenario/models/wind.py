@@ -25,16 +25,16 @@ _FRAMES = "frames, which save_every_s keeps"
 
 
 class InletScheduleSpec(Spec):
-    """Schedule of the wind at all inlets: its share at some times of the solve [s], straight lines in between.
+    """Schedule of the wind at all inlets: its fraction at some times of the solve [s], linear in between.
 
-    With `repeats` it starts again after the last time, whose share should be that of the first; otherwise it stays.
+    With `repeats`, it restarts after the last time, whose fraction should equal the first; otherwise it holds the last.
     """
 
-    times_s: Annotated[tuple[NonNegative, ...], Field(min_length=2)] = Field(description="times of the solve")
+    times_s: Annotated[tuple[NonNegative, ...], Field(min_length=2)] = Field(description="times of the factors")
     shares: Annotated[tuple[float, ...], Field(min_length=2)] = Field(
-        description="share of `inlet_velocity_m_s` at each time"
+        description="fraction of `inlet_velocity_m_s` at each time"
     )
-    repeats: bool = Field(default=False, description="starts again after the last time")
+    repeats: bool = Field(default=False, description="restart after the last time")
 
     @model_validator(mode="after")
     def _check_times(self) -> Self:
@@ -63,9 +63,9 @@ class SolverSpec(KindedSpec):
 
     tag_key: ClassVar[str] = "solver"
 
-    solver: Any = Field(description="where the wind comes from")
+    solver: Any = Field(description="wind model")
     inlet_velocity_m_s: Vec3 = Field(default=(1.0, 0.0, 0.0), description="wind through the inlets")
-    cell_m: Positive = Field(default=0.2, description="edge of the cells of room and wind")
+    cell_m: Positive = Field(default=0.2, description="cell size of room and wind")
 
     @property
     def kind_name(self) -> str:
@@ -84,20 +84,18 @@ class SolverSpec(KindedSpec):
 
 
 class WindSpec(SolverSpec):
-    """The air's motion.
+    """Wind of the room.
 
-    `built_in` and `openfoam` solve the flow, `uniform` is `inlet_velocity_m_s` everywhere, `stored` is the wind that
-    an imported environment brings, and `{file: PATH}` wind from a file or folder of another program. `auto` is the
-    imported wind where there is one, otherwise `built_in`.
-
-    A solve goes on until `end_time_s`, or else until the statistics have settled, at most for `max_time_s`. It starts
-    from still air; without an end, halls start with a flow that has developed on cells of twice the size.
-    Without an end the wind is the mean of the settled part; with it, the wind is the mean from `average_from_s` on,
-    or the last instant. `save_every_s` keeps the wind as it changes instead, from `save_from_s` on; the frames then
-    follow each other in the run, again and again with `loops`.
-
-    `inlet_profile: parabolic` gives a channel's profile with `inlet_velocity_m_s` as its mean.
-    `period_s` is the time between the frames of stored wind, by default what its files say, else 1 s.
+    - `built_in` and `openfoam` solve the flow. `uniform` is `inlet_velocity_m_s` everywhere.
+    - `stored` is the wind of an imported environment. `{file: PATH}` reads wind of another program.
+    - `auto` is the wind of the imported environment if it has one, otherwise `built_in`.
+    - A solve starts from still air; without `end_time_s`, halls start from a flow developed on cells of twice the size.
+    - Without `end_time_s`, a solve runs until the statistics settle, at most `max_time_s`; the wind is the mean of the
+      settled part.
+    - With `end_time_s`, the wind is the mean from `average_from_s` on, or the last instant.
+    - With `save_every_s`, the wind changes in the run: its frames start at `save_from_s` and repeat with `loops`.
+    - `inlet_profile: parabolic` is the profile of a channel with the mean `inlet_velocity_m_s`.
+    - `period_s` is the time between frames of stored wind.
     """
 
     belongs: ClassVar[Mapping[str, tuple[str, ...]]] = {
@@ -108,18 +106,18 @@ class WindSpec(SolverSpec):
         "period_s": ("auto", "stored", "file"),
     }
 
-    solver: Solver | dict[Literal["file"], str] = Field(default="auto", description="where the wind comes from")
+    solver: Solver | dict[Literal["file"], str] = Field(default="auto", description="wind model")
     inlet_profile: Literal["uniform", "parabolic"] = Field(
         default="uniform", description="profile of the wind over an inlet"
     )
     inlet_schedule: InletScheduleSpec | None = Field(
-        default=None, description="how the wind at all inlets changes (absent: not at all)"
+        default=None, description="change of the wind at all inlets over time (absent: constant)"
     )
     turbulence: Literal["k_epsilon", "rng_k_epsilon", "smagorinsky", "laminar"] = Field(
         default="k_epsilon", description="turbulence model"
     )
     courant: Annotated[float, Field(gt=0, le=1)] = Field(default=0.9, description="Courant number of a step")
-    max_step_s: Positive | None = Field(default=None, description="longest step (absent: what `courant` allows)")
+    max_step_s: Positive | None = Field(default=None, description="maximum step (absent: set by `courant`)")
     end_time_s: Positive | None = Field(
         default=None, description="end of the solve (absent: when the statistics have settled)"
     )
@@ -131,9 +129,9 @@ class WindSpec(SolverSpec):
         default=None, description="time between frames of a wind that changes (absent: one steady wind)"
     )
     save_from_s: NonNegative = Field(default=0.0, description="time of the first frame")
-    loops: bool = Field(default=True, description="frames start again after the last one")
+    loops: bool = Field(default=True, description="restart at the first frame after the last one")
     period_s: Positive | None = Field(
-        default=None, description="time between stored frames (absent: what the files say, else 1 s)"
+        default=None, description="time between stored frames (absent: from the files, else 1 s)"
     )
 
     @property

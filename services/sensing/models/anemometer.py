@@ -97,8 +97,8 @@ ANEMOMETER = KernelSensorKind(
     settings=SENSOR_BLOCKS["anemometer"],
     quantity=QUANTITY,
     unit=UNIT,
-    description="Two-axis anemometer: values = (speed_m_s, direction_rad) of the apparent wind; direction is where it "
-    "comes from, world frame, counter-clockwise from +x.",
+    description="Two-axis anemometer: values = (speed_m_s, direction_rad) of the apparent wind; the direction "
+    "it comes from, world frame, counter-clockwise from +x.",
     kernel=_planar_kernel,
     n_with_errors=1,
     least_value=0.0,

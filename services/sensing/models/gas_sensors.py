@@ -299,7 +299,7 @@ PPM_KINDS = (
         settings=SENSOR_BLOCKS["binary"],
         quantity="gas_detected",
         unit="1",
-        description="Binary detector: values = (1 or 0,), whether the mixing ratio, with noise, exceeds threshold_ppm.",
+        description="Binary detector: values = (1 or 0,), 1 where the mixing ratio, with noise, exceeds threshold_ppm.",
         kernel=_binary_kernel,
         has_own_noise=True,
     ),
@@ -384,6 +384,6 @@ TDLAS = SensorKind(
     settings=SENSOR_BLOCKS["tdlas"],
     quantity=TDLAS_QUANTITY,
     unit=TDLAS_UNIT,
-    description="Open-path laser: values = (ppm m,), the gas that is searched for summed along the beam to the wall.",
+    description="Open-path laser: values = (ppm m,), the target gas integrated along the beam to the wall.",
     build=_build_tdlas,
 )

@@ -306,7 +306,7 @@ BAROMETER = SensorKind(
     settings=SENSOR_BLOCKS["barometer"],
     quantity="pressure",
     unit="Pa",
-    description="Barometer: values = (pressure_pa,), about 12 Pa less for each metre up.",
+    description="Barometer: values = (pressure_pa,), about 12 Pa lower per metre of height.",
     build=Barometer,
 )
 MAGNETOMETER = SensorKind(
@@ -322,8 +322,8 @@ POSE = SensorKind(
     settings=SENSOR_BLOCKS["pose"],
     quantity="position, attitude, velocity",
     unit="m, 1, m/s",
-    description="Localization system: values = (x, y, z, qw, qx, qy, qz, vx, vy, vz), world frame; the pose in "
-    "observations is then this one.",
+    description="Localization system: values = (x, y, z, qw, qx, qy, qz, vx, vy, vz), world frame; it "
+    "replaces the pose in observations.",
     build=PoseSensor,
     n_with_errors=0,
 )

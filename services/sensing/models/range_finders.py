@@ -61,7 +61,7 @@ BUMPER = SensorKind(
     settings=SENSOR_BLOCKS["bump"],
     quantity="contact",
     unit="1",
-    description="Bumper: values = (1 or 0,), whether something touched the vehicle since the last reading.",
+    description="Bumper: values = (1 or 0,), 1 if anything touched the vehicle since the last reading.",
     build=Bumper,
     n_with_errors=0,
 )
