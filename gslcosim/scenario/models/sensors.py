@@ -51,9 +51,7 @@ class MeasuringSensorSpec(NoisySensorSpec):
     drift_spread_per_s: NonNegative = Field(
         default=0.0, description="spread of the drifts of units, in the unit of its readings"
     )
-    resolution: NonNegative = Field(
-        default=0.0, description="resolution, in the unit of its readings (0: none)"
-    )
+    resolution: NonNegative = Field(default=0.0, description="resolution, in the unit of its readings (0: none)")
 
 
 class OnBoardSensorSpec(SensorSpec):
@@ -125,9 +123,7 @@ class PidSensorSpec(MeasuringSensorSpec):
     drift_spread_per_s: NonNegative = Field(
         default=3e-5, description="spread of the drifts of units, in the unit of its readings"
     )
-    resolution: NonNegative = Field(
-        default=0.1, description="resolution, in the unit of its readings (0: none)"
-    )
+    resolution: NonNegative = Field(default=0.1, description="resolution, in the unit of its readings (0: none)")
     t90_s: NonNegative = Field(default=3.0, description="response time T90 to a step (0: none)")
     lamp_ev: Positive = Field(default=11.7, description="photon energy of the lamp: 10.6 or 11.7")
 
@@ -181,9 +177,7 @@ class TdlasSensorSpec(MeasuringSensorSpec, BeamSensorSpec):
     gain_spread: NonNegative = Field(
         default=0.05, description="spread of units: standard deviation of the logarithm of a factor on each value"
     )
-    resolution: NonNegative = Field(
-        default=1.0, description="resolution, in the unit of its readings (0: none)"
-    )
+    resolution: NonNegative = Field(default=1.0, description="resolution, in the unit of its readings (0: none)")
     t90_s: NonNegative = Field(default=0.1, description="response time T90 to a step (0: none)")
 
 
@@ -193,9 +187,7 @@ class Anemometer3dSpec(MeasuringSensorSpec):
     gain_spread: NonNegative = Field(
         default=0.01, description="spread of units: standard deviation of the logarithm of a factor on each value"
     )
-    resolution: NonNegative = Field(
-        default=0.01, description="resolution, in the unit of its readings (0: none)"
-    )
+    resolution: NonNegative = Field(default=0.01, description="resolution, in the unit of its readings (0: none)")
     t90_s: NonNegative = Field(default=0.25, description="response time T90 to a step (0: none)")
     speed_noise_std_m_s: NonNegative = Field(default=0.01, description="noise of the speed, or of each component")
 
