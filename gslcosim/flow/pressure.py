@@ -452,6 +452,7 @@ class PressureSolver:
         tolerance_m_s: float,
         max_tolerance_m_s: float = np.inf,
         max_iterations: int = 60,
+        source_m_s: F32 | None = None,
     ) -> SolveStats:
         """Make face velocities divergence-free in place; the potential used is left in `x` [m/s].
 
@@ -462,12 +463,16 @@ class PressureSolver:
             tolerance_m_s: Largest root mean square of divergence times cell that may remain [m/s].
             max_tolerance_m_s: Largest divergence times cell that may remain in any cell [m/s].
             max_iterations: Iterations after which it stops anyway; the caller judges by the result.
+            source_m_s: Padded divergence times cell that shall remain [m/s]: volume that is let in or out of cells.
 
         Returns:
             Iterations and residuals.
         """
         fine = self._fine
         sum_of_squares, first = negative_divergence(u, v, w, *fine.coefficients, fine.b)
+        if source_m_s is not None:
+            fine.b += source_m_s
+            sum_of_squares, first = float(np.sum(fine.b**2, dtype=np.float64)), np.abs(fine.b).max()
         if self._is_closed:
             self._remove_mean(fine.b)
         self.x[:] = 0

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gslcosim.base.errors import FlowError
 from gslcosim.flow import domain as opening_edge_kernels
 from gslcosim.flow import momentum_kernels, pressure, turbulence
+from gslcosim.flow.buoyancy import Buoyancy
 from gslcosim.flow.domain import Domain
 from gslcosim.flow.patches import MovingWall, Open, PlacedPatch, SlipWall
 from gslcosim.flow.pressure import F32, HIGH, LOW, PressureSolver, SolveStats, padded
@@ -205,6 +206,7 @@ class FlowSolver:
         max_step_s: float = math.inf,
         tolerance: float = 1e-4,
         initial_velocity: Velocity | None = None,
+        buoyancy: Buoyancy | None = None,
     ) -> None:
         """Start the flow, projected to be divergence-free.
 
@@ -215,8 +217,10 @@ class FlowSolver:
             max_step_s: Largest time step, whatever the Courant number [s].
             tolerance: Root mean square of div(u) h that a step may leave, over the reference speed.
             initial_velocity: Padded face velocities [m/s]; still air if absent.
+            buoyancy: A gas or heat of the same domain that the wind carries and is driven by.
         """
         self.domain = domain
+        self.buoyancy = buoyancy
         self.model = model
         self.courant = courant
         self.max_step_s = max_step_s
@@ -228,13 +232,14 @@ class FlowSolver:
         self._projection = PressureSolver(domain.coefficients, is_closed=domain.is_closed)
         for state in (self.velocity, self._stage):
             impose_inlets(domain, state, 0.0)
-        speed = domain.reference_speed_m_s
+        driven_m_s = max(domain.reference_speed_m_s, 0.0 if buoyancy is None else buoyancy.speed_m_s)
+        speed = driven_m_s
         if initial_velocity is not None:
             speed = max(speed, *(float(np.abs(a).max()) for a in initial_velocity))
         self.reference_speed_m_s = speed or 1.0
         # Of air at rest, which could take a step of any length. The speeds a flow begins with do not limit it later:
         # one from larger cells may be many times too fast where few of these lead to an outlet.
-        self._least_speed_m_s = domain.reference_speed_m_s or self.reference_speed_m_s
+        self._least_speed_m_s = driven_m_s or self.reference_speed_m_s
         self._tolerance_m_s = tolerance * self.reference_speed_m_s
         self.project_tightly()
 
@@ -245,6 +250,7 @@ class FlowSolver:
             tolerance_m_s=1e-5 * self.reference_speed_m_s,
             max_tolerance_m_s=1e-5 * self.reference_speed_m_s,
             max_iterations=100,
+            source_m_s=self._source_m_s,
         )
 
     def step(self, *, until_s: float) -> StepRecord:
@@ -256,6 +262,8 @@ class FlowSolver:
         survey = self._survey()
         dt_s = self._time_step(survey, until_s - self.time_s)
         self.model.update(self.velocity, dt_s, self._stage)
+        if self.buoyancy is not None:
+            self.buoyancy.advance(self.velocity, self.model, dt_s)
         is_last = until_s - self.time_s <= dt_s * (1 + 1e-9)
         end_s = until_s if is_last else self.time_s + dt_s
         # The turbulence model may have used the stage arrays as scratch: bring back their padding and fixed faces.
@@ -263,7 +271,7 @@ class FlowSolver:
         self._advance(self.velocity, self.time_s, dt_s, 1.0, self._stage)
         self._advance(self._stage, end_s, dt_s, 0.5, self.velocity)
         impose_inlets(self.domain, self.velocity, end_s)
-        stats = self._projection.project(*self.velocity, tolerance_m_s=self._tolerance_m_s)
+        stats = self._projection.project(*self.velocity, tolerance_m_s=self._tolerance_m_s, source_m_s=self._source_m_s)
         factor = np.float32(self.domain.cell_m / dt_s)
         pressure.accumulate_scaled(self.pressure, self._projection.x, factor)
         self.n_steps += 1
@@ -290,6 +298,11 @@ class FlowSolver:
         _, largest = pressure.negative_divergence(*(velocity or self.velocity), *self.domain.coefficients, scratch)
         return float(largest)
 
+    # Divergence times cell that stays: volume that is released, or passes small holes.
+    @property
+    def _source_m_s(self) -> F32 | None:
+        return None if self.buoyancy is None else self.buoyancy.source_m_s
+
     # One stage of Heun's method, boundary values and wall friction included.
     def _advance(self, start: Velocity, time_s: float, dt_s: float, weight: float, out: Velocity) -> None:
         domain, model = self.domain, self.model
@@ -302,6 +315,8 @@ class FlowSolver:
                 *start, self.pressure, model.nu, domain.coefficients[axis], self.velocity[axis],
                 dt_s, domain.cell_m, weight, out[axis],
             )  # fmt: skip
+        if self.buoyancy is not None:
+            self.buoyancy.push(out[2], dt_s, weight)
         for lip in domain.lips:
             opening_edge_kernels.carry_past_edges(
                 start[lip.component].ravel(), start[lip.carrier].ravel(), lip.near, lip.behind, lip.through,
@@ -342,8 +357,12 @@ class FlowSolver:
     def _time_step(self, survey: _Survey, remaining_s: float) -> float:
         cell_m = self.domain.cell_m
         limit_s = min(self.max_step_s, self.courant * cell_m / max(survey.speed_m_s, self._least_speed_m_s))
-        if survey.viscosity_m2_s > 0:
-            limit_s = min(limit_s, _VISCOUS_LIMIT * cell_m**2 / survey.viscosity_m2_s)
+        mixing_m2_s = survey.viscosity_m2_s
+        if self.buoyancy is not None:
+            mixing_m2_s = max(mixing_m2_s, self.buoyancy.scalar.diffusivity_m2_s)
+            limit_s = min(limit_s, self.buoyancy.longest_step_s())
+        if mixing_m2_s > 0:
+            limit_s = min(limit_s, _VISCOUS_LIMIT * cell_m**2 / mixing_m2_s)
         return remaining_s / math.ceil(remaining_s / limit_s) if remaining_s < 2 * limit_s else limit_s
 
     def _check_speed(self, speed: float) -> None:

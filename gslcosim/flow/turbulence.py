@@ -304,7 +304,7 @@ def _limited_value(speed, courant, far_low, low, high, far_high):
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def _flux_row(speed, far_low, low, high, far_high, nu_low, nu_high, molecular, per_sigma, per_cell, dt, row, n_k):
+def _flux_row(speed, far_low, low, high, far_high, nu_low, nu_high, molecular, own, per_sigma, per_cell, dt, row, n_k):
     # Advective and diffusive flux of a scalar through one row of faces; the five rows are those around the faces.
     for k in range(LOW, n_k):
         courant = abs(speed[k]) * dt * per_cell
@@ -312,16 +312,16 @@ def _flux_row(speed, far_low, low, high, far_high, nu_low, nu_high, molecular, p
     half = np.float32(0.5)
     for k in range(LOW, n_k):
         both = min(nu_low[k], nu_high[k])
-        diffusivity = molecular + per_sigma * (half * (nu_low[k] + nu_high[k]) - molecular)
+        diffusivity = own + per_sigma * (half * (nu_low[k] + nu_high[k]) - molecular)
         diffusivity = diffusivity if both > 0 else np.float32(0)
         row[k] -= diffusivity * per_cell * (high[k] - low[k])
 
 
 @numba.njit(cache=True, nogil=True)
-def transport_scalar(scalar, u, v, w, nu, nu_m2_s, sigma, dt_s, cell_m, out):
+def transport_scalar(scalar, u, v, w, nu, nu_m2_s, diffusivity_m2_s, sigma, dt_s, cell_m, out):
     """Advect and diffuse a scalar for one time step (sources and sinks are the caller's).
 
-    out = s + dt (-div(u s) + div((nu + nu_t / sigma) grad s))
+    out = s + dt (-div(u s) + div((D + nu_t / sigma) grad s))
     [s] = [s] + [s] [1/s]
 
     One explicit step: the face value is upwind plus a van Leer slope, taken at the middle of the time step, so it is
@@ -334,6 +334,7 @@ def transport_scalar(scalar, u, v, w, nu, nu_m2_s, sigma, dt_s, cell_m, out):
         w: z-face velocities [m/s].
         nu: Padded total viscosity nu_t + nu_m2_s, 0 outside air [m2/s].
         nu_m2_s: Molecular viscosity [m2/s].
+        diffusivity_m2_s: Molecular diffusivity of the scalar, D [m2/s].
         sigma: Turbulent Prandtl number of the scalar.
         dt_s: Time step [s].
         cell_m: Edge of a cell [m].
@@ -347,6 +348,7 @@ def transport_scalar(scalar, u, v, w, nu, nu_m2_s, sigma, dt_s, cell_m, out):
     per_cell = np.float32(1 / cell_m)
     dt = np.float32(dt_s)
     molecular = np.float32(nu_m2_s)
+    own = np.float32(diffusivity_m2_s)
     per_sigma = np.float32(1 / sigma)
     n_k = nz - HIGH
     s = scalar
@@ -358,23 +360,23 @@ def transport_scalar(scalar, u, v, w, nu, nu_m2_s, sigma, dt_s, cell_m, out):
     for j in range(LOW, ny - HIGH):
         _flux_row(
             u[LOW, j], s[LOW - 2, j], s[LOW - 1, j], s[LOW, j], s[LOW + 1, j], nu[LOW - 1, j], nu[LOW, j],
-            molecular, per_sigma, per_cell, dt, x_low[j], n_k,
+            molecular, own, per_sigma, per_cell, dt, x_low[j], n_k,
         )  # fmt: skip
     for i in range(LOW, nx - HIGH):
         _flux_row(
             v[i, LOW], s[i, LOW - 2], s[i, LOW - 1], s[i, LOW], s[i, LOW + 1], nu[i, LOW - 1], nu[i, LOW],
-            molecular, per_sigma, per_cell, dt, y_low, n_k,
+            molecular, own, per_sigma, per_cell, dt, y_low, n_k,
         )  # fmt: skip
         for j in range(LOW, ny - HIGH):
             _flux_row(
                 u[i + 1, j], s[i - 1, j], s[i, j], s[i + 1, j], s[i + 2, j], nu[i, j], nu[i + 1, j],
-                molecular, per_sigma, per_cell, dt, x_high, n_k,
+                molecular, own, per_sigma, per_cell, dt, x_high, n_k,
             )  # fmt: skip
             _flux_row(
                 v[i, j + 1], s[i, j - 1], s[i, j], s[i, j + 1], s[i, j + 2], nu[i, j], nu[i, j + 1],
-                molecular, per_sigma, per_cell, dt, y_high, n_k,
+                molecular, own, per_sigma, per_cell, dt, y_high, n_k,
             )  # fmt: skip
-            _z_flux_row(s[i, j], w[i, j], nu[i, j], molecular, per_sigma, per_cell, dt, z, n_k)
+            _z_flux_row(s[i, j], w[i, j], nu[i, j], molecular, own, per_sigma, per_cell, dt, z, n_k)
             for k in range(LOW, n_k):
                 change = x_low[j, k] - x_high[k] + y_low[k] - y_high[k] + z[k] - z[k + 1]
                 out[i, j, k] = s[i, j, k] + dt * per_cell * change
@@ -383,14 +385,14 @@ def transport_scalar(scalar, u, v, w, nu, nu_m2_s, sigma, dt_s, cell_m, out):
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def _z_flux_row(s, w, nu, molecular, per_sigma, per_cell, dt, row, n_k):
+def _z_flux_row(s, w, nu, molecular, own, per_sigma, per_cell, dt, row, n_k):
     half = np.float32(0.5)
     for k in range(LOW, n_k + 1):
         courant = abs(w[k]) * dt * per_cell
         row[k] = w[k] * _limited_value(w[k], courant, s[k - 2], s[k - 1], s[k], s[k + 1])
     for k in range(LOW, n_k + 1):
         both = min(nu[k - 1], nu[k])
-        diffusivity = molecular + per_sigma * (half * (nu[k - 1] + nu[k]) - molecular)
+        diffusivity = own + per_sigma * (half * (nu[k - 1] + nu[k]) - molecular)
         diffusivity = diffusivity if both > 0 else np.float32(0)
         row[k] -= diffusivity * per_cell * (s[k] - s[k - 1])
 
@@ -477,6 +479,45 @@ def strain_sink_rng(energy, dissipation, production, nu, c_mu, dt_s, moved):
 
 
 @numba.njit(cache=True, nogil=True)
+def buoyancy_production(energy, dissipation, nu, nu_m2_s, stratification, sigma, c_1, dt_s, k_moved, e_moved):
+    """Add to the moved k and epsilon what buoyancy does to turbulence, in place.
+
+    G = -nu_t / sigma N^2;   k += dt G, epsilon += dt C_1 G e / k where air is unstable;
+    k /= 1 + dt |G| / k where it is stable
+    [m2/s3] = [m2/s] [1/s2]
+
+    Args:
+        energy: Padded k before the step [m2/s2].
+        dissipation: Padded epsilon before the step [m2/s3].
+        nu: Padded total viscosity, 0 outside air [m2/s].
+        nu_m2_s: Molecular viscosity [m2/s].
+        stratification: Padded N^2, above 0 where air is stable [1/s2].
+        sigma: Turbulent Schmidt or Prandtl number of what makes the air light.
+        c_1: C_1 of the production of epsilon, float32.
+        dt_s: Time step [s].
+        k_moved: Padded k after transport, modified.
+        e_moved: Padded epsilon after transport, modified.
+
+    Source: Rodi 1987, doi:10.1029/JC092iC05p05305: buoyancy acts on epsilon only where it makes turbulence.
+    Held by: tests/unit/flow/test_buoyancy.py
+    """
+    nx, ny, nz = energy.shape
+    molecular = np.float32(nu_m2_s)
+    per_sigma = np.float32(1 / sigma)
+    dt = np.float32(dt_s)
+    one, zero = np.float32(1), np.float32(0)
+    k_floor = np.float32(K_FLOOR_M2_S2)
+    for i in range(LOW, nx - HIGH):
+        for j in range(LOW, ny - HIGH):
+            for k in range(LOW, nz - HIGH):
+                made = -max(nu[i, j, k] - molecular, zero) * per_sigma * stratification[i, j, k]
+                old = max(energy[i, j, k], k_floor)
+                gain = max(made, zero)
+                k_moved[i, j, k] = (k_moved[i, j, k] + dt * gain) / (one + dt * max(-made, zero) / old)
+                e_moved[i, j, k] += dt * c_1 * gain * dissipation[i, j, k] / old
+
+
+@numba.njit(cache=True, nogil=True)
 def eddy_viscosity_k_epsilon(k_new, e_new, nu_m2_s, nu, energy, dissipation, c_mu):
     """Take over the new k and epsilon and set nu = nu_m2_s + C_mu k^2 / epsilon [m2/s] in air.
 
@@ -537,6 +578,7 @@ class TurbulenceModel(Protocol):
     """Sets eddy viscosity and wall friction from the flow."""
 
     nu: F32
+    nu_m2_s: float
     friction_m_s: NDArray[np.float64]
 
     def update(self, velocity: Velocity, dt_s: float, scratch: Velocity) -> None:
@@ -553,6 +595,7 @@ class Laminar:
     """No turbulence: constant viscosity [m2/s], friction of a laminar layer at walls."""
 
     def __init__(self, domain: Domain, nu_m2_s: float) -> None:
+        self.nu_m2_s = nu_m2_s
         self.nu = _molecular(domain, nu_m2_s)
         self.friction_m_s = np.zeros(domain.friction.cells.size)
         viscous_friction(self.friction_m_s, nu_m2_s, domain.cell_m)
@@ -570,8 +613,8 @@ class Smagorinsky:
     def __init__(self, domain: Domain, nu_m2_s: float, *, constant: float = SMAGORINSKY_CONSTANT) -> None:
         """Start from still air."""
         self._domain = domain
-        self._nu_m2_s = nu_m2_s
         self._constant = constant
+        self.nu_m2_s = nu_m2_s
         self.nu = _molecular(domain, nu_m2_s)
         self.friction_m_s = np.zeros(domain.friction.cells.size)
 
@@ -580,11 +623,11 @@ class Smagorinsky:
         cell_m, walls = self._domain.cell_m, self._domain.friction
         u, v, w = velocity
         strain_squared(*velocity, cell_m, scratch[0])
-        eddy_viscosity_smagorinsky(scratch[0], self._constant, self._nu_m2_s, cell_m, self.nu)
+        eddy_viscosity_smagorinsky(scratch[0], self._constant, self.nu_m2_s, cell_m, self.nu)
         _, ny, nz = self.nu.shape
         power_law_friction(
             walls.cells, walls.velocity_m_s, u.ravel(), v.ravel(), w.ravel(), ny * nz, nz,
-            self._nu_m2_s, cell_m, self.friction_m_s,
+            self.nu_m2_s, cell_m, self.friction_m_s,
         )  # fmt: skip
 
 
@@ -617,8 +660,11 @@ class KEpsilon:
 
     def __init__(self, domain: Domain, nu_m2_s: float, constants: KEpsilonConstants = STANDARD) -> None:
         self._domain = domain
-        self._nu_m2_s = nu_m2_s
         self._constants = constants
+        # N^2 of the air [1/s2] and the turbulent Schmidt number of what makes it light: set by `buoyancy.Buoyancy`.
+        self.stratification_per_s2: F32 | None = None
+        self.scalar_sigma = 1.0
+        self.nu_m2_s = nu_m2_s
         self.nu = _molecular(domain, nu_m2_s)
         self.friction_m_s = np.zeros(domain.friction.cells.size)
         k, epsilon = start_turbulence(domain)
@@ -635,21 +681,26 @@ class KEpsilon:
         """Advance k and epsilon by one explicit step, then the eddy viscosity and the wall friction."""
         cell_m, walls = self._domain.cell_m, self._domain.friction
         production, k_new, e_new = scratch
-        constants = self._constants
+        constants, nu_m2_s = self._constants, self.nu_m2_s
         u, v, w = velocity
         _, ny, nz = self.nu.shape
         self._fill_outlets()
         strain_squared(*velocity, cell_m, production)
-        production_from_strain(self.nu, self._nu_m2_s, production)
+        production_from_strain(self.nu, self.nu_m2_s, production)
         wall_production(
             walls.cells, walls.velocity_m_s, u.ravel(), v.ravel(), w.ravel(), ny * nz, nz, self.k.ravel(),
-            self._nu_m2_s, self.friction_m_s, cell_m, production.ravel(),
+            self.nu_m2_s, self.friction_m_s, cell_m, production.ravel(),
         )  # fmt: skip
         for scalar, sigma, moved in (
             (self.k, constants.sigma_k, k_new),
             (self.epsilon, constants.sigma_epsilon, e_new),
         ):
-            transport_scalar(scalar, *velocity, self.nu, self._nu_m2_s, sigma, dt_s, cell_m, moved)
+            transport_scalar(scalar, *velocity, self.nu, nu_m2_s, nu_m2_s, sigma, dt_s, cell_m, moved)
+        if self.stratification_per_s2 is not None:
+            buoyancy_production(
+                self.k, self.epsilon, self.nu, nu_m2_s, self.stratification_per_s2, self.scalar_sigma,
+                np.float32(constants.c_1), dt_s, k_new, e_new,
+            )  # fmt: skip
         if constants.has_strain_sink:
             strain_sink_rng(self.k, self.epsilon, production, self.nu, constants.c_mu, dt_s, e_new)
         react_k_epsilon(
@@ -664,7 +715,7 @@ class KEpsilon:
 
     # Make the new k and epsilon current, with the walls' values, and derive viscosity and friction.
     def _take_over(self, k_new: F32, e_new: F32) -> None:
-        cells, cell_m, nu = self._domain.friction.cells, self._domain.cell_m, self._nu_m2_s
+        cells, cell_m, nu = self._domain.friction.cells, self._domain.cell_m, self.nu_m2_s
         wall_dissipation(cells, k_new.ravel(), nu, cell_m, e_new.ravel())
         c_mu = np.float32(self._constants.c_mu)
         eddy_viscosity_k_epsilon(k_new, e_new, nu, self.nu, self.k, self.epsilon, c_mu)

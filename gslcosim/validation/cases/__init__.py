@@ -8,6 +8,7 @@ from gslcosim.validation.results import Case
 
 # Name of a case: its module in this package, which has it as CASE. The page keeps this order.
 CASE_MODULES = {
+    "heated-cavity": "heated_cavity",
     "laser-forward": "laser_forward",
     "laser-source": "laser_source",
     "network-forward": "network_forward",

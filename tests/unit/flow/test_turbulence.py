@@ -56,10 +56,10 @@ def test_transport_keeps_a_constant_and_makes_no_new_extremes():
     nu = np.where(domain.air, np.float32(0.01), np.float32(0))
     constant = np.full_like(nu, 3.0)
     moved = np.zeros_like(nu)
-    turbulence.transport_scalar(constant, *faces, nu, NU_M2_S, 1.0, 0.05, CELL_M, moved)
+    turbulence.transport_scalar(constant, *faces, nu, NU_M2_S, NU_M2_S, 1.0, 0.05, CELL_M, moved)
     assert moved[INNER] == pytest.approx(3.0, abs=1e-4)
     scalar = np.random.default_rng(3).random(nu.shape).astype(np.float32)
-    turbulence.transport_scalar(scalar, *faces, nu, NU_M2_S, 1.0, 0.05, CELL_M, moved)
+    turbulence.transport_scalar(scalar, *faces, nu, NU_M2_S, NU_M2_S, 1.0, 0.05, CELL_M, moved)
     assert moved[INNER].min() >= -1e-4
     assert moved[INNER].max() <= 1 + 1e-4
 
@@ -70,7 +70,7 @@ def test_diffusion_alone_keeps_the_total():
     scalar = np.random.default_rng(4).random(nu.shape).astype(np.float32)
     moved = np.zeros_like(nu)
     still = [padded(SHAPE) for _ in range(3)]
-    turbulence.transport_scalar(scalar, *still, nu, NU_M2_S, 1.3, 0.05, CELL_M, moved)
+    turbulence.transport_scalar(scalar, *still, nu, NU_M2_S, NU_M2_S, 1.3, 0.05, CELL_M, moved)
     assert moved[INNER].sum() == pytest.approx(scalar[INNER].sum(), rel=1e-5)
     assert moved[INNER].std() < scalar[INNER].std()
 
