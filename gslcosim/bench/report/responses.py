@@ -1,13 +1,15 @@
 """Responses of the report: figures of entries that are one method with several values of its parameters."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from gslcosim.base.errors import UsageError
 from gslcosim.bench.report.report_data import Flags, Ints, ReportData, TrialRows
 from gslcosim.bench.statistics.settings import SettingFigures, SettingRuns, compute_figures, group_runs
+from gslcosim.bench.store import ResultsFolder
 
 # Of more settings only the response over all cases is reported.
 _MANY_SETTINGS = 60
@@ -46,24 +48,39 @@ def compute_responses(material: ReportData, within: Flags) -> tuple[ParameterRes
     """Return the responses of methods whose entries differ in parameters alone; see `group_settings` of the plan."""
     index = {entry.name: i for i, entry in enumerate(material.entries)}
     found: list[ParameterResponse] = []
-    groups: Sequence[Mapping[str, Any]] = material.manifest.get("settings") or ()
-    for k, group in enumerate(groups):
-        if len(group["values"]) > _MANY_SETTINGS and not within.all():
+    for group, settings in _groups(material):
+        if len(settings) > _MANY_SETTINGS and not within.all():
             continue
         points: list[ResponsePoint] = []
-        for name, values in group["values"].items():
+        for name, values in settings.items():
             some = np.flatnonzero(within & ~material.rows.is_control & (material.rows.entry == index.get(name, -1)))
             if some.size:
                 figures = compute_figures(_runs(material.rows, some))
                 points.append(ResponsePoint(entry=index[name], values=values, figures=figures))
         if len(points) > 1:
-            found.append(
-                ParameterResponse(
-                    key=f"response_{k + 1}" if k else "response", title=group["title"], units=group["units"],
-                    defaults=group.get("defaults") or {}, points=tuple(points),
-                )
-            )  # fmt: skip
+            found.append(replace(group, points=tuple(points)))
     return tuple(found)
+
+
+# Each method without its points, and its settings by their entries.
+def _groups(material: ReportData) -> list[tuple[ParameterResponse, dict[str, dict[str, Any]]]]:
+    found: list[tuple[ParameterResponse, dict[str, dict[str, Any]]]] = []
+    groups: Sequence[Mapping[str, Any]] = material.manifest.get("settings") or ()
+    try:
+        for k, listed in enumerate(groups):
+            units = {str(name): str(unit) for name, unit in listed["units"].items()}
+            settings = {
+                str(entry): {name: values[name] for name in units} for entry, values in listed["values"].items()
+            }
+            group = ParameterResponse(
+                key=f"response_{k + 1}" if k else "response", title=str(listed["title"]), units=units,
+                defaults=dict(listed.get("defaults") or {}), points=(),
+            )  # fmt: skip
+            found.append((group, settings))
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        path = ResultsFolder(material.folder).manifest
+        raise UsageError(f"{path}: expected settings of entries, was a damaged file. Take it from a copy.") from error
+    return found
 
 
 def _runs(rows: TrialRows, some: Ints) -> SettingRuns:

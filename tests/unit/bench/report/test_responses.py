@@ -7,6 +7,7 @@ import pytest
 import synthetic
 from page_content import data_of
 
+from gslcosim.base.errors import UsageError
 from gslcosim.bench.report.analysis import analyse
 from gslcosim.bench.report.charts import build_line_charts
 from gslcosim.bench.report.curves import limit_s
@@ -90,6 +91,16 @@ def test_a_setting_that_has_not_flown_or_has_no_value_is_left_out(tmp_path):
     (folder / "manifest.json").write_text(json.dumps(manifest))
     charts, _ = charts_of(folder)
     assert charts["response_x_score"].lines[0].x.tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("damage", [{"units": None}, {"values": {"e_0": {}}}, {"values": [1]}, {"defaults": 3}])
+def test_damaged_settings_are_named(tmp_path, damage):
+    folder = varied(tmp_path, [{"x": 1.0}, {"x": 2.0}])
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest["settings"][0] |= damage
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(UsageError, match=r"manifest\.json: expected settings of entries, was a damaged file"):
+        charts_of(folder)
 
 
 @pytest.mark.slow
