@@ -32,6 +32,7 @@ from gslcosim.contract.messages import (
     Message,
     MountSample,
     NominalPlume,
+    Note,
     Observation,
     RadioArrival,
     RadioMessage,
@@ -348,6 +349,9 @@ EXAMPLES: dict[str, Message] = {
     "command_told_contract": Command(tick=0, kind="hold", hold_s=0.0, contract="1.1+00112233445566778899aabbccddeeff"),
     "command_noop": Command(tick=67, kind="noop"),
     "command_belief": Command(tick=68, kind="waypoint", position_world_m=(1.0, 2.0, 2.0), belief=_BELIEF),
+    "command_note": Command(
+        tick=68, kind="noop", note=Note(mode="casting", values={"entropy_bits": 4.5, "hits_per_s": 0.25})
+    ),
     "command_belief_3d": Command(
         tick=69,
         kind="noop",

@@ -358,6 +358,16 @@ _FAULTS_BY_MESSAGE = {
             reason="cells have a size",
             change={"belief": {**_belief("float32", [1, 1], "0000803f"), "cell_m": 0.0}},
         ),
+        _Fault(
+            name="note_with_17_values",
+            reason="a note has at most 16 values",
+            change={"note": {"values": {f"value_{i}": 1.0 for i in range(17)}}},
+        ),
+        _Fault(
+            name="note_with_a_long_mode",
+            reason="the mode of a note has at most 40 characters",
+            change={"note": {"mode": "x" * 41}},
+        ),
         _Fault(name="reason_too_long", reason="reason has at most 500 characters", change={"reason": "x" * 501}),
         _Fault(name="reason_is_nil", reason="reason is text; leave it out instead", change={"reason": None}),
     ),

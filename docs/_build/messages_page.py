@@ -149,7 +149,7 @@ _LIMIT_WORDS = {
 
 
 def _limits(annotation: Any, metadata: tuple[Any, ...]) -> list[str]:
-    counted = "items" if typing.get_origin(annotation) is tuple else "characters"
+    counted = {tuple: "items", dict: "entries"}.get(typing.get_origin(annotation), "characters")
     flat = [item for entry in metadata for item in (getattr(entry, "metadata", None) or [entry])]
     texts = [(words, getattr(item, name, None)) for item in flat for name, words in _LIMIT_WORDS.items()]
     said = [words.format(value, counted=counted) for words, value in texts if value is not None]

@@ -11,7 +11,7 @@ from typing import Any, BinaryIO
 
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 
-from gslcosim.base.errors import GslCosimError
+from gslcosim.base.errors import GslCosimError, cut_contract_frames
 from gslcosim.bus.interface import AGENT_VARIABLE, JOIN_VARIABLE, Bus, JoinData
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Command, Ending, Observation
@@ -171,6 +171,7 @@ class AgentGroup:
         try:
             action()
         except (Exception, SystemExit) as error:
+            cut_contract_frames(error)
             if len(self._members) == 1:
                 raise
             traceback.print_exception(error)

@@ -291,6 +291,24 @@ def _is_kernel_cache_error(error: BaseException) -> bool:
     return "numba.core.caching" in frames
 
 
+# Where messages are made and refused.
+_CONTRACT = Path(__file__).resolve().parents[1] / "contract"
+
+
+def cut_contract_frames(error: BaseException) -> None:
+    """Cut from an error's traceback how a message was refused, below the line that wanted to make it.
+
+    Who wrote that line has to look at it, and not at how it was found out.
+    """
+    last, frame = None, error.__traceback__
+    while frame is not None:
+        if not Path(frame.tb_frame.f_code.co_filename).is_relative_to(_CONTRACT):
+            last = frame
+        frame = frame.tb_next
+    if last is not None:
+        last.tb_next = None
+
+
 def format_fault(error: BaseException, trace: str) -> str:
     """Return what to say of an error that ends a run.
 

@@ -33,7 +33,7 @@ MAX_NESTING = 32
 
 def encode(message: Message) -> bytes:
     """Return the canonical bytes of a message: keys in the schema's order, shortest ints, reals as float64."""
-    return _ENCODER.encode(message)
+    return _ENCODER.encode(message.sent)
 
 
 def encode_finite(message: Message) -> bytes:
@@ -42,7 +42,7 @@ def encode_finite(message: Message) -> bytes:
     Raises:
         ContractError: a real is not finite.
     """
-    payload = _ENCODER.encode(message)
+    payload = _ENCODER.encode(message.sent)
     if _NON_FINITE_PATTERN.search(payload):
         build_message(type(message), message.model_dump())
     return payload

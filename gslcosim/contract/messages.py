@@ -9,6 +9,7 @@ y left, z up. Quaternions are (w, x, y, z).
 
 from typing import Annotated, Literal, get_args
 
+import msgspec
 import numpy as np
 from pydantic import AfterValidator, Field, JsonValue, StringConstraints
 
@@ -85,6 +86,25 @@ class Belief(Record):
     origin_m: Vec3
     cell_m: CellSize
     probability: Annotated[NumericArray, AfterValidator(_check_probability)]
+
+
+RECORDED_ONLY = "x-recorded-only"
+"""Mark in the schema of a field that only the recording reads: it is no part of the contract's hash."""
+
+MAX_NOTE_VALUES = 16
+MAX_NOTE_MODE_CHARACTERS = 40
+
+
+class Note(Record):
+    """State of a method, written down by itself; part of `Command`. Since contract 1.2.
+
+    `mode` is what it is doing in a word or two of its own, such as `casting`; `values` are numbers that it decides by,
+    such as the entropy of its map, at most 16 by name. It is recorded and nothing else: nobody judges it, and no other
+    agent sees it.
+    """
+
+    mode: Annotated[str, StringConstraints(max_length=MAX_NOTE_MODE_CHARACTERS)] = ""
+    values: Annotated[dict[Name, float], Field(max_length=MAX_NOTE_VALUES)] = {}  # noqa: RUF012 - pydantic copies it
 
 
 class RadioMessage(Record):
@@ -220,6 +240,10 @@ class Command(Message):
     its path with `faces_path`; with neither it goes on to look where it did.
     `belief` (since 1.2) publishes where the agent believes the source to be, with a command of any kind; at most one a
     second of simulated time is taken.
+    `reason` is a sentence for people: why the agent decided so, in its own words; it is recorded and decides nothing.
+    The runtime writes it in two cases: `refused: …` with a `hold` in place of an answer that could not be read, and why
+    an agent is gone with `failed`.
+    `note` (since 1.2) has the state of the method, with a command of any kind; where it is absent the key is left out.
     """
 
     kind: CommandKind
@@ -237,6 +261,12 @@ class Command(Message):
     yaw_rad: Angle | None = None
     faces_path: bool = False
     belief: Belief | None = None
+    note: Annotated[Note | None, Field(json_schema_extra={RECORDED_ONLY: True})] = None
+
+    @property
+    def sent(self) -> "Command":
+        """The command as it is encoded: without the key of a note that is absent, as before there were notes."""
+        return self if self.note is not None else msgspec.structs.replace(self, note=msgspec.UNSET)
 
     def check_together(self) -> None:
         """Raise ValueError where what the kind of command cannot do without is missing; see `Record`."""
@@ -540,9 +570,11 @@ class Observation(Message):
     """All that an agent gets in a tick. Written by sensing on `agents/<id>/observation` every tick, and again on
     `agents/<id>/question` (since 1.2) where it awaits a command: an agent subscribes to one of the two.
 
-    The pose is the vehicle's own estimate. When `awaiting_command` is true, exactly one `Command` with this
-    tick is expected in return, and simulated time waits for it. `notice` says why the last command was refused,
-    or how it was changed.
+    The pose is the vehicle's own estimate. `status` is what the vehicle is doing: `on_ground`, `taking_off`, `flying`,
+    `driving`, `holding`, `landing` or `failed`, as the phases of `BodyState`; more may come, so that agents should take
+    a word that they do not know for `flying`.
+    When `awaiting_command` is true, exactly one `Command` with this tick is expected in return, and simulated time
+    waits for it. `notice` says why the last command was refused, or how it was changed.
     `incoming` (since 1.1) are the texts heard from other agents at this tick, whether or not a command is awaited;
     `radio_refusals` (since 1.1) says of each text sent in the last command that was not put on the air, why.
     """

@@ -4,6 +4,7 @@ A record is a msgspec struct, which is made, written and read without a look at 
 annotations, in pydantic's words; a pydantic model of the same fields is made from them when it is first asked for.
 """
 
+import difflib
 import math
 from collections.abc import Callable, Mapping
 from functools import cache, partial
@@ -20,11 +21,14 @@ from pydantic import (
     GetCoreSchemaHandler,
     JsonValue,
     StringConstraints,
+    ValidationError,
     ValidationInfo,
     create_model,
     model_validator,
 )
 from pydantic_core import CoreSchema, core_schema
+
+from gslcosim.base.untrusted_input import describe_validation_errors
 
 AnyStruct = TypeVar("AnyStruct", bound=msgspec.Struct)
 
@@ -124,8 +128,38 @@ class RecordType(msgspec.StructMeta):
     if not TYPE_CHECKING:  # type checkers know the constructor by the fields
 
         def __call__(cls, **fields: Any) -> Any:  # noqa: N805 - of a metaclass
-            """Make a record, or raise pydantic's ValidationError."""
-            return validate_fields(cls, fields)
+            """Make a record; positions and the like may be lists and numpy arrays.
+
+            Raises:
+                TypeError: a keyword that there is not, with the nearest that there is.
+                ValueError: a field is missing, of the wrong type, or out of its limits.
+            """
+            unknown = next((name for name in fields if name not in cls.__struct_fields__), None)
+            if unknown is not None:
+                raise TypeError(_describe_unknown_keyword(cls, unknown))
+            try:
+                return validate_fields(cls, {name: _from_numpy(value) for name, value in fields.items()})
+            except ValidationError as error:
+                problems = "; ".join(describe_validation_errors(error))
+                raise ValueError(f"{cls.__name__}: {problems}.") from None
+
+
+def _describe_unknown_keyword(record: type[msgspec.Struct], keyword: str) -> str:
+    known = record.__struct_fields__
+    # A name without its unit or frame is much shorter: what begins like it is nearer than what sounds like it.
+    begun = [name for name in known if name.startswith(keyword.split("_", maxsplit=1)[0])]
+    near = difflib.get_close_matches(keyword, begun, n=1, cutoff=0.0) or difflib.get_close_matches(keyword, known, n=1)
+    remedy = f"Did you mean {near[0]}?" if near else f"There are {', '.join(known)}."
+    return f"{record.__name__}: expected one of its fields, was the keyword '{keyword}'. {remedy}"
+
+
+# What numpy and lists give, as messages have it: tuples of Python's numbers.
+def _from_numpy(value: Any) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        return _from_numpy(cast(Any, value).tolist())
+    if isinstance(value, list | tuple):
+        return tuple(_from_numpy(item) for item in cast(tuple[Any, ...], value))
+    return value
 
 
 def build_unchecked_constructor(record: Callable[Fields, AnyRecord]) -> Callable[Fields, AnyRecord]:
@@ -138,6 +172,11 @@ def build_unchecked_constructor(record: Callable[Fields, AnyRecord]) -> Callable
 
 class Record(msgspec.Struct, metaclass=RecordType):
     """Base of all parts of messages: frozen, no conversion of types, unknown keys ignored, no NaN or infinity."""
+
+    @property
+    def sent(self) -> Self:
+        """The record as it is encoded: a field that is `msgspec.UNSET` is left out."""
+        return self
 
     def check_together(self) -> None:
         """Raise ValueError where fields do not go together; each field has been checked."""
@@ -164,8 +203,11 @@ class Record(msgspec.Struct, metaclass=RecordType):
         """Return the fields as a map, as the wire has them; without those that are None or have their default."""
         defaults = _get_defaults(type(self)) if exclude_defaults else {}
         kept: dict[str, Any] = {}
+        sent = self.sent
         for name in self.__struct_fields__:
-            value = getattr(self, name)
+            value = getattr(sent, name)
+            if value is msgspec.UNSET:
+                continue
             is_default = name in defaults and value == defaults[name]
             if is_default or (exclude_none and value is None):
                 continue

@@ -12,7 +12,7 @@ from typing import Any, cast
 from gslcosim.base.errors import ContractError
 from gslcosim.contract import messages, participant_messages
 from gslcosim.contract.environment_messages import WindShare
-from gslcosim.contract.messages import CONTRACT_VERSION, Message
+from gslcosim.contract.messages import CONTRACT_VERSION, RECORDED_ONLY, Message
 from gslcosim.contract.participant_messages import PARTICIPATION_VERSION
 from gslcosim.contract.record import get_pydantic_model
 
@@ -69,9 +69,29 @@ def get_participation_hash() -> str:
 
 
 def _hash_schemas(types: tuple[type[Message], ...]) -> str:
-    schemas = {item.__name__: _prune(get_pydantic_model(item).model_json_schema(), _PROSE) for item in types}
+    schemas = {item.__name__: _prune(_build_hashed_schema(item), _PROSE) for item in types}
     text = json.dumps(schemas, sort_keys=True, separators=(",", ":"))
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
+
+
+# Without what only the recording reads: two that differ in it understand each other, and runs that do not use it keep
+# their digests, which the briefing's hash is part of.
+def _build_hashed_schema(item: type[Message]) -> dict[str, Any]:
+    schema = get_pydantic_model(item).model_json_schema()
+    fields = schema.get("properties", {})
+    dropped = [name for name, field in fields.items() if field.get(RECORDED_ONLY)]
+    if not dropped:
+        return schema
+    kept = {**schema, "properties": {name: field for name, field in fields.items() if name not in dropped}}
+    definitions = kept.pop("$defs")
+    needed: dict[str, Any] = {}
+    while missing := {name for name in definitions if name not in needed and _refers_to(name, [kept, needed])}:
+        needed |= {name: definitions[name] for name in missing}
+    return {**kept, "$defs": needed}
+
+
+def _refers_to(name: str, schema: Any) -> bool:
+    return f'"#/$defs/{name}"' in json.dumps(schema)
 
 
 # pydantic's word for bytes is no standard's, and its versions differ in how they write limits (1 or 1.0). In

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from gslcosim.agent_kit import Agent
+from gslcosim.base.errors import cut_contract_frames
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Briefing, Command, Ending, Observation
 from gslcosim.runtime.agents.validator import CommandValidator, build_validator, get_agent_participant
@@ -115,8 +116,8 @@ class ObjectTransport:
         del payload
         try:
             self._agent = self._agent_type(briefing)
-        except (Exception, SystemExit):  # whatever an agent does is a result of the run
-            self._fail("the agent failed at its briefing")
+        except (Exception, SystemExit) as error:  # whatever an agent does is a result of the run
+            self._fail("the agent failed at its briefing", error)
 
     def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
         """Let the agent look, and decide where it is asked; see `AgentTransport`."""
@@ -129,8 +130,8 @@ class ObjectTransport:
             agent.observe(observation)
             if observation.awaiting_command:
                 self._ask(agent, observation)
-        except (Exception, SystemExit):  # as above
-            self._fail(f"the agent failed at tick {observation.tick}")
+        except (Exception, SystemExit) as error:  # as above
+            self._fail(f"the agent failed at tick {observation.tick}", error)
 
     def repeat(self) -> None:
         """Do nothing: no message gets lost; see `AgentTransport`."""
@@ -156,9 +157,11 @@ class ObjectTransport:
         found = f"expected an answer to the observation of tick {observation.tick}, was one to tick {answer.tick}."
         self._put(AnswerMissed(agent=self._name, text=found))
 
-    def _fail(self, text: str) -> None:
+    def _fail(self, text: str, error: BaseException) -> None:
         self._agent = None
-        self._put(AgentLost(agent=self._name, reason=f"{text}: {traceback.format_exc(limit=-1).strip()}"))
+        cut_contract_frames(error)
+        trace = "".join(traceback.format_exception(error, limit=-1))
+        self._put(AgentLost(agent=self._name, reason=f"{text}: {trace.strip()}"))
 
 
 # An agent that still thinks when the run is over is left to itself.

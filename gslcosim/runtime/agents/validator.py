@@ -301,8 +301,8 @@ class FreeRunningValidator(CommandValidator):
     depends on the clock: it gets the tick at which it passes, and is an input of the run.
 
     A later command takes the place of one that has not passed yet, but a `noop` replaces nothing, a declaration of the
-    source is always made, and texts and a belief of what is replaced go with what replaces it. A command that is not
-    valid becomes a `hold`, and leaves a fault. An agent that is gone lets `failed` through.
+    source is always made, and texts, a belief and a note of what is replaced go with what replaces it. A command that
+    is not valid becomes a `hold`, and leaves a fault. An agent that is gone lets `failed` through.
 
     Before `until_tick` the commands of `past` pass, whatever comes.
     """
@@ -364,6 +364,7 @@ class FreeRunningValidator(CommandValidator):
                 update={
                     "outgoing": (*last.outgoing, *command.outgoing)[-_MAX_RADIO_TEXTS:],
                     "belief": command.belief or last.belief,
+                    "note": command.note or last.note,
                 }
             )
         else:

@@ -1,5 +1,8 @@
 """Agents of one process: order, repetition, and the failure of one among several."""
 
+import traceback
+from pathlib import Path
+
 import pytest
 from built_messages import build_briefing, build_observation
 
@@ -136,3 +139,23 @@ def test_a_single_agents_failure_is_raised():
 def test_another_contract_is_refused():
     with pytest.raises(ContractError, match="major version"):
         Flight("a").group.brief("a", briefing("a", contract_version="99.0"))
+
+
+class Mistaken(Agent):
+    """Takes another word for a field of its command."""
+
+    def __init__(self, briefing):
+        pass
+
+    def decide(self, observation):
+        return Command(tick=observation.tick, kind="waypoint", position_m=(1.0, 2.0, 3.0))
+
+
+def test_a_wrong_keyword_ends_with_the_authors_own_line_and_the_nearest_word():
+    group = AgentGroup(Mistaken, ["a"], send=lambda *_: None)
+    group.brief("a", briefing("a"))
+    with pytest.raises(TypeError, match="Did you mean position_world_m") as raised:
+        group.observe("a", observation("a", 0))
+    last = traceback.extract_tb(raised.value.__traceback__)[-1]
+    assert Path(last.filename).name == Path(__file__).name
+    assert "position_m=(1.0, 2.0, 3.0)" in (last.line or "")

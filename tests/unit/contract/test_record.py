@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from gslcosim.contract.record import DTYPES, NumericArray
 
@@ -43,18 +42,18 @@ def test_the_result_cannot_be_written_to():
     ids=["short", "long", "negative", "float_shape", "float16", "object", "text", "missing"],
 )
 def test_inconsistent_arrays_are_refused(fields):
-    with pytest.raises(ValidationError):
+    with pytest.raises(ValueError, match=r"expected|[Ii]nput"):
         NumericArray.model_validate(fields)
 
 
 def test_a_shape_whose_size_overflows_is_refused():
-    with pytest.raises(ValidationError):
+    with pytest.raises(ValueError, match=r"expected|[Ii]nput"):
         NumericArray(dtype="uint8", shape=(2**32, 2**32), data=b"")
 
 
 def test_more_dimensions_than_anyone_needs_are_refused():
     assert NumericArray(dtype="uint8", shape=(1,) * 8, data=b"x").to_array().ndim == 8
-    with pytest.raises(ValidationError, match="at most 8 dimensions"):
+    with pytest.raises(ValueError, match="at most 8 dimensions"):
         NumericArray(dtype="uint8", shape=(1,) * 9, data=b"x")
 
 
@@ -62,7 +61,7 @@ def test_more_dimensions_than_anyone_needs_are_refused():
 @pytest.mark.parametrize("n", [3, 100_000])
 @pytest.mark.parametrize("poison", [(np.nan,), (np.inf,), (-np.inf,), (np.inf, -np.inf)])
 def test_numbers_that_are_not_finite_are_refused(dtype, n, poison):
-    with pytest.raises(ValidationError, match="finite numbers"):
+    with pytest.raises(ValueError, match="finite numbers"):
         NumericArray.from_array(np.array([*poison, *[1.0] * n], dtype))
 
 

@@ -7,7 +7,6 @@ import math
 
 import pytest
 from contract_examples import EXAMPLES
-from pydantic import ValidationError
 
 from gslcosim.base.errors import ScenarioError
 from gslcosim.contract.messages import AGENT_KINDS, Command
@@ -58,7 +57,7 @@ def test_all_kinds_are_tried():
 @pytest.mark.parametrize("fields", COMMANDS, ids=lambda fields: fields["kind"])
 def test_numbers_that_are_not_finite_are_no_commands(fields, number):
     for path in leaves(fields):
-        with pytest.raises(ValidationError):
+        with pytest.raises(ValueError, match=r"expected|[Ii]nput"):
             Command.model_validate({"tick": 0, **with_leaf(fields, path, number)})
 
 
@@ -86,7 +85,7 @@ def test_numbers_beyond_all_reason_are_answered_and_harm_nobody(make_pilot, mode
         for number in (1e6, -1e6):
             try:
                 Command.model_validate({"tick": 0, **with_leaf(fields, path, number)})
-            except ValidationError:
+            except ValueError:
                 continue
             body = pilot.step(agent_0=with_leaf(fields, path, number))
             n_tried += 1

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from gslcosim.base.frames import world_from_body_rotation
 from gslcosim.contract.messages import AttitudeSetpoint, Command, RateSetpoint
@@ -169,5 +168,5 @@ def test_what_a_vehicle_cannot_do_is_refused(make_pilot, model, command, text):
     ],
 )
 def test_setpoints_out_of_range_are_no_commands(fields):
-    with pytest.raises(ValidationError):
+    with pytest.raises(ValueError, match=r"expected|[Ii]nput"):
         Command(tick=0, **fields)
