@@ -285,10 +285,27 @@ def format_suite_summary(summary: "RunSummary", page: Path | None, shard: "Shard
         )
     if summary.is_interrupted:
         lines.append("The same command goes on.")
+    if page and (leaderboard := format_leaderboard(summary.folder)):
+        lines += ["", leaderboard, ""]
     lines.append(f"Results: {summary.folder}" + (f"\nReport: {page}" if page else ""))
     if shard is not None:
         lines.append(f"Shard {shard}. When all have run: gslcosim bench merge FOLDER... --out FOLDER")
     return "\n".join(lines)
+
+
+def format_leaderboard(results_dir: Path) -> str:
+    """Return the leaderboard of results as their summary has it, in columns; empty where no report was made.
+
+    Args:
+        results_dir: Folder with the `summary.md` of a report.
+    """
+    summary = results_dir / "summary.md"
+    if not summary.is_file():
+        return ""
+    text = summary.read_text(encoding="utf-8").split("\n## ")[0]
+    lines = [line.strip("| ") for line in text.splitlines() if line.startswith("|") and not line.startswith("|--")]
+    rows = [[cell.replace("\\", "") for cell in line.split(" | ")] for line in lines]
+    return table(rows[0], rows[1:]) if rows else ""
 
 
 def format_merge(summary: "MergeSummary", page: Path | None) -> str:
@@ -297,6 +314,8 @@ def format_merge(summary: "MergeSummary", page: Path | None) -> str:
     lines = [f"{summary.n_trials} of {summary.n_chosen} trials, from {found} of {summary.n_shards} shards."]
     if summary.missing:
         lines.append(f"Missing: {', '.join(summary.missing)}")
+    if page and (leaderboard := format_leaderboard(summary.folder)):
+        lines += ["", leaderboard, ""]
     lines.append(f"Results: {summary.folder}" + (f"\nReport: {page}" if page else ""))
     return "\n".join(lines)
 

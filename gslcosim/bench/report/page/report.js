@@ -427,6 +427,10 @@
     for (const item of items) { if (item.isIntersecting) { visible.add(item.target); draw(item.target); } else visible.delete(item.target); }
   }, { rootMargin: "500px 0px" });
   figures.forEach((figure) => watcher.observe(figure));
+  // The rest while nothing else happens, so that pictures of the whole page have them.
+  const whenIdle = window.requestIdleCallback || ((work) => setTimeout(work, 30));
+  function drawRest() { const next = stale.values().next().value; if (next) { draw(next); whenIdle(drawRest); } }
+  whenIdle(drawRest);
   addEventListener("beforeprint", () => figures.forEach(draw));
   let before = innerWidth, waiting = null;
   addEventListener("resize", () => { if (innerWidth === before) return; before = innerWidth; clearTimeout(waiting); waiting = setTimeout(refresh, 120); });
