@@ -46,13 +46,7 @@ def predict_releases(network: MastNetwork) -> Floats:
             predicted[is_open] = np.nan
             continue
         rows = np.flatnonzero(is_open)
-        part = WindRecord(
-            wind.start_s[rows],
-            PERIOD_S,
-            wind.mean_world_m_s[rows],
-            wind.across_std_m_s[rows],
-            wind.up_std_m_s[rows],
-        )
         if len(rows):
+            part = wind.rows(int(rows[0]), int(rows[-1]) + 1)
             predicted[rows] += release.rate_kg_s * volume * puff_responses(network.masts_m, part, source_m)
     return predicted

@@ -74,6 +74,17 @@ class WindRecord:
         across, up = surface_fluctuations_m_s(np.hypot(mean[:, 0], mean[:, 1]), height_m)
         return cls(start_s, period_s, mean, across, up)
 
+    def rows(self, first: int, end: int) -> "WindRecord":
+        """Return the periods from `first` up to, but without, `end`."""
+        part = slice(first, end)
+        return WindRecord(
+            self.start_s[part],
+            self.period_s,
+            self.mean_world_m_s[part],
+            self.across_std_m_s[part],
+            self.up_std_m_s[part],
+        )
+
 
 @numba.njit(cache=True)
 def _mean_of_puffs(

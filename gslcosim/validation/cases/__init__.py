@@ -12,6 +12,7 @@ CASE_MODULES = {
     "laser-forward": "laser_forward",
     "laser-source": "laser_source",
     "network-forward": "network_forward",
+    "network-events": "network_events",
 }
 
 

@@ -39,3 +39,14 @@ def test_puffs_agree_with_masts_above_the_background_of_the_hour():
 @pytest.mark.slow
 def test_leaks_are_found_by_lasers():
     assert all(row.is_met for row in rows_of("laser-source", "chilbolton", "quick").values())
+
+
+def test_leaks_are_found_by_masts():
+    rows = rows_of("network-events", "metec")
+    assert all(row.is_met is not False for row in rows.values())
+    assert rows["exact: all events that touch a release name its place"].ours.value == 8
+
+
+@pytest.mark.slow
+def test_leaks_of_one_stack_are_found_by_masts():
+    assert all(row.is_met is not False for row in rows_of("network-events", "stanford").values())
