@@ -284,19 +284,12 @@ class InformationAgent(SearchAgent):
     def survey(self, places: Sequence[Place]) -> Candidates:
         """Return what stops at places would find; where arrival ends the run, cells within reach count as found."""
         places_m = np.array(places)
-        likelihood, weight, log_weight = likelihoods(
+        tables = likelihoods(
             self.model().log_mean_hits(places_m, self._cells_m),
             floor=self.settings.floor,
             power=self.settings.power * self._novelty(places_m),
         )
-        if self._arrival_m > 0.0:
-            for i, place in enumerate(places_m):
-                found = self._near(place)
-                for table in (likelihood, weight, log_weight):
-                    table[i][:, found] = 0.0
-        return Candidates(
-            places_m=places_m, cells_m=self._cells_m, likelihood=likelihood, weight=weight, log_weight=log_weight
-        )
+        return Candidates.within_reach(places_m, self._cells_m, tables, reach_m=self._arrival_m)
 
     def learn(self, observation: Observation) -> None:
         """Update the belief by what was found since the last stop; a refused end is not aimed at again."""

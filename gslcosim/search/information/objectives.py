@@ -189,6 +189,18 @@ class Candidates:
     weight: Array
     log_weight: Array
 
+    @classmethod
+    def within_reach(
+        cls, places_m: Array, cells_m: Array, tables: tuple[Array, Array, Array], *, reach_m: float
+    ) -> "Candidates":
+        """Return stops that search through the cells nearer than `reach_m`; `tables` are those of `likelihoods`."""
+        for i, place_m in enumerate(places_m):
+            is_found = ((cells_m - place_m) ** 2).sum(axis=1) < reach_m**2
+            for table in tables:
+                table[i][:, is_found] = 0.0
+        likelihood, weight, log_weight = tables
+        return cls(places_m=places_m, cells_m=cells_m, likelihood=likelihood, weight=weight, log_weight=log_weight)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Predictions:

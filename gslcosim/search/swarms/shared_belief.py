@@ -134,14 +134,8 @@ class SharedBelief:
         places = np.array(places_m, dtype=np.float64).reshape(-1, 2)
         log_mean = self.dispersal.model(wind_m_s, spread_rad).log_mean_hits(places, self._cells_m)
         powers = self.power / (1.0 + self._are_near(places, self._places_m()).sum(axis=1))
-        likelihood, weight, log_weight = likelihoods(log_mean, floor=self.floor, power=powers)
-        for i, place_m in enumerate(places):
-            within = self._within(place_m)
-            for table in (likelihood, weight, log_weight):
-                table[i][:, within] = 0.0
-        return Candidates(
-            places_m=places, cells_m=self._cells_m, likelihood=likelihood, weight=weight, log_weight=log_weight
-        )
+        tables = likelihoods(log_mean, floor=self.floor, power=powers)
+        return Candidates.within_reach(places, self._cells_m, tables, reach_m=self.reach_m)
 
     # A late finding moves to its place, and the sums after it are taken again: the same as if it had come in time.
     def _sum_from(self, i: int) -> None:
@@ -159,9 +153,6 @@ class SharedBelief:
         apart_x = places_m[:, None, 0] - others_m[None, :, 0]
         apart_y = places_m[:, None, 1] - others_m[None, :, 1]
         return apart_x**2 + apart_y**2 < self._near_m**2
-
-    def _within(self, place_m: Array) -> NDArray[np.bool_]:
-        return ((self._cells_m - place_m) ** 2).sum(axis=1) < self.reach_m**2
 
 
 def assigned_costs(p: Array, own: Candidates, planned: Sequence[Candidates]) -> Array:
