@@ -20,7 +20,7 @@ SUMMARY = """# A suite
 def test_it_has_the_rows_of_the_summary_in_columns(tmp_path):
     (tmp_path / "summary.md").write_text(SUMMARY, encoding="utf-8")
     assert format_leaderboard(tmp_path).splitlines() == [
-        "#   Entry         Score   Success [%]      n",
+        "#   Entry         Score   Success [%]       n",
         "1   oracle        0.85    100 (34 to 100)   2",
         "2   dung_beetle   0.55    50 (9 to 91)      2",
     ]
