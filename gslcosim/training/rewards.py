@@ -1,4 +1,4 @@
-"""Rewards of agents, by name or by a function of one's own."""
+"""Rewards of agents, by name or by a function of your own."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -143,7 +143,7 @@ def spectral_slope(frequency_hz: F64, density: F64, *, low_hz: float, high_hz: f
 
 @dataclass(frozen=True, kw_only=True)
 class RecordSettings:
-    """How a record is looked at.
+    """Settings for the analysis of a record.
 
     Attributes:
         step_s: Time between values [s].

@@ -13,7 +13,7 @@ Effort = Literal["quick", "full"]
 
 @dataclass(frozen=True)
 class Goal:
-    """What a figure is to reach: not less than `low`, not more than `high`; `text` says it in words and symbols."""
+    """Goal of a figure: not less than `low`, not more than `high`; `text` gives it in words and symbols."""
 
     low: float
     high: float
@@ -82,7 +82,7 @@ class Drawing:
 
 @dataclass(frozen=True, kw_only=True)
 class CaseResult:
-    """What a case has found: rows, drawings, and remarks for the page (one paragraph each)."""
+    """Results of a case: rows, drawings, and remarks for the page (one paragraph each)."""
 
     rows: Sequence[Comparison]
     drawings: Sequence[Drawing] = ()

@@ -32,7 +32,7 @@ def test_every_kind_of_environment_wind_and_layout_is_named():
 
 
 def test_keys_of_the_table_of_parameters_exist():
-    table = TEXT[TEXT.index("| AutoGDM+ | here |") :]
+    table = TEXT[TEXT.index("| AutoGDM+ | gslcosim |") :]
     for path in re.findall(r"`([a-z_]+(?:\[\])?\.[a-z_.\[\]]+)`", table):
         keys = path.replace("[]", ".0").split(".")
         location = tuple(int(key) if key.isdigit() else key for key in keys)

@@ -1,4 +1,4 @@
-"""`gslcosim participant`: check a model of one's own against its contract, or begin a new one."""
+"""`gslcosim participant`: check your own model against its contract, or create one."""
 
 import argparse
 from pathlib import Path
@@ -81,7 +81,7 @@ def _parameters(text: str) -> dict[str, Any]:
 
 COMMAND = CommandFamily(
     name="participant",
-    summary="check a model of one's own in any language against its contract, or begin a new one",
+    summary="check your own model, in any language, against its contract, or create one",
     examples=EXAMPLES,
     parts=(
         Command(

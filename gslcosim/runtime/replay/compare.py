@@ -15,7 +15,7 @@ from gslcosim.scenario import Scenario
 
 @dataclass(frozen=True)
 class Divergence:
-    """Where two runs differ first."""
+    """First difference of two runs."""
 
     tick: int
     participant: str

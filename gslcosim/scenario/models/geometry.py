@@ -1,4 +1,4 @@
-"""Geometry of an environment: layouts that can be generated, and files of one's own.
+"""Geometry of an environment: layouts that can be generated, and files of the user.
 
 Layouts hold what Tables 9.1 and 9.2 of the GSL-Bench thesis have for warehouses, and the like for other rooms: `kind`
 is env_type, `size_m` env_size, `inlet_size_m` and `outlet_size_m` inlet_size and outlet_size, `filled_least_frac`

@@ -1,4 +1,4 @@
-"""Participants of one's own, services of other packages, and the sandbox of an agent's processes."""
+"""Participants of the user, services of other packages, and the sandbox of an agent's processes."""
 
 from typing import Annotated, ClassVar, Literal, Self
 

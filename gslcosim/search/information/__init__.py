@@ -1,1 +1,1 @@
-"""Where to smell next: what a stop is hoped to gain, and planning over beliefs."""
+"""Information-driven search: expected gain of a stop, and planning over beliefs."""

@@ -50,7 +50,7 @@ class MeasuredSet:
 
 @dataclass(frozen=True)
 class MeasuredData:
-    """What a folder holds: sets in the order of their names, and published figures where there are some."""
+    """Contents of a folder: sets in the order of their names, and published figures if it has some."""
 
     folder: Path
     sets: tuple[MeasuredSet, ...]
