@@ -101,6 +101,14 @@ TRIAL_COLUMNS = (
     # Gas.
     Column("first_contact_s", _REAL, "first true gas above the sensor's floor at a nose of any agent [s]"),
     Column("tracking_ratio", _REAL, "share of the time from first contact to the end in gas above that floor"),
+    # What the figures are worth: docs/validity.md.
+    Column("validity", _TEXT, "verdict on the run's figures: yes, with warnings, or no"),
+    Column("warnings", _TEXT, "why with warnings, a line each; empty where there are none"),
+    Column("wind_settled", _FLAG, "whether the wind had settled; absent where nobody has checked"),
+    Column("wind_uncertainty_frac", _REAL, "standard error of the mean wind over its speed, at least"),
+    Column("share_refused", _REAL, "share of an agent's commands that were refused, of the agent with the largest"),
+    Column("share_saturated", _REAL, "share of the time that a gas sensor was saturated, of the worst"),
+    Column("share_warming_up", _REAL, "share of the time that a gas sensor was warming up, of the worst"),
     # Declaration and belief.
     Column("declared", _FLAG, "whether an agent declared a source"),
     Column("first_declared_s", _REAL, "first declaration [s]"),

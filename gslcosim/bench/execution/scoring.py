@@ -38,6 +38,7 @@ from gslcosim.contract.messages import (
 from gslcosim.runtime.outcome import RunOutcome
 from gslcosim.scenario import Scenario
 from gslcosim.validity.conduct import GAS_CONTACT_PPM
+from gslcosim.validity.findings import Validity
 
 
 def counted_time_s(*, success: bool, time_to_source_s: float | None, limit_s: float) -> float:
@@ -318,6 +319,22 @@ def build_row(trial: Trial, environment_hash: str, outcome: RunOutcome, watch: S
         n_collisions=row["n_collisions"] if trial.resolved.referee.stop.on_collision else 0,
     )
     return row
+
+
+def build_validity_figures(validity: Validity) -> Row:
+    """Return what a row says of what its figures are worth."""
+    found = validity.as_fields()
+    agents = found.get("commands", {}).get("agents", {}).values()
+    uses = [use for sensors in found.get("sensors", {}).get("agents", {}).values() for use in sensors.values()]
+    return {
+        "validity": validity.verdict,
+        "warnings": "\n".join(f"{warning.about}: {warning.text}" for warning in validity.warnings),
+        "wind_settled": found["wind"]["settled"],
+        "wind_uncertainty_frac": found["wind"]["uncertainty_frac"],
+        "share_refused": max((each["refused"] / max(each["commands"], 1) for each in agents), default=None),
+        "share_saturated": max((use["saturated_frac"] for use in uses), default=None),
+        "share_warming_up": max((use["warming_up_frac"] for use in uses), default=None),
+    }
 
 
 def _build_path_figures(trial: Trial, result: AgentResult, watch: AgentSeries) -> Row:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gslcosim.base.errors import GslCosimError
 from gslcosim.base.files import ScratchFolder
 from gslcosim.bench.cases.models import Trial
-from gslcosim.bench.execution.scoring import Row, SeriesCollector, build_row, build_tracks
+from gslcosim.bench.execution.scoring import Row, SeriesCollector, build_row, build_tracks, build_validity_figures
 from gslcosim.bench.store import pack_tracks
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.generation.cache import prepare_variants, with_variants
@@ -206,6 +206,7 @@ def run_trial(trial: Trial, environment_dir: Path, rooms: EnvironmentCache) -> T
         outcome = _outcome(setup, trial.directory, watch)
         flown = time.perf_counter()
     row = build_row(trial, environment.content_hash, outcome, watch)
+    row |= build_validity_figures(outcome.assess(scenario, [environment_dir, *later_rooms.values()]))
     judged = time.perf_counter()
     tracks = pack_tracks(build_tracks(watch))
     decisions_ms = np.asarray(outcome.decisions_s) * 1000.0

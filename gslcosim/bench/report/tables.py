@@ -18,6 +18,7 @@ from gslcosim.bench.report.curves import BELIEF_FIGURES, CurveWithBand
 from gslcosim.bench.report.leaderboard import LeaderboardRow
 from gslcosim.bench.report.number_formats import format_duration
 from gslcosim.bench.report.report_data import ReportData
+from gslcosim.bench.report.validity import describe_validity
 from gslcosim.bench.statistics.estimates import LEVEL, Estimate
 from gslcosim.bench.store import TRIAL_COLUMNS
 from gslcosim.bench.verification_marks import VerificationMark
@@ -111,7 +112,7 @@ def _warnings(analysis: Analysis) -> list[str]:
         found.append("There are no tracks.")
     if unverified := _unverified(material):
         found.append(unverified)
-    return found
+    return [*found, *describe_validity(analysis)]
 
 
 def _unverified(material: ReportData) -> str:
