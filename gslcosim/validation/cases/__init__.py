@@ -13,6 +13,7 @@ CASE_MODULES = {
     "laser-source": "laser_source",
     "network-forward": "network_forward",
     "network-events": "network_events",
+    "roof-tracer": "roof_tracer",
 }
 
 

@@ -50,3 +50,9 @@ def test_leaks_are_found_by_masts():
 @pytest.mark.slow
 def test_leaks_of_one_stack_are_found_by_masts():
     assert all(row.is_met is not False for row in rows_of("network-events", "stanford").values())
+
+
+def test_a_measured_record_is_scored_as_plumes_are():
+    rows = rows_of("roof-tracer", "roof_tracer", "quick")
+    assert rows["measured: share of the time above 20 ppm"].ours.value == pytest.approx(0.127, abs=0.03)
+    assert rows["measured: exponent of blanks"].ours.value == pytest.approx(1.5, abs=0.3)
