@@ -144,11 +144,13 @@ class WindFrames:
 
     `velocity_m_s` is (t, nx, ny, nz, 3) float32, world frame; one frame means steady wind.
     Frame i holds from i * period_s on; after the last frame time loops, unless `is_looping` is false: then it stays.
+    `k_epsilon` is (nx, ny, nz, 2) float32, turbulence energy [m2/s2] and its dissipation [m2/s3], where they are known.
     """
 
     velocity_m_s: NDArray[np.float32]
     period_s: float = 1.0
     is_looping: bool = True
+    k_epsilon: NDArray[np.float32] | None = None
 
     def frame_at(self, time_s: float) -> int:
         """Return the index of the frame that holds at a time [s]."""
@@ -234,7 +236,7 @@ def with_wind(room: EnvironmentGeometry, wind: WindFrames) -> Environment:
     """Return the environment that a room and its wind make; its arrays are read-only and in C order.
 
     Raises:
-        EnvironmentDataError: the wind is not (t, nx, ny, nz, 3) of the room's grid.
+        EnvironmentDataError: the wind is not (t, nx, ny, nz, 3) of the room's grid, or its k and epsilon do not fit.
     """
     velocity_m_s = freeze_array(np.ascontiguousarray(wind.velocity_m_s, dtype=np.float32))
     if velocity_m_s.shape[1:] != (*room.grid.shape, 3) or not len(velocity_m_s):
@@ -242,7 +244,17 @@ def with_wind(room: EnvironmentGeometry, wind: WindFrames) -> Environment:
             f"wind of {room.name}: expected (t, nx, ny, nz, 3) with cells {room.grid.shape} and at least one frame, "
             f"was {velocity_m_s.shape}"
         )
-    frozen_wind = WindFrames(velocity_m_s=velocity_m_s, period_s=wind.period_s, is_looping=wind.is_looping)
+    k_epsilon = None
+    if wind.k_epsilon is not None:
+        k_epsilon = freeze_array(np.ascontiguousarray(wind.k_epsilon, dtype=np.float32))
+        if k_epsilon.shape != (*room.grid.shape, 2):
+            raise EnvironmentDataError(
+                f"k and epsilon of {room.name}: expected (nx, ny, nz, 2) with cells {room.grid.shape}, "
+                f"was {k_epsilon.shape}"
+            )
+    frozen_wind = WindFrames(
+        velocity_m_s=velocity_m_s, period_s=wind.period_s, is_looping=wind.is_looping, k_epsilon=k_epsilon
+    )
     geometry = {each.name: getattr(room, each.name) for each in fields(EnvironmentGeometry)}
     return Environment(**geometry, wind=frozen_wind, content_hash=content_hash(room, frozen_wind))
 
@@ -260,6 +272,9 @@ def content_hash(room: EnvironmentGeometry, wind: WindFrames) -> str:
     digest = hashlib.blake2b(json.dumps(facts, sort_keys=True).encode(), digest_size=16)
     digest.update(np.ascontiguousarray(room.occupancy, dtype=np.uint8).data)
     digest.update(np.ascontiguousarray(wind.velocity_m_s, dtype="<f4").data)
+    if wind.k_epsilon is not None:
+        digest.update(b"k_epsilon")
+        digest.update(np.ascontiguousarray(wind.k_epsilon, dtype="<f4").data)
     for mesh in room.meshes:
         digest.update(json.dumps([mesh.name, mesh.rgba, mesh.vertices_m.shape, mesh.faces.shape]).encode())
         digest.update(np.ascontiguousarray(mesh.vertices_m, dtype="<f4").data)

@@ -109,10 +109,17 @@ FORMAT = "gslcosim/environment/1"
 HEADER_FILE: Final = "environment.yaml"
 OCCUPANCY_FILE: Final = "occupancy.npy"
 WIND_FILE: Final = "wind.npy"
+K_EPSILON_FILE: Final = "k_epsilon.npy"
 MESHES_FILE: Final = "visual.glb"
-EnvironmentFile = Literal["environment.yaml", "occupancy.npy", "wind.npy", "visual.glb"]
+EnvironmentFile = Literal["environment.yaml", "occupancy.npy", "wind.npy", "k_epsilon.npy", "visual.glb"]
 """Name of a file that is part of an environment; the others are for people and other programs."""
-ENVIRONMENT_FILES: tuple[EnvironmentFile, ...] = (HEADER_FILE, OCCUPANCY_FILE, WIND_FILE, MESHES_FILE)
+ENVIRONMENT_FILES: tuple[EnvironmentFile, ...] = (
+    HEADER_FILE,
+    OCCUPANCY_FILE,
+    WIND_FILE,
+    K_EPSILON_FILE,
+    MESHES_FILE,
+)
 REQUIRED_FILES: frozenset[EnvironmentFile] = frozenset({HEADER_FILE, OCCUPANCY_FILE, WIND_FILE})
 SCENE_FILE, PICTURE_FILE = "scene.xml", "top_view.png"
 REPORT_FILE, HISTORY_FILE = "wind_report.json", "wind_history.png"
@@ -160,6 +167,7 @@ class _LightPart(_Part):
 class _WindPart(_Part):
     period_s: float = Field(gt=0)
     is_looping: bool
+    has_k_epsilon: bool = False
 
 
 class _Header(_Part):
@@ -204,6 +212,8 @@ def save_environment(
     try:
         np.save(beside / OCCUPANCY_FILE, np.ascontiguousarray(environment.occupancy, dtype=np.uint8))
         np.save(beside / WIND_FILE, np.ascontiguousarray(environment.wind.velocity_m_s, dtype="<f4"))
+        if environment.wind.k_epsilon is not None:
+            np.save(beside / K_EPSILON_FILE, np.ascontiguousarray(environment.wind.k_epsilon, dtype="<f4"))
         if environment.meshes:
             (beside / MESHES_FILE).write_bytes(encode_glb(environment.meshes))
         (beside / HEADER_FILE).write_text(_header_text(environment, made_from, notices), encoding="utf-8")
@@ -233,7 +243,12 @@ def load_environment(folder: Path, *, check_hash: bool = False, with_meshes: boo
         name=header.name,
         grid=grid,
         occupancy=_load_occupancy(folder / OCCUPANCY_FILE, grid),
-        wind=WindFrames(velocity_m_s=_load_wind(folder / WIND_FILE, grid), **header.wind.model_dump()),
+        wind=WindFrames(
+            velocity_m_s=_load_wind(folder / WIND_FILE, grid),
+            period_s=header.wind.period_s,
+            is_looping=header.wind.is_looping,
+            k_epsilon=_load_k_epsilon(folder / K_EPSILON_FILE, grid) if header.wind.has_k_epsilon else None,
+        ),
         boxes=tuple(Box(**box.model_dump()) for box in header.boxes),
         openings=tuple(Opening(**opening.model_dump()) for opening in header.openings),
         content_hash=header.content_hash,
@@ -254,7 +269,11 @@ def _header_text(environment: Environment, made_from: Mapping[str, Any] | None, 
         "name": environment.name,
         "content_hash": environment.content_hash,
         "grid": asdict(environment.grid),
-        "wind": {"period_s": environment.wind.period_s, "is_looping": environment.wind.is_looping},
+        "wind": {
+            "period_s": environment.wind.period_s,
+            "is_looping": environment.wind.is_looping,
+            **({} if environment.wind.k_epsilon is None else {"has_k_epsilon": True}),
+        },
         "boxes": [asdict(box) for box in environment.boxes],
         "openings": [asdict(opening) for opening in environment.openings],
         "lights": [asdict(light) for light in environment.lights],
@@ -363,6 +382,16 @@ def _load_wind(path: Path, grid: Grid) -> NDArray[np.float32]:
     velocity_m_s = _load_array(path, np.dtype("<f4"), (None, *grid.shape, 3))
     _check_finite(velocity_m_s, path)
     return velocity_m_s
+
+
+def _load_k_epsilon(path: Path, grid: Grid) -> NDArray[np.float32]:
+    k_epsilon = _load_array(path, np.dtype("<f4"), (*grid.shape, 2))
+    # A comparison with what is not a number is false.
+    if not bool(((k_epsilon >= 0) & (k_epsilon < np.inf)).all()):
+        raise EnvironmentDataError(
+            f"{path.name}: expected finite values of at least 0, was something else.\nFile: {path}"
+        )
+    return k_epsilon
 
 
 def _load_array(path: Path, dtype: np.dtype[Any], shape: tuple[int | None, ...]) -> NDArray[Any]:

@@ -23,6 +23,7 @@ class WindReport:
         velocity_m_s: (nx, ny, nz, 3) at cell centres, xyz, in the grid's frame; zero in solids.
         face_velocity_m_s: x-, y- and z-faces, (nx + 1, ny, nz), (nx, ny + 1, nz), (nx, ny, nz + 1).
         k_m2_s2: (nx, ny, nz) turbulence energy at the end, for k-epsilon.
+        epsilon_m2_s3: (nx, ny, nz) its dissipation at the end.
         divergence_max_per_s: Largest |div u| of a cell [1/s].
         divergence_relative: The same times cell over the largest speed on the boundary.
         inflow_m3_s: Air entering through inlets and outlets.
@@ -38,6 +39,7 @@ class WindReport:
     velocity_m_s: F32
     face_velocity_m_s: Velocity
     k_m2_s2: F32 | None
+    epsilon_m2_s3: F32 | None
     divergence_max_per_s: float
     divergence_relative: float
     inflow_m3_s: float

@@ -394,11 +394,13 @@ def _report(
     domain = solver.domain
     divergence_m_s = solver.divergence_m_s(velocity)
     inflow, outflow = mass_balance(domain, velocity)
-    k = getattr(solver.model, "k", None)
+    inner = (slice(LOW, -HIGH),) * 3
+    model = solver.model if isinstance(solver.model, KEpsilon) else None
     return WindReport(
         velocity_m_s=solver.centre_velocity(velocity),
         face_velocity_m_s=_trimmed(velocity),
-        k_m2_s2=None if k is None else k[(slice(LOW, -HIGH),) * 3].copy(),
+        k_m2_s2=None if model is None else model.k[inner].copy(),
+        epsilon_m2_s3=None if model is None else model.epsilon[inner].copy(),
         divergence_max_per_s=divergence_m_s / domain.cell_m,
         divergence_relative=divergence_m_s / solver.reference_speed_m_s,
         inflow_m3_s=inflow,

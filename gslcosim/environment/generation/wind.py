@@ -229,10 +229,19 @@ def _posed(
 
 
 def _frames_of(report: flow.WindReport, room: EnvironmentGeometry, wind: WindSpec) -> WindFrames:
+    k_epsilon = None
+    if wind.keep_turbulence and report.k_m2_s2 is not None and report.epsilon_m2_s3 is not None:
+        k_epsilon = np.stack([report.k_m2_s2, report.epsilon_m2_s3], axis=-1)
+        k_epsilon[room.occupancy == Cell.SOLID] = 0
     if report.frames_m_s is None or wind.save_every_s is None:
-        return WindFrames(velocity_m_s=_still_in_solids(report.velocity_m_s[np.newaxis], room))
-    frames_m_s = _still_in_solids(report.frames_m_s, room)
-    return WindFrames(velocity_m_s=frames_m_s, period_s=wind.save_every_s, is_looping=wind.loops)
+        velocity_m_s = _still_in_solids(report.velocity_m_s[np.newaxis], room)
+        return WindFrames(velocity_m_s=velocity_m_s, k_epsilon=k_epsilon)
+    return WindFrames(
+        velocity_m_s=_still_in_solids(report.frames_m_s, room),
+        period_s=wind.save_every_s,
+        is_looping=wind.loops,
+        k_epsilon=k_epsilon,
+    )
 
 
 # Air leaves through cells that an opening encloses, but the room has them solid. In place.

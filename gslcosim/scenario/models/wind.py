@@ -101,7 +101,7 @@ class WindSpec(SolverSpec):
     belongs: ClassVar[Mapping[str, tuple[str, ...]]] = {
         **dict.fromkeys(("inlet_profile", "inlet_schedule", "turbulence", "courant", "end_time_s"), SOLVING),
         **dict.fromkeys(("average_from_s", "save_every_s"), SOLVING),
-        **dict.fromkeys(("max_step_s", "max_time_s", "save_from_s"), _OURS),
+        **dict.fromkeys(("max_step_s", "max_time_s", "save_from_s", "keep_turbulence"), _OURS),
         "loops": (*_OURS, "stored", "file"),
         "period_s": ("auto", "stored", "file"),
     }
@@ -115,6 +115,9 @@ class WindSpec(SolverSpec):
     )
     turbulence: Literal["k_epsilon", "rng_k_epsilon", "smagorinsky", "laminar"] = Field(
         default="k_epsilon", description="turbulence model"
+    )
+    keep_turbulence: bool = Field(
+        default=False, description="k and epsilon are kept with the wind, for gas with `turbulence: {kind: wind}`"
     )
     courant: Annotated[float, Field(gt=0, le=1)] = Field(default=0.9, description="Courant number of a step")
     max_step_s: Positive | None = Field(default=None, description="maximum step (absent: set by `courant`)")
@@ -168,6 +171,17 @@ class WindSpec(SolverSpec):
                 expected="auto, built_in, openfoam, uniform, stored or {file: PATH}",
                 found="an empty block",
                 remedy="For example solver: {file: wind.csv}.",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_turbulence(self) -> Self:
+        if self.keep_turbulence and self.turbulence not in ("k_epsilon", "rng_k_epsilon"):
+            raise broken_rule_error(
+                key="keep_turbulence",
+                expected="false, unless turbulence is k_epsilon or rng_k_epsilon",
+                found=f"true with {self.turbulence}",
+                remedy="Leave keep_turbulence out; the other models have no k and epsilon.",
             )
         return self
 

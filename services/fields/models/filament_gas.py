@@ -119,10 +119,7 @@ def build_air_of_gas(gas: FilamentsSpec, environment: Environment, *, speed_m_s:
     if spec is None:
         return None
     if spec.kind == "wind":
-        raise ScenarioError(
-            "gas.turbulence.kind: expected given, as the wind has no k and epsilon, was wind. "
-            "Give intensity_frac and length_m."
-        )
+        return _build_air_of_wind(environment, is_own_wind=speed_m_s is not None)
     speed = mean_speed_m_s(environment) if speed_m_s is None else speed_m_s
     if speed <= 0.0:
         raise ScenarioError(
@@ -206,6 +203,16 @@ def build_gas_model(
     )
     cutoff_sigma = GADEN_3_CUTOFF_SIGMA if gas.compatibility == "gaden_3" else CUTOFF_SIGMA
     return GasModel(gases=gases, plume=plume, cutoff_sigma=cutoff_sigma, air=air)
+
+
+def _build_air_of_wind(environment: Environment, *, is_own_wind: bool) -> TurbulentAir:
+    k_epsilon = environment.wind.k_epsilon
+    if k_epsilon is None or is_own_wind:
+        raise ScenarioError(
+            "gas.turbulence.kind: expected given, as the wind has no k and epsilon, was wind. Give intensity_frac and "
+            "length_m, or solve the wind with wind: {keep_turbulence: true}."
+        )
+    return build_turbulent_air(environment, KEpsilon(k_m2_s2=k_epsilon[..., 0], epsilon_m2_s3=k_epsilon[..., 1]))
 
 
 def _build_source(source: SourceSpec, gas: FilamentsSpec, gases: tuple[str, ...]) -> GasSource:

@@ -50,6 +50,37 @@ def test_what_is_saved_comes_back_equal(saved):
     assert (found.wind.period_s, found.wind.is_looping) == (0.1, False)
 
 
+def with_k_epsilon():
+    environment = make_environment()
+    k_epsilon = np.random.default_rng(9).random((*environment.grid.shape, 2)).astype(np.float32)
+    return with_wind(environment, replace(environment.wind, k_epsilon=k_epsilon))
+
+
+def test_k_and_epsilon_come_back_with_their_wind(tmp_path):
+    expected = with_k_epsilon()
+    save_environment(expected, tmp_path / "room")
+    found = load_environment(tmp_path / "room", check_hash=True)
+    assert (found.wind.k_epsilon == expected.wind.k_epsilon).all()
+    assert found.content_hash != make_environment().content_hash
+    assert load_environment_without_k_epsilon(tmp_path) is None
+
+
+def load_environment_without_k_epsilon(tmp_path):
+    save_environment(make_environment(), tmp_path / "plain")
+    return load_environment(tmp_path / "plain").wind.k_epsilon
+
+
+def test_k_and_epsilon_that_are_damaged_or_do_not_fit_are_refused(tmp_path):
+    save_environment(with_k_epsilon(), tmp_path / "room")
+    np.save(tmp_path / "room" / "k_epsilon.npy", np.full((8, 6, 4, 2), -1, np.float32))
+    assert "k_epsilon.npy: expected finite values of at least 0" in refusal(tmp_path / "room")
+    np.save(tmp_path / "room" / "k_epsilon.npy", np.zeros((8, 6, 4, 3), np.float32))
+    assert "k_epsilon.npy: expected float32 (8, 6, 4, 2)" in refusal(tmp_path / "room")
+    room = make_environment()
+    with pytest.raises(EnvironmentDataError, match="k and epsilon of"):
+        with_wind(room, replace(room.wind, k_epsilon=np.zeros((2, 2, 2, 2), np.float32)))
+
+
 def test_loaded_arrays_are_plain_read_only_and_mapped_to_the_file(saved):
     environment = load_environment(saved)
     for array in (environment.occupancy, environment.wind.velocity_m_s):

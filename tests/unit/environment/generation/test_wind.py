@@ -85,6 +85,25 @@ def test_frames_of_a_solve_follow_each_other(tmp_path):
 
 
 @pytest.mark.slow
+def test_a_solve_keeps_its_turbulence_where_it_is_asked_to(tmp_path):
+    spec = wind(end_time_s=3.0, keep_turbulence=True)
+    generate_environment(ROOM, spec, tmp_path / "room")
+    environment = load_environment(tmp_path / "room", check_hash=True)
+    k, epsilon = np.moveaxis(environment.wind.k_epsilon, -1, 0)
+    air = environment.occupancy != Cell.SOLID
+    assert (k[air] > 0).all()
+    assert (epsilon[air] > 0).all()
+    plain = generate_environment(ROOM, wind(end_time_s=3.0), tmp_path / "plain").environment
+    assert plain.wind.k_epsilon is None
+    assert (plain.wind.velocity_m_s == environment.wind.velocity_m_s).all()
+
+
+def test_turbulence_is_kept_only_by_models_that_have_k_and_epsilon():
+    with pytest.raises(ValueError, match="keep_turbulence"):
+        wind(turbulence="laminar", keep_turbulence=True)
+
+
+@pytest.mark.slow
 def test_without_an_end_the_statistics_settle_and_the_folder_says_so(tmp_path):
     made = generate_environment(ROOM, wind(inlet_velocity_m_s=(0.5, 0.0, 0.0), max_time_s=60.0), tmp_path / "room")
     report = json.loads((tmp_path / "room" / "wind_report.json").read_text())

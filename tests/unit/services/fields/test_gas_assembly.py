@@ -1,9 +1,11 @@
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from gslcosim.base.errors import ScenarioError
 from gslcosim.scenario.models.gas import ReleaseSpec, ShapeSpec
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.serialization import plain_values
@@ -140,3 +142,31 @@ def test_a_schedule_that_does_not_fit_is_refused(release, expected):
 def test_a_size_that_does_not_fit_the_shape_is_refused(shape, expected):
     with pytest.raises(ValidationError, match=expected):
         ShapeSpec.model_validate(shape)
+
+
+def test_turbulence_is_that_of_the_given_intensity_or_of_the_wind(make_scenario, make_room):
+    room = make_room(wind_m_s=((0.5, 0.0, 0.0),))
+
+    def air_of(room, **turbulence):
+        plain = plain_values(make_scenario())
+        plain["gas"] = {"sources": [{"position_m": PLACE}], "turbulence": turbulence}
+        return build_gas_model(Scenario.model_validate(plain), room).air
+
+    given = air_of(room, intensity_frac=0.2, length_m=0.5)
+    assert given.velocity_std_m_s == pytest.approx(0.1)
+    assert given.scales.length_m == pytest.approx(0.5)
+    with pytest.raises(ScenarioError, match="the wind has no k and epsilon"):
+        air_of(room, kind="wind")
+    k_epsilon = np.full((*room.grid.shape, 2), (0.06, 0.01), np.float32)
+    solved = dataclasses.replace(room, wind=dataclasses.replace(room.wind, k_epsilon=k_epsilon))
+    assert air_of(solved, kind="wind").velocity_std_m_s == pytest.approx(0.2)
+    with pytest.raises(ScenarioError, match="was still air"):
+        air_of(make_room())
+
+
+def test_turbulence_replaces_growth_and_random_walk(make_scenario):
+    plain = plain_values(make_scenario())
+    for useless in ("growth_m2_s", "eddy_diffusivity_m2_s"):
+        plain["gas"] = {"sources": [{"position_m": PLACE}], "turbulence": {}, useless: 0.01}
+        with pytest.raises(ValidationError, match=useless):
+            Scenario.model_validate(plain)
