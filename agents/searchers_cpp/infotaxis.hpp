@@ -66,16 +66,13 @@ private:
     void read(const json& observation, double time_s) {
         const double value = nose_.value(observation);
         const bool is_ready = nose_.is_ready(observation), is_in_ohm = nose_.unit() == "ohm";
-        was_hit_ |= is_ready && (is_in_ohm ? onset_.add(time_s, value) : value > threshold_);
-        is_unclear_ |= !is_ready;
-        if (!is_ready || !is_in_ohm) return;
-        highest_log_ohm_ = value > 0.0 ? std::max(highest_log_ohm_, std::log(value)) : highest_log_ohm_;
-        is_unclear_ |= value <= 0.0 || onset_.is_offset() || std::log(value) < highest_log_ohm_ - 0.1;
+        was_hit_ |= is_ready && (is_in_ohm ? mox_.add(time_s, value) : value > threshold_);
+        is_unclear_ |= !is_ready || (is_in_ohm && mox_.is_recovering());
     }
 
     Nose nose_;
-    Onset onset_;
-    double every_s_, lag_s_, threshold_, highest_log_ohm_ = -std::numeric_limits<double>::infinity();
+    MoxEvidence mox_;
+    double every_s_, lag_s_, threshold_;
     std::deque<std::pair<double, Vec2>> track_;
     std::optional<double> ends_s_;
     bool was_hit_ = false, is_unclear_ = false;

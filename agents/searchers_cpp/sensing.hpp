@@ -35,6 +35,9 @@ inline double distance_m(const Vec3& a, const Vec3& b) {
 // Tells from the slope of ln R when a MOX sensor meets gas; see hits.OnsetDetector of the Python package.
 class Onset {
 public:
+    explicit Onset(double smoothing_s = 1.0, double least_slope_per_s = 0.005)
+        : smoothing_s_{smoothing_s}, least_per_s_{least_slope_per_s}, threshold_per_s_{least_slope_per_s} {}
+
     bool add(double time_s, double ohm) {
         if (std::isfinite(ohm) && ohm > 0.0) {
             const double log_ohm = std::log(ohm);
@@ -47,15 +50,19 @@ public:
                 last_log_ = log_ohm;
             }
         }
-        return last_s_ - first_s_ >= 2.0 && slope_per_s_ < -threshold_per_s_;
+        return is_onset();
     }
+
+    bool is_onset() const { return last_s_ - first_s_ >= 2.0 && slope_per_s_ < -threshold_per_s_; }
 
     // Whether the sensor recovers from gas.
     bool is_offset() const { return last_s_ - first_s_ >= 2.0 && slope_per_s_ > threshold_per_s_; }
 
+    std::optional<double> log_ohm() const { return smooth_; }
+
 private:
     void follow(double log_ohm, double step_s) {
-        const double weight = -std::expm1(-step_s);
+        const double weight = -std::expm1(-step_s / smoothing_s_);
         if (log_ohm != last_log_) {
             const double surprise = log_ohm - last_log_ - slope_per_s_ * step_s;
             n_changes_ += 1.0;
@@ -65,13 +72,42 @@ private:
         slope_per_s_ = weight * (log_ohm - *smooth_) / step_s;
         *smooth_ += weight * (log_ohm - *smooth_);
         const double sd_per_s = weight * std::sqrt(noise_variance_ * 2.0 / (2.0 - weight)) / step_s;
-        threshold_per_s_ = std::max(3.0 * sd_per_s, least_slope_per_s);
+        threshold_per_s_ = std::max(3.0 * sd_per_s, least_per_s_);
     }
 
-    static constexpr double least_slope_per_s = 0.005;
+    double smoothing_s_, least_per_s_, threshold_per_s_;
     std::optional<double> smooth_;
-    double last_log_ = 0.0, slope_per_s_ = 0.0, threshold_per_s_ = least_slope_per_s, noise_variance_ = 0.0;
-    double n_changes_ = 0.0, first_s_ = 0.0, last_s_ = 0.0;
+    double last_log_ = 0.0, slope_per_s_ = 0.0, noise_variance_ = 0.0, n_changes_ = 0.0, first_s_ = 0.0, last_s_ = 0.0;
+};
+
+// Tells gas, clean air and recovery apart by level and derivative; see MoxEvidence of the Python package.
+class MoxEvidence {
+public:
+    bool add(double time_s, double ohm) {
+        is_broken_ = !(std::isfinite(ohm) && ohm > 0.0);
+        onset_.add(time_s, ohm);
+        slow_.add(time_s, ohm);
+        if (const auto smooth = slow_.log_ohm()) {
+            const double before = baseline_.value_or(*smooth);
+            baseline_ = *smooth + std::max(0.0, before - *smooth) * std::exp(-(time_s - last_s_) / 300.0);
+        }
+        last_s_ = time_s;
+        return is_gas() && !is_broken_;
+    }
+
+    bool is_recovering() const {
+        return is_broken_ || (level() > least_level && slow_.is_offset() && !onset_.is_onset());
+    }
+
+private:
+    double level() const { return slow_.log_ohm() && baseline_ ? *baseline_ - *slow_.log_ohm() : 0.0; }
+    bool is_gas() const { return onset_.is_onset() || (level() > least_level && !slow_.is_offset()); }
+
+    static constexpr double least_level = 0.1;
+    Onset onset_, slow_{3.0, 0.003};
+    std::optional<double> baseline_;
+    double last_s_ = 0.0;
+    bool is_broken_ = false;
 };
 
 struct Wind {
@@ -152,7 +188,7 @@ public:
 
 private:
     bool is_hit(double time_s, double value) {
-        return nose_.unit() == "ohm" ? onset_.add(time_s, value) : value > threshold_;
+        return nose_.unit() == "ohm" ? mox_.add(time_s, value) : value > threshold_;
     }
 
     // Samples the wind of this hold; while the vehicle moves a hold has one sample.
@@ -181,7 +217,7 @@ private:
 
     Nose nose_;
     Vane vane_;
-    Onset onset_;
+    MoxEvidence mox_;
     double threshold_m_s_, threshold_, lag_s_;
     std::deque<std::pair<double, Vec3>> track_;
     std::vector<Vec3> hits_m_;

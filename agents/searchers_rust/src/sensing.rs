@@ -10,7 +10,8 @@ const ELSEWHERE_M: f64 = 0.25;
 const MOX_LAG_S: f64 = 1.0;
 const LEARN_S: f64 = 2.0;
 const NOISE_MEMORY_S: f64 = 20.0;
-const LEAST_SLOPE_PER_S: f64 = 0.005;
+const LEAST_LEVEL: f64 = 0.1;
+const FORGET_S: f64 = 300.0;
 
 /// Returns the sum of numbers without what rounding loses on the way, as Python's `math.fsum` does (Shewchuk 1997).
 pub fn exact_sum(numbers: impl IntoIterator<Item = f64>) -> f64 {
@@ -37,6 +38,8 @@ pub fn distance_m(a: [f64; 3], b: [f64; 3]) -> f64 {
 /// Tells from the slope of ln R when a MOX sensor meets gas; see `hits.OnsetDetector` of the Python package.
 #[derive(Default)]
 struct Onset {
+    smoothing_s: f64,
+    least_slope_per_s: f64,
     smooth: Option<f64>,
     last_log: f64,
     slope_per_s: f64,
@@ -48,6 +51,10 @@ struct Onset {
 }
 
 impl Onset {
+    fn new(smoothing_s: f64, least_slope_per_s: f64) -> Self {
+        Self { smoothing_s, least_slope_per_s, threshold_per_s: least_slope_per_s, ..Self::default() }
+    }
+
     fn add(&mut self, time_s: f64, ohm: f64) -> bool {
         let step_s = time_s - self.last_s;
         if ohm.is_finite() && ohm > 0.0 {
@@ -66,8 +73,12 @@ impl Onset {
         self.last_s - self.first_s >= LEARN_S && self.slope_per_s < -self.threshold_per_s
     }
 
+    fn is_offset(&self) -> bool {
+        self.last_s - self.first_s >= LEARN_S && self.slope_per_s > self.threshold_per_s
+    }
+
     fn follow(&mut self, log_ohm: f64, smooth: f64, step_s: f64) {
-        let weight = -(-step_s).exp_m1();
+        let weight = -(-step_s / self.smoothing_s).exp_m1();
         if log_ohm != self.last_log {
             let surprise = log_ohm - self.last_log - self.slope_per_s * step_s;
             self.n_changes += 1.0;
@@ -77,7 +88,38 @@ impl Onset {
         self.smooth = Some(smooth + weight * (log_ohm - smooth));
         self.slope_per_s = weight * (log_ohm - smooth) / step_s;
         let sd_per_s = weight * (self.noise_variance * 2.0 / (2.0 - weight)).sqrt() / step_s;
-        self.threshold_per_s = (3.0 * sd_per_s).max(LEAST_SLOPE_PER_S);
+        self.threshold_per_s = (3.0 * sd_per_s).max(self.least_slope_per_s);
+    }
+}
+
+/// Tells gas, clean air and recovery apart by level and derivative; see `MoxEvidence` of the Python package.
+struct MoxEvidence {
+    onset: Onset,
+    slow: Onset,
+    baseline: Option<f64>,
+    last_s: f64,
+}
+
+impl Default for MoxEvidence {
+    fn default() -> Self {
+        Self { onset: Onset::new(1.0, 0.005), slow: Onset::new(3.0, 0.003), baseline: None, last_s: 0.0 }
+    }
+}
+
+impl MoxEvidence {
+    fn add(&mut self, time_s: f64, ohm: f64) -> bool {
+        self.onset.add(time_s, ohm);
+        self.slow.add(time_s, ohm);
+        let mut level = 0.0;
+        if let Some(smooth) = self.slow.smooth {
+            let above = (self.baseline.unwrap_or(smooth) - smooth).max(0.0);
+            let baseline = smooth + above * (-(time_s - self.last_s) / FORGET_S).exp();
+            self.baseline = Some(baseline);
+            level = baseline - smooth;
+        }
+        self.last_s = time_s;
+        let is_gas = self.onset.is_onset() || (level > LEAST_LEVEL && !self.slow.is_offset());
+        is_gas && ohm.is_finite() && ohm > 0.0
     }
 }
 
@@ -120,8 +162,8 @@ pub struct Contact {
 #[derive(Default)]
 pub struct PlumeContactDetector {
     nose: Nose,
-    onset: Onset,
-    threshold: f64, // of a hit, for sensors without onset
+    mox: MoxEvidence,
+    threshold: f64, // of a hit, for sensors in other units
     vane: Vane,
     threshold_m_s: f64,
     lag_s: f64,
@@ -154,7 +196,7 @@ impl PlumeContactDetector {
             self.track.pop_front();
         }
         let is_hit = match self.nose.value(seen)? {
-            Some(ohm) if self.nose.unit == "ohm" => self.onset.add(seen.time_s, ohm),
+            Some(ohm) if self.nose.unit == "ohm" => self.mox.add(seen.time_s, ohm),
             value => value.is_some_and(|value| value > self.threshold),
         };
         if is_hit {

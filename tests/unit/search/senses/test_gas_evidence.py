@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from briefings import observation
 
@@ -35,6 +36,11 @@ def recovering(ticks, lowest=0.5):
     return [CLEAN_OHM * (1.0 - (1.0 - lowest) * math.exp(-tick / 10.0 / DECAY_S)) for tick in range(ticks)]
 
 
+def entering(ticks, lowest=0.5, rise_s=4.8):
+    """The resistance of a MOX sensor that meets gas at tick 0 and stays in it."""
+    return [CLEAN_OHM * (lowest + (1.0 - lowest) * math.exp(-tick / 10.0 / rise_s)) for tick in range(ticks)]
+
+
 def test_there_is_one_finding_in_each_span():
     found = findings(PID, [0.0] * 41, every_s=1.0)
     assert list(found) == [10, 20, 30, 40]
@@ -59,15 +65,33 @@ def test_a_mox_sensor_that_falls_has_hits_and_one_at_rest_in_clean_air_has_misse
 
 
 def test_a_mox_sensor_that_recovers_says_nothing():
-    found = findings(MOX, [CLEAN_OHM] * 40 + recovering(300))
-    assert all(tick <= 40 or finding.is_hit or tick > 250 for tick, finding in found.items())
-    late = findings(MOX, [CLEAN_OHM] * 40 + recovering(900))
-    assert not late[900].is_hit
+    found = findings(MOX, [CLEAN_OHM] * 40 + entering(400) + recovering(900))
+    assert [tick for tick in found if 460 < tick < 680] == []
+    assert not any(finding.is_hit for tick, finding in found.items() if tick > 460)
+    assert not found[1300].is_hit
 
 
-def test_a_mox_sensor_that_is_at_rest_in_gas_does_not_show_clean_air():
-    found = findings(MOX, [CLEAN_OHM] * 40 + [0.5 * CLEAN_OHM] * 200)
-    assert [tick for tick, finding in found.items() if tick > 40 and not finding.is_hit] == []
+def test_a_mox_sensor_at_rest_in_gas_has_hits():
+    """Steady gas is gas, as long as it stays; it was neither gas nor clean air once."""
+    found = findings(MOX, [CLEAN_OHM] * 40 + entering(600))
+    assert [found[tick].is_hit for tick in range(60, 640, 10)] == [True] * 58
+
+
+@pytest.mark.parametrize("noise", [0.003, 0.02, 0.05])
+def test_noise_takes_no_finding_from_clean_air_nor_from_steady_gas(noise):
+    rng = np.random.default_rng(4)
+    clean = [CLEAN_OHM * math.exp(noise * n) for n in rng.standard_normal(2400)]
+    found = findings(MOX, clean)
+    assert sum(not finding.is_hit for finding in found.values()) > 0.9 * 239
+    gas = [0.4 * ohm for ohm in clean[:600]]
+    found = findings(MOX, clean[:100] + gas)
+    assert sum(finding.is_hit for tick, finding in found.items() if tick > 150) > 0.9 * 55
+
+
+def test_a_baseline_that_drifts_is_no_gas():
+    """Ten per cent in ten minutes, which is a level of 0.1 below the highest resistance that was seen."""
+    found = findings(MOX, [CLEAN_OHM * math.exp(-0.15 * tick / 6000.0) for tick in range(6000)])
+    assert not any(finding.is_hit for finding in found.values())
 
 
 def test_a_mox_sensor_without_a_resistance_says_nothing():
