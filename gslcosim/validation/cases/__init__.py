@@ -8,7 +8,10 @@ from gslcosim.validation.results import Case
 
 # Name of a case: its module in this package, which has it as CASE. The page keeps this order.
 CASE_MODULES = {
+    "room-wind": "room_wind",
+    "step-wind": "step_wind",
     "heated-cavity": "heated_cavity",
+    "leak-box": "leak_box",
     "laser-forward": "laser_forward",
     "laser-source": "laser_source",
     "network-forward": "network_forward",
