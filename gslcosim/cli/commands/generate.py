@@ -3,14 +3,13 @@
 import argparse
 import contextlib
 import math
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
-from gslcosim.cli.progress import ProgressLine
+from gslcosim.cli.progress import ProgressLine, RemainingTime
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
 
 if TYPE_CHECKING:
@@ -183,11 +182,17 @@ def _as_fields(outcome: "GenerationResult") -> dict[str, Any]:
     }
 
 
-# A bar on a terminal, nothing in a pipe: the table says it all.
+# A pipe gets a line now and then, with the time that is left.
 @contextlib.contextmanager
 def _progress_bar(*, is_quiet: bool) -> Iterator[Callable[[str, float], None]]:
-    with ProgressLine(is_quiet=is_quiet or not sys.stderr.isatty()) as line:
-        yield lambda text, fraction: line.show(text, fraction=fraction)
+    remaining = RemainingTime()
+    with ProgressLine(is_quiet=is_quiet) as line:
+
+        def show(text: str, fraction: float) -> None:
+            left = remaining.describe(text, fraction)
+            line.show(text, fraction=fraction, plain=", ".join(filter(None, (text, left))))
+
+        yield show
 
 
 COMMAND = Command(
