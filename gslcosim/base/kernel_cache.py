@@ -22,6 +22,8 @@ from typing import Any
 
 PACKAGE_DIR = Path(__file__).resolve().parents[1]
 NUMBA_VARIABLE = "NUMBA_CACHE_DIR"
+# The code whose kernels the folder of `NUMBA_VARIABLE` is for; absent where a user has chosen the folder.
+OWNER_VARIABLE = "NUMBA_CACHE_OF_GSLCOSIM"
 # Set for agents in a sandbox, which have a cache of their own that is thrown away, and no key.
 UNCHECKED_VARIABLE = "GSLCOSIM_UNCHECKED_KERNELS"
 _CACHING = "numba.core.caching"
@@ -58,8 +60,11 @@ def use_kernel_cache() -> None:
     Numba keys a cached kernel by its own file only, so a kernel that calls one of another file would keep the old
     callee. A hash of all files with kernels is therefore part of the folder's name,
     and so are the settings of its compiler, an optimisation level for instance.
+    Processes that this one starts inherit the folder; one that runs another copy of the code chooses its own.
     """
-    if NUMBA_VARIABLE not in os.environ:
+    owner = os.environ.get(OWNER_VARIABLE)
+    if NUMBA_VARIABLE not in os.environ or owner not in (None, str(PACKAGE_DIR)):
+        os.environ[OWNER_VARIABLE] = str(PACKAGE_DIR)
         os.environ[NUMBA_VARIABLE] = str(_choose_folder(get_cache_root() / "numba" / _hash_kernels()))
     if UNCHECKED_VARIABLE in os.environ:
         return

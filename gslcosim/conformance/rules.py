@@ -183,6 +183,7 @@ _AGENT_RULES = (
         sentence="exits with code 0 after Ending",
         remedy="Let the program return normally; another code says that it failed.",
         stage="end",
+        after=("ending",),
     ),
     Rule(
         id="leaves-nothing",

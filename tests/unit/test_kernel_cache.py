@@ -182,3 +182,23 @@ def test_an_agent_that_has_no_key_reads_signed_files_as_numba_does(cached, tmp_p
     )
     assert ran.stdout == "2\n"
     assert not (tmp_path / "nothing").exists()
+
+
+def test_another_copy_of_the_code_does_not_inherit_the_folder():
+    show = "import os, gslcosim; print(os.environ['NUMBA_CACHE_DIR'])"
+    folder = os.environ["NUMBA_CACHE_DIR"]
+
+    def folder_of_child(**variables):
+        return subprocess.run(
+            [sys.executable, "-c", show], env=os.environ | variables, capture_output=True, text=True, check=True
+        ).stdout.strip()
+
+    assert folder_of_child() == folder
+    stale = folder + "-of-another-copy"
+    assert folder_of_child(NUMBA_CACHE_DIR=stale, NUMBA_CACHE_OF_GSLCOSIM="/another/copy") == folder
+    assert folder_of_child(NUMBA_CACHE_DIR=stale, NUMBA_CACHE_OF_GSLCOSIM="") != stale
+    chosen_by_user = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_OF_GSLCOSIM"}
+    shown = subprocess.run(
+        [sys.executable, "-c", show], env=chosen_by_user | {"NUMBA_CACHE_DIR": stale}, capture_output=True, text=True
+    )
+    assert shown.stdout.strip() == stale
