@@ -17,6 +17,7 @@ from gslcosim.data.streams import (
     RecordedBeliefs,
     RecordedDoor,
     RecordedFilaments,
+    RecordedNotes,
     RecordedPictures,
     RecordedPoints,
     RecordedSeries,
@@ -211,6 +212,23 @@ class RunData:
                 tick = np.array([at for at, _ in beliefs], dtype=np.int64)
                 time_s = streams.tick_times_s(tick, self.scenario)
                 found[name] = RecordedBeliefs(tick=tick, time_s=time_s, belief=tuple(belief for _, belief in beliefs))
+        return found
+
+    @cached_property
+    def notes(self) -> Mapping[str, RecordedNotes]:
+        """By agent the notes of its method on its own state, of those that have written any."""
+        found: dict[str, RecordedNotes] = {}
+        for name, commands in self.commands.items():
+            notes = [(command.tick, command.note) for command in commands if command.note is not None]
+            if notes:
+                tick = np.array([at for at, _ in notes], dtype=np.int64)
+                names = dict.fromkeys(value for _, note in notes for value in note.values)
+                found[name] = RecordedNotes(
+                    tick=tick,
+                    time_s=streams.tick_times_s(tick, self.scenario),
+                    mode=tuple(note.mode for _, note in notes),
+                    values={each: np.array([note.values.get(each, np.nan) for _, note in notes]) for each in names},
+                )
         return found
 
     @cached_property

@@ -1,6 +1,6 @@
 """Streams of a recording as arrays, each decoded on demand; names carry units, frames are the world's."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -187,6 +187,19 @@ class RecordedFilaments:
         """Return centres (k, 3) and standard deviations (k,) of the i-th snapshot [m]."""
         some = slice(int(self.starts[i]), int(self.starts[i + 1]))
         return self.centre_world_m[some], self.sigma_m[some]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordedNotes:
+    """Notes of a method on its own state: n ticks (ascending), times [s], modes, and (n,) values by name.
+
+    A value is NaN where a note did not have it.
+    """
+
+    tick: Ints
+    time_s: Floats
+    mode: tuple[str, ...]
+    values: Mapping[str, Floats]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

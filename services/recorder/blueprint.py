@@ -32,6 +32,8 @@ from gslcosim_services.recorder.stream_table import (
     LOGS,
     MARKS,
     MIXING_RATIO,
+    NOTE_MODE,
+    NOTE_VALUES,
     PICTURES,
     PLANNED_PATH,
     POINT_CLOUDS,
@@ -244,6 +246,12 @@ _FALLING_UNIT = "ohm"
 _ACRONYMS = ("tgs", "pid", "tdlas")
 
 
+def build_note_views() -> rrb.Tabs:
+    """Return what methods note of their state: the lanes of their modes, and behind them their numbers as curves."""
+    modes = rrb.StateTimelineView(origin=f"/{NOTE_MODE.root}", name=NOTE_MODE.title)
+    return rrb.Tabs(modes, _plot(NOTE_VALUES.root, NOTE_VALUES.title, MAX_CURVES_WITH_LEGEND), active_tab=0)
+
+
 def build_run_plots(
     scenario: Scenario, agents: Sequence[AgentEntities], believing: Sequence[AgentEntities] = ()
 ) -> list[rrb.TimeSeriesView | rrb.Tabs]:
@@ -404,7 +412,9 @@ _NOT_ON_MAP = (
 )
 
 
-def default_blueprint(scenario: Scenario, environment: Environment, *, believers: Sequence[str] = ()) -> rrb.Blueprint:
+def default_blueprint(
+    scenario: Scenario, environment: Environment, *, believers: Sequence[str] = (), has_notes: bool = False
+) -> rrb.Blueprint:
     """Return the layout: the room, the map at search height and the text left, cameras and curves right.
 
     Where vehicles have on-board sensors, each has a page of its own behind this one, with their pictures and curves.
@@ -414,9 +424,10 @@ def default_blueprint(scenario: Scenario, environment: Environment, *, believers
         scenario: What is run.
         environment: The room.
         believers: The agents that publish beliefs: each has a map of its own behind that of the gas.
+        has_notes: Whether methods note their state, which has a lane for each mode and curves.
     """
     agents = build_entities(scenario)
-    flight = _run_page(scenario, environment, agents, believers)
+    flight = _run_page(scenario, environment, agents, believers, has_notes=has_notes)
     pages = [page for agent in agents if (page := build_sensor_page(agent))]
     return rrb.Blueprint(
         rrb.Tabs(flight, *pages, active_tab=0) if pages else flight,
@@ -429,7 +440,12 @@ def default_blueprint(scenario: Scenario, environment: Environment, *, believers
 
 
 def _run_page(
-    scenario: Scenario, environment: Environment, agents: Sequence[AgentEntities], believers: Sequence[str]
+    scenario: Scenario,
+    environment: Environment,
+    agents: Sequence[AgentEntities],
+    believers: Sequence[str],
+    *,
+    has_notes: bool,
 ) -> rrb.Horizontal:
     # Behind tabs, so that each has room for some lines on a small screen.
     logs = [_log_view(stream) for stream in LOGS if stream is not RADIO or scenario.channels]
@@ -451,6 +467,7 @@ def _run_page(
         row_shares=[6, 5],
     )
     cameras, plots = build_camera_panel(agents), build_run_plots(scenario, agents, believing)
+    plots = [*plots, *([build_note_views()] if has_notes else [])]
     shares = [*(CAMERA_WEIGHT for _ in cameras), *(1.0 for _ in plots)]
     right = rrb.Vertical(*cameras, *plots, row_shares=shares)
     return rrb.Horizontal(left, right, column_shares=[5, 2], name="Flight")

@@ -255,21 +255,25 @@ class RunRecording:
         for agent, port in self._commands:
             command = cast(Command | None, inbox.get(port))
             if command is not None:
-                believed_before = agent.belief.has_any
+                believed_before, noted_before = agent.belief.has_any, agent.notes.has_any
                 agent.note_command(tick, command)
                 if agent.belief.has_any and not believed_before:
-                    self._show_beliefs(agent)
+                    agent.belief.draw(self._file, label="" if len(self._agents) == 1 else f"{agent.names.agent.name} ")
+                if (agent.belief.has_any, agent.notes.has_any) != (believed_before, noted_before):
+                    self._lay_out()
 
     # Asked for where something is marked at a vehicle, which is seldom.
     def _locate_agents(self) -> None:
         for body in self._bodies:
             self._agents[body.agent].position_m = body.position_world_m
 
-    # Nobody knows before the run who will publish beliefs, and an empty view would be in the way of the others.
-    def _show_beliefs(self, agent: AgentRows) -> None:
+    # Nobody knows before the run who will publish beliefs or notes, and an empty view would be in the way of others.
+    def _lay_out(self) -> None:
         believers = tuple(name for name, rows in self._agents.items() if rows.belief.has_any)
-        agent.belief.draw(self._file, label="" if len(self._agents) == 1 else f"{agent.names.agent.name} ")
-        self._file.lay_out(default_blueprint(self._scenario, self._environment, believers=believers))
+        has_notes = any(rows.notes.has_any for rows in self._agents.values())
+        self._file.lay_out(
+            default_blueprint(self._scenario, self._environment, believers=believers, has_notes=has_notes)
+        )
 
     def _note_radio(self, tick: int, traffic: RadioTraffic | None) -> None:
         for sent in traffic.transmissions if traffic else ():

@@ -202,6 +202,14 @@ BELIEF_DISTANCE = Stream(
     name="belief_distance", entity="plots/distance_m/{agent}/belief", component=SCALARS, unit="m", writer="referee",
     table="figures", meaning="the mean distance of the believed places to the nearest source",
 )  # fmt: skip
+NOTE_MODE = Stream(
+    name="note_mode", entity="notes/{agent}/mode", component="StateChange:state", writer="agent", title="Mode",
+    meaning="what a method says that it is doing, whenever that changes",
+)  # fmt: skip
+NOTE_VALUES = Stream(
+    name="note_values", entity="plots/notes/{agent}/{value}", component=SCALARS, writer="agent", title="Notes",
+    meaning="numbers that a method says that it decides by",
+)  # fmt: skip
 SERVICES = Stream(
     name="services", entity="plots/services/{port}/{field}", component=SCALARS, writer="services", table="services",
     title="Services", meaning="what services of other packages wrote, and the wind's where it is driven",

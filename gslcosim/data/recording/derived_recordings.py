@@ -37,6 +37,7 @@ from gslcosim_services.recorder.stream_table import (
     LOGS,
     MARKS,
     MIXING_RATIO,
+    NOTE_MODE,
     SCALARS,
     SLICES,
     STREAMS,
@@ -72,7 +73,8 @@ def record_from_tick(
         at_s, end_s = (seconds_from_ticks(each, scenario.tick_ns) for each in (tick, last_tick))
         raise RecordingError(f"--at: expected a time within the recording, which ends at {end_s:g} s, was {at_s:g} s.")
     believers = sorted({name for chunk in chunks if (name := _find_believer(chunk))})
-    blueprint = default_blueprint(scenario, environment, believers=believers)
+    has_notes = any(_has_notes(chunk) for chunk in chunks)
+    blueprint = default_blueprint(scenario, environment, believers=believers, has_notes=has_notes)
     if not is_still:
         blueprint = _set_time_range(blueprint, tick, last_tick, scenario.tick_ns)
     file = RecordingFile(
@@ -135,6 +137,10 @@ def _last_tick(chunk: Chunk) -> int | None:
 def _find_believer(chunk: Chunk) -> str | None:
     root, _, name = str(chunk.entity_path).removeprefix("/").partition("/")
     return name if root == BELIEF.root else None
+
+
+def _has_notes(chunk: Chunk) -> bool:
+    return str(chunk.entity_path).removeprefix("/").partition("/")[0] == NOTE_MODE.root
 
 
 MAX_RUNS = 8
@@ -215,7 +221,12 @@ def record_side_by_side(
         run_id="-".join(run.recording.resolve().parent.name for run in runs),
         name=f"{len(runs)} runs of {scenario.name}",
         tick_ns=scenario.tick_ns,
-        blueprint=default_blueprint(scenario, environment, believers=sorted(believers)),
+        blueprint=default_blueprint(
+            scenario,
+            environment,
+            believers=sorted(believers),
+            has_notes=any(_has_notes(chunk) for chunk in itertools.chain(*chunks)),
+        ),
     )
     try:
         _draw(file, scenario, environment, believers, _summary(runs, renamed, divergence, meets_at))

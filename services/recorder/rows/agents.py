@@ -19,6 +19,7 @@ from gslcosim.contract.messages import (
     BodyState,
     Command,
     MountSample,
+    Note,
     Observation,
     Reading,
     Waypoint,
@@ -57,6 +58,8 @@ from gslcosim_services.recorder.stream_table import (
     DISTANCE,
     MARKS,
     MIXING_RATIO,
+    NOTE_MODE,
+    NOTE_VALUES,
     PLANNED_PATH,
     POINT_CLOUDS,
     RESPONSE,
@@ -228,6 +231,41 @@ class BeliefRows:
             file.draw(names.at(stream), rr.SeriesLines(names=[f"{label}{text}"], colors=[shade], widths=[1.5]))
 
 
+class NoteRows:
+    """Notes of a method: its mode as a lane that changes, and each of its numbers as a curve.
+
+    Args:
+        names: The agent's entities.
+    """
+
+    def __init__(self, names: AgentEntities) -> None:
+        self._names = names
+        self._mode = ""
+        self._changes: list[tuple[int, str]] = []
+        self._values: dict[str, ScalarRows] = {}
+        self.has_any = False
+
+    def add(self, tick: int, note: Note) -> None:
+        """Append what was noted with the answer to the observation of a tick."""
+        self.has_any = True
+        if note.mode != self._mode:
+            self._mode = note.mode
+            self._changes.append((tick, note.mode))
+        for name, value in note.values.items():
+            if name not in self._values:
+                self._values[name] = ScalarRows(self._names.at(NOTE_VALUES, value=name))
+            self._values[name].add(tick, value)
+
+    def send(self, file: RecordingFile) -> None:
+        """Write the waiting rows, if any, and forget them."""
+        if self._changes:
+            ticks, modes = zip(*self._changes, strict=True)
+            file.send(self._names.at(NOTE_MODE), ticks, rr.StateChange.columns(state=modes))
+            self._changes = []
+        for rows in self._values.values():
+            rows.send(file)
+
+
 def sum_over_height(belief: Belief) -> NDArray[np.float64]:
     """Return the (nx, ny) probabilities of a belief, summed over the height where it is in space."""
     p = belief.probability.to_array().astype(np.float64)
@@ -253,6 +291,7 @@ class AgentRows:
         self.tracking_error = ScalarRows(names.at(TRACKING_ERROR))
         self.decision = ScalarRows(names.at(DECISION_TIME))
         self.belief = BeliefRows(names)
+        self.notes = NoteRows(names)
         self.position_m: Vec3 = names.agent.vehicle.start_m
         self._mission: tuple[Waypoint, ...] | None = None
         self._gas = {
@@ -272,7 +311,7 @@ class AgentRows:
     def all(self) -> list[Rows]:
         """Return the rows of every entity."""
         own = (self.pose, self.track, self.plan, self.waypoints, self.markers, self.distance, self.tracking_error)
-        own = (*own, self.decision)
+        own = (*own, self.decision, self.notes)
         own = (*own, *self.belief.all())
         truth = (*self._gas.values(), *self._true_wind.values(), *self._beams.values())
         readings = (rows for all_rows in self._readings.values() for rows in all_rows)
@@ -354,7 +393,9 @@ class AgentRows:
                 self.belief.note_score(tick, standing.belief)
 
     def note_command(self, tick: int, command: Command) -> None:
-        """Take note of where the vehicle is sent, of declarations and beliefs."""
+        """Take note of where the vehicle is sent, of declarations, beliefs and notes."""
+        if command.note is not None:
+            self.notes.add(tick, command.note)
         if command.belief is not None:
             self.belief.note_belief(tick, command.belief)
         if command.kind == "waypoint" and command.position_world_m is not None:

@@ -22,6 +22,7 @@ from gslcosim.contract.messages import (
     FilamentCloud,
     GasAmount,
     MountSample,
+    Note,
     Observation,
     Reading,
     RefereeEvent,
@@ -86,10 +87,12 @@ class ScriptedFlight:
         contacts=(),
         sensors=NOSE_AND_VANE,
         believers=(),
+        noters=(),
     ):
         self.n_ticks = n_ticks
         self._plans = plans
         self._believers = believers
+        self._noters = noters
         self._contacts = contacts
         self.scenario = scenario(n_agents, channels, sensors)
         self._names = [agent.name for agent in self.scenario.agents]
@@ -132,7 +135,8 @@ class ScriptedFlight:
             if tick % WAYPOINT_EVERY_TICKS == 0:
                 waypoint_m = self.position_m(tick + WAYPOINT_EVERY_TICKS, i)
                 belief = belief_of(tick) if name in self._believers else None
-                command = Command(tick=tick, kind="waypoint", position_world_m=waypoint_m, belief=belief)
+                note = note_of(tick) if name in self._noters else None
+                command = Command(tick=tick, kind="waypoint", position_world_m=waypoint_m, belief=belief, note=note)
                 messages[keys.command(name)] = command
         if tick == self.n_ticks - 1:
             messages[keys.VERDICT] = self._verdict(tick)
@@ -232,6 +236,11 @@ class ScriptedFlight:
             for name in self._names
         )
         return Verdict(tick=tick, end_reason="success", agents=results)
+
+
+def note_of(tick):
+    """Return what a method writes down with its answer to the observation of a tick: it surges once, then casts."""
+    return Note(mode="casting" if tick else "surging", values={"entropy_bits": 4.0 - 0.01 * tick})
 
 
 def belief_of(tick):

@@ -13,7 +13,7 @@ from gslcosim_services.recorder.core import RecorderCore
 
 PAGE = Path(__file__).parents[4] / "docs" / "recordings.md"
 RACK = ("rack", (5.0, 4.0, 0.0), (6.0, 6.0, 3.0))
-PLACES = {"<agent>": "agent_0", "<gas>": "ethanol", "<sensor>": r"\w+", "<quantity>": r"\w+"}
+PLACES = {"<agent>": "agent_0", "<gas>": "ethanol", "<sensor>": r"\w+", "<quantity>": r"\w+", "<value>": r"\w+"}
 
 
 def _documented():
@@ -30,6 +30,7 @@ def test_every_entity_is_explained_and_every_explained_one_is_recorded(make_room
         channels=({"name": "radio"},),
         contacts=(("rack",),),
         plans=((), ((1.0, 0.0, 2.0),)),
+        noters=("agent_0",),
     )
     path = tmp_path / "recording.rrd"
     log = MachineLog(tmp_path)
