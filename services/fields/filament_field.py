@@ -19,6 +19,7 @@ from gslcosim_services.fields.gas_field import PointGrid, Visibility
 from gslcosim_services.fields.mixing_ratio import check_points, mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid
 from gslcosim_services.fields.spatial_index import FilamentIndex
 from gslcosim_services.fields.turbulence.felt import FeltTurbulence
+from gslcosim_services.fields.wall_images import WallImages
 
 
 @numba.njit(cache=True, nogil=True)
@@ -103,6 +104,7 @@ class FilamentField:
         n_readings_per_step: int = MIN_READINGS_FOR_INDEX,
         wind_at: WindAt | None = None,
         later_sights: Mapping[Closed, Visibility] | None = None,
+        images: Mapping[Closed, WallImages] | None = None,
         turbulence: FeltTurbulence | None = None,
     ) -> None:
         """Look at filaments.
@@ -116,6 +118,7 @@ class FilamentField:
             wind_at: The model's own wind at a time [s], (nx, ny, n, 3) at cell centres, n = 1 when it is the same at
                 all heights; absent: the room's.
             later_sights: What is seen with certain doors closed, by their names.
+            images: Walls that reflect gas, with certain doors closed; absent: they cut filaments off.
             turbulence: Turbulence that readings of gas and wind feel.
         """
         self._source = source
@@ -130,6 +133,8 @@ class FilamentField:
         self._seen: Filaments | None = None
         self._wind_at = wind_at
         self._turbulence = turbulence
+        self._images = images
+        self._image = None if images is None else images[AT_START]
 
     @property
     def gases(self) -> tuple[str, ...]:
@@ -169,6 +174,7 @@ class FilamentField:
         if self._turbulence is not None:
             self._turbulence.reset(seed)
         self._sight = self._sights[AT_START]
+        self._image = None if self._images is None else self._images[AT_START]
         self._seen = None
 
     def close_doors(self, closed: Closed) -> None:
@@ -181,6 +187,8 @@ class FilamentField:
             raise ModelError("events: expected gas that follows doors, of model filament without a tape.")
         self._source.close_doors(closed)
         self._sight = self._sights.get(closed, self._sights[AT_START])
+        if self._images is not None:
+            self._image = self._images.get(closed, self._images[AT_START])
         self._seen = None
 
     def advance(self, n_steps: int = 1) -> None:
@@ -207,6 +215,10 @@ class FilamentField:
 
     def _sum_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
         filaments, sight = self.filaments, self._sight
+        if self._image is not None:
+            return self._image.mixing_ratio_ppm_at(
+                points_world_m, filaments, walls=sight.walls, cutoff_sigma=sight.cutoff_sigma
+            )
         if not self._uses_index:
             return mixing_ratio_ppm_at(points_world_m, filaments, walls=sight.walls, cutoff_sigma=sight.cutoff_sigma)
         if self._indexed is not filaments:

@@ -280,6 +280,9 @@ class FilamentsSpec(GasSpec):
     gaden_noise_std_m: NonNegative = Field(
         default=0.02, description="noise per step, with `compatibility` in place of the eddy diffusivity"
     )
+    wall_images: bool = Field(
+        default=False, description="readings find gas that walls cut off filaments in the room (false: it is lost)"
+    )
     turbulence: TurbulenceSpec | None = Field(
         default=None, description="turbulence in place of growth and eddy diffusivity (absent: none)"
     )
@@ -290,7 +293,9 @@ class FilamentsSpec(GasSpec):
         if self.compatibility == "none":
             useless["gaden_noise_std_m"] = "compatibility: gaden_2, gaden_3"
         else:
-            useless |= dict.fromkeys(("eddy_diffusivity_m2_s", "buoyancy", "turbulence"), "compatibility: none")
+            useless |= dict.fromkeys(
+                ("eddy_diffusivity_m2_s", "buoyancy", "turbulence", "wall_images"), "compatibility: none"
+            )
         if self.turbulence is not None:
             useless |= dict.fromkeys(("eddy_diffusivity_m2_s", "growth_m2_s"), "gas without turbulence")
         return useless

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gslcosim.base.errors import ScenarioError
-from gslcosim.environment.model import AT_START, Environment
+from gslcosim.environment.model import AT_START, Closed, Environment
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import SourceEventSpec
 from gslcosim.scenario.models.gas import FilamentGasSpec, FilamentsSpec, SourceSpec
@@ -48,6 +48,7 @@ from gslcosim_services.fields.turbulence.air import (
     mean_speed_m_s,
 )
 from gslcosim_services.fields.turbulence.felt import FeltTurbulence
+from gslcosim_services.fields.wall_images import WallImages
 
 # GADEN 3 multiplies its noise by ten times the step: at its usual 0.1 s the configured value remains.
 GADEN_3_NOISE_PER_S = 10.0
@@ -80,6 +81,7 @@ def _build_filament_field(block: FilamentGasSpec, setup: GasSetup) -> GasField:
             for closed, room in setup.environment.by_doors().items()
             if closed != AT_START
         },
+        images=build_wall_images(block, setup.environment),
         turbulence=build_felt_turbulence(
             block,
             model,
@@ -87,6 +89,13 @@ def _build_filament_field(block: FilamentGasSpec, setup: GasSetup) -> GasField:
             wind_at=setup.wind_at or (lambda time_s: np.asarray(wind.velocity_m_s[wind.frame_at(time_s)])),
         ),
     )
+
+
+def build_wall_images(block: FilamentsSpec, environment: Environment) -> dict[Closed, WallImages] | None:
+    """Build what walls reflect of a gas's filaments in each situation of a room; nothing where they cut them off."""
+    if not block.wall_images:
+        return None
+    return {closed: WallImages.of(room) for closed, room in environment.by_doors().items()}
 
 
 def build_felt_turbulence(

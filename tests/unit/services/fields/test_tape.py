@@ -70,7 +70,7 @@ def messages(scenario, room, *, seed=3, n_ticks=21):
         {"step_s": 0.05},
         {"step_s": 0.2, "warm_up_s": 4.0},
         {"warm_up_s": 0.0},
-        {"turbulence": {}},
+        {"turbulence": {}, "wall_images": True},
     ],
 )
 def test_gas_from_tape_is_live_gas_to_the_bit(scenario_of, room, cache, gas):

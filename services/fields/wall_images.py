@@ -1,0 +1,171 @@
+# pyright: basic
+# ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
+"""Images of filaments at walls: what a wall cuts off a Gaussian comes back into the room."""
+
+import math
+from dataclasses import dataclass
+from typing import Self
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.base.quantities import Vec3
+from gslcosim.environment.grid_kernels import SOLID
+from gslcosim.environment.model import Environment
+from gslcosim_services.fields.filament.filament_step import FREE_CELL, cell_index
+from gslcosim_services.fields.filament.plume import Filaments
+from gslcosim_services.fields.mixing_ratio import (
+    Walls,
+    build_filament_arrays,
+    build_wall_cells,
+    check_points,
+    filament_contribution_ppm,
+    filament_position,
+    is_visible,
+    to_float3,
+)
+
+NO_WALL = 255
+
+
+@numba.njit(cache=True, nogil=True)
+def count_cells_to_walls(occupancy):
+    """Return how many cells of air lie between each cell and the next wall along -x, +x, -y, +y, -z and +z.
+
+    The border of the grid is a wall. NO_WALL where an outlet comes first, or the wall is too far to count.
+
+    Args:
+        occupancy: (nx, ny, nz) uint8, 0 free, 1 solid, 2 outlet.
+
+    Returns:
+        (nx, ny, nz, 6) uint8.
+    """
+    nx, ny, nz = occupancy.shape
+    counts = np.full((nx, ny, nz, 6), NO_WALL, np.uint8)
+    for i in range(nx):
+        for j in range(ny):
+            for k in range(nz):
+                if occupancy[i, j, k] != FREE_CELL:
+                    continue
+                for side in range(6):
+                    axis, step = side // 2, 1 if side % 2 else -1
+                    a, b, c, n = i, j, k, 0
+                    while n < NO_WALL:
+                        a += step if axis == 0 else 0
+                        b += step if axis == 1 else 0
+                        c += step if axis == 2 else 0
+                        is_inside = 0 <= a < nx and 0 <= b < ny and 0 <= c < nz
+                        if not is_inside or occupancy[a, b, c] == SOLID:
+                            counts[i, j, k, side] = n
+                            break
+                        if occupancy[a, b, c] != FREE_CELL:
+                            break
+                        n += 1
+    return counts
+
+
+@numba.njit(cache=True, nogil=True)
+def _image_factor(point_m, centre_m, s, low_m, high_m):
+    # 1 + exp(-(d_image^2 - d^2) / (2 s^2)) for the wall below and the wall above; d^2 differ by 4 times both distances.
+    factor = 1.0
+    below_m, above_m = point_m - low_m, high_m - point_m
+    if below_m > 0.0:
+        factor += math.exp(-2.0 * below_m * (centre_m - low_m) / (s * s))
+    if above_m > 0.0:
+        factor += math.exp(-2.0 * above_m * (high_m - centre_m) / (s * s))
+    return factor
+
+
+@numba.njit(cache=True, nogil=True)
+def add_imaged_filaments_at_points_inplace(
+    points_world_m, filaments, cutoff_sigma, walls, counts, origin_m, cell_m, mixing_ratio_ppm
+):
+    """Add to each point what every filament contributes, its images at the walls around it included.
+
+    Along each axis exp(-(x - x0)^2 / 2 s^2) becomes the same of x0 and of its mirror images at the walls before and
+    behind the filament's centre: a room of one box keeps all gas, up to images of images.
+
+    Args:
+        points_world_m: (m, 3) points, world frame, xyz [m].
+        filaments: `FilamentArrays`.
+        cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
+        walls: `WallCells`.
+        counts: (nx, ny, nz, 6) of `count_cells_to_walls`.
+        origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
+        cell_m: Edge of the cubic cells [m].
+        mixing_ratio_ppm: (m, n_gases) mixing ratios [ppm by volume]; added to.
+
+    Source:
+        The method of images, as for the ground of a Gaussian plume: Pasquill and Smith 1983, Atmospheric Diffusion.
+    Left out:
+        Edges of obstacles: each wall counts as a plane as far as the filament reaches, and a point beyond the plane
+        gets nothing of it. Images of images.
+    Held by:
+        tests/unit/services/fields/test_wall_images.py
+    """
+    position_world_m, sigma_m = filaments.position_world_m, filaments.sigma_m
+    nx, ny, nz, _ = counts.shape
+    for p in range(points_world_m.shape[0]):
+        x, y, z = points_world_m[p, 0], points_world_m[p, 1], points_world_m[p, 2]
+        for f in range(sigma_m.shape[0]):
+            fx, fy, fz = filament_position(position_world_m, f)
+            s = np.float64(sigma_m[f])
+            d2 = (x - fx) * (x - fx) + (y - fy) * (y - fy) + (z - fz) * (z - fz)
+            if d2 > (cutoff_sigma * s) * (cutoff_sigma * s):
+                continue
+            if walls.is_opaque and not is_visible(walls, x, y, z, fx, fy, fz):
+                continue
+            source = filaments.source_index[f]
+            share = filament_contribution_ppm(filaments.strength_ppm_m3[source], s, d2)
+            i = min(max(cell_index(fx, origin_m[0], cell_m), 0), nx - 1)
+            j = min(max(cell_index(fy, origin_m[1], cell_m), 0), ny - 1)
+            k = min(max(cell_index(fz, origin_m[2], cell_m), 0), nz - 1)
+            n = counts[i, j, k]
+            share *= _image_factor(x, fx, s, _low(origin_m[0], cell_m, i, n[0]), _high(origin_m[0], cell_m, i, n[1]))
+            share *= _image_factor(y, fy, s, _low(origin_m[1], cell_m, j, n[2]), _high(origin_m[1], cell_m, j, n[3]))
+            share *= _image_factor(z, fz, s, _low(origin_m[2], cell_m, k, n[4]), _high(origin_m[2], cell_m, k, n[5]))
+            mixing_ratio_ppm[p, filaments.gas_index[source]] += share
+
+
+@numba.njit(cache=True, nogil=True)
+def _low(origin_m, cell_m, i, n):
+    return -math.inf if n == NO_WALL else origin_m + (i - np.int64(n)) * cell_m
+
+
+@numba.njit(cache=True, nogil=True)
+def _high(origin_m, cell_m, i, n):
+    return math.inf if n == NO_WALL else origin_m + (i + 1 + np.int64(n)) * cell_m
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WallImages:
+    """Walls of a room that reflect filaments' gas, for grids of cells; see `count_cells_to_walls`."""
+
+    counts: NDArray[np.uint8]
+    origin_m: Vec3
+    cell_m: float
+
+    @classmethod
+    def of(cls, environment: Environment) -> Self:
+        """Return the walls of a room."""
+        counts = count_cells_to_walls(np.ascontiguousarray(environment.occupancy, np.uint8))
+        return cls(counts=counts, origin_m=to_float3(environment.grid.origin_m), cell_m=float(environment.grid.cell_m))
+
+    def mixing_ratio_ppm_at(
+        self, points_world_m: NDArray[np.float64], filaments: Filaments, *, walls: Walls | None, cutoff_sigma: float
+    ) -> NDArray[np.float64]:
+        """Return the (m, n_gases) mixing ratios [ppm by volume] at (m, 3) points, world frame [m]."""
+        points_m = check_points(points_world_m)
+        ppm = np.zeros((len(points_m), filaments.n_gases))
+        add_imaged_filaments_at_points_inplace(
+            points_m,
+            build_filament_arrays(filaments),
+            cutoff_sigma,
+            build_wall_cells(walls),
+            self.counts,
+            self.origin_m,
+            self.cell_m,
+            ppm,
+        )
+        return ppm

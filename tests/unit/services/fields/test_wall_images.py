@@ -1,0 +1,89 @@
+"""Images at walls: the gas that a wall cuts off a filament is in the room, and not behind outlets."""
+
+import numpy as np
+import pytest
+
+from gslcosim.environment.model import Cell
+from gslcosim_services.fields.filament.plume import Filaments, filament_amount_mol
+from gslcosim_services.fields.mixing_ratio import Walls, mixing_ratio_ppm_at, strength_ppm_m3
+from gslcosim_services.fields.wall_images import NO_WALL, WallImages, count_cells_to_walls
+
+SIGMA_M = 0.3
+ORIGIN_M = (1.0, -2.0, 0.5)
+
+
+@pytest.fixture
+def room(air):
+    """A closed box of 5 x 4 x 3 m."""
+    return air(origin_m=ORIGIN_M)
+
+
+def filament_at(offset_m):
+    return Filaments(
+        position_world_m=np.add([ORIGIN_M], [offset_m]),
+        sigma_m=np.array([SIGMA_M]),
+        source_index=np.zeros(1, np.int32),
+        amount_mol=np.array([filament_amount_mol(10.0, SIGMA_M)]),
+        gas_index=np.zeros(1, np.int32),
+    )
+
+
+def gas_in(room, filament, images):
+    """Gas in the room over that of the filament: the sum over points 0.1 m apart."""
+    axes_m = [np.arange(0.05, side, 0.1) + low for side, low in zip((5, 4, 3), ORIGIN_M, strict=True)]
+    points_m = np.stack(np.meshgrid(*axes_m, indexing="ij"), axis=-1).reshape(-1, 3)
+    walls = Walls.of(room)
+    if images is None:
+        ppm = mixing_ratio_ppm_at(points_m, filament, walls=walls, cutoff_sigma=5.0)
+    else:
+        ppm = images.mixing_ratio_ppm_at(points_m, filament, walls=walls, cutoff_sigma=5.0)
+    return ppm.sum() * 0.1**3 / strength_ppm_m3(filament.amount_mol)[0]
+
+
+@pytest.mark.parametrize("offset_m", [(0.1, 2.0, 1.5), (0.1, 3.9, 1.5), (4.8, 0.2, 2.9), (2.5, 2.0, 0.01)])
+def test_gas_at_walls_edges_and_corners_is_kept(room, offset_m):
+    filament = filament_at(offset_m)
+    assert gas_in(room, filament, None) < 0.8
+    assert gas_in(room, filament, WallImages.of(room)) == pytest.approx(1.0, abs=0.01)
+
+
+def test_far_from_walls_nothing_changes(room):
+    filament, points_m = filament_at((2.5, 2.0, 1.5)), np.add([ORIGIN_M], [(2.6, 2.1, 1.4)])
+    plain = mixing_ratio_ppm_at(points_m, filament, walls=Walls.of(room), cutoff_sigma=5.0)
+    imaged = WallImages.of(room).mixing_ratio_ppm_at(points_m, filament, walls=None, cutoff_sigma=5.0)
+    assert imaged == pytest.approx(plain, rel=1e-9)
+
+
+def test_at_a_wall_a_filament_counts_twice(room):
+    filament, points_m = filament_at((1e-6, 2.0, 1.5)), np.add([ORIGIN_M], [(1e-6, 2.1, 1.5)])
+    plain = mixing_ratio_ppm_at(points_m, filament, walls=None, cutoff_sigma=5.0)
+    imaged = WallImages.of(room).mixing_ratio_ppm_at(points_m, filament, walls=None, cutoff_sigma=5.0)
+    assert imaged == pytest.approx(2.0 * plain, rel=1e-6)
+
+
+def test_outlets_reflect_nothing():
+    occupancy = np.zeros((4, 3, 3), np.uint8)
+    occupancy[3] = Cell.OUTLET
+    occupancy[0, 0] = Cell.SOLID
+    counts = count_cells_to_walls(occupancy)
+    assert counts[1, 1, 1].tolist() == [1, NO_WALL, 1, 1, 1, 1]
+    assert counts[1, 0, 0].tolist() == [0, NO_WALL, 0, 2, 0, 2]
+    assert counts[3, 1, 1].tolist() == [NO_WALL] * 6
+
+
+def test_behind_an_obstacle_there_is_no_image_of_its_front(air):
+    occupancy = np.zeros((20, 16, 12), np.uint8)
+    occupancy[8:10, :8] = Cell.SOLID
+    room = air(occupancy=occupancy)
+    filament = Filaments(
+        position_world_m=np.array([[1.9, 1.9, 1.5]]),
+        sigma_m=np.array([SIGMA_M]),
+        source_index=np.zeros(1, np.int32),
+        amount_mol=np.array([filament_amount_mol(10.0, SIGMA_M)]),
+        gas_index=np.zeros(1, np.int32),
+    )
+    points_m = np.array([[2.2, 2.4, 1.5]])
+    plain = mixing_ratio_ppm_at(points_m, filament, walls=Walls.of(room), cutoff_sigma=5.0)
+    imaged = WallImages.of(room).mixing_ratio_ppm_at(points_m, filament, walls=Walls.of(room), cutoff_sigma=5.0)
+    assert plain > 0
+    assert imaged == pytest.approx(plain, rel=1e-3)
