@@ -140,7 +140,7 @@ def _leaderboard(analysis: Analysis, axes: Any) -> None:
         axes.plot([e.low, e.high], [place, place], color=color, lw=2)
         axes.plot([e.value], [place], "o", color=color, ms=4)
     names = [f"{row.rank}  {safe_text(analysis.material.entries[row.entry].name)}" for row in rows]
-    axes.set(xlim=(0, 1), xlabel="score: interquartile mean of q, with 95 % interval")
+    axes.set(xlim=(0, 1), xlabel="score: mean of q over cases, with 95 % interval")
     axes.set_yticks(range(len(rows)), names)
     axes.invert_yaxis()
     axes.grid(axis="x", lw=0.4, color="#dddddd")

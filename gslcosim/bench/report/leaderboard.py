@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gslcosim.bench.report.report_data import Flags, Floats, Ints, ReportData, TrialRows
-from gslcosim.bench.statistics.aggregates import bootstrap_cells, interquartile_mean, mean, stratified_bootstrap
+from gslcosim.bench.statistics.aggregates import bootstrap_cells, mean, stratified_bootstrap, worst_quarter_mean
 from gslcosim.bench.statistics.estimates import UNDEFINED, Estimate
 from gslcosim.bench.statistics.ranking import ranks
 from gslcosim.bench.statistics.rates import lift, wilson
@@ -21,8 +21,9 @@ class LeaderboardRow:
     """An entry's row: its rank, and its figures over the runs with gas.
 
     Attributes:
-        rank: From 1 on; entries that share it cannot be distinguished.
-        score: Interquartile mean over cases of the mean q of each: that of single runs is 0 below 25 % success.
+        rank: One more than the number of entries that are shown to be better.
+        score: Mean over cases of the mean q of each.
+        worst: The same over the quarter of the cases in which it is worst.
         normalised: (score - walker) / (oracle - walker), both anchors taken as they are; undefined without them.
         success: Share of runs.
         lift: Success less luck in runs without gas; undefined without such runs.
@@ -38,6 +39,7 @@ class LeaderboardRow:
     entry: int
     rank: int
     score: Estimate
+    worst: Estimate
     normalised: Estimate
     success: Estimate
     lift: Estimate
@@ -87,7 +89,8 @@ def _standing(rows: TrialRows, entry: int, chosen: Ints) -> LeaderboardRow:
     return LeaderboardRow(
         entry=entry,
         rank=0,
-        score=bootstrap_cells(rows.score[chosen], cells, interquartile_mean, clusters=clusters),
+        score=bootstrap_cells(rows.score[chosen], cells, mean, clusters=clusters),
+        worst=bootstrap_cells(rows.score[chosen], cells, worst_quarter_mean, clusters=clusters),
         normalised=UNDEFINED,
         success=wilson(int(success.sum()), len(chosen)),
         lift=lift_with_interval(rows, chosen, controls),
@@ -161,7 +164,7 @@ def build_matrix(rows: TrialRows, within: Flags, entries: Sequence[int], values:
 
 def _ranks(rows: TrialRows, within: Flags, bare: Sequence[LeaderboardRow]) -> list[int]:
     matrix, some = build_matrix(rows, within, [row.entry for row in bare], rows.score)
-    return ranks(matrix, lower_is_better=False, clusters=plume_clusters(rows, some), strata=rows.cells[some])
+    return ranks(matrix, lower_is_better=False, clusters=plume_clusters(rows, some))
 
 
 def paired_rows(rows: TrialRows, within: Flags, a: int, b: int) -> tuple[Ints, Ints]:

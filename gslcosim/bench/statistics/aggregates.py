@@ -1,7 +1,7 @@
 """Aggregates over cells (environment, source, start), with trials resampled inside each cell.
 
 A statistic here takes values in its last axis, so that it works on one sample and on many bootstrap samples at once:
-from (..., m) to (...). `mean` and `interquartile_mean` are such statistics.
+from (..., m) to (...). `mean`, `worst_quarter_mean` and `interquartile_mean` are such statistics.
 """
 
 from collections.abc import Callable
@@ -47,6 +47,16 @@ def interquartile_mean(values: np.ndarray) -> np.ndarray:
         return mean(values)
     parted = np.partition(values, (cut, m - cut - 1), axis=-1)
     return mean(parted[..., cut : m - cut])
+
+
+def worst_quarter_mean(values: np.ndarray) -> np.ndarray:
+    """Return the mean of the lowest ceil(m / 4) values over the last axis: how bad it gets.
+
+    Args:
+        values: (..., m) scores of cells.
+    """
+    n = -(-values.shape[-1] // 4)
+    return mean(np.partition(values, n - 1, axis=-1)[..., :n])
 
 
 def stratified_bootstrap(

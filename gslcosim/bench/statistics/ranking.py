@@ -1,4 +1,4 @@
-"""Ranking of entries: all pairs over the same cases, and ranks that give ties where intervals hold zero."""
+"""Ranking of entries: all pairs over the same cases, and ranks that are tested for all entries together."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -18,7 +18,7 @@ from gslcosim.bench.statistics.estimates import (
     draw_counts,
     percentile_interval,
 )
-from gslcosim.bench.statistics.pairs import N_FLIPS, holm, sign_flips
+from gslcosim.bench.statistics.pairs import N_FLIPS, holm, joint_sign_flips, sign_flips
 
 
 @dataclass(frozen=True)
@@ -142,48 +142,44 @@ def ranks(
     *,
     lower_is_better: bool,
     clusters: np.ndarray | None = None,
-    strata: np.ndarray | None = None,
     level: float = LEVEL,
     seed: int = SEED,
-    n_draws: int = N_DRAWS,
+    n_flips: int = N_FLIPS,
 ) -> list[int]:
-    """Return the rank of each entry, 1 for the best; equal where the paired interval of the difference holds zero.
+    """Return the rank of each entry: one more than the number of entries that are shown to be better.
 
-    Entries are taken from the best mean to the worst. The first of a group leads it; an entry whose difference from the
-    leader may be zero, as may that of all between them, shares the leader's rank; the first whose difference is not
-    leads the next group, at its own place (1, 1, 3 ...). "May be equal" is not transitive: entries on the two sides of
-    a border may not differ from each other.
+    All pairs are tested together (`joint_sign_flips`): where no two entries differ, the chance that any of them gets
+    another rank than 1 is at most 1 - level, however many there are. A rank is the best place that an entry may have;
+    one that flew few cases may share a rank with entries of a better mean.
 
     Args:
         values: (n_cases, n_entries) as for `pairs_matrix`; nan where an entry has no result.
         lower_is_better: True for times, False for successes and scores.
-        clusters: (n_cases,) labels of cases that are drawn as one.
-        strata: (n_cases,) labels of cells that are drawn from apart.
-        level: Confidence level, 0 to 1.
-        seed: Of the bootstrap.
-        n_draws: Bootstrap samples.
+        clusters: (n_cases,) labels of cases whose signs are tossed as one.
+        level: Confidence level of all ranks together, 0 to 1.
+        seed: Of the tosses.
+        n_flips: Drawn patterns of signs.
 
     Returns:
         (n_entries,) ranks. Entries without results come last, all of one rank.
+
+    Source:
+        The best plausible place of Mogstad et al. 2024, Review of Economic Studies 91, with a permutation test.
     """
     values = np.asarray(values, dtype=np.float64)
     has_any = ~np.isnan(values).all(axis=0)
-    counted = np.where(np.isnan(values), 0.0, values).sum(axis=0) / np.maximum((~np.isnan(values)).sum(axis=0), 1)
-    badness = np.where(has_any, counted if lower_is_better else -counted, np.inf)
-    order = [int(entry) for entry in np.argsort(badness, kind="stable")]
-    n_with_any = int(has_any.sum())
-    rank = [n_with_any + 1] * values.shape[1]
-    leader, leader_rank = -1, 0
-    for place, entry in enumerate(order[:n_with_any], start=1):
-        if leader_rank:
-            difference = values[:, [leader]] - values[:, [entry]]
-            is_tie = _means(difference, clusters, strata, level, seed, n_draws)[0].holds_zero
-        else:
-            is_tie = False
-        if not is_tie:
-            leader, leader_rank = entry, place
-        rank[entry] = leader_rank
-    return rank
+    rank = np.where(has_any, 1, int(has_any.sum()) + 1)
+    index = list(combinations(np.flatnonzero(has_any).tolist(), 2))
+    if not index:
+        return [int(place) for place in rank]
+    differences = np.stack([values[:, a] - values[:, b] for a, b in index], axis=1)
+    p = joint_sign_flips(differences, clusters=clusters, seed=seed, n_flips=n_flips)
+    total = np.nan_to_num(differences).sum(axis=0)
+    for k in np.flatnonzero(p <= 1.0 - level + 1e-12):
+        a, b = index[k]
+        is_first_worse = total[k] > 0.0 if lower_is_better else total[k] < 0.0
+        rank[a if is_first_worse else b] += 1
+    return [int(place) for place in rank]
 
 
 # Mean of each column, nan left out, with its interval; all columns share the draws.

@@ -258,7 +258,7 @@ def test_ranks_put_entries_of_known_quality_in_order():
     for _ in range(60):
         case = rng.lognormal(0.0, 0.7, 120)
         columns = [np.minimum(mean_s * case * rng.exponential(1.0, 120), LIMIT_S) for mean_s in (30, 120, 120, 500)]
-        rank = ranks(np.stack(columns, axis=1), lower_is_better=True, n_draws=300)
+        rank = ranks(np.stack(columns, axis=1), lower_is_better=True, n_flips=1000)
         right += rank[0] == 1 and rank[3] == 4 and {rank[1], rank[2]} <= {2, 3}
         tied += rank[1] == rank[2] == 2
     assert right == 60
