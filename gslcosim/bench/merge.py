@@ -243,6 +243,4 @@ def _each_once(texts: Any) -> str:
 def _check_out(out: Path) -> None:
     folder = ResultsFolder(out)
     if any(path.name != ".lock" for path in out.glob("*")) and "shards" not in folder.read_json(folder.manifest):
-        raise UsageError(
-            f"--out: expected a new folder, or one of merged shards, was one with contents of its own. Folder: {out}"
-        )
+        raise UsageError(f"The folder of --out has other contents than merged shards: {out}. Choose a new folder.")

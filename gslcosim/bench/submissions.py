@@ -102,9 +102,7 @@ class _Submission:
 def _check_out(out: Path) -> None:
     folder = ResultsFolder(out)
     if folder.trials.is_file() and "merged_from" not in folder.read_json(folder.manifest):
-        raise UsageError(
-            f"--out: expected a new folder, or one of merged results, was one with results of its own. Folder: {out}"
-        )
+        raise UsageError(f"The folder of --out has results that are not merged ones: {out}. Choose a new folder.")
 
 
 def _check_same_cases(submissions: Sequence[_Submission]) -> None:

@@ -269,7 +269,7 @@ MANIFEST = "manifest.json"
 def add_runs_dir_option(parser: argparse.ArgumentParser) -> None:
     """Add `--runs-dir`."""
     parser.add_argument(
-        "--runs-dir", type=Path, default=Path(RUNS_DIR), metavar="DIR", help="the folder of all runs (default: runs)"
+        "--runs-dir", type=Path, default=Path(RUNS_DIR), metavar="DIR", help="folder of all runs (default: runs)"
     )
 
 
@@ -324,14 +324,14 @@ def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
 def add_override_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that change a scenario."""
     parser.add_argument(
-        "--seed", type=parse_whole_number, metavar="N", help="replace the scenario's seed, for example 8"
+        "--seed", type=parse_whole_number, metavar="N", help="replace the seed of the scenario, for example 8"
     )
     parser.add_argument(
         "--set",
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="replace one value, as often as needed, for example agents[0].vehicle.hold_s=1",
+        help="replace one value, for example agents[0].vehicle.hold_s=1; repeatable",
     )
 
 
@@ -356,7 +356,7 @@ def add_template_arguments(languages: str, name: str) -> Callable[[argparse.Argu
         parser.add_argument("language", metavar="LANGUAGE", help=languages)
         parser.add_argument("name", metavar="NAME", help=name)
         parser.add_argument(
-            "--dir", type=Path, metavar="DIR", help="the folder to write (default: NAME in this folder)"
+            "--dir", type=Path, metavar="DIR", help="folder to write (default: NAME in the working directory)"
         )
 
     return add_arguments

@@ -19,10 +19,10 @@ def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
         "--jobs",
         type=parse_positive_number,
         metavar="N",
-        help="how many workers on this machine (default: one for each core)",
+        help="number of workers on this machine (default: one per core)",
     )
     where.add_argument(
-        "--ray", metavar="ADDRESS", help="fly on a Ray cluster: its address, auto, or local (pip install gslcosim[ray])"
+        "--ray", metavar="ADDRESS", help="run on a Ray cluster: its address, auto, or local (pip install gslcosim[ray])"
     )
 
 

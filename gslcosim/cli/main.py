@@ -179,7 +179,5 @@ def _exit_code_of(words: Sequence[str], call: Callable[[argparse.Namespace], int
         if refused is not None:
             write_note(str(refused))
             return refused.exit_code
-        write_note(
-            f"{traceback.format_exc()}gslcosim: expected no error of its own, was {type(error).__name__}. {_BUG}"
-        )
+        write_note(f"{traceback.format_exc()}gslcosim: internal error: {type(error).__name__}. {_BUG}")
         return ExitCode.FAULT

@@ -284,7 +284,7 @@ def format_suite_summary(summary: "RunSummary", page: Path | None, shard: "Shard
             f"{wall['jobs']} workers, at most {wall['peak_worker_mb']:.0f} MB each."
         )
     if summary.is_interrupted:
-        lines.append("The same command goes on.")
+        lines.append("Repeat the command to resume.")
     if page and (leaderboard := format_leaderboard(summary.folder)):
         lines += ["", leaderboard, ""]
     lines.append(f"Results: {summary.folder}" + (f"\nReport: {page}" if page else ""))

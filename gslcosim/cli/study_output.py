@@ -25,10 +25,10 @@ def add_target_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what is run by whom, and where it is kept."""
     parser.add_argument("suite", metavar="SUITE", help="a suite or a scenario: a file, or the name of a bundled one")
     parser.add_argument(
-        "--entry", required=True, metavar="NAME", help="the method: an entry of the suite, a bundled one, or a .py file"
+        "--entry", required=True, metavar="NAME", help="method: an entry of the suite, a bundled one, or a .py file"
     )
     add_worker_arguments(parser)
-    parser.add_argument("--results", type=Path, metavar="DIR", help="where results go (default: below results/)")
+    parser.add_argument("--results", type=Path, metavar="DIR", help="results folder (default: below results/)")
 
 
 def format_stage(stage: "TuningProgress") -> str:

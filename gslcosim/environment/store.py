@@ -329,8 +329,8 @@ def _clear(folder: Path) -> None:
         if not (folder / HEADER_FILE).exists():
             if folder.stat().st_ino == before:
                 raise EnvironmentDataError(
-                    f"{folder}: expected a new folder or an environment to replace, was something without "
-                    f"{HEADER_FILE}. Nothing was written; choose another folder."
+                    f"The folder holds something else than an environment (it has no {HEADER_FILE}): {folder}. "
+                    "Nothing was written; choose another folder."
                 )
             return
         folder.rename(aside)

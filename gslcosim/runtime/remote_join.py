@@ -280,7 +280,7 @@ def _check_is_new(run_dir: RunDir, offer: RunOffer) -> None:
     is_half = is_folder and all(entry.name == "logs" or entry.name.startswith(".") for entry in path.iterdir())
     if not is_half and not (is_folder and _is_run_dir(path, offer)):
         raise UsageError(
-            f"--runs-dir: expected no other {offer.run_id} there, found one. Move it away, or choose another folder."
+            f"The folder of --runs-dir already has another {offer.run_id}. Move it away, or choose another folder."
             f"\nFolder: {path}"
         )
 

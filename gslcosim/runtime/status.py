@@ -331,10 +331,11 @@ def find_active_run(run: str | None) -> ActiveRun:
     if len(fitting) == 1:
         return fitting[0]
     names = ", ".join(flight.run_id for flight in flights) or "none"
+    if run is None and not flights:
+        raise UsageError("No run is active.")
     if run is None:
-        wanted = "one flight that goes on, or the name of one of several"
-        raise UsageError(f"RUN: expected {wanted}, found {names}.")
-    raise UsageError(f"{run}: expected the id or folder of one flight that goes on, found {names}.")
+        raise UsageError(f"Several runs are active, name one of them: {names}.")
+    raise UsageError(f"No single active run has the id or folder {run}; active runs: {names}.")
 
 
 def stop_run(flight: ActiveRun) -> None:
@@ -349,8 +350,8 @@ def stop_run(flight: ActiveRun) -> None:
     while flight.window.exists():
         if time.monotonic() > deadline_s:
             raise RunTimeoutError(
-                f"{flight.run_id}: expected its end within {STOP_TIMEOUT_S:g} s, goes on. "
-                f"End its process {flight.pid} with: kill -9 {flight.pid}"
+                f"The run {flight.run_id} did not end within {STOP_TIMEOUT_S:g} s. "
+                f"End its process with `kill -9 {flight.pid}`."
             )
         time.sleep(_POLL_PERIOD_S)
 

@@ -176,7 +176,7 @@ class ParallelSearchEnv(ParallelEnv[str, _Numbers, _Numbers]):
         """Act, and fly on for `step_s` or to the end; the search of all ends with the run."""
         search = self._search
         if search is None or not self.agents:
-            raise UsageError("step: expected a search that goes on, was none. Call reset first.")
+            raise UsageError("No search is active. Call reset before step.")
         before = search.moments()
         search.act(actions, self._step_ticks)
         after = search.moments()

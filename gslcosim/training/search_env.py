@@ -155,7 +155,7 @@ class SearchEnv(gymnasium.Env[NDArray[np.float32], Any]):
         """Give a command and fly on until the next is asked for, or to the end; see the class."""
         search = self._search
         if search is None or search.flight.is_over:
-            raise UsageError("step: expected a search that goes on, was none. Call reset first.")
+            raise UsageError("No search is active. Call reset before step.")
         before = search.moment()
         search.act(action)
         after = search.moment()

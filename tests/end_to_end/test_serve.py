@@ -112,7 +112,10 @@ def test_a_server_ends_its_runs(tmp_path):
 def test_a_second_server_refuses(server):
     second = subprocess.run([*COMMAND, "serve"], capture_output=True, text=True, check=False)
     assert second.returncode == 2
-    assert f"expected no other server of this user, found one, process {server.pid}. End it: kill" in second.stderr
+    assert (
+        f"A server of this user is already running (pid {server.pid}). Stop it with `kill {server.pid}`."
+        in second.stderr
+    )
 
 
 def test_a_server_with_other_imports_refuses(server, monkeypatch):

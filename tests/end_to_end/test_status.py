@@ -153,7 +153,7 @@ def test_which_of_several_runs_is_meant_has_to_be_said(tmp_path):
         wait_a_moment()
     exit_code, _, errors = call("runs", "stop")
     assert exit_code == 2
-    assert errors.startswith("RUN: expected one flight that goes on, or the name of one of several, found tiny_room-")
+    assert errors.startswith("Several runs are active, name one of them: tiny_room-")
     assert call("runs", "stop", str(next((tmp_path / "a" / "runs").iterdir())))[0] == 0
     assert first.end().exit_code == 130
     assert call("runs", "stop", "--all")[0] == 0
@@ -188,9 +188,6 @@ def test_without_runs_there_is_nothing_to_show():
     assert call("runs", "active", "--json") == (0, "[]\n", "")
     assert call("runs", "stop", "--all") == (0, "No run is active.\n", "")
     assert call("runs", "top")[0] == 2
-    assert (
-        call("runs", "stop", "nobody")[2]
-        == "nobody: expected the id or folder of one flight that goes on, found none.\n"
-    )
+    assert call("runs", "stop", "nobody")[2] == "No single active run has the id or folder nobody; active runs: none.\n"
     assert call("runs", "top", "--every", "never")[0] == 2
     assert call("runs", "stop", "x", "--all")[0] == 2

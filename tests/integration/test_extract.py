@@ -230,7 +230,7 @@ def test_what_cannot_be_written_is_reported(flown, tmp_path, capsys, monkeypatch
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "notes.txt").write_text("mine")
     assert main(["extract", str(flown), "--to", "mcap", "--out", str(tmp_path / "full")]) == 2
-    assert "expected a new folder or an empty one, was one with files" in capsys.readouterr().err
+    assert "Choose a new or empty folder" in capsys.readouterr().err
     monkeypatch.setitem(__import__("sys").modules, "rosbags.typesys", None)
     from gslcosim.data.export.ros_types import ros_types
 

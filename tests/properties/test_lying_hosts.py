@@ -178,12 +178,12 @@ def test_what_is_wrong_is_named(host, lie, expected):
 
 
 def test_a_run_of_that_name_is_not_written_over(host):
-    with pytest.raises(UsageError, match="--runs-dir: expected no other earlier there, found one"):
+    with pytest.raises(UsageError, match="The folder of --runs-dir already has another earlier"):
         join_with(host, {**host.offer, "run_id": "earlier"})
 
 
 def test_a_finished_run_is_not_taken_for_the_shared_one(host):
-    with pytest.raises(UsageError, match="expected no other earlier there"):
+    with pytest.raises(UsageError, match="already has another earlier"):
         join_with(host, {**host.offer, "run_id": "earlier"}, run_dir=str(host.here / "runs" / "earlier"))
 
 

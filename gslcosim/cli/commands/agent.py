@@ -15,24 +15,24 @@ DEFAULT_TIMEOUT_S = 30.0
 
 
 def _add_check_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("words", nargs="+", metavar="COMMAND", help="the command that starts the agent, after --")
+    parser.add_argument("words", nargs="+", metavar="COMMAND", help="command that starts the agent, after --")
     parser.add_argument(
         "--door",
         choices=("zenoh", "stdio", "tcp", "unix"),
         default="zenoh",
-        help="how the agent joins: over Zenoh, or through the gateway over stdio, tcp or unix (default: zenoh)",
+        help="transport: Zenoh, or the gateway over stdio, tcp or unix (default: zenoh)",
     )
     parser.add_argument(
         "--format",
         choices=("msgpack", "json"),
         default="msgpack",
-        help="the format of frames through the gateway (default: msgpack)",
+        help="frames of the gateway (default: msgpack)",
     )
     parser.add_argument(
         "--observations",
         choices=("all", "asked"),
         default="all",
-        help="send all observations through the gateway, or only those that await a command (default: all)",
+        help=("observations to send through the gateway: all, or only those that require a command (default: all)"),
     )
     parser.add_argument(
         "--timeout",
@@ -82,12 +82,12 @@ def _seconds(text: str) -> float:
 
 COMMAND = CommandFamily(
     name="agent",
-    summary="check an agent in any language against the contract, or begin a new one",
+    summary="check an agent in any language against the contract, or create one",
     examples=EXAMPLES,
     parts=(
         Command(
             name="check",
-            summary="play scripted sessions with an agent and judge every rule of the contract",
+            summary="run scripted sessions with an agent and check every rule of the contract",
             examples="  gslcosim agent check -- python my_agent/agent.py\n"
             "  gslcosim agent check --door stdio --format json -- ./my-agent --verbose",
             add_arguments=_add_check_arguments,
@@ -95,7 +95,7 @@ COMMAND = CommandFamily(
         ),
         Command(
             name="new",
-            summary="write a working agent to begin with",
+            summary="create a working agent",
             examples="  gslcosim agent new python my_agent",
             add_arguments=add_template_arguments(
                 "python, or another language that has a template", "the agent's name, such as my_agent"

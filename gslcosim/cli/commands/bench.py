@@ -31,13 +31,12 @@ RESULTS_DIR = Path("results")
 def _add_suite(parser: argparse.ArgumentParser) -> None:
     add_json_option(parser)
     parser.add_argument("suite", metavar="SUITE", help="a suite file, or the name of a bundled suite")
-    parser.add_argument("--seed", type=parse_whole_number, metavar="N", help="replace the suite's seed")
+    parser.add_argument("--seed", type=parse_whole_number, metavar="N", help="replace the seed of the suite")
     _add_selection(parser)
     parser.add_argument(
         "--shard",
         metavar="I/N",
-        help="only the I-th of N parts of equal size, for queues and machines that share nothing; bench merge puts "
-        "them together",
+        help=("only the I-th of N equal parts, for queues and machines that share nothing; bench merge combines them"),
     )
 
 
@@ -48,32 +47,34 @@ def _add_run_arguments(parser: argparse.ArgumentParser) -> None:
         "--results",
         type=Path,
         metavar="DIR",
-        help="where results go (default: results/NAME; of a shard, results/NAME-I-of-N)",
+        help="results folder (default: results/NAME; for a shard, results/NAME-I-of-N)",
     )
-    parser.add_argument("--retry", action="store_true", help="fly trials without a result again")
-    parser.add_argument("--no-report", action="store_true", help="make no report at the end")
+    parser.add_argument("--retry", action="store_true", help="run trials without a result again")
+    parser.add_argument("--no-report", action="store_true", help="write no report")
 
 
 def _add_report_arguments(parser: argparse.ArgumentParser) -> None:
     _add_results(parser)
-    parser.add_argument("--figures", action="store_true", help="write figures as SVG and PDF too, for papers")
+    parser.add_argument("--figures", action="store_true", help="also write figures as SVG and PDF")
 
 
 def _add_show_arguments(parser: argparse.ArgumentParser) -> None:
     _add_results(parser)
-    parser.add_argument("--trial", required=True, metavar="ID", help="the trial's id, or the beginning of it")
+    parser.add_argument("--trial", required=True, metavar="ID", help="id of the trial, or its beginning")
     _add_trusted(parser)
     parser.add_argument("--no-view", action="store_true", help="do not open the recording")
 
 
 def _add_verify_arguments(parser: argparse.ArgumentParser) -> None:
     _add_results(parser)
-    parser.add_argument("--sample", type=parse_positive_number, default=20, metavar="N", help="how many (default: 20)")
+    parser.add_argument(
+        "--sample", type=parse_positive_number, default=20, metavar="N", help="number of trials (default: 20)"
+    )
     parser.add_argument(
         "--seed",
         type=parse_whole_number,
         metavar="N",
-        help="of the lot (default: a new one, which nobody knows before)",
+        help="seed of the sample (default: a new one)",
     )
     _add_trusted(parser)
     add_worker_arguments(parser)
@@ -82,15 +83,15 @@ def _add_verify_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_merge_arguments(parser: argparse.ArgumentParser) -> None:
     add_json_option(parser)
     parser.add_argument("results", nargs="+", type=Path, metavar="FOLDER", help="folders of bench run --shard I/N")
-    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="where the merged results go")
-    parser.add_argument("--partial", action="store_true", help="merge what there is, even if shards or trials miss")
-    parser.add_argument("--no-report", action="store_true", help="make no report at the end")
+    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="folder of the merged results")
+    parser.add_argument("--partial", action="store_true", help="merge even if shards or trials are missing")
+    parser.add_argument("--no-report", action="store_true", help="write no report")
 
 
 def _add_rank_arguments(parser: argparse.ArgumentParser) -> None:
     add_json_option(parser)
-    parser.add_argument("results", nargs="+", type=Path, metavar="RESULTS", help="folders of results of one suite")
-    parser.add_argument("--sandboxed", action="store_true", help="refuse flights whose agents were not in a sandbox")
+    parser.add_argument("results", nargs="+", type=Path, metavar="RESULTS", help="results folders of one suite")
+    parser.add_argument("--sandboxed", action="store_true", help="refuse runs whose agents had no sandbox")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write merged results, with a report, to this folder")
 
 
@@ -98,8 +99,10 @@ def _add_trusted(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--trusted",
         action="store_true",
-        help="start programs of the results as their suite says, in this program's own processes where they are Python "
-        "(default: all in a sandbox)",
+        help=(
+            "start programs as the suite says, and Python agents in processes of this command "
+            "(default: all in a sandbox)"
+        ),
     )
 
 
@@ -109,17 +112,19 @@ def _add_selection(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="KEY=PATTERN",
-        help="only trials whose entry, scenario, family, case, repetition, control (yes, no) or trial is like this, "
-        "for example entry=e_coli,surge_*; as often as needed",
+        help=(
+            "only trials with this entry, scenario, family, case, repetition, control (yes, no) or "
+            "trial, for example entry=e_coli,surge_*; repeatable"
+        ),
     )
     parser.add_argument(
-        "--filter", metavar="TEXT", help="only cases with this text in their name, or like this pattern"
+        "--filter", metavar="TEXT", help="only cases whose name contains this text or matches this pattern"
     )
 
 
 def _add_results(parser: argparse.ArgumentParser) -> None:
     add_json_option(parser)
-    parser.add_argument("results", type=Path, metavar="RESULTS", help="a folder of results, for example results/smoke")
+    parser.add_argument("results", type=Path, metavar="RESULTS", help="a results folder, for example results/smoke")
 
 
 def _list(arguments: argparse.Namespace) -> int:
@@ -310,7 +315,7 @@ def _planned(arguments: argparse.Namespace, *, is_quiet: bool) -> "tuple[LoadedS
 
 COMMAND = CommandFamily(
     name="bench",
-    summary="fly suites of many trials, with statistics and a report that says how sure it is",
+    summary="run suites of many trials, with statistics and a report",
     examples=EXAMPLES,
     is_computing=True,
     parts=(
@@ -323,14 +328,14 @@ COMMAND = CommandFamily(
         ),
         Command(
             name="plan",
-            summary="say what a suite would fly, and how long that would take, without flying",
+            summary="print the runs of a suite and their estimated duration",
             examples="  gslcosim bench plan gsl_bench_2023\n  gslcosim bench plan my_suite.yaml --json",
             add_arguments=_add_suite,
             run=_plan,
         ),
         Command(
             name="run",
-            summary="fly a suite; the same command goes on where it stopped",
+            summary="run a suite; repeat the command to resume",
             examples="  gslcosim bench run smoke\n"
             "  gslcosim bench run my_suite.yaml --jobs 4 --results results/mine\n"
             "  gslcosim bench run methods --only entry=surge_cast --filter meander\n"
@@ -341,7 +346,7 @@ COMMAND = CommandFamily(
         ),
         Command(
             name="merge",
-            summary="merge the shards of a suite into the results that one run of it would have left",
+            summary="merge the shards of a suite into one set of results",
             examples="  gslcosim bench merge results/smoke-1-of-2 results/smoke-2-of-2 --out results/smoke\n"
             "  gslcosim bench merge shards/* --out results/mine --partial",
             add_arguments=_add_merge_arguments,
@@ -349,21 +354,21 @@ COMMAND = CommandFamily(
         ),
         Command(
             name="report",
-            summary="make report, tables and leaderboard of results",
+            summary="regenerate report, tables and leaderboard",
             examples="  gslcosim bench report results/smoke\n  gslcosim bench report results/smoke --figures",
             add_arguments=_add_report_arguments,
             run=_report,
         ),
         Command(
             name="show",
-            summary="fly a trial again, check that it comes out the same, and open its recording",
+            summary="repeat a trial, check that it is equal, and open its recording",
             examples="  gslcosim bench show results/smoke --trial b89dbc2f",
             add_arguments=_add_show_arguments,
             run=_show,
         ),
         Command(
             name="verify",
-            summary="fly a sample of the trials again and compare all figures with the rows",
+            summary="repeat a sample of the trials and compare all figures",
             examples="  gslcosim bench verify results/smoke --sample 5\n"
             "  gslcosim bench verify submissions/delft --seed 7",
             add_arguments=_add_verify_arguments,

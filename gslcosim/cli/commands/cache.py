@@ -33,16 +33,16 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         metavar="KIND",
         default=[],
-        help="only room, tape, kernels, files or program, as often as needed",
+        help="only room, tape, kernels, files or program; repeatable",
     )
-    parser.add_argument("--sort", choices=("age", "size"), default="age", help="used last, or largest, first")
-    parser.add_argument("--limit", type=parse_positive_number, metavar="N", help="show the first N entries only")
-    parser.add_argument("--older-than", metavar="AGE", help="with free: what was unused for so long: 12h, 30d, 8w")
+    parser.add_argument("--sort", choices=("age", "size"), default="age", help="most recently used, or largest, first")
+    parser.add_argument("--limit", type=parse_positive_number, metavar="N", help="show only the first N entries")
+    parser.add_argument("--older-than", metavar="AGE", help="with free: entries unused for this long: 12h, 30d, 8w")
     parser.add_argument(
-        "--keep", metavar="SIZE", help="with free: what was unused for longest, until no more than SIZE is left: 1GB"
+        "--keep", metavar="SIZE", help="with free: least recently used entries, until at most SIZE is left: 1GB"
     )
-    parser.add_argument("--all", action="store_true", help="with free: everything that is not in use")
-    parser.add_argument("--yes", action="store_true", help="with free: remove it, not only say what")
+    parser.add_argument("--all", action="store_true", help="with free: all entries that are not in use")
+    parser.add_argument("--yes", action="store_true", help="with free: remove them instead of only listing them")
     add_json_option(parser)
 
 
@@ -179,7 +179,7 @@ def _size(size_bytes: float) -> str:
 
 COMMAND = Command(
     name="cache",
-    summary="list what the cache holds, rooms, tapes of gas and compiled kernels, by size and last use; free room",
+    summary="list the cache (rooms, gas tapes, compiled kernels) by size and last use; free space",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

@@ -59,7 +59,7 @@ _KINSHIPS = {
 
 COMMAND = Command(
     name="compare",
-    summary="say whether two runs are equal, or the first tick, participant and port at which they differ",
+    summary="compare two runs: equal, or the first tick, participant and port that differ",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

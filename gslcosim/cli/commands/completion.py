@@ -180,7 +180,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 COMMAND = Command(
     name="completion",
-    summary="print the script that lets a shell complete commands, options, scenarios, suites, methods and runs",
+    summary=("print the script for completion of commands, options, scenarios, suites, methods and runs"),
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

@@ -20,15 +20,17 @@ GADEN_WINDS = ("components", "components_text", "points", "iterations")
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("source", metavar="ENV", help="an environment folder of ours, or a scenario")
+    parser.add_argument("source", metavar="ENV", help="an environment folder, or a scenario")
     parser.add_argument("--to", choices=FORMATS, required=True, help="the format")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="a new or empty folder for the files")
     parser.add_argument(
         "--gaden-wind",
         choices=GADEN_WINDS,
         default="components",
-        help="GADEN's wind: files of its simulator, binary (the default) or text, points for its preprocessing, or "
-        "iterations as in its results",
+        help=(
+            "form of GADEN's wind: files of its simulator, binary (default) or text, points for "
+            "its preprocessing, or iterations as in its results"
+        ),
     )
     add_json_option(parser)
 
@@ -66,7 +68,7 @@ def _environment_of(source: str) -> "Environment":
 COMMAND = Command(
     name="export",
     old_name="export",
-    summary="write an environment in the format of GADEN, GSL-Bench, VTK, NetCDF, Zarr, STL, OpenFOAM points or MJCF",
+    summary=("export an environment as GADEN, GSL-Bench, VTK, NetCDF, Zarr, STL, OpenFOAM points or MJCF"),
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

@@ -21,20 +21,22 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "run",
         nargs="?",
         metavar="RUN",
-        help="the run's folder, its recording, its id or the beginning of it (default: the newest)",
+        help="a run: folder, recording, or id or its beginning (default: the newest)",
     )
     parser.add_argument(
         "--to",
         choices=FORMATS,
         required=True,
-        help="parquet or csv: a table for each stream and a dictionary of columns; netcdf or zarr: gas and wind on "
-        "their grids (extra xarray); mcap or rosbag2: messages of ROS 2 (extra ros)",
+        help=(
+            "parquet or csv: a table per stream and a dictionary of columns; netcdf or zarr: gas "
+            "and wind on their grids (extra xarray); mcap or rosbag2: ROS 2 messages (extra ros)"
+        ),
     )
     parser.add_argument(
         "--out",
         type=Path,
         metavar="DIR",
-        help="a new or empty folder for the files (default: the run's id and the format, here)",
+        help="a new or empty folder for the files (default: named after run and format)",
     )
     add_runs_dir_option(parser)
     add_json_option(parser)
@@ -61,7 +63,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 COMMAND = Command(
     name="extract",
-    summary="write a run as tables (Parquet, CSV), grids (NetCDF, Zarr) or messages of ROS 2 (MCAP, rosbag2)",
+    summary=("export a run as tables (Parquet, CSV), grids (NetCDF, Zarr) or ROS 2 messages (MCAP, rosbag2)"),
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

@@ -18,19 +18,19 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "runs",
         nargs="*",
         metavar="RUN",
-        help="a run's folder, its recording, its id or the beginning of it (default: the newest); several become tiles",
+        help=("a run: folder, recording, or id or its beginning (default: the newest); several become tiles"),
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="the film: .mp4, .gif or .webp")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="output file: .mp4, .gif or .webp")
     parser.add_argument(
-        "--speed", type=_speed, default=8.0, metavar="X", help="simulated seconds in a second of film (default: 8)"
+        "--speed", type=_speed, default=8.0, metavar="X", help="simulated seconds per second of film (default: 8)"
     )
-    parser.add_argument("--from", type=float, dest="from_s", metavar="S", help="simulated time at which it begins")
-    parser.add_argument("--to", type=float, dest="to_s", metavar="S", help="simulated time at which it ends")
+    parser.add_argument("--from", type=float, dest="from_s", metavar="S", help="simulated time of the start")
+    parser.add_argument("--to", type=float, dest="to_s", metavar="S", help="simulated time of the end")
     parser.add_argument(
-        "--size", type=_size, default=(1280, 720), metavar="WxH", help="its size in pixels (default: 1280x720)"
+        "--size", type=_size, default=(1280, 720), metavar="WxH", help="size in pixels (default: 1280x720)"
     )
-    parser.add_argument("--follow", metavar="AGENT", help="whose vehicle is seen in the room (default: the first)")
-    parser.add_argument("--plan-only", action="store_true", help="show the plan alone; needs neither EGL nor OSMesa")
+    parser.add_argument("--follow", metavar="AGENT", help="agent of the room view (default: the first)")
+    parser.add_argument("--plan-only", action="store_true", help="render only the plan; needs neither EGL nor OSMesa")
     add_runs_dir_option(parser)
     add_json_option(parser)
 
@@ -84,7 +84,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 COMMAND = Command(
     name="film",
-    summary="make a film of a run: plan, vehicle in its room, readings; of several runs tiles",
+    summary="render a film of a run (plan, room view, readings), or tiles of several",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

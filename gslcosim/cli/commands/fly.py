@@ -29,15 +29,15 @@ _ANSWER_WITHIN_S = 86_400
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scenario_arguments(parser)
-    parser.add_argument("--agent", metavar="NAME", help="in whose place you fly (default: the scenario's first)")
-    parser.add_argument("--name", default="human", help="what your method is called in lists and tables")
+    parser.add_argument("--agent", metavar="NAME", help="agent that you replace (default: the first of the scenario)")
+    parser.add_argument("--name", default="human", help="name of your method in lists and tables")
     add_pace_option(parser, default=f"{USUAL_PACE}; with --asked as fast as it goes")
     parser.add_argument(
-        "--asked", action="store_true", help="time waits for you wherever an agent is asked: play turn by turn"
+        "--asked", action="store_true", help="simulated time waits for you whenever an agent would decide"
     )
-    parser.add_argument("--step", type=float, default=1.0, metavar="M", help="how far a key goes (default: 1)")
+    parser.add_argument("--step", type=float, default=1.0, metavar="M", help="distance of a key press (default: 1)")
     parser.add_argument(
-        "--processes", choices=("separate", "grouped", "one"), help="as for up (default: what the scenario says)"
+        "--processes", choices=("separate", "grouped", "one"), help="as for up (default: from the scenario)"
     )
     add_runs_dir_option(parser)
     add_json_option(parser)
@@ -139,7 +139,7 @@ def _with_a_person(arguments: argparse.Namespace) -> "tuple[LoadedScenario, str]
 
 COMMAND = Command(
     name="fly",
-    summary="search yourself: with the keyboard, in a terminal, seeing what an agent sees and nothing else",
+    summary="control a vehicle yourself with the keyboard; you see only what an agent receives",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

@@ -26,42 +26,45 @@ _NAMED = re.compile(r"([A-Za-z_]\w*)=(.+)", re.DOTALL)
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("run", metavar="RUN", help="a run: its folder or its id")
+    parser.add_argument("run", metavar="RUN", help="a run: folder or id")
     parser.add_argument(
         "--at",
         type=float,
         metavar="S",
         required=True,
         dest="at_s",
-        help="the simulated time from which on agents' own answers count",
+        help="simulated time of the fork",
     )
     parser.add_argument(
         "--agent",
         action="append",
         default=[],
         metavar="[NAME=]AGENT",
-        help="another agent from there on: a bundled one, a Python file, a command line, or a block like start in a "
-        "scenario; NAME says which where there are several; it begins without parameters",
+        help=(
+            "new agent from there on: a bundled one, a Python file, a command line, or a block "
+            "like start in a scenario; NAME selects one of several agents; it starts without "
+            "parameters"
+        ),
     )
     parser.add_argument(
         "--set",
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="replace one value that the past does not depend on, for example agents[0].parameters.step_m=2",
+        help=("replace one value that does not affect the past, for example agents[0].parameters.step_m=2"),
     )
     parser.add_argument(
-        "--from-start", action="store_true", help="repeat the whole past, also where the run has a snapshot of it"
+        "--from-start", action="store_true", help="repeat the whole past, even if the run has a snapshot of it"
     )
     parser.add_argument(
         "--event",
         action="append",
         default=[],
         metavar="EVENT",
-        help="something more that happens after the fork, a block as in events of a scenario, as often as needed",
+        help="additional event after the fork, a block as in events of a scenario; repeatable",
     )
     parser.add_argument(
-        "--processes", choices=("separate", "grouped", "one"), help="as for up (default: as the run's scenario says)"
+        "--processes", choices=("separate", "grouped", "one"), help="as for up (default: from the scenario of the run)"
     )
     parser.add_argument(
         "--in-process", action="store_const", const="one", dest="processes", help="the same as --processes one"
@@ -187,7 +190,7 @@ def _start_block(program: str) -> str:
 COMMAND = Command(
     name="fork",
     is_computing=True,
-    summary="repeat a run up to some time, and go on from there with another agent, parameters or seed",
+    summary="repeat a run up to a time and continue with another agent, parameters or seed",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

@@ -33,32 +33,36 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=Path,
         metavar="DIR",
-        help="the environment's folder, or that of all (default: environments/NAME)",
+        help="folder of the environment, or of all of them (default: environments/NAME)",
     )
     parser.add_argument(
-        "--count", type=parse_positive_number, default=1, metavar="N", help="how many, each with the next seed"
+        "--count",
+        type=parse_positive_number,
+        default=1,
+        metavar="N",
+        help="number of environments, each with the next seed",
     )
-    parser.add_argument("--jobs", type=parse_positive_number, default=1, metavar="N", help="how many at the same time")
+    parser.add_argument("--jobs", type=parse_positive_number, default=1, metavar="N", help="number of parallel jobs")
     parser.add_argument(
-        "--seed", type=parse_whole_number, metavar="N", help="replace the layout's seed, that of the first"
+        "--seed", type=parse_whole_number, metavar="N", help="replace the seed of the layout, for the first environment"
     )
     parser.add_argument(
         "--set",
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="replace one value, as often as needed, for example wind.cell_m=0.1",
+        help="replace one value, for example wind.cell_m=0.1; repeatable",
     )
     parser.add_argument(
         "--mesh-study",
         type=_cells,
         metavar="M,M,M",
-        help="solve the wind on several meshes instead, and write a table and a plot of winds at some points to DIR",
+        help=("solve the wind on several meshes, and write a table and a plot of winds at the probes to DIR"),
     )
     parser.add_argument(
         "--compare-solvers",
         action="store_true",
-        help="solve the wind by the built-in solver and by OpenFOAM, and say how alike they are; DIR gets both",
+        help=("solve the wind with the built-in solver and with OpenFOAM, compare both, and save both in DIR"),
     )
     parser.add_argument(
         "--probe",
@@ -66,7 +70,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="X,Y,Z",
-        help="where a mesh study looks, as often as needed (default: five places across the room)",
+        help="a probe of the mesh study; repeatable (default: five across the room)",
     )
     add_json_option(parser)
 
@@ -199,7 +203,7 @@ COMMAND = Command(
     name="generate",
     old_name="generate",
     is_computing=True,
-    summary="make environments from a layout: geometry, occupancy, wind, scene and a picture from above",
+    summary=("generate environments from a layout: geometry, occupancy, wind, scene and a picture from above"),
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

@@ -25,20 +25,20 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "source",
         type=Path,
         metavar="FOLDER_OR_FILE",
-        help="a scenario of GADEN or its OccupancyGrid3D.csv, an environment of GSL-Bench or its head file",
+        help="a GADEN scenario or its OccupancyGrid3D.csv, a GSL-Bench environment or its head file",
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="ENV", help="the environment folder to write")
-    parser.add_argument("--from", dest="origin", choices=FORMATS, help="the format (default: by what is there)")
+    parser.add_argument("--out", type=Path, required=True, metavar="ENV", help="environment folder to write")
+    parser.add_argument("--from", dest="origin", choices=FORMATS, help="format (default: detected)")
     parser.add_argument(
         "--wind",
         type=Path,
         metavar="PATH",
-        help="a file, folder or series of wind (default: what lies where the format has it)",
+        help="a file, folder or series of wind (default: the usual place of the format)",
     )
     parser.add_argument(
-        "--period", type=_seconds, metavar="S", help="seconds between frames of wind (default: the format's, or 1)"
+        "--period", type=_seconds, metavar="S", help="seconds between wind frames (default: from the format, or 1)"
     )
-    parser.add_argument("--no-loop", action="store_true", help="let the last frame of wind stay, instead of looping")
+    parser.add_argument("--no-loop", action="store_true", help="hold the last wind frame instead of restarting")
     add_json_option(parser)
 
 
@@ -128,7 +128,7 @@ def _write_summary(arguments: argparse.Namespace, environment: "Environment", no
 COMMAND = Command(
     name="import",
     old_name="import",
-    summary="read a room of GADEN or GSL-Bench, with its wind, into an environment folder of ours",
+    summary="import a room of GADEN or GSL-Bench, with its wind, as an environment folder",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

@@ -14,19 +14,19 @@ _BAG_ENDINGS = (".bag", ".mcap")
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("log", type=Path, metavar="LOG", help="a .csv, a folder of rosbag2, a .bag or an .mcap")
+    parser.add_argument("log", type=Path, metavar="LOG", help="a .csv, a rosbag2 folder, a .bag or an .mcap")
     parser.add_argument(
         "--scenario",
         required=True,
         metavar="SCENARIO",
-        help="room, source, vehicle and sensors: a scenario file or the name of a bundled one, with one agent",
+        help=("room, source, vehicle and sensors: a scenario file or a bundled scenario, with one agent"),
     )
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", help="replace one value of the scenario"
     )
-    parser.add_argument("--pose", metavar="TOPIC", help="of a bag: the topic that has the pose")
+    parser.add_argument("--pose", metavar="TOPIC", help="for bags: topic of the pose")
     parser.add_argument(
-        "--topic", action="append", default=[], metavar="SENSOR=TOPIC", help="of a bag: the topic of a sensor"
+        "--topic", action="append", default=[], metavar="SENSOR=TOPIC", help="for bags: topic of a sensor"
     )
     add_runs_dir_option(parser)
     add_json_option(parser)
@@ -69,7 +69,7 @@ def _topic(text: str) -> tuple[str, str]:
 COMMAND = Command(
     name="import",
     old_name="import-flight",
-    summary="make a run of the log of a real robot: judged by the referee, recorded with our views",
+    summary="convert the log of a real robot to a run, judged and recorded",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

@@ -23,27 +23,27 @@ AGENT = "agent"
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", type=Path, metavar="JOIN_FILE", help="the join file that gslcosim up has written")
+    parser.add_argument("file", type=Path, metavar="JOIN_FILE", help="join file of gslcosim up")
     parser.add_argument(
         "what",
         nargs="*",
         metavar="SERVICE",
-        help="services to run, in this one process (default: that of the file); or the word agent and a bundled "
-        "agent, a file of Python or a command line",
+        help=(
+            "services to run in this process (default: that of the file); or the word agent and a "
+            "bundled agent, a Python file or a command line"
+        ),
     )
     parser.add_argument(
-        "--wait", type=float, default=0.0, metavar="S", help="wait so many seconds for the join file (default: 0)"
+        "--wait", type=float, default=0.0, metavar="S", help="wait up to S seconds for the join file (default: 0)"
     )
     parser.add_argument(
         "--endpoint",
         metavar="ENDPOINT",
-        help="where the run is reached from here, if not where the join file says, for example tls/10.0.0.7:7447",
+        help=("address of the run from here, if not that of the join file, for example tls/10.0.0.7:7447"),
     )
     parser.add_argument("--tls-certificate", type=Path, metavar="FILE", help="PEM certificate of this host")
     parser.add_argument("--tls-key", type=Path, metavar="FILE", help="PEM private key of the certificate")
-    parser.add_argument(
-        "--trusted", action="store_true", help="start the programs that the run's scenario names for its own models"
-    )
+    parser.add_argument("--trusted", action="store_true", help="allow programs of the run's scenario to start here")
     parser.add_argument("--quiet", action="store_true", help="print errors only")
     add_runs_dir_option(parser)
     add_json_option(parser)
@@ -114,7 +114,7 @@ def _ignore_progress(text: str) -> None:
 
 COMMAND = Command(
     name="join",
-    summary="take part in a run that is flown on another host: as some of its services, or as an agent",
+    summary="join a run on another host, as some of its services or as an agent",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

@@ -29,9 +29,9 @@ _HEADINGS = ("participant", "state", "tick", "ticks/s", "busy", "queued", "memor
 
 def _add_top_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("run", nargs="?", metavar="RUN", help=_RUN_HELP)
-    parser.add_argument("--once", action="store_true", help="look for one interval, and end")
+    parser.add_argument("--once", action="store_true", help="observe one interval and end")
     parser.add_argument(
-        "--every", type=_interval_s, default=1.0, metavar="S", help="look again after so many seconds (default: 1)"
+        "--every", type=_interval_s, default=1.0, metavar="S", help="update every S seconds (default: 1)"
     )
     add_json_option(parser)
 
@@ -187,7 +187,7 @@ def _stop(arguments: argparse.Namespace) -> int:
 ACTIVE = Command(
     name="active",
     old_name="ps",
-    summary="list the runs that are active",
+    summary="list active runs",
     examples=ACTIVE_EXAMPLES,
     add_arguments=add_json_option,
     run=_list,
@@ -203,7 +203,7 @@ TOP = Command(
 STOP = Command(
     name="stop",
     old_name="stop",
-    summary="end an active run, in order, as Ctrl-C does",
+    summary="end an active run in order, like Ctrl-C",
     examples=STOP_EXAMPLES,
     add_arguments=_add_stop_arguments,
     run=_stop,

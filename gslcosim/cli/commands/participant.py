@@ -16,19 +16,17 @@ DEFAULT_TIMEOUT_S = 10.0
 
 
 def _add_check_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("words", nargs="+", metavar="COMMAND", help="the command that starts the program, after --")
+    parser.add_argument("words", nargs="+", metavar="COMMAND", help="command that starts the program, after --")
     parser.add_argument(
         "--door",
         choices=("stdio", "tcp", "unix"),
         default="stdio",
-        help="how the program joins the gateway (default: stdio)",
+        help="transport of the gateway (default: stdio)",
     )
     parser.add_argument(
-        "--format", choices=("msgpack", "json"), default="msgpack", help="the format of frames (default: msgpack)"
+        "--format", choices=("msgpack", "json"), default="msgpack", help="frames of the gateway (default: msgpack)"
     )
-    parser.add_argument(
-        "--parameters", default="{}", metavar="YAML", help="settings that its briefing hands to it, as in a scenario"
-    )
+    parser.add_argument("--parameters", default="{}", metavar="YAML", help="settings in its briefing, as in a scenario")
     parser.add_argument(
         "--timeout",
         type=float,
@@ -86,7 +84,7 @@ COMMAND = CommandFamily(
     parts=(
         Command(
             name="check",
-            summary="play scripted sessions with a program and judge every rule of the contract",
+            summary="run scripted sessions with a program and check every rule of the contract",
             examples="  gslcosim participant check -- ./my_model\n"
             "  gslcosim participant check --format json --parameters '{above_ppm: 0.5}' -- python3 my_model.py",
             add_arguments=_add_check_arguments,
@@ -94,7 +92,7 @@ COMMAND = CommandFamily(
         ),
         Command(
             name="new",
-            summary="write a working program to begin with",
+            summary="create a working program",
             examples="  gslcosim participant new c my_model",
             add_arguments=add_template_arguments("c, python or rust", "the participant's name, such as my_model"),
             run=_new,

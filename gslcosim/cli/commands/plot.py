@@ -17,7 +17,7 @@ FIGURES = ("track", "distance", "gas", "track_3d", "wind", "gas_section", "belie
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "runs", nargs="+", metavar="RUN", help="runs: folders, or ids or the beginning of them; or a folder of results"
+        "runs", nargs="+", metavar="RUN", help="runs: folders, or ids or their beginnings; or a results folder"
     )
     parser.add_argument(
         "--figure",
@@ -25,11 +25,11 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"which, separated by commas: {', '.join(FIGURES)} (default: all that there are data for)",
     )
     parser.add_argument(
-        "--out", type=Path, default=Path("figures"), metavar="DIR", help="where to write them (default: figures)"
+        "--out", type=Path, default=Path("figures"), metavar="DIR", help="output folder (default: figures)"
     )
     parser.add_argument("--format", default="pdf", metavar="KINDS", help="pdf, svg, png, or several (default: pdf)")
     parser.add_argument(
-        "--columns", type=int, choices=(1, 2), default=1, help="how many columns of a paper they span (default: 1)"
+        "--columns", type=int, choices=(1, 2), default=1, help="width in columns of a paper (default: 1)"
     )
     add_runs_dir_option(parser)
     add_json_option(parser)

@@ -18,21 +18,21 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         required=True,
         metavar="FOLDER",
-        help="a folder of measured data: one set, or a folder for each (docs/measured-data.md has the formats)",
+        help=("folder of measured data: one set, or a folder per set (docs/measured-data.md has the formats)"),
     )
     parser.add_argument(
         "--only",
         action="append",
         default=[],
         metavar="CASE",
-        help="run this case alone, as often as needed (default: all for which there is data)",
+        help="run only this case; repeatable (default: all cases with data)",
     )
-    parser.add_argument("--quick", action="store_true", help="coarser and sooner, for a first look")
+    parser.add_argument("--quick", action="store_true", help="coarse and fast, for a first look")
     parser.add_argument(
         "--out",
         type=Path,
         metavar="DIR",
-        help="write DIR/reality.md with figures; results of other cases that are there stay",
+        help="write DIR/reality.md with figures; existing results of other cases stay",
     )
     add_json_option(parser)
 
@@ -79,7 +79,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 COMMAND = Command(
     name="reality",
-    summary="run wind, plumes, sensors and estimates beside measurements; a table of goals and misses",
+    summary="compare wind, plumes, sensors and estimates with measurements",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

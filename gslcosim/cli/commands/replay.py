@@ -11,24 +11,20 @@ EXAMPLES = """  gslcosim replay runs/warehouse_empty-seed7-20250101T120000-abc12
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("run", metavar="RUN", nargs="?", help="a run: its folder or its id (default: the newest)")
-    parser.add_argument(
-        "--gas-every", type=float, metavar="S", help="record the gas every so many seconds of simulated time"
-    )
-    parser.add_argument(
-        "--slice-cell", type=float, metavar="M", help="record slices of the gas with cells of so many metres"
-    )
+    parser.add_argument("run", metavar="RUN", nargs="?", help="a run: folder or id (default: the newest)")
+    parser.add_argument("--gas-every", type=float, metavar="S", help="record the gas every S seconds of simulated time")
+    parser.add_argument("--slice-cell", type=float, metavar="M", help="record gas slices with cells of M metres")
     parser.add_argument("--from", type=float, metavar="S", dest="from_s", help="record from this simulated time on")
     parser.add_argument("--to", type=float, metavar="S", dest="to_s", help="record up to this simulated time")
-    parser.add_argument("--no-recording", action="store_true", help="only fly and compare")
+    parser.add_argument("--no-recording", action="store_true", help="only repeat and compare")
     parser.add_argument("--until", type=float, metavar="S", help="end at this simulated time")
     parser.add_argument(
-        "--snapshots-every", type=float, metavar="S", help="take snapshots, for forks, every so many simulated seconds"
+        "--snapshots-every", type=float, metavar="S", help="take snapshots, for forks, every S simulated seconds"
     )
     parser.add_argument(
-        "--from-start", action="store_true", help="fly the whole run, also where it has a snapshot before --from"
+        "--from-start", action="store_true", help="repeat the whole run, even if it has a snapshot before --from"
     )
-    parser.add_argument("--quiet", action="store_true", help="print errors and what differs only")
+    parser.add_argument("--quiet", action="store_true", help="print only errors and differences")
     add_runs_dir_option(parser)
     add_json_option(parser)
 
@@ -92,7 +88,7 @@ def _recording(arguments: argparse.Namespace) -> dict[str, float | bool]:
 COMMAND = Command(
     name="replay",
     is_computing=True,
-    summary="fly a run again from its inputs, without its agents, compare it to the bit, and record it anew",
+    summary=("repeat a run from its inputs, without its agents; compare it to the bit and record it again"),
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

@@ -155,8 +155,11 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "words",
         nargs="*",
         metavar="FOLDER",
-        help="folders of runs, runs, or results of gslcosim bench (default: runs); before them 'remove' to remove "
-        "those that --where chooses, or 'repair' to make the recordings of killed runs whole",
+        help=(
+            "folders of runs, runs, or results of gslcosim bench (default: runs); start with "
+            "'remove' to remove those of --where, or with 'repair' to complete the recordings of "
+            "killed runs"
+        ),
     )
     parser.add_argument(
         "--where",
@@ -167,10 +170,10 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "* and ?; columns: " + ", ".join(COLUMNS),
     )
     parser.add_argument(
-        "--sort", default="age", metavar="COLUMN", help="sort by a column, -COLUMN: largest first (default: age)"
+        "--sort", default="age", metavar="COLUMN", help="sort by a column; -COLUMN for descending order (default: age)"
     )
-    parser.add_argument("--limit", type=parse_positive_number, metavar="N", help="show the first N only")
-    parser.add_argument("--yes", action="store_true", help="with remove: remove them, not only say which")
+    parser.add_argument("--limit", type=parse_positive_number, metavar="N", help="show only the first N")
+    parser.add_argument("--yes", action="store_true", help="with remove: remove them instead of only listing them")
     add_json_option(parser)
 
 
@@ -296,7 +299,7 @@ def _repair(rows: Sequence[Mapping[str, Any]], arguments: argparse.Namespace) ->
 
 COMMAND = Command(
     name="list",
-    summary="list the runs of folders: scenario, method, outcome, time, size; filter, sort, remove or repair them",
+    summary=("list runs with scenario, method, outcome, time and size; filter, sort, remove or repair them"),
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

@@ -33,10 +33,10 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "source",
         metavar="ENV_OR_RUN",
-        help="an environment folder of ours or of GSL-Bench, a result folder of GADEN, a run, or a scenario",
+        help=("an environment folder, a GSL-Bench environment, a GADEN result folder, a run, or a scenario"),
     )
     when = parser.add_mutually_exclusive_group(required=True)
-    when.add_argument("--time", type=_seconds, metavar="T", help="time in seconds; in a run since its start")
+    when.add_argument("--time", type=_seconds, metavar="T", help="time in seconds; in a run, since its start")
     when.add_argument(
         "--frame", type=parse_whole_number, metavar="N", help="number of a stored frame; in a run, of a tick"
     )
@@ -46,21 +46,19 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--grid", type=_length, metavar="M", help="all points (i + 0.5) * M in the room, for example 0.25"
     )
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="a csv file; with --grid csv or npz")
-    parser.add_argument("--quantity", choices=("gas", "wind"), default="gas", help="what to sample (default: gas)")
-    parser.add_argument("--gas", metavar="NAME", help="which gas of a run (default: the one that is searched for)")
+    parser.add_argument("--quantity", choices=("gas", "wind"), default="gas", help="quantity (default: gas)")
+    parser.add_argument("--gas", metavar="NAME", help="gas of a run (default: the gas to find)")
     parser.add_argument(
         "--cutoff-sigma",
         type=_length,
         metavar="S",
-        help="how far a filament is seen, in sigma (default: the model's, 5)",
+        help="range of a filament in sigma (default: that of the model, 5)",
     )
-    parser.add_argument(
-        "--no-line-of-sight", action="store_true", help="see gas through walls; otherwise walls hide it"
-    )
+    parser.add_argument("--no-line-of-sight", action="store_true", help="include gas behind walls")
     parser.add_argument(
         "--period", type=_length, metavar="S", help="seconds between stored frames (default: GSL-Bench 1, GADEN 0.5)"
     )
-    parser.add_argument("--scenario", metavar="SCENARIO", help="whose gas to release in an environment folder of ours")
+    parser.add_argument("--scenario", metavar="SCENARIO", help="scenario whose gas to release in an environment folder")
     add_runs_dir_option(parser)
     add_json_option(parser)
 

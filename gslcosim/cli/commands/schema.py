@@ -19,11 +19,13 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "action",
         choices=["export", "files"],
         metavar="export|files",
-        help="write the files of the contract; or the JSON Schemas by which editors complete and check scenarios, "
-        "suites, method cards, families and train files",
+        help=(
+            "write the files of the contract, or the JSON Schemas with which editors complete and "
+            "check scenarios, suites, method cards, families and train files"
+        ),
     )
     parser.add_argument(
-        "directory", nargs="?", type=Path, metavar="DIR", help="where to (default: contract; for files: schemas)"
+        "directory", nargs="?", type=Path, metavar="DIR", help="output folder (default: contract; for files: schemas)"
     )
     add_json_option(parser)
 
@@ -82,7 +84,7 @@ def _copy_contract(folder: Path) -> list[str]:
 
 COMMAND = Command(
     name="schema",
-    summary="write the contract: JSON Schemas, AsyncAPI and golden vectors; or the schemas of files for editors",
+    summary=("write the contract (JSON Schemas, AsyncAPI, golden vectors), or schemas of files for editors"),
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

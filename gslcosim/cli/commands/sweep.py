@@ -24,15 +24,15 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         required=True,
         metavar="PARAMETER=VALUES",
-        help="values of a parameter, for example step_m=0.2,0.5,1.0; as often as needed: all combinations are flown",
+        help=("values of a parameter, for example step_m=0.2,0.5,1.0; repeatable: runs all combinations"),
     )
     parser.add_argument(
         "--repetitions",
         type=parse_positive_number,
         metavar="N",
-        help="flights of each case and setting (default: the suite's; 10 for a scenario)",
+        help="runs per case and setting (default: from the suite; 10 for a scenario)",
     )
-    parser.add_argument("--seed", type=parse_whole_number, metavar="N", help="replace the suite's seed")
+    parser.add_argument("--seed", type=parse_whole_number, metavar="N", help="replace the seed of the suite")
     add_json_option(parser)
 
 
@@ -62,7 +62,7 @@ def _run(arguments: argparse.Namespace) -> int:
             report=report,
         ).fly()
     if summary.is_interrupted:
-        write_note(f"Interrupted after {summary.n_flown} flights. The same command goes on.")
+        write_note(f"Interrupted after {summary.n_flown} runs. Repeat the command to resume.")
         return ExitCode.INTERRUPTED
     ids = {trial.id for trial in plan.trials}
     sweep = sweeper.sweep([row for row in folder.rows() if row["trial"] in ids])
@@ -80,7 +80,7 @@ def _run(arguments: argparse.Namespace) -> int:
 COMMAND = Command(
     name="sweep",
     old_name="sweep",
-    summary="fly a method with several values of its parameters, and draw the response curve",
+    summary="run a method with several values of its parameters and draw the response curve",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

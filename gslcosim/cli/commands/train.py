@@ -31,17 +31,17 @@ _REPORTED_FIGURES = (
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", help="a train file, or the name of a bundled one")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="where everything goes (default: trained/NAME)")
-    parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in that folder")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="output folder (default: trained/NAME)")
+    parser.add_argument("--resume", action="store_true", help="resume from the checkpoint in that folder")
     parser.add_argument(
         "--rounds",
         type=parse_positive_number,
         metavar="N",
-        help="at most N rounds now; --resume goes on (default: all)",
+        help="at most N rounds now; continue with --resume (default: all)",
     )
     parser.add_argument(
         "--record", type=parse_whole_number, default=2, metavar="N",
-        help="record flights of the best in the first N cases of validation, below DIR/runs (default: 2)",
+        help=("record runs of the best policy in the first N validation cases, below DIR/runs " "(default: 2)"),
     )  # fmt: skip
     add_json_option(parser)
 
@@ -64,7 +64,7 @@ def _run(arguments: argparse.Namespace) -> int:
             trained = training.train(rounds=arguments.rounds)
         except KeyboardInterrupt:
             line.end()
-            write_note(f"Interrupted. gslcosim train {arguments.file} --out {folder} --resume goes on.")
+            write_note(f"Interrupted. Resume with gslcosim train {arguments.file} --out {folder} --resume.")
             return ExitCode.INTERRUPTED
     _draw(trained)
     runs: list[str] = []
@@ -136,7 +136,9 @@ def _text(trained: "TrainingResult", fields: dict[str, Any], file: str) -> str:
             f"{100 * best['validation_success']:.0f} %."
         )
     if not trained.is_over:
-        lines.append(f"It is not over: gslcosim train {file} --out {trained.folder} --resume goes on.")
+        lines.append(
+            f"The training is not complete. Continue with gslcosim train {file} --out {trained.folder} --resume."
+        )
     if fields["runs"]:
         lines.append(f"Look at its flights: gslcosim view {fields['runs'][0]}")
     return "\n".join([*lines, f"Everything is in {trained.folder}."])
@@ -145,7 +147,7 @@ def _text(trained: "TrainingResult", fields: dict[str, Any], file: str) -> str:
 COMMAND = Command(
     name="train",
     is_computing=True,
-    summary="let a search method learn in a family of cases, with checkpoints, curves and flights to look at",
+    summary=("train a search method on a family of cases, with checkpoints, curves and recorded runs"),
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

@@ -25,20 +25,22 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="PARAMETER=LEAST:MOST",
-        help="where a number is searched, for example step_m=0.1:2.0, or with :log behind it in equal factors; as "
-        "often as needed (default: all numbers of the method's card with min, max and a default)",
+        help=(
+            "range of a number, for example step_m=0.1:2.0, with :log for a logarithmic scale; "
+            "repeatable (default: all numbers of the method's card with min, max and a default)"
+        ),
     )
     parser.add_argument(
-        "--budget", type=parse_positive_number, required=True, metavar="N", help="how many flights, validation included"
+        "--budget", type=parse_positive_number, required=True, metavar="N", help="number of runs, validation included"
     )
     parser.add_argument(
         "--flights-per-setting",
         type=parse_positive_number,
         metavar="K",
-        help="flights of each setting in training (default: half the square root of the budget)",
+        help="runs per setting in training (default: half the square root of the budget)",
     )
     parser.add_argument(
-        "--seed", type=parse_whole_number, default=0, metavar="N", help="of the search and of its flights (default: 0)"
+        "--seed", type=parse_whole_number, default=0, metavar="N", help="seed of the search and its runs (default: 0)"
     )
     add_json_option(parser)
 
@@ -79,7 +81,7 @@ def _run(arguments: argparse.Namespace) -> int:
             tuning = tuner.tune()
         except KeyboardInterrupt:
             line.end()
-            write_note("Interrupted. The same command goes on.")
+            write_note("Interrupted. Repeat the command to resume.")
             return ExitCode.INTERRUPTED
     fields = tuning_to_json(tuning)
     write_fields(folder / "tuning.json", fields)
@@ -94,7 +96,7 @@ def _run(arguments: argparse.Namespace) -> int:
 COMMAND = Command(
     name="tune",
     old_name="tune",
-    summary="search good parameters of a method within a budget of flights, on seeds that no suite has",
+    summary=("search for good parameters of a method within a budget of runs, on seeds that no suite has"),
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

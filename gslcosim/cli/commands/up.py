@@ -35,8 +35,10 @@ def _add_up_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--processes",
         choices=("separate", "grouped", "one"),
-        help="a process for each service and agent, one for all services, or one for everything; the results are the "
-        "same (default: what the scenario says, else separate)",
+        help=(
+            "one process per service and agent, one for all services, or one for everything; "
+            "results are equal (default: from the scenario, else separate)"
+        ),
     )
     parser.add_argument(
         "--in-process", action="store_const", const="one", dest="processes", help="the same as --processes one"
@@ -49,19 +51,21 @@ def _add_up_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="ENDPOINT",
-        help="let processes on other hosts join here, as often as needed, for example tls/0.0.0.0:7447",
+        help="let processes on other hosts join here, for example tls/0.0.0.0:7447; repeatable",
     )
     parser.add_argument(
         "--insecure",
         action="store_true",
-        help="listen beyond this machine without TLS: whoever is on the way can read and change the run",
+        help=(
+            "allow endpoints beyond this machine without TLS: anyone on the network can then read and change the run"
+        ),
     )
     parser.add_argument(
         "--elsewhere",
         action="append",
         default=[],
         metavar="SERVICE,…",
-        help="do not start these services: gslcosim join starts them on another host; all for all of them",
+        help="leave these services to gslcosim join on another host; all for all of them",
     )
     parser.add_argument(
         "--no-services",
@@ -74,38 +78,38 @@ def _add_up_arguments(parser: argparse.ArgumentParser) -> None:
         "--join-dir",
         type=Path,
         metavar="DIR",
-        help="where processes that are not started here find their join data (default: join in the run directory)",
+        help=("folder of the join files for processes on other hosts (default: join in the run directory)"),
     )
     parser.add_argument(
         "--tls-certificate", type=Path, metavar="FILE", help="PEM certificate for endpoints that begin with tls/"
     )
     parser.add_argument("--tls-key", type=Path, metavar="FILE", help="PEM private key of the certificate")
     parser.add_argument(
-        "--tls-ca", type=Path, metavar="FILE", help="PEM certificate that vouches for it (default: itself)"
+        "--tls-ca", type=Path, metavar="FILE", help="PEM certificate of the authority (default: the certificate itself)"
     )
     parser.add_argument(
         "--tls-client-ca",
         type=Path,
         metavar="FILE",
-        help="let nobody in by tls/ without a certificate for which this PEM certificate vouches",
+        help="admit only clients by tls/ whose certificate this PEM certificate has signed",
     )
     parser.add_argument(
         "--lease-s",
         type=float,
         default=None,
         metavar="S",
-        help="give up processes on other hosts after so many seconds without a sign of life (default: 15)",
+        help="timeout in seconds for silent processes on other hosts (default: 15)",
     )
     parser.add_argument(
         "--window-ticks",
         type=int,
         metavar="N",
-        help="let writers run ahead of their slowest reader by so many ticks (default: 256): more for distant hosts",
+        help=("maximum lead of a writer over its slowest reader in ticks (default: 256); raise it for distant hosts"),
     )
     parser.add_argument(
         "--warm",
         action="store_true",
-        help="fly from the server that gslcosim serve has started, which has imported everything: a run begins sooner",
+        help="start from the server of gslcosim serve, which saves start-up time",
     )
     add_runs_dir_option(parser)
     add_json_option(parser)
@@ -211,7 +215,7 @@ def _certificate(arguments: argparse.Namespace) -> "Certificate | None":
 UP = Command(
     name="up",
     is_computing=True,
-    summary="fly a scenario: start world, fields, sensing, referee, recorder and the agents, and tell how it went",
+    summary="run a scenario with its services and agents, and print the outcome",
     examples=UP_EXAMPLES,
     add_arguments=_add_up_arguments,
     run=_run_up,
@@ -289,7 +293,7 @@ def _fly_warm(words: Sequence[str], fork_server: "ForkServer") -> int:
 
 SERVE = Command(
     name="serve",
-    summary="keep a warm server for gslcosim up --warm, which has imported and warmed up what runs share",
+    summary="keep a warm server for gslcosim up --warm, which saves start-up time",
     examples=SERVE_EXAMPLES,
     add_arguments=_add_serve_arguments,
     run=_run_serve,

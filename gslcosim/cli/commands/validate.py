@@ -34,12 +34,10 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "scenario",
         metavar="FILE",
-        help="the file of a scenario, suite, method card, family or training, or the name of a bundled one",
+        help=("file of a scenario, suite, method card, family or training, or the name of a bundled one"),
     )
     add_override_options(parser)
-    parser.add_argument(
-        "--resolved", action="store_true", help="print the scenario with all defaults and changes filled in"
-    )
+    parser.add_argument("--resolved", action="store_true", help="print the scenario with all defaults and changes")
     add_json_option(parser)
 
 
@@ -154,7 +152,7 @@ _VALIDATORS: "dict[FileKind, Callable[[str, argparse.Namespace], _ValidFile]]" =
 }
 COMMAND = Command(
     name="validate",
-    summary="check a scenario, suite, method card or train file and tell all its problems at once",
+    summary="list all problems of a scenario, suite, method card or train file",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

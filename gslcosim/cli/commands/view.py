@@ -28,14 +28,14 @@ def add_live_options(parser: argparse.ArgumentParser) -> None:
         action="store_const",
         const="window",
         dest="live",
-        help="show the recording in the viewer while it is written; the command ends when its window is closed",
+        help=("open the recording in the viewer while it grows; the command ends when you close the window"),
     )
     outputs.add_argument(
         "--serve",
         action="store_const",
         const="browser",
         dest="live",
-        help="the same as a page for a browser of this machine; the command ends with Ctrl-C",
+        help="serve the same as a page for a browser on this machine, until Ctrl-C",
     )
 
 
@@ -146,27 +146,29 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "runs",
         nargs="*",
         metavar="RUN",
-        help="a run's folder, its recording, or its id; or an environment's folder (default: the newest run); several "
-        "runs of one room: all in one recording",
+        help=(
+            "a run (folder, recording or id) or an environment folder (default: the newest run); "
+            "several runs of one room appear together"
+        ),
     )
     outputs = parser.add_mutually_exclusive_group()
-    outputs.add_argument("--screenshot", type=Path, metavar="FILE", help="write a picture to FILE, without a window")
+    outputs.add_argument("--screenshot", type=Path, metavar="FILE", help="write an image to FILE, without a window")
     outputs.add_argument(
-        "--web", action="store_true", help="serve a page for a browser of this machine, until Ctrl-C; needs no screen"
+        "--web", action="store_true", help="serve a page for a browser on this machine, until Ctrl-C; needs no screen"
     )
     parser.add_argument(
-        "--window-size", type=_size, default=(1600, 1000), metavar="WxH", help="the picture's size (default: 1600x1000)"
+        "--window-size", type=_size, default=(1600, 1000), metavar="WxH", help="size of the image (default: 1600x1000)"
     )
     parser.add_argument(
         "--at",
         type=_time_s,
         metavar="S",
-        help="open one run at a simulated time: it plays from there on; a picture shows it as it was then",
+        help="open one run at a simulated time and play from there; an image shows that time",
     )
     parser.add_argument(
         "--align",
         choices=("sim_time", "first_contact"),
-        help="what several runs share: the simulated time (default), or the time of their first contact with gas",
+        help=("common time axis of several runs: simulated time (default), or time since the first contact with gas"),
     )
     add_runs_dir_option(parser)
 
@@ -238,7 +240,7 @@ def _recording(arguments: argparse.Namespace) -> Iterator[Path]:
 
 COMMAND = Command(
     name="view",
-    summary="open the recording of a run, or an environment, in the viewer, or save a picture of it",
+    summary="open the recording of a run, or an environment, in the viewer, or save an image",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

@@ -37,9 +37,7 @@ def extract_run(
         OSError: the machine refuses.
     """
     if folder.exists() and any(folder.iterdir()):
-        raise UsageError(
-            f"{folder}: expected a new folder or an empty one, was one with files, which would mix with the new ones."
-        )
+        raise UsageError(f"The folder is not empty: {folder}. Choose a new or empty folder, so that files do not mix.")
     if to in ("parquet", "csv"):
         folder.mkdir(parents=True, exist_ok=True)
         return tuple(write_tables(run, folder, to, lambda table: progress(f"table {table}")))

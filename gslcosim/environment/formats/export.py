@@ -171,7 +171,7 @@ def export_environment(
     folder.mkdir(parents=True, exist_ok=True)
     if any(folder.iterdir()):
         raise EnvironmentDataError(
-            f"{folder}: expected a new folder or an empty one, was one with files, which would mix with the new ones."
+            f"The folder is not empty: {folder}. Choose a new or empty folder, so that files do not mix."
         )
     name = re.sub(r"[^\w.-]+", "_", environment.name)
     if to == "gaden":

@@ -455,7 +455,7 @@ def _check(patches: Sequence[Patch], folder: Path, turbulence: str, n_ranks: int
     if not courant > 0:
         raise FlowError(f"courant: expected above 0, was {courant}.")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise FlowError(f"the folder of the case: expected a new or an empty one, found something in it: {folder}")
+        raise FlowError(f"The folder of the case is not empty: {folder}. Choose a new or empty folder.")
 
 
 def _check_times(end_time_s: float, average_from_s: float | None) -> None:

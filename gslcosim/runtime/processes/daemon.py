@@ -205,7 +205,7 @@ def _remove_stale_socket(path: Path) -> None:
             path.unlink(missing_ok=True)
             return
         pid = read_peer_pid(probe)
-    raise UsageError(f"serve: expected no other server of this user, found one, process {pid}. End it: kill {pid}")
+    raise UsageError(f"A server of this user is already running (pid {pid}). Stop it with `kill {pid}`.")
 
 
 class _Daemon:

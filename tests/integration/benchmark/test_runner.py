@@ -130,7 +130,7 @@ def test_ctrl_c_leaves_whole_tables_and_no_worker(smoke: Path, tmp_path: Path) -
     run.send_signal(signal.SIGINT)
     text, _ = run.communicate(timeout=PROCESS_S)
     assert run.returncode == 130
-    assert "The same command goes on." in text
+    assert "Repeat the command to resume." in text
     psutil.wait_procs(workers, timeout=EVENT_S)
     assert not any(worker.is_running() for worker in workers)
     kept = rows_of(folder)

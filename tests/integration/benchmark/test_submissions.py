@@ -80,5 +80,5 @@ def test_other_cases_and_other_runs_are_refused(folders: tuple[Path, Path], tmp_
     )
     with pytest.raises(UsageError, match="flown by different software"):
         rank([folders[0], changed])
-    with pytest.raises(UsageError, match="expected a new folder"):
+    with pytest.raises(UsageError, match="Choose a new folder"):
         rank(folders, folders[0])

@@ -127,7 +127,7 @@ def test_wrong_arguments_are_reported():
     with pytest.raises(ScenarioError, match="hold"):
         SearchEnv("tiny_room", overrides=("agents[0].vehicle.hold_s=soon",))
     env = SearchEnv("tiny_room")
-    with pytest.raises(UsageError, match=r"step: expected a search that goes on, was none\. Call reset first\."):
+    with pytest.raises(UsageError, match=r"No search is active\. Call reset before step\."):
         env.step(np.zeros(2, np.float32))
     with pytest.raises(UsageError, match="reset: options: expected none, was wind"):
         env.reset(options={"wind": 1})

@@ -118,7 +118,7 @@ def test_formats_of_the_command_are_those_that_there_are():
         ),
         (
             ["environment", "export", "tiny_room", "--to", "vtk", "--out", "{here}/shed"],
-            "expected a new folder or an empty one",
+            "Choose a new or empty folder",
         ),
         (
             ["environment", "export", "tiny_room", "--to", "vtk", "--out", "{here}/wind.npy"],

@@ -224,7 +224,7 @@ def test_a_mistake_of_ours_returns_3_and_is_reported_as_such(capsys, monkeypatch
     output = capsys.readouterr().err
     assert "Traceback" in output
     assert output.endswith(
-        "gslcosim: expected no error of its own, was ZeroDivisionError. This is a mistake in gslcosim: please report "
+        "gslcosim: internal error: ZeroDivisionError. This is a mistake in gslcosim: please report "
         "it with the lines above.\n"
     )
 

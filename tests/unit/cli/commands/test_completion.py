@@ -132,7 +132,7 @@ def test_a_press_of_tab_completes_the_word(folder, shell):
 def test_fish_completes_with_what_a_command_does(folder):
     script = "gslcosim completion fish | source; complete -C 'gslcosim bench ru'; complete -C 'gslcosim up warehouse_e'"
     told = subprocess.run(["fish", "--no-config", "-c", script], capture_output=True, text=True, check=True).stdout
-    assert told.splitlines() == ["run\tfly a suite; the same command goes on where it stopped", "warehouse_empty"]
+    assert told.splitlines() == ["run\trun a suite; repeat the command to resume", "warehouse_empty"]
 
 
 def test_every_completion_is_of_an_argument_that_there_is():

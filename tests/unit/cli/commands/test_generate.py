@@ -51,7 +51,7 @@ def test_one_that_fails_is_reported_and_the_others_are_made(layout_file, tmp_pat
     (taken / "thesis.tex").touch()
     assert generate(layout_file(), "--out", str(tmp_path / "all"), "--count", "3") == 3
     output = capsys.readouterr()
-    assert f"{taken}: expected a new folder or an environment to replace" in output.err
+    assert f"The folder holds something else than an environment (it has no environment.yaml): {taken}." in output.err
     assert [line.split()[0] for line in output.out.splitlines()] == ["seed", "4", "6"]
     assert (taken / "thesis.tex").exists()
 

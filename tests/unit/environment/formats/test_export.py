@@ -134,7 +134,7 @@ def test_stl_has_the_room(environment, tmp_path):
 
 def test_a_folder_with_files_is_refused(environment, tmp_path):
     (tmp_path / "wind_3.csv_U").touch()
-    with pytest.raises(EnvironmentDataError, match="expected a new folder or an empty one"):
+    with pytest.raises(EnvironmentDataError, match="Choose a new or empty folder"):
         export_environment(environment, tmp_path, "gaden")
     assert [path.name for path in tmp_path.iterdir()] == ["wind_3.csv_U"]
 

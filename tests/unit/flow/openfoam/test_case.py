@@ -128,6 +128,6 @@ def test_options_that_make_no_sense_are_refused(write, options, message):
 def test_a_folder_with_something_in_it_is_left_alone(write, tmp_path):
     (tmp_path / "case").mkdir()
     (tmp_path / "case" / "thesis.txt").write_text("years of work")
-    with pytest.raises(FlowError, match="expected a new or an empty one"):
+    with pytest.raises(FlowError, match="Choose a new or empty folder"):
         write()
     assert [path.name for path in (tmp_path / "case").iterdir()] == ["thesis.txt"]
