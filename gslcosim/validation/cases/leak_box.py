@@ -13,6 +13,7 @@ from gslcosim.flow.pressure import HIGH, LOW
 from gslcosim.flow.solve import AIR_NU_M2_S
 from gslcosim.flow.solver import FlowSolver
 from gslcosim.flow.turbulence import make_model
+from gslcosim.validation.readers.columns import MeasuredDataError
 from gslcosim.validation.readers.folder import MeasuredData
 from gslcosim.validation.readers.leak_box import LeakBox, LeakCase
 from gslcosim.validation.results import Case, CaseResult, Comparison, Drawing, Effort, Goal, Progress, plain_estimate
@@ -25,7 +26,7 @@ QUICK_EVERY = 6
 HELIUM_M2_S = 7.0e-5
 # Spread of our filaments without wind, half the growth of their variance and their eddy diffusivity: the defaults.
 PASSIVE_M2_S = 0.5 * 0.001 + 0.002
-PASSIVE_CELLS = 8
+PASSIVE_CELLS = 4
 LATER_S = 3600.0
 MEAN_SHARE, LAYERS_SHARE = 0.2, 0.3
 _INNER = (slice(LOW, -HIGH),) * 3
@@ -50,11 +51,17 @@ def solve_leak(box: LeakBox, case: LeakCase, n_cells: int, *, has_buoyancy: bool
 
     Raises:
         FlowError: leak or holes are not in the box.
+        MeasuredDataError: nothing is known of the leak's opening.
     """
     cell_m = box.size_m[0] / n_cells
     shape = tuple(max(1, round(side_m / cell_m)) for side_m in box.size_m)
     domain = build_domain(np.ones(shape, bool), cell_m, [], needs_openings=False)
     rate_m3_s = case.release_m3_s
+    if case.leak not in box.leak_area_m2:
+        known = ", ".join(box.leak_area_m2)
+        raise MeasuredDataError(
+            f"cases.csv, case {case.name}: expected a leak that geometry.json has ({known}), found {case.leak}."
+        )
     leak = Release(
         position_m=case.position_m,
         scalar_m3_s=rate_m3_s,

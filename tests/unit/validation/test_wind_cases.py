@@ -1,11 +1,13 @@
 """Cases of wind and buoyancy, on small sets of our own and, where it is there, on the reference data."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from gslcosim.base.errors import FlowError
 from gslcosim.validation import MeasuredDataError, read_measured
 from gslcosim.validation.cases import load_case
 from gslcosim.validation.cases.leak_box import solve_leak
@@ -34,7 +36,9 @@ ROOM = RoomProfiles(
 
 
 @pytest.mark.parametrize("has_sides", [False, True])
-def test_a_room_keeps_its_volume_and_turns_back_at_the_floor(has_sides):
+def test_a_room_keeps_its_volume_and_turns_back_at_the_floor(has_sides, monkeypatch):
+    monkeypatch.setattr("gslcosim.validation.cases.room_wind.END_S", 30.0)
+    monkeypatch.setattr("gslcosim.validation.cases.room_wind.MEAN_FROM_S", 15.0)
     u_m_s, cell_m = solve_room(ROOM, 8, has_sides=has_sides)
     # Mean over the plane of all air that goes along x: what the inlet brings.
     assert u_m_s[4].mean() == pytest.approx(0.25, rel=1e-3)
@@ -95,6 +99,20 @@ def test_a_light_gas_has_layers_with_buoyancy_alone(monkeypatch):
     assert ours.at_end[1] > 1.5 * ours.at_end[0] > 0
     assert passive.at_end[1] < 1.2 * passive.at_end[0]
     assert ours.later[1] < ours.at_end[1]
+
+
+def test_a_leak_that_the_geometry_does_not_have_is_refused():
+    box, leak = leak_box()
+    with pytest.raises(
+        MeasuredDataError, match=r"case ours: expected a leak that geometry.json has \(low\), found high"
+    ):
+        solve_leak(box, replace(leak, leak="high"), 8)
+
+
+def test_a_leak_outside_the_box_is_refused():
+    box, leak = leak_box()
+    with pytest.raises(FlowError, match=r"release at .*expected three coordinates in the box"):
+        solve_leak(box, replace(leak, position_m=(3.0, 0.5, 0.1)), 8)
 
 
 @needs_data
