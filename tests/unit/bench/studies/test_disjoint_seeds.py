@@ -80,6 +80,7 @@ def test_drawn_rooms_count_as_seeds(tmp_path):
     path = tmp_path / "drawn.yaml"
     path.write_text(
         "schema: gslcosim/suite/1\nname: drawn\nscenarios: [tiny_room]\nvary: [{environment.layout.seed: {draw: 3}}]\n"
+        "entries: [{name: beetle, start: {python: dung_beetle}}]\n"
     )
     rooms = {derive_seed(1, "draw", "environment.layout.seed", k) for k in range(3)}
     assert rooms < collect_seeds(load_suite(path))
