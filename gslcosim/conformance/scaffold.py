@@ -1,6 +1,5 @@
 """New agents and participants from templates, renamed."""
 
-import json
 import re
 import shlex
 import shutil
@@ -11,24 +10,32 @@ from typing import Any
 
 import yaml
 
-from gslcosim.base.bundled import bundled_agents, bundled_schemas
+from gslcosim.base.bundled import bundled_schemas
 from gslcosim.base.errors import UsageError
-from gslcosim.base.kernel_cache import get_cache_root
 from gslcosim.base.yaml_core import EDITOR_HEADER
 from gslcosim.conformance.scripted_world import PARTICIPANT_NAME
 from gslcosim.runtime.external.protocol import is_valid_name
 
 TEMPLATES = Path(__file__).parent / "templates"
-ORIGINAL_AGENT = "dung_beetle"
-RULES_FILE = "RULES.md"
+AGENT_TEMPLATES = TEMPLATES / "agents"
 DESCRIPTION_FILE = "agent.yaml"
-_NOT_COPIED = shutil.ignore_patterns("target", "node_modules", "build", "__pycache__", "*.pyc", ".*")
+_NOT_COPIED = shutil.ignore_patterns("target", "node_modules", "__pycache__", "*.pyc", DESCRIPTION_FILE)
 _NAME_PATTERN = re.compile(r"[a-z][a-z0-9_]{0,39}")
+_README = """# {name}
+
+A search method for gslcosim in {language}.
+`{program}` is the whole method: {does}.
+Change that, and run these commands from this folder:
+
+```sh
+{commands}
+```
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CreatedAgent:
-    """A new agent: where it is, and the commands that build, check and fly it."""
+    """A new agent: where it is, and the commands that build, check and fly it from its folder."""
 
     folder: Path
     build: tuple[str, ...]
@@ -48,29 +55,32 @@ class CreatedAgent:
     @property
     def fly_command(self) -> tuple[str, ...]:
         """The command line that flies it in a small room."""
-        options_text = f"door: {self.transport}, format: {self.format}, observations: {self.observations}"
-        command = f"command: {json.dumps(self.start)}"
-        return ("gslcosim", "up", "tiny_room", "--set", f"agents[0].start={{{command}, {options_text}}}")
+        if self.transport == "zenoh":
+            start = f"python: ./{self.start[-1]}"
+        else:
+            start = f"command: [{', '.join(self.start)}], door: {self.transport}, format: {self.format}"
+            start += f", observations: {self.observations}" if self.observations != "all" else ""
+        return ("gslcosim", "up", "tiny_room", "--set", f"agents[0].start={{{start}}}")
+
+    @property
+    def commands(self) -> tuple[tuple[str, ...], ...]:
+        """The command lines that build, check and fly it, in that order."""
+        return tuple(step for step in (self.build, self.check_command, self.fly_command) if step)
 
     def as_text(self) -> str:
         """Return what there is and what to do next."""
-        steps = {"build": self.build, "check": self.check_command, "fly": self.fly_command}
-        lines = [f"  {name:<6} {shlex.join(step)}" for name, step in steps.items() if step]
-        return "\n".join([f"{self.folder} holds a working agent. From that folder:", *lines])
+        steps = [("cd", str(self.folder)), *self.commands]
+        return "\n".join([f"{self.folder} holds a working agent. Next:", *(f"  {shlex.join(step)}" for step in steps)])
 
 
 def list_languages() -> dict[str, Path]:
-    """Return the languages that have a template, with its folder."""
-    agents = next(iter(bundled_agents().values())).parents[1]
-    found = {
-        path.parent.name.removeprefix(f"{ORIGINAL_AGENT}_"): path.parent
-        for path in agents.glob(f"{ORIGINAL_AGENT}_*/{DESCRIPTION_FILE}")
-    }
-    return {"python": TEMPLATES / "python", **dict(sorted(found.items()))}
+    """Return the languages that have a template, with its folder; Python first."""
+    found = {path.parent.name: path.parent for path in AGENT_TEMPLATES.glob(f"*/{DESCRIPTION_FILE}")}
+    return dict(sorted(found.items(), key=lambda item: (item[0] != "python", item[0])))
 
 
 def create_agent(language: str, name: str, folder: Path) -> CreatedAgent:
-    """Write a new agent into a folder.
+    """Write a new agent into a folder: a small program, its build files and a README.
 
     Raises:
         UsageError: there is no template for the language, the name cannot be one, or the folder is in use.
@@ -86,61 +96,38 @@ def create_agent(language: str, name: str, folder: Path) -> CreatedAgent:
     if folder.exists() and any(folder.iterdir()):
         raise UsageError(f"agent new: expected a folder that is new or empty, it has files.\nFolder: {folder}")
     shutil.copytree(template, folder, ignore=_NOT_COPIED, dirs_exist_ok=True)
-    _rename(folder, template.name, name)
-    if template.name.startswith(ORIGINAL_AGENT):
-        shutil.copy(template.parent / ORIGINAL_AGENT / "README.md", folder / RULES_FILE)
-    return _read_description(folder.absolute(), name)
-
-
-# Identifiers of the original in all their spellings, names of files and folders, and links out of the folder.
-def _rename(folder: Path, original: str, name: str) -> None:
-    camel = "".join(part.capitalize() for part in name.split("_"))
-    if original == "python":
-        names, texts = {"Searcher": camel}, {r"\bNAME\b": name, r"\bPATH\b": str(folder)}
-    else:
-        names = {
-            original: name,
-            ORIGINAL_AGENT.replace("_", "-"): name.replace("_", "-"),
-            ORIGINAL_AGENT.replace("_", ""): name.replace("_", ""),
-            "DungBeetle": camel,
-        }
-        texts = {
-            rf"(\.\.|agents)/{ORIGINAL_AGENT}/README\.md": RULES_FILE,
-            rf"\[\.\./{ORIGINAL_AGENT}\]": f"[{RULES_FILE}]",
-            r"\n[^\n]*\]\(\.\./\.\./[^\n]*": "",
-            # Cargo sorts its lock file by name, so it has to write it once.
-            r" --locked,": "",
-        }
-    texts |= {re.escape(old): new for old, new in names.items()}
-    for path in sorted(folder.rglob("*"), key=lambda path: len(path.parts), reverse=True):
-        if path.is_file():
-            path.write_text(_replace_all(path.read_text(encoding="utf-8"), texts), encoding="utf-8")
-        path.rename(path.with_name(_replace_all(path.name, {re.escape(old): new for old, new in names.items()})))
-
-
-def _replace_all(text: str, changes: dict[str, str]) -> str:
-    for old, new in changes.items():
-        text = re.sub(old, lambda _, new=new: new, text)
-    return text
-
-
-def _read_description(folder: Path, name: str) -> CreatedAgent:
-    fields: dict[str, Any] = yaml.safe_load((folder / DESCRIPTION_FILE).read_text(encoding="utf-8"))
-    build_folder = str(get_cache_root() / "agents" / name)
-
-    def filled(key: str) -> tuple[str, ...]:
-        words = [str(word).replace("{build}", build_folder) for word in fields.get(key) or ()]
-        words = [sys.executable if word == "python" else word for word in words]
-        return tuple(str(folder / word) if (folder / word).is_file() else word for word in words)
-
-    return CreatedAgent(
-        folder=folder,
-        build=filled("build"),
-        start=filled("start"),
+    _rename(folder, name)
+    fields: dict[str, Any] = yaml.safe_load((template / DESCRIPTION_FILE).read_text(encoding="utf-8"))
+    created = CreatedAgent(
+        folder=folder.absolute(),
+        build=tuple(fields.get("build", ())),
+        start=tuple(_find_python() if word == "python" else word for word in fields["start"]),
         transport=fields["door"],
         format=fields["format"],
         observations=fields.get("observations", "all"),
     )
+    commands = "\n".join(shlex.join(step) for step in created.commands)
+    readme = _README.format(
+        name=name, commands=commands, **{key: fields[key] for key in ("language", "program", "does")}
+    )
+    (folder / "README.md").write_text(readme, encoding="utf-8")
+    return created
+
+
+# The agent's name, also in the names of types, and the permission to run scripts, which packages may lose.
+def _rename(folder: Path, name: str) -> None:
+    camel = "".join(part.capitalize() for part in name.split("_"))
+    for path in folder.rglob("*"):
+        if path.is_file():
+            text = path.read_text(encoding="utf-8")
+            path.write_text(re.sub(r"\bNAME\b", name, text).replace("Searcher", camel), encoding="utf-8")
+            if text.startswith("#!"):
+                path.chmod(0o755)
+
+
+# A person's `python` need not be the one that has gslcosim.
+def _find_python() -> str:
+    return "python" if shutil.which("python") == sys.executable else sys.executable
 
 
 PARTICIPANT_TEMPLATES = TEMPLATES / "participants"

@@ -20,6 +20,7 @@ from real_runs import ROOT  # which finds the next
 
 from deadlines import BUILD_S, EVENT_S  # isort: skip
 
+from gslcosim.conformance.scaffold import list_languages
 from gslcosim.contract import codec
 from gslcosim.contract.messages import (
     Bounds,
@@ -111,6 +112,11 @@ def language_agents() -> list[LanguageAgent]:
 def ports() -> list[tuple[LanguageAgent, str]]:
     """Return the agents that fly methods of the Python ones in another language, with each method."""
     return [(agent, method) for agent in _agents() for method in agent.methods]
+
+
+def stub_of(language: str) -> LanguageAgent:
+    """Return what `gslcosim agent new` begins with in a language."""
+    return _read(list_languages()[language] / "agent.yaml")
 
 
 def _agents() -> list[LanguageAgent]:

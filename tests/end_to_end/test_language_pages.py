@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from deadlines import BUILD_S, PROCESS_S
-from languages import language_agents
+from languages import stub_of
 from real_runs import ROOT
 
 # What takes longer, for building and fetching packages, is for `make soak`.
@@ -33,11 +33,11 @@ def commands_of(page: str) -> list[str]:
     "language", [pytest.param(page, marks=() if page in QUICK_PAGES else pytest.mark.soak) for page in PAGES]
 )
 def test_a_page_followed_literally_ends_in_a_running_agent(tmp_path, language):
-    (agent,) = (agent for agent in language_agents() if agent.folder.name == f"dung_beetle_{language}")
-    if agent.lacks:
-        pytest.skip(f"docs/agents/{language}.md is not tried: this machine has no {agent.lacks}")
+    if lacks := stub_of(language).lacks:
+        pytest.skip(f"docs/agents/{language}.md is not tried: this machine has no {lacks}")
     page = page_of(language)
     for name, program in SAVED.findall(page):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(program)
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
     script = "set -euxo pipefail\n" + "\n".join(commands_of(page))

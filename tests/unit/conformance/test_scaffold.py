@@ -10,12 +10,12 @@ from gslcosim.runtime.agents.loader import load_python_agent
 
 
 @pytest.mark.parametrize("language", list_languages())
-def test_nothing_of_the_original_name_is_left(language, tmp_path):
+def test_every_file_has_the_agents_own_name(language, tmp_path):
     created = create_agent(language, "gas_finder", tmp_path / "new")
-    for path in created.folder.rglob("*"):
-        assert "beetle_" not in path.name.replace("beetle_new", "").replace("beetle_decide", "")
-        text = path.read_text() if path.is_file() and path.name != "RULES.md" else ""
-        assert not re.search(rf"dung_beetle_{language}|dung-beetle|DungBeetle|dungbeetle|\.\./", text), path
+    texts = {path: path.read_text() for path in created.folder.rglob("*") if path.is_file()}
+    assert not [path for path, text in texts.items() if re.search(r"NAME|Searcher|beetle|\.\./", text)]
+    assert texts[created.folder / "README.md"].startswith("# gas_finder\n")
+    assert "agent.yaml" not in {path.name for path in texts}
 
 
 @pytest.mark.parametrize("language", list_languages())
@@ -23,8 +23,10 @@ def test_it_says_how_to_build_check_and_run(language, tmp_path):
     created = create_agent(language, "gas_finder", tmp_path / "new")
     assert created.check_command[:3] == ("gslcosim", "agent", "check")
     assert created.check_command[-len(created.start) :] == created.start
-    assert "{build}" not in created.as_text()
-    assert "gas_finder" in created.as_text() or "new" in created.as_text()
+    readme = (created.folder / "README.md").read_text()
+    *_, first = [line for line in created.as_text().splitlines() if "cd " in line]
+    assert first.split() == ["cd", str(created.folder)]
+    assert [line for line in created.as_text().splitlines()[2:] if line.strip() not in readme] == []
 
 
 def test_the_python_agent_can_be_loaded_under_its_name(tmp_path):
