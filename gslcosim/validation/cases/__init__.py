@@ -16,6 +16,7 @@ CASE_MODULES = {
     "laser-source": "laser_source",
     "network-forward": "network_forward",
     "network-events": "network_events",
+    "room-sensors": "room_sensors",
     "roof-tracer": "roof_tracer",
 }
 
