@@ -120,10 +120,21 @@ def format_summary(flight: "RunResult") -> str:
 
 def format_agents_table(agents: list[dict[str, Any]], sandboxes: dict[str, str]) -> str:
     """Return one row an agent with the figures that matter, and what its process was confined by."""
-    headings = ("agent", "outcome", "time to source", "commands", "path", "overhead", "distance at the end", "sandbox")
+    headings = (
+        "agent",
+        "method",
+        "outcome",
+        "time to source",
+        "commands",
+        "path",
+        "overhead",
+        "distance at the end",
+        "sandbox",
+    )
     rows = [
         (
             str(agent["name"]),
+            str(agent.get("method", "-")),
             str(agent["outcome"]).replace("_", " "),
             _figure(agent["time_to_source_s"], "{:.1f} s"),
             _figure(agent["steps"], "{}"),

@@ -1,6 +1,6 @@
 """A run read back as arrays; `gslcosim.open_run` opens it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,6 @@ from gslcosim.base.errors import UsageError
 from gslcosim.contract.messages import Command
 from gslcosim.data import streams
 from gslcosim.data.recording.reader import RecordingReader
-from gslcosim.data.run_summary import program_name
 from gslcosim.data.streams import (
     RecordedBeliefs,
     RecordedDoor,
@@ -32,7 +31,6 @@ from gslcosim.environment.store import load_environment
 from gslcosim.environment.variants import first_variant
 from gslcosim.runtime.replay.past_run import PastRun, find_environment
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim_services.recorder.entities import build_entities, source_events
 from gslcosim_services.recorder.stream_table import CONTACTS, EVENTS, FAULTS, MARKS, RADIO, WAYPOINTS
 
@@ -106,8 +104,8 @@ class RunData:
 
     @property
     def methods(self) -> Mapping[str, str]:
-        """By agent the name of what decides for it: of its Python file, else of its program."""
-        return {agent.name: _method_of(agent, self.scenario.agents) for agent in self.scenario.agents}
+        """By agent the name of its method; see `name_method`."""
+        return self.scenario.methods
 
     @cached_property
     def table_names(self) -> tuple[str, ...]:
@@ -329,14 +327,3 @@ class RunData:
     def figure(self, agent: str, quantity: str) -> RecordedSeries | None:
         """Return one of `figures`; None where there is none."""
         return next((one for one in self.figures if (one.agent, one.quantity) == (agent, quantity)), None)
-
-
-def _method_of(agent: AgentSpec, agents: Sequence[AgentSpec]) -> str:
-    start = agent.start
-    if start.process_of is not None:
-        return _method_of(next(other for other in agents if other.name == start.process_of), agents)
-    if start.python is not None:
-        return Path(start.python).stem
-    if start.command is None:
-        return start.method or "attached"
-    return program_name(start.command)

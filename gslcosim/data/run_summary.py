@@ -17,6 +17,7 @@ from typing import Any, Literal, Self
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import read_regular_file
+from gslcosim.base.method_names import join_methods, name_method
 from gslcosim.base.untrusted_input import JsonObject, MalformedFileError, read_json
 
 _FORM = re.compile(r"\s*([^\s!<>=]+)\s*(!=|<=|>=|=|<|>)\s*(.*?)\s*", re.DOTALL)
@@ -210,20 +211,13 @@ def find_methods(scenario_text: str) -> str:
         if "process_of" in found:
             starts[name] = starts.get(_bare(found["process_of"]), "")
         elif "python" in found:
-            starts[name] = Path(_bare(found["python"])).stem
+            starts[name] = name_method(python=_bare(found["python"]))
         elif command := _COMMAND.search(block):
             words = [_bare(line.removeprefix("    - ")) for line in command[1].splitlines()]
-            starts[name] = program_name(words)
+            starts[name] = name_method(command=words)
         elif found.get("attach") == "true":
-            starts[name] = _bare(found.get("method", "attached"))
-    return "+".join(dict.fromkeys(method for method in starts.values() if method))
-
-
-def program_name(words: Iterable[str]) -> str:
-    """Return the name of a program from its command line: of an interpreter and its script that of the script."""
-    first, *others = words
-    scripts = [word for word in others if Path(word).suffix and not word.startswith("-")]
-    return Path((scripts or [first])[0]).stem
+            starts[name] = name_method(method=_bare(found.get("method", "")))
+    return join_methods(starts.values())
 
 
 # Sizes by name, of those in folders with the folder before it, and when the last was written [s].

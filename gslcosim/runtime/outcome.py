@@ -126,10 +126,11 @@ class RunOutcome:
 
     # With what each was set to and granted, without which its figures cannot be compared with another's.
     def _agents(self, scenario: Scenario) -> list[dict[str, Any]]:
-        specs = {agent.name: agent for agent in scenario.agents}
+        specs, methods = {agent.name: agent for agent in scenario.agents}, scenario.methods
         return [
             {
                 **agent.model_dump(),
+                "method": methods[agent.name],
                 "knows": list(specs[agent.name].knows.granted),
                 "parameters": specs[agent.name].parameters,
             }

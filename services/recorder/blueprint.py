@@ -141,7 +141,7 @@ def summary_text(
 
 def title(scenario: Scenario) -> str:
     """Return one line that says what is run."""
-    names = [agent.name for agent in scenario.agents]
+    names = [name if name == method else f"{name} ({method})" for name, method in scenario.methods.items()]
     who = " and ".join(names) if len(names) <= MAX_NAMED else f"{len(names)} agents"
     return f"{scenario.name}: {who} searching for {scenario.gas.gas}"
 

@@ -13,6 +13,7 @@ import yaml
 from gslcosim.base.bundled import bundled_agents, bundled_scenarios, bundled_suites
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.base.files import read_regular_file
+from gslcosim.base.method_names import name_method
 from gslcosim.base.yaml_core import CoreLoader
 from gslcosim.bench.cases.agent_setup import find_card, resolve_start
 from gslcosim.bench.cases.models import (
@@ -168,8 +169,9 @@ def _bundled_or_file(name: str) -> EntrySpec | None:
     path = Path(name)
     if path.suffix != ".py" or not path.is_file():
         return None
-    stem = path.resolve().parent.name if path.stem == "agent" else path.stem
-    return EntrySpec(name=_as_name(stem), start=StartSpec(python=str(path.resolve())))
+    return EntrySpec(
+        name=_as_name(name_method(python=str(path.resolve()))), start=StartSpec(python=str(path.resolve()))
+    )
 
 
 def _as_name(text: str) -> str:

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from gslcosim.base.errors import MachineError, UsageError, build_machine_error, find_remedy
+from gslcosim.base.method_names import join_methods
 from gslcosim.cli.arguments import MANIFEST, Command, add_runs_dir_option, find_in_run
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
@@ -101,7 +102,7 @@ def _of_runs(arguments: argparse.Namespace, folder: Path, options: dict) -> list
     if len(runs) == 1:
         return write_run_figures(runs[0], folder, **options)
     write_note(f"{len(runs)} runs together; of one run there are more figures.")
-    labels = [f"{'+'.join(dict.fromkeys(run.methods.values()))}, seed {run.scenario.seed}" for run in runs]
+    labels = [f"{join_methods(run.methods.values())}, seed {run.scenario.seed}" for run in runs]
     unlike = [label if labels.count(label) == 1 else f"{label} ({i + 1})" for i, label in enumerate(labels)]
     return write_figures_of_several(dict(zip(unlike, runs, strict=True)), folder, **options)
 

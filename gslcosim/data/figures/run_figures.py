@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
+from gslcosim.base.method_names import join_methods
 from gslcosim.data.figures import plans
 from gslcosim.data.figures.style import (
     FAINT,
@@ -258,7 +259,7 @@ def _bundle(figure: Any, runs: Mapping[str, RunData], columns: int) -> None:
         # A team is as near as its nearest member.
         ends = min(len(one.tick) for one in curves)
         nearest = np.min([one.value[:ends] for one in curves], axis=0)
-        bundles.setdefault("+".join(dict.fromkeys(run.methods.values())), []).append((curves[0].time_s[:ends], nearest))
+        bundles.setdefault(join_methods(run.methods.values()), []).append((curves[0].time_s[:ends], nearest))
     radii = {run.scenario.referee.success.drawn_radius_m for run in runs.values()}
     distance_bundle(figure.subplots(), bundles, radius_m=radii.pop() if len(radii) == 1 else None)
     _legend(figure, columns)

@@ -14,6 +14,7 @@ from rerun.blueprint.components import AbsoluteTimeRange
 from rerun.chunk import Chunk
 
 from gslcosim.base.errors import RecordingError
+from gslcosim.base.method_names import ATTACHED
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.data.recording.reader import read_chunks
@@ -240,10 +241,8 @@ def record_side_by_side(
 # By old name the new one: a lone agent is called after its method, which says more than its name.
 def _rename_agents(letter: str, scenario: Scenario) -> dict[str, str]:
     agents = scenario.agents
-    if len(agents) == 1 and agents[0].start.python:
-        return {agents[0].name: f"{letter}_{Path(agents[0].start.python).stem}"}
-    if len(agents) == 1 and agents[0].start.method:
-        return {agents[0].name: f"{letter}_{agents[0].start.method}"}
+    if len(agents) == 1 and scenario.methods[agents[0].name] != ATTACHED:
+        return {agents[0].name: f"{letter}_{scenario.methods[agents[0].name]}"}
     return {agent.name: f"{letter}_{agent.name}" for agent in agents}
 
 

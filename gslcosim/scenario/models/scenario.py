@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from gslcosim.base.errors import VehicleError
+from gslcosim.base.method_names import name_method
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
@@ -567,6 +568,16 @@ class Scenario(Spec):
         for agent in self.agents:
             flown[agent.process] += (agent.name,)
         return flown
+
+    @property
+    def methods(self) -> dict[str, str]:
+        """By agent the name of its method, in the scenario's order; see `name_method`."""
+        starts = {agent.name: agent.start for agent in self.agents}
+        names = {
+            name: name_method(python=start.python, command=start.command or (), method=start.method)
+            for name, start in starts.items()
+        }
+        return {agent.name: names[agent.process] for agent in self.agents}
 
     @property
     def slice_height_m(self) -> float:

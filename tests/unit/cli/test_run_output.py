@@ -117,4 +117,4 @@ def test_figures_that_have_no_meaning_are_dashes():
     agent = dict.fromkeys(("time_to_source_s", "steps", "path_length_m", "movement_overhead", "final_distance_m"), None)
     row = format_agents_table([{**agent, "name": "moth", "outcome": "time_limit"}], {"moth": "none"}).splitlines()[1]
     assert row.split("   ")[0] == "moth"
-    assert row.count("-") == 5
+    assert row.count("-") == 6

@@ -153,6 +153,7 @@ def test_the_cockpit_shows_what_agents_say(monkeypatch):
 
 AGENT = {
     "name": EVIL,
+    "method": EVIL,
     "outcome": EVIL,
     "time_to_source_s": None,
     "steps": 1,

@@ -5,7 +5,9 @@ import json
 import pytest
 
 from gslcosim.base.errors import UsageError
+from gslcosim.base.method_names import join_methods
 from gslcosim.data.run_summary import Condition, find_methods, is_run_folder, read_run_summary, sorted_rows
+from gslcosim.scenario import dump_resolved, load_scenario
 
 SCENARIO = """schema: gslcosim/scenario/1
 name: tiny_room
@@ -89,6 +91,17 @@ def test_a_folder_that_was_just_made_is_a_run(tmp_path):
     (tmp_path / "run" / "logs").mkdir(parents=True)
     (tmp_path / "run" / ".reserve").write_bytes(b"0")
     assert read_run_summary(tmp_path / "run").state == "broken"
+
+
+def test_the_methods_are_those_that_the_scenario_names(tmp_path):
+    """Of a team in one process, and of the text as it is written; an own agent has the name of its folder."""
+    agent = tmp_path / "my_search" / "agent.py"
+    agent.parent.mkdir()
+    agent.touch()
+    scenario = load_scenario("swarm_tiny", overrides=[f"agents[0].start={{python: {agent}}}"]).scenario
+    assert scenario.methods == {"beetle_1": "my_search", "beetle_2": "my_search", "beetle_3": "calling_beetle"}
+    methods = find_methods(dump_resolved(scenario))
+    assert methods == join_methods(scenario.methods.values()) == "my_search+calling_beetle"
 
 
 def test_a_scenario_without_agents_has_no_methods():

@@ -19,12 +19,12 @@ RESULT = {
     "flight_wall_s": 0.1,
     "real_time_factor": 123.0,
     "faults": [],
-    "sandboxes": {"beetle": "bubblewrap"},
+    "sandboxes": {"beetle": "none"},
     "agents": [
         {
-            "name": "beetle", "success": True, "outcome": "success", "time_to_source_s": 12.3, "steps": 9,
-            "path_length_m": 6.54, "straight_line_m": 3.1, "shortest_path_m": 3.2, "movement_overhead": 2.04,
-            "directness": 0.49, "final_distance_m": 0.79, "declared_error_m": None,
+            "name": "beetle", "method": "dung_beetle", "success": True, "outcome": "success", "time_to_source_s": 12.3,
+            "steps": 9, "path_length_m": 6.54, "straight_line_m": 3.1, "shortest_path_m": 3.2,
+            "movement_overhead": 2.04, "directness": 0.49, "final_distance_m": 0.79, "declared_error_m": None,
         }
     ],
 }  # fmt: skip
@@ -89,8 +89,8 @@ def test_a_pipe_gets_a_line_for_each_state_and_the_figures_at_the_end(flight, ca
     assert output.out.splitlines() == [
         "The source was found after 12.3 s of simulated time.",
         "",
-        "agent    outcome   time to source   commands   path    overhead   distance at the end   sandbox",
-        "beetle   success   12.3 s           9          6.5 m   2.04       0.79 m                bubblewrap",
+        "agent    method        outcome   time to source   commands   path    overhead   distance at the end   sandbox",
+        "beetle   dung_beetle   success   12.3 s           9          6.5 m   2.04       0.79 m                none",
         "",
         "speed      123 x real time",
         "time       3.2 s: 2.5 s room and wind, 0.4 s start, 0.1 s run, 0.2 s end",
@@ -128,7 +128,7 @@ def test_a_fault_of_an_agent_is_part_of_a_valid_run(flight, capsys):
     assert main(["up", "tiny_room"]) == 1
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "The agent failed after 12.3 s of simulated time."
-    assert lines[3].split("   ")[:2] == ["beetle", "agent failed"]
+    assert lines[3].split("   ")[:3] == ["beetle", "dung_beetle", "agent failed"]
     assert "agent beetle, tick 7: ended with exit code 1" in lines
     assert lines[-1].startswith("logs       ")
 

@@ -168,7 +168,10 @@ def test_on_the_map_lies_what_reaches_its_height_and_the_edges_of_what_ends_belo
     assert slice_height_m(2.0) < centre_m[2] < 2.0
 
 
-@pytest.mark.parametrize(("n_agents", "who"), [(1, "agent_0"), (2, "agent_0 and agent_1"), (10, "10 agents")])
+@pytest.mark.parametrize(
+    ("n_agents", "who"),
+    [(1, "agent_0 (dung_beetle)"), (2, "agent_0 (dung_beetle) and agent_1 (dung_beetle)"), (10, "10 agents")],
+)
 def test_the_title_names_a_few_agents_and_counts_many(n_agents, who):
     assert title(scenario(n_agents)) == f"scripted: {who} searching for ethanol"
 
