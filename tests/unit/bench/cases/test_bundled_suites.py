@@ -245,7 +245,9 @@ PIECES = [
 def test_examples_are_valid(piece: str, tmp_path: Path) -> None:
     values = yaml.safe_load(piece)
     if "schema" not in values:
-        values = {"schema": "gslcosim/suite/1", "name": "part", "scenarios": ["tiny_room"], **values}
+        entries = [{"name": "dung_beetle", "start": {"python": "dung_beetle"}}]
+        required = {"schema": "gslcosim/suite/1", "name": "part", "scenarios": ["tiny_room"], "entries": entries}
+        values = {**required, **values}
     (tmp_path / "suite.yaml").write_text(yaml.safe_dump(values))
     assert load_suite(tmp_path / "suite.yaml").suite.name == values["name"]
 
