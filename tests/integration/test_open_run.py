@@ -45,6 +45,7 @@ def test_a_run_without_a_result_says_so(copied):
 def test_a_run_is_read_back_as_arrays_that_fit_its_result(flown):
     run = gslcosim.open_run(flown)
     assert (run.agents, run.methods) == (("beetle",), {"beetle": "infotaxis"})
+    assert [agent["method"] for agent in run.result["agents"]] == ["infotaxis"]
     track, agent = run.tracks["beetle"], run.result["agents"][0]
     assert track.tick[-1] == run.result["ticks"]
     length_m = float(np.linalg.norm(np.diff(track.position_world_m, axis=0), axis=1).sum())
