@@ -1,6 +1,7 @@
 """`gslcosim bench`: suites of runs, from the plan to the report."""
 
 import argparse
+import os
 import secrets
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,9 +24,13 @@ EXAMPLES = """  gslcosim bench list
   gslcosim bench run gsl_bench_2023 --shard 2/8
   gslcosim bench report results/smoke
   gslcosim bench verify results/smoke --sample 5
-  gslcosim bench sweep tiny_room --entry dung_beetle --vary leg_m=0.4,0.8,1.6"""
+  gslcosim bench sweep tiny_room --entry dung_beetle --vary leg_m=0.4,0.8,1.6
+  gslcosim bench run measured --data FOLDER"""
 
 RESULTS_DIR = Path("results")
+# The suite whose gas is a log: nothing of it is flown.
+MEASURED = "measured"
+MEASURED_QUESTION = "who finds leaks, their places and rates in logs of masts and lasers? (needs --data)"
 
 
 def _add_suite(parser: argparse.ArgumentParser) -> None:
@@ -48,6 +53,12 @@ def _add_run_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="DIR",
         help="results folder (default: results/NAME; for a shard, results/NAME-I-of-N)",
+    )
+    parser.add_argument(
+        "--data",
+        type=Path,
+        metavar="FOLDER",
+        help="for the suite measured: folder of measured data (default: measured in GSLCOSIM_REFERENCE)",
     )
     parser.add_argument("--retry", action="store_true", help="run trials without a result again")
     parser.add_argument("--no-report", action="store_true", help="write no report")
@@ -133,9 +144,11 @@ def _list(arguments: argparse.Namespace) -> int:
 
     suites = {name: load_suite(path).suite for name, path in bundled_suites().items()}
     if arguments.json:
-        write_json([{"name": name, "title": s.title, "question": s.question} for name, s in suites.items()])
+        listed = [{"name": name, "title": s.title, "question": s.question} for name, s in suites.items()]
+        write_json([*listed, {"name": MEASURED, "title": "Search on measured air", "question": MEASURED_QUESTION}])
     else:
-        write(table(("SUITE", "QUESTION"), [(name, s.question) for name, s in suites.items()]))
+        rows = [(name, s.question) for name, s in suites.items()]
+        write(table(("SUITE", "QUESTION"), [*rows, (MEASURED, MEASURED_QUESTION)]))
     return 0
 
 
@@ -161,6 +174,10 @@ def _run_suite(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.store import ResultsFolder
     from gslcosim.cli.run_output import format_suite_summary, show_suite_progress
 
+    if arguments.suite == MEASURED:
+        return _run_measured(arguments)
+    if arguments.data is not None:
+        raise UsageError(f"--data: expected the suite {MEASURED}, was {arguments.suite}. Leave the option out.")
     selection, shard = _chosen(arguments)
     loaded, plan = _planned(arguments, is_quiet=arguments.json)
     check_sandbox_here(arguments, plan)
@@ -189,6 +206,50 @@ def _run_suite(arguments: argparse.Namespace) -> int:
     if summary.is_interrupted:
         return ExitCode.INTERRUPTED
     return ExitCode.AGENT_FAILED if summary.n_without_result else 0
+
+
+def _run_measured(arguments: argparse.Namespace) -> int:
+    from gslcosim.bench.cases.models import Selection
+    from gslcosim.bench.store import ResultsFolder
+    from gslcosim.validation.measured_suite.page import HEADINGS, figures_of, table_rows, to_json
+    from gslcosim.validation.measured_suite.run import run_measured
+
+    for option in ("seed", "filter", "shard", "jobs", "ray", "retry"):
+        if getattr(arguments, option) not in (None, False):
+            raise UsageError(f"--{option}: expected a suite that is flown, was {MEASURED}. Leave the option out.")
+    patterns = Selection.of(arguments.only).patterns
+    if others := [key for key, _ in patterns if key != "entry"]:
+        raise UsageError(f"--only {others[0]}: expected entry=NAME with the suite {MEASURED}.")
+    folder = ResultsFolder(arguments.results or RESULTS_DIR / MEASURED)
+    with ProgressLine(MEASURED, is_quiet=arguments.json) as line:
+        done = run_measured(
+            _measured_data(arguments.data),
+            folder,
+            only=[name for _, names in patterns for name in names],
+            has_report=not arguments.no_report,
+            progress=lambda text, fraction: line.show(text, fraction=fraction),
+        )
+    faults = [result for result in done.results if result.fault]
+    if arguments.json:
+        figures = [to_json(figures_of(result)) for result in done.results]
+        write_json({"folder": str(done.folder), "report": done.report and str(done.report), "figures": figures})
+    else:
+        write(table(HEADINGS, table_rows(done.results)))
+        write("".join(f"\n{each.entry} failed on {each.case.name}: {each.fault}" for each in faults))
+        write(f"Results: {done.page}" + (f"\nReport: {done.report}" if done.report else ""))
+    return ExitCode.AGENT_FAILED if faults else ExitCode.SUCCESS
+
+
+def _measured_data(given: Path | None) -> Path:
+    if given is not None:
+        return given
+    reference = os.environ.get("GSLCOSIM_REFERENCE")
+    if not reference:
+        raise UsageError(
+            f"--data: expected a folder of measured data for the suite {MEASURED}, found none. Give --data FOLDER, or "
+            "set GSLCOSIM_REFERENCE to a folder that has one called measured; docs/measured-data.md has the formats."
+        )
+    return Path(reference) / "measured"
 
 
 def _report(arguments: argparse.Namespace) -> int:
@@ -307,6 +368,8 @@ def _chosen(arguments: argparse.Namespace) -> "tuple[Selection, Shard | None]":
 def _planned(arguments: argparse.Namespace, *, is_quiet: bool) -> "tuple[LoadedSuite, Plan]":
     from gslcosim.bench.cases import build_plan, load_suite
 
+    if arguments.suite == MEASURED:
+        raise UsageError(f"{MEASURED}: expected a suite that is flown, was one of logs. Run it with: bench run")
     loaded = load_suite(arguments.suite, seed=arguments.seed, is_flown=True)
     with ProgressLine("planning", is_quiet=is_quiet) as line:
         plan = build_plan(loaded, progress=lambda n: line.count(n, 0))
@@ -340,7 +403,8 @@ COMMAND = CommandFamily(
             "  gslcosim bench run my_suite.yaml --jobs 4 --results results/mine\n"
             "  gslcosim bench run methods --only entry=surge_cast --filter meander\n"
             "  gslcosim bench run gsl_bench_2023 --ray auto\n"
-            "  gslcosim bench run gsl_bench_2023 --shard 2/8",
+            "  gslcosim bench run gsl_bench_2023 --shard 2/8\n"
+            "  gslcosim bench run measured --data FOLDER --only entry=leak_network",
             add_arguments=_add_run_arguments,
             run=_run_suite,
         ),

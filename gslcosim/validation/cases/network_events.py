@@ -1,7 +1,8 @@
 """Leaks found by masts: events, places and rates from a log, beside the releases (METEC, Stanford)."""
 
 import math
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,14 @@ _WHY_TOUCHED = "What stays missing is too small or too short, or passes between 
 _WHY_SOON = "The wind took the gas past all masts at first."
 
 
-def overlapping(events: tuple[LeakEvent, ...], release: LoggedRelease) -> list[int]:
+class _Span(Protocol):
+    @property
+    def start_s(self) -> float: ...
+    @property
+    def end_s(self) -> float: ...
+
+
+def overlapping(events: Sequence[_Span], release: _Span) -> list[int]:
     """Return which events overlap a release by a minute at least; a release or event may be shorter."""
     return [
         i

@@ -7,6 +7,9 @@ import pytest
 
 from gslcosim.validation import read_measured
 from gslcosim.validation.cases import load_case
+from gslcosim.validation.measured_suite.estimators import ENTRIES
+from gslcosim.validation.measured_suite.logs import load_log_cases
+from gslcosim.validation.measured_suite.run import estimate
 from gslcosim.validation.results import ignore_progress
 
 REFERENCE = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[4] / "shared" / "reference"))
@@ -56,3 +59,24 @@ def test_a_measured_record_is_scored_as_plumes_are():
     rows = rows_of("roof-tracer", "roof_tracer", "quick")
     assert rows["measured: share of the time above 20 ppm"].ours.value == pytest.approx(0.127, abs=0.03)
     assert rows["measured: exponent of blanks"].ours.value == pytest.approx(1.5, abs=0.3)
+
+
+@pytest.mark.slow
+def test_the_suite_of_logs_finds_the_leaks_of_masts():
+    found = {
+        case.name: estimate(next(entry for entry in ENTRIES if entry.name == "leak_network"), case).score
+        for name in ("metec", "stanford")
+        for case in load_log_cases(read_measured(MEASURED / name))
+    }
+    assert sum(each.is_exact for each in found["metec"].releases) >= 7
+    assert len(found["metec"].false_claims) <= 4
+    assert sum(each.is_touched for each in found["stanford"].releases) >= 8
+    assert len(found["stanford"].false_claims) <= 2
+
+
+@pytest.mark.slow
+def test_the_suite_of_logs_finds_the_leaks_of_lasers():
+    (case,) = load_log_cases(read_measured(MEASURED / "chilbolton"))
+    scored = estimate(next(entry for entry in ENTRIES if entry.name == "leak_network"), case).score.releases
+    assert [each.is_exact for each in scored] == [True, True]
+    assert [each.rate_ratio for each in scored] == pytest.approx([1.0, 1.0], abs=0.06)

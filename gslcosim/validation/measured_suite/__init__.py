@@ -1,0 +1,1 @@
+"""Suite of measured logs: estimators get readings and wind, a scorer apart from them knows the releases."""

@@ -1,0 +1,76 @@
+"""`gslcosim bench run measured`: table, JSON, and one sentence for each wrong call."""
+
+import json
+
+import pytest
+from mast_campaigns import write_campaign
+
+from gslcosim.cli.main import main
+
+
+@pytest.fixture
+def yard(tmp_path):
+    """Return a folder with a leak at the well."""
+    return write_campaign(tmp_path / "our_yard")
+
+
+def test_entries_are_listed_with_what_they_found(yard, tmp_path, capsys):
+    call = ["bench", "run", "measured", "--data", str(yard), "--results", str(tmp_path / "out"), "--no-report"]
+    assert main([*call, "--only", "entry=leak_*"]) == 0
+    out = capsys.readouterr().out
+    assert "our_yard   leak_network   1 of 1" in out
+    assert "measured.md" in out
+    assert main([*call, "--only", "entry=leak_*", "--json"]) == 0
+    (found, oracle) = json.loads(capsys.readouterr().out)["figures"]
+    assert (found["entry"], found["exact"]["value"], found["n_false_events"]) == ("leak_network", 1.0, 0)
+    assert oracle["entry"] == "oracle"
+
+
+def said(arguments, capsys):
+    """Return what a wrong call writes."""
+    assert main(["bench", *arguments]) == 2
+    return capsys.readouterr().err
+
+
+def test_data_is_asked_for_by_the_name_of_its_option(capsys, monkeypatch):
+    monkeypatch.delenv("GSLCOSIM_REFERENCE", raising=False)
+    assert "--data: expected a folder of measured data" in said(["run", "measured"], capsys)
+
+
+def test_the_reference_folder_is_the_default(yard, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("GSLCOSIM_REFERENCE", str(tmp_path / "nowhere"))
+    assert "nowhere" in said(["run", "measured"], capsys)
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (["--shard", "1/2"], "--shard: expected a suite that is flown, was measured"),
+        (["--only", "case=x"], "--only case: expected entry=NAME with the suite measured"),
+        (["--only", "entry=nobody"], "--only entry=nobody: expected one of leak_network"),
+    ],
+)
+def test_options_of_flown_suites_are_refused(yard, capsys, options, sentence):
+    assert sentence in said(["run", "measured", "--data", str(yard), *options], capsys)
+
+
+def test_data_belongs_to_this_suite_alone(yard, capsys):
+    assert "--data: expected the suite measured, was smoke" in said(["run", "smoke", "--data", str(yard)], capsys)
+
+
+def test_a_suite_of_logs_has_no_plan(capsys):
+    assert "measured: expected a suite that is flown" in said(["plan", "measured"], capsys)
+
+
+def test_a_log_without_a_column_is_told_in_one_sentence(yard, capsys):
+    path = yard / "minutes.csv"
+    path.write_text(path.read_text().replace("wind_east_m_s", "wind_east_km_h"))
+    text = said(["run", "measured", "--data", str(yard)], capsys)
+    assert "wind_east_m_s" in text
+    assert "Traceback" not in text
+
+
+def test_data_of_formats_without_logs_is_refused(tmp_path, capsys):
+    (tmp_path / "published.json").write_text('{"entries": []}')
+    text = said(["run", "measured", "--data", str(tmp_path)], capsys)
+    assert "--data: expected a log of a format that makes trials (mast_network, laser_paths), found no set" in text
