@@ -88,10 +88,11 @@ def count_sensor_use(changes: Sequence[Sequence[Any]], *, n_ticks: int) -> Senso
     """Return how long a sensor was in which state.
 
     Args:
-        changes: (tick, is_saturated, is_warming_up) for each tick at which either changed, the first one included.
+        changes: (tick, is_saturated, is_warming_up) for each tick at which either changed, the first one included;
+            none where the run ended before the sensor's first tick.
         n_ticks: Ticks of the run.
     """
-    ends = [*(int(change[0]) for change in changes[1:]), n_ticks]
+    ends = [*(int(change[0]) for change in changes), n_ticks][1:]
     n_saturated = n_warming_up = 0
     for (tick, is_saturated, is_warming_up), end in zip(changes, ends, strict=True):
         n = max(0, min(end, n_ticks) - int(tick))

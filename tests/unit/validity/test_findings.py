@@ -135,6 +135,7 @@ def test_success_without_gas_needed_no_olfaction():
 
 def test_states_of_sensors_count_up_to_the_end_of_the_run():
     changes = [(0, False, True), (10, False, False), (50, True, False), (90, False, False)]
+    assert count_sensor_use([], n_ticks=60) == SensorUse(n_ticks=60, n_saturated=0, n_warming_up=0)
     assert count_sensor_use(changes, n_ticks=60) == SensorUse(n_ticks=60, n_saturated=10, n_warming_up=10)
     assert count_sensor_use(changes, n_ticks=100) == SensorUse(n_ticks=100, n_saturated=40, n_warming_up=10)
 
