@@ -9,7 +9,7 @@ from gslcosim.base.old_names import support_old_names
 if TYPE_CHECKING:
     from gslcosim.data.run import open_run as open_run
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 use_kernel_cache()
 support_old_names()
