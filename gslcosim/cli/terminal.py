@@ -167,6 +167,13 @@ def escape_library_messages() -> None:
     cast("Any", logging).lastResort = NoteHandler(logging.WARNING)
 
 
+def ask(question: str) -> bool:
+    """Ask on standard error, and return whether the answer on standard input begins with y; an end of input is a no."""
+    sys.stderr.write(f"{question} [y/N] ")
+    sys.stderr.flush()
+    return sys.stdin.readline().strip().lower().startswith("y")
+
+
 def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return rows as aligned columns under their headings; a pipe gets the same text as a terminal."""
     cells = [[escape_terminal_text(cell, is_one_line=True) for cell in row] for row in (headings, *rows)]

@@ -18,7 +18,7 @@ from typing import Any
 import gslcosim
 from gslcosim.base.code_identity import COMPUTING_PACKAGES
 from gslcosim.base.disk_cache import mark_used
-from gslcosim.base.errors import SimulationFault
+from gslcosim.base.errors import SimulationFault, UsageError
 from gslcosim.bench.cases.models import LOWER_ANCHOR, UPPER_ANCHOR, Selection, Shard, Trial, choose_trials
 from gslcosim.bench.cases.plan import Plan, build_plan, group_settings, save_pace
 from gslcosim.bench.cases.suite_files import LoadedSuite, load_suite, write_suite
@@ -215,6 +215,7 @@ class SuiteRun:
         shard: Shard | None = None,
         flies_failures_again: bool = False,
         keeps_pool: bool = False,
+        confirm_put_aside: Callable[[int, int], bool] = lambda _n_stale, _n_rows: True,
         report: Callable[[Progress], None] = lambda _: None,
     ) -> None:
         """Prepare to run.
@@ -227,6 +228,8 @@ class SuiteRun:
             shard: Which part of these; all if absent.
             flies_failures_again: Whether trials without result are run again.
             keeps_pool: Whether the workers are left running, for what else their owner has for them.
+            confirm_put_aside: Receives how many rows are of another version, of how many, before they are moved aside,
+                and returns whether to go on.
             report: Receives progress reports.
         """
         self._plan = plan
@@ -236,6 +239,7 @@ class SuiteRun:
         self._shard = shard
         self._chosen = choose_trials(plan.trials, selection, shard)
         self._keeps_pool = keeps_pool
+        self._confirm_put_aside = confirm_put_aside
         self._flies_failures_again = flies_failures_again
         self._report = report
         self._entries: dict[str, JournalEntry] = {}
@@ -293,7 +297,10 @@ class SuiteRun:
         found = self._folder.entries()
         ids = {trial.id for trial in self._plan.trials}
         valid = {key: entry for key, entry in found.items() if key in ids}
-        aside = self._folder.put_aside() if len(valid) < len(found) else None
+        n_stale = len(found) - len(valid)
+        if n_stale and not self._confirm_put_aside(n_stale, len(found)):
+            raise UsageError(f"{self._folder.path}: The results are as they were. Name another folder with --results.")
+        aside = self._folder.put_aside() if n_stale else None
         if aside is not None:
             with Journal(self._folder.journal) as journal:
                 for entry in valid.values():

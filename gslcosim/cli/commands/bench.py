@@ -3,6 +3,7 @@
 import argparse
 import os
 import secrets
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ from gslcosim.cli.arguments import RECORDING, Command, CommandFamily, parse_posi
 from gslcosim.cli.bench_workers import add_worker_arguments, check_sandbox_here, start_pool
 from gslcosim.cli.commands import sweep, tune
 from gslcosim.cli.progress import ProgressLine
-from gslcosim.cli.terminal import add_json_option, table, write, write_json
+from gslcosim.cli.terminal import add_json_option, ask, table, write, write_json, write_note
 
 if TYPE_CHECKING:
     from gslcosim.bench.cases import LoadedSuite, Plan
@@ -62,6 +63,7 @@ def _add_run_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--retry", action="store_true", help="run trials without a result again")
     parser.add_argument("--no-report", action="store_true", help="write no report")
+    parser.add_argument("--yes", action="store_true", help="move results of another version aside without asking")
 
 
 def _add_report_arguments(parser: argparse.ArgumentParser) -> None:
@@ -191,6 +193,9 @@ def _run_suite(arguments: argparse.Namespace) -> int:
             selection=selection,
             shard=shard,
             flies_failures_again=arguments.retry,
+            confirm_put_aside=lambda n_stale, n_rows: _confirm_put_aside(
+                folder.path, n_stale, n_rows, is_agreed=arguments.yes
+            ),
             report=report,
         )
         summary = run.fly()
@@ -206,6 +211,17 @@ def _run_suite(arguments: argparse.Namespace) -> int:
     if summary.is_interrupted:
         return ExitCode.INTERRUPTED
     return ExitCode.AGENT_FAILED if summary.n_without_result else 0
+
+
+# A script has nobody to ask: it gets the note, and the rows are kept beside.
+def _confirm_put_aside(folder: Path, n_stale: int, n_rows: int, *, is_agreed: bool) -> bool:
+    write_note(
+        f"{folder}: {n_stale} of {n_rows} trials were run with another version of the suite, an agent or gslcosim. "
+        "They are moved to a folder beside and run again."
+    )
+    if is_agreed or not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return True
+    return ask("Continue?")
 
 
 def _run_measured(arguments: argparse.Namespace) -> int:

@@ -16,6 +16,11 @@ import pyarrow.parquet as pq
 import pytest
 from deadlines import EVENT_S, PROCESS_S
 
+from gslcosim.base.errors import UsageError
+from gslcosim.bench.cases import build_plan, load_suite
+from gslcosim.bench.cases.models import Selection
+from gslcosim.bench.execution.runner import SuiteRun
+from gslcosim.bench.store import ResultsFolder
 from gslcosim.bench.verification_marks import find_mark
 
 HOSTILE = Path(__file__).parent / "hostile"
@@ -182,6 +187,29 @@ def test_a_second_run_in_the_folder_is_refused(smoke: Path, tmp_path: Path) -> N
         ended = bench("run", "smoke", cwd=tmp_path)
     assert ended.returncode == 2
     assert f"in use by process {os.getpid()}" in ended.stderr
+
+
+@pytest.mark.end_to_end
+def test_rows_of_another_seed_stay_where_the_answer_is_no(smoke: Path, tmp_path: Path) -> None:
+    shutil.copytree(smoke, tmp_path / "smoke")
+    rows, asked = rows_of(tmp_path / "smoke"), []
+
+    def answer(n_stale: int, n_rows: int) -> bool:
+        asked.append((n_stale, n_rows))
+        return False
+
+    run = SuiteRun(
+        build_plan(load_suite("smoke", seed=99)),
+        ResultsFolder(tmp_path / "smoke"),
+        lambda: pytest.fail("nothing is to be run"),
+        selection=Selection(),
+        confirm_put_aside=answer,
+    )
+    with pytest.raises(UsageError, match="The results are as they were"):
+        run.fly()
+    assert asked == [(len(rows), len(rows))]
+    assert rows_of(tmp_path / "smoke") == rows
+    assert not list((tmp_path / "smoke").glob("earlier-*"))
 
 
 @pytest.mark.end_to_end
