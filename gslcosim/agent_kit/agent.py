@@ -186,7 +186,7 @@ _msgpack: Any = msgpack
 
 
 def is_behind_gateway() -> bool:
-    """Return whether this process was started to speak frames on its standard input and output."""
+    """Return True if this process was started to speak frames on its standard input and output."""
     return AGENT_VARIABLE in os.environ and JOIN_VARIABLE not in os.environ
 
 

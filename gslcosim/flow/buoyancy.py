@@ -86,7 +86,7 @@ class Orifice:
 
 @dataclass(frozen=True, kw_only=True)
 class BuoyantScalar:
-    """What the wind carries and is driven by, with its sources; zero is the air outside.
+    """Scalar that the wind carries and that drives it, with its sources; zero is the outside air.
 
     Attributes:
         buoyancy_m_s2: Upward acceleration per unit of the scalar, g' [m/s2].

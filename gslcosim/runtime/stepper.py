@@ -194,7 +194,7 @@ class SentMessage:
 
 @dataclass
 class Timing:
-    """Where a participant's wall time went [ns]; it has no influence on results."""
+    """Breakdown of a participant's wall time [ns]; it has no influence on results."""
 
     stepping_ns: int = 0
     encoding_ns: int = 0

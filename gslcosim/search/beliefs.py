@@ -83,7 +83,7 @@ class CellGrid:
         return tuple(min(max(i, 0), n - 1) for i, n in zip(self.index_at(point_m), self.shape, strict=True))
 
     def contains(self, index: Sequence[int]) -> bool:
-        """Return whether an index is one of the grid's."""
+        """Return True if an index is one of the grid's."""
         return all(0 <= i < n for i, n in zip(index, self.shape, strict=True))
 
     def centre_m(self, index: Sequence[int]) -> tuple[float, ...]:

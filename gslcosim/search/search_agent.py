@@ -79,7 +79,7 @@ class SearchAgent(Agent):
         """Take in what this stop has brought."""
 
     def estimate(self, observation: Observation) -> Estimate | None:
-        """Return where the source is, once the method's rule says so."""
+        """Return the estimate of the source, once the method's rule is satisfied."""
         return None
 
     def declare(self, observation: Observation, found: Estimate) -> Command | None:
@@ -94,5 +94,5 @@ class SearchAgent(Agent):
         """Return the command for the next leg."""
 
     def outgoing(self, observation: Observation) -> tuple[RadioMessage, ...]:
-        """Return what goes out to other robots with the answer at a stop."""
+        """Return the messages to other robots that go with the command at a stop."""
         return ()

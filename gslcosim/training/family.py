@@ -81,7 +81,7 @@ class Family(CaseFamily):
             report(i + 1, len(taped))
 
     def weights(self, costs: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how often cases come in training, as probabilities, (n,).
+        """Return the probabilities of cases in training, (n,).
 
         p_i = w_i / sum w, w_i = floor + (1 - floor) (c_i / max c)^power
 

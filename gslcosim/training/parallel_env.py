@@ -150,11 +150,11 @@ class ParallelSearchEnv(ParallelEnv[str, _Numbers, _Numbers]):
         self._search: _Search | None = None
 
     def observation_space(self, agent: str) -> "spaces.Space[Any]":
-        """Return what an agent observes."""
+        """Return the observation space of an agent."""
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> "spaces.Space[Any]":
-        """Return what an agent can do."""
+        """Return the action space of an agent."""
         return self.action_spaces[agent]
 
     def reset(

@@ -65,7 +65,7 @@ class LearningTask:
 
 
 def get_environment_key(loaded: LoadedScenario) -> str:
-    """Return what scenarios have in common whose room and wind are the same."""
+    """Return the key that scenarios with the same room and wind share."""
     scenario = loaded.scenario
     return f"{loaded.directory}\n{scenario.environment.model_dump_json()}\n{scenario.wind.model_dump_json()}"
 
@@ -168,13 +168,13 @@ class SteppedRun:
         return seen
 
     def scale(self, discount: float) -> TaskScale:
-        """Return what is large and long in this flight, for rewards with a discount."""
+        """Return the scales of distance and time in this run, for rewards with a discount."""
         grid, limit = self.environment.grid, self._setup.scenario.referee.stop.time_limit_s
         diagonal_m = math.dist(grid.origin_m, grid.max_m)
         return TaskScale(diagonal_m=diagonal_m, time_limit_s=limit, discount=discount)
 
     def outcome_of(self, agent: str) -> str | None:
-        """Return what became of an agent's search; None while the run goes on."""
+        """Return the outcome of an agent's search; None while the run continues."""
         verdict = self.outcome.verdict
         if verdict is None:
             return None

@@ -191,7 +191,7 @@ class PolicyValidation:
 
 
 def build_entry(policy: Any, policy_file: Path) -> EntrySpec:
-    """Return how a suite enters what was learned: a method with its parameters, or the agent `learned` with a file."""
+    """Return the suite entry of a trained policy: a method with its parameters, or the agent `learned` with a file."""
     if isinstance(policy, EvolvedParameters):
         return policy.entry
     assert isinstance(policy, Policy), "trainers have policies or parameters"
@@ -327,7 +327,7 @@ class Training:
         return self.trained()
 
     def trained(self) -> TrainingResult:
-        """Return what it has come to."""
+        """Return the result of the training."""
         return TrainingResult(
             name=self._file.spec.name, folder=self.folder, is_over=self.n_done >= self.n_rounds,
             curves=list(self._curves), best_round=self._best_round, best=self._best, took_s=self._took_s,

@@ -63,7 +63,7 @@ class Comparison:
 
     @property
     def is_met(self) -> bool | None:
-        """Whether the goal is reached; None where there is none."""
+        """True if the value reaches the goal; None where there is no goal."""
         return None if self.goal is None else self.goal.is_met(self.ours.value)
 
 

@@ -166,7 +166,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="CONDITION",
-        help="only those with COLUMN=VALUE (or !=, <, <=, >, >=), as often as needed: all have to hold; texts may have "
+        help="only runs with COLUMN=VALUE (or !=, <, <=, >, >=); repeatable: all must hold; texts may have "
         "* and ?; columns: " + ", ".join(COLUMNS),
     )
     parser.add_argument(

@@ -223,7 +223,7 @@ UP = Command(
 
 
 SERVE_EXAMPLES = """  gslcosim serve                       in one shell, until Ctrl-C
-  gslcosim up warehouse_empty --warm   in others, as often as wanted"""
+  gslcosim up warehouse_empty --warm   in other shells, as often as you like"""
 
 
 def _add_serve_arguments(parser: argparse.ArgumentParser) -> None:

@@ -130,7 +130,7 @@ def _wait_until_closed(view: "LiveViewer") -> None:
 
 EXAMPLES = """  gslcosim view                                   the newest run
   gslcosim view runs/warehouse_empty-seed7-20250101T120000-a1b2c3
-  gslcosim view runs/first runs/second            both over one map, their curves over each other
+  gslcosim view runs/first runs/second            both on one map, with their curves in the same plots
   gslcosim view runs/first runs/second --align first_contact
   gslcosim view --at 120
   gslcosim view hall                              the environment in the folder hall

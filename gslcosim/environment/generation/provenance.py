@@ -22,7 +22,7 @@ _MADE_FROM = "\nmade_from:"
 
 @dataclass(frozen=True, kw_only=True)
 class WindProvenance:
-    """Who has made the wind of an environment, and what is known of its quality.
+    """Origin of an environment's wind, and the known facts about its quality.
 
     Attributes:
         maker: The built-in solver, OpenFOAM, the same wind everywhere, a file that the scenario names, the imported

@@ -43,7 +43,7 @@ def mass_around(p: Array, reach_cells: int) -> Array:
 
 
 def expected_information_bits(p: Array, chance: Array) -> Array:
-    """Return how much the next finding, gas or none, is expected to yield about the source, for a sensor in each cell.
+    """Return the expected information of the next detection or its absence, for a sensor in each cell.
 
     I(x) = h(sum over s of p(s) F(s - x)) - sum over s of p(s) h(F(s - x)),  h(q) = -q log2 q - (1 - q) log2(1 - q)
     [bit]; F(o) chance that gas is detected of a source at the offset o from the sensor
@@ -143,7 +143,7 @@ class GoalNavigator:
         return pilot.leg(observation, step_towards_m(here_m, bend_m, self._step_m), hold_s=hold_s)
 
     def is_goal(self, place_m: Sequence[float]) -> bool:
-        """Return whether a place lies in a cell that may be a goal."""
+        """Return True if a place lies in a cell that may be a goal."""
         cell = self.flights.grid.cell_at(place_m)
         return cell is not None and bool(self.goals[cell])
 
@@ -306,7 +306,7 @@ class BeliefAgent(SearchAgent):
         self.goals.note_refusal(observation)
 
     def estimate(self, observation: Observation) -> Estimate | None:
-        """Return where the source is once the belief is as narrow as the settings ask for."""
+        """Return the estimate of the source once the belief is as narrow as the settings require."""
         limit_m2, radius_m = self.shared.declare_variance_m2, self.shared.visit_m
         return by_variance(self.p, self.grid, limit_m2=limit_m2, radius_m=radius_m)
 
@@ -320,7 +320,7 @@ class BeliefAgent(SearchAgent):
         return super().declare(observation, found)
 
     def is_tracking(self, observation: Observation) -> bool:
-        """Return whether gas was met so lately that the plume is to be followed."""
+        """Return True if gas was met so lately that the plume is to be followed."""
         return self.evidence.since_hit_s(observation.time_s) <= self.shared.surge_s
 
     def surge_or_search(
@@ -342,7 +342,7 @@ class BeliefAgent(SearchAgent):
         return self.goals.leg(observation, self.goal_m(observation, chance), hold_s=hold_s)
 
     def goal_m(self, observation: Observation, chance: Array | None) -> Point:
-        """Return where to go, by the planner of the settings, world frame [m]."""
+        """Return the next goal, from the planner of the settings, world frame [m]."""
         here_m, p, shared = observation.position_world_m, self.p, self.shared
         if shared.planner == "maximum" or chance is None:
             return choose_goal(p, self.grid, self.goals.goals, here_m, near_m=math.inf)
@@ -373,7 +373,7 @@ class BeliefAgent(SearchAgent):
         return u_m_s, v_m_s
 
     def upwind_rad(self) -> float | None:
-        """Return where the wind of the last seconds comes from, in calm air the last one before [rad]; None so far."""
+        """Return the upwind direction of the last seconds [rad]; in calm air the last known one, or None."""
         u_m_s, v_m_s = self.recent_wind_m_s()
         self._trusted.add(MeasuredWind(speed_m_s=math.hypot(u_m_s, v_m_s), upwind_rad=math.atan2(-v_m_s, -u_m_s)))
         return self._trusted.upwind_rad

@@ -133,7 +133,7 @@ def log_mean_hits_3d_into(cells_m, places_m, drift_x, drift_y, length_m, nearest
 
 @numba.njit(cache=True, nogil=True)
 def hit_probability(log_mean, hits, n_outcomes):
-    """Return how likely an outcome of a stop is: 0, 1, ... hits, or so many or more for the last outcome.
+    """Return the probability of an outcome of a stop: 0, 1, ... hits; the last outcome includes all higher counts.
 
     P(h) = exp(h ln mu - mu) / h!  for h < n - 1,    P(n - 1) = 1 - sum of the others
     [1] = [1]
@@ -266,7 +266,7 @@ REFERENCE_M = 1.0
 
 
 def dispersion_length_m(diffusivity_m2_s: float, lifetime_s: float, speed_m_s: float) -> float:
-    """Return how far particles reach before they are gone.
+    """Return the distance that particles travel within their lifetime.
 
     lambda = sqrt(D tau / (1 + V^2 tau / (4 D)))        D diffusivity, tau lifetime, V speed of the wind
     [m] = sqrt([m2/s] [s] / ([m2/s2] [s] / [m2/s]))
@@ -295,7 +295,7 @@ def meander_diffusivity_m2_s(speed_m_s: float, spread_rad: float, correlation_s:
 
 
 def count_outcomes(mean_hits: float) -> int:
-    """Return how many outcomes of a stop to distinguish: 0, 1, ... and "so many or more".
+    """Return the number of outcomes of a stop to distinguish: 0, 1, ... hits; the last includes all higher counts.
 
     n = ceil(mu + sqrt(mu)) + 1        mu mean one cell away from the source
 
@@ -308,7 +308,7 @@ def count_outcomes(mean_hits: float) -> int:
 def windless_mean_hits(
     distance_cells: Array, *, dimensions: Literal[1, 2, 3], length_cells: float, intensity: float
 ) -> Array:
-    """Return how many hits a searcher on a grid without wind expects a step.
+    """Return the expected number of hits per step of a searcher on a grid without wind.
 
     1-D: mu = I 2 L / (2 L - 1) exp(-d / L)    2-D: mu = I K0(d / L) / ln(2 L)    3-D: mu = I / (2 d) exp(-d / L)
     [1] = [1]; d and L in cells, a detector of half a cell
@@ -457,7 +457,7 @@ def nominal_dispersal(
     correlation_s: float,
     stop_s: float,
 ) -> PlumeAssumption:
-    """Return what the nominal figures of a plume say about encounters with it (knowledge level K1).
+    """Return the dispersal model that follows from the nominal figures of a plume (knowledge level K1).
 
     D = D_eddies + gamma / 2;    tau = age at which a puff's centre falls below the threshold
     hits at 1 m = n dt (1 - exp(-r^2 / (2 s^2)))        n puffs released a second, dt stop
@@ -504,7 +504,7 @@ def _fading_s(plume: NominalPlume, width_m2: float) -> float:
 def likelihoods(
     log_mean: Array, *, n_outcomes: int = 2, floor: float = 0.0, power: float | Array = 1.0
 ) -> tuple[Array, Array, Array]:
-    """Return how likely each outcome of a stop is for each place of the source, what it weighs, and the weight's log.
+    """Return the probability of each outcome of a stop for each source position, its weight, and the log weight.
 
     Args:
         log_mean: (m, c) logarithm of expected hits: m places of the searcher, c cells of the source.

@@ -383,7 +383,7 @@ def compute_arrival_probabilities(plume: ParcelChain, sensor: Cell) -> Array:
 def compute_finding_likelihoods(
     chance: Array, *, detection_probability: float, puffs_per_hop: float
 ) -> tuple[Array, Array]:
-    """Return what a detection and what its absence say of a source in each cell, as in puff tracing.
+    """Return the likelihoods of a detection and of its absence for a source in each cell, as in puff tracing.
 
     detection: beta_i = mean over m of b_m(i);  none: ln gamma_i = r sum over m of ln(1 - mu b_m(i))
     [1]; b as `compute_arrival_probabilities` gives it, r puffs released in the time of a hop, mu their chance to be
@@ -400,7 +400,7 @@ def compute_finding_likelihoods(
 
 
 def marginals(plume: ParcelChain, first: Array, evidence: Array) -> tuple[Array, float]:
-    """Return where one parcel was at each time, by all that was observed of it, and how likely those observations are.
+    """Return the distribution of one parcel over cells at each time, given all observations, and their likelihood.
 
     P(cell at m given all) = f_m b_m / sum over cells of f_m b_m
 

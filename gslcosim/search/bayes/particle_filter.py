@@ -102,7 +102,7 @@ _LEAST_LOG = -700.0
 
 
 def wind_spread_m_sqrt_s(winds_m_s: Array, step_s: float, least_m_sqrt_s: float) -> Array:
-    """Return how far puffs wander with the root of time, by axis, in a wind whose steps differ by chance.
+    """Return the spread of puffs per square root of time, by axis, in a wind with independent random steps.
 
     s^2 = max(var(W) dt, least^2)        [m2/s] = [m2/s2] [s]
 
@@ -157,7 +157,7 @@ class ParticleCloud:
         return normalised_from_log(self._log_weights)
 
     def n_effective(self) -> float:
-        """Return how many equal particles would say as much: 1 / sum of w^2."""
+        """Return the effective number of particles: 1 / sum of w^2."""
         return 1.0 / float((self.weights() ** 2).sum())
 
     def mean_m(self) -> tuple[float, float]:

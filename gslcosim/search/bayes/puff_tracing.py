@@ -41,7 +41,7 @@ def _shares_on_axis(low_m, cell_m, n, centre_m, sigma_m, share):
 
 @numba.njit(cache=True)
 def trace_puffs(low_m, cell_m, n_x, n_y, sensor_m, displacement_m, variance_m2, detection_probability, sensed_m2):
-    """Return what a detection and what its absence say of a source in each cell.
+    """Return the likelihoods of a detection and of its absence for a source in each cell.
 
     S_i(l) = integral over cell i of N(s; x - V(l), diag(v_x(l), v_y(l))) ds
     detection: beta_i = (1 / n) sum over l of S_i(l)
@@ -96,7 +96,7 @@ def trace_puffs(low_m, cell_m, n_x, n_y, sensor_m, displacement_m, variance_m2, 
 
 @numba.njit(cache=True)
 def trace_back(sensor_m, n_steps, step_s, low_m, cell_m, wind_m_s):
-    """Return how far puffs have come that arrive at a place, through a steady wind that differs from place to place.
+    """Return the displacements of puffs that arrive at a position, through a steady wind that varies in space.
 
     p(m + 1) = p(m) - W(p(m)) dt,  V(m) = x - p(m)
     [m] = [m/s] [s]
@@ -180,7 +180,7 @@ class PuffModel:
 
 
 def partial_sums_m(wind_m_s: Array, step_s: float) -> Array:
-    """Return how far the wind has carried puffs of each age, in a wind that is the same everywhere.
+    """Return the displacement of puffs of each age by a wind that is uniform in space.
 
     V(0) = 0;  V(m) = sum of the last m winds dt        [m] = [m/s] [s]
 
@@ -203,7 +203,7 @@ def partial_sums_m(wind_m_s: Array, step_s: float) -> Array:
 def displacements_m(
     record: WindRecord, model: PuffModel, sensor_m: Sequence[float], *, field: WindField | None = None
 ) -> Array:
-    """Return how far puffs of age 0, 1, 2, ... steps have come that are at the sensor now, (n_steps + 1, 2) [m].
+    """Return the displacements of puffs of age 0, 1, 2, ... steps that are at the sensor now, (n_steps + 1, 2) [m].
 
     Args:
         record: The wind so far, over at least the window, in steps of the model's length.

@@ -194,7 +194,7 @@ def sampled_reading(amount, uniform, normal, threshold, noise_frac, noise_floor,
 
 @numba.njit(cache=True)
 def expected_gain_bits(terms, place_m, wind, truth, uniform, normal, plume, sensor, figures):
-    """Return how many bits a reading at each of several places is expected to yield about the source terms.
+    """Return the expected information of a reading at each of several positions about the source terms [bit].
 
     gain(x) = mean over t of KL(w | z_t),  z_t a reading at x if terms t were true,  w_i ~ p(z_t | terms i)
     KL = sum over i of w_i log2(n w_i)        [bit]
@@ -441,7 +441,7 @@ class SourceTermFilter:
         return normalised_from_log(self._log_weights)
 
     def n_effective(self) -> float:
-        """Return how many equal particles would say as much: 1 / sum of w^2."""
+        """Return the effective number of particles: 1 / sum of w^2."""
         return 1.0 / float((self.weights() ** 2).sum())
 
     def mean(self) -> dict[str, float]:
@@ -486,7 +486,7 @@ class SourceTermFilter:
         n_particles: int = 200,
         n_truths: int = 25,
     ) -> Array:
-        """Return how many bits a reading at each place is expected to yield; see `expected_gain_bits`.
+        """Return the expected information of a reading at each position [bit]; see `expected_gain_bits`.
 
         Args:
             places_m: (k, 3) candidate places, world frame [m].

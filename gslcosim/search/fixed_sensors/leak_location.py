@@ -1,4 +1,4 @@
-"""Where an event's gas came from and how much: readings beside what puffs from each place would have given."""
+"""Source position and rate of an event: comparison of readings with those of puffs from each position."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

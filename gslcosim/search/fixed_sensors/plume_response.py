@@ -97,7 +97,7 @@ def _responses(points_m, wind_m_s, across_std_m_s, up_std_m_s, source_m, source_
 def plume_responses(
     sensors: SensorPaths, wind: WindStatistics, source_m: Floats, *, source_sigma_m: float = 0.5
 ) -> Floats:
-    """Return what each sensor reads in each period above background, per cubic metre of pure gas a second.
+    """Return the reading of each sensor in each period above background, per cubic metre of pure gas a second.
 
     C / Q = exp(-y^2 / (2 sy^2)) (exp(-(z - h)^2 / (2 sz^2)) + exp(-(z + h)^2 / (2 sz^2))) / (2 pi sy sz u)
     sy^2 = a^2 + (s_across t)^2,  sz^2 = a^2 + (s_up t)^2,  t = x / u

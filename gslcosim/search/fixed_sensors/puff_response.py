@@ -128,7 +128,7 @@ def puff_responses(
     steps_per_period: int = 12,
     memory_s: float = 300.0,
 ) -> Floats:
-    """Return what point sensors read in each period above background, per cubic metre of pure gas a second.
+    """Return the readings of point sensors in each period above background, per cubic metre of pure gas a second.
 
     C / Q = sum over puffs of dt exp(-r^2 / (2 sh^2)) (exp(-(z - h)^2 / (2 sz^2)) + exp(-(z + h)^2 / (2 sz^2)))
             / ((2 pi)^1.5 sh^2 sz)

@@ -23,7 +23,7 @@ _RING = 3
 
 @dataclass(frozen=True)
 class BackgroundPrior:
-    """What is known of backgrounds before: mean and standard deviation over sensors and groups [ppm]."""
+    """Prior of backgrounds: mean and standard deviation over sensors and groups [ppm]."""
 
     mean_ppm: float
     std_ppm: float

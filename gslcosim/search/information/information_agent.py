@@ -94,7 +94,7 @@ class PlanningContext:
         return tuple(float(x) for x in self.p @ self.cells_m)
 
     def predict(self, *, alpha: float = 0.0) -> Predictions:
-        """Return what is expected of the next stop, hit or not; see `objectives.predict_stops`."""
+        """Return the predictions for the next stop, with and without a hit; see `objectives.predict_stops`."""
         return predict_stops(self.p, self.survey([tuple(place) for place in self.places_m]), alpha=alpha)
 
     def tree(self, depth: int) -> MoveTree:
@@ -250,7 +250,7 @@ class InformationAgent(SearchAgent):
         return commands.waypoint(observation, x_m, y_m, z_m, hold_s=self.settings.hold_s)
 
     def build_context(self, here_m: Place) -> PlanningContext:
-        """Return what a method weighs at a place."""
+        """Return the planning context of a method at a position."""
         places_m = np.array(self.neighbours(here_m))
         return PlanningContext(
             p=self._memory.p,
@@ -273,7 +273,7 @@ class InformationAgent(SearchAgent):
         return self._dispersal.model((float(mean[0]), float(mean[1])), direction_spread_rad(winds_m_s))
 
     def neighbours(self, here_m: Place) -> list[Place]:
-        """Return where the next stop may be: here, and the ends of steps that may be flown, without refused ones."""
+        """Return the possible next stops: the current one, and the ends of all allowed steps that were not refused."""
         ends = [self._room.nearest(here_m)] if self.settings.may_stay else []
         for step in self._steps():
             end = tuple(to_millimetre(x + dx) for x, dx in zip(here_m, step, strict=True))
@@ -282,7 +282,7 @@ class InformationAgent(SearchAgent):
         return ends or [self._room.nearest(here_m)]
 
     def survey(self, places: Sequence[Place]) -> Candidates:
-        """Return what stops at places would find; where arrival ends the run, cells within reach count as found."""
+        """Return the possible results of stops; where arrival ends the run, cells within reach count as found."""
         places_m = np.array(places)
         tables = likelihoods(
             self.model().log_mean_hits(places_m, self._cells_m),
@@ -330,7 +330,7 @@ class InformationAgent(SearchAgent):
             memory.p = beliefs.normalised(np.where(fresh, _PASSED_WEIGHT * memory.p, memory.p))
 
     def estimate(self, observation: Observation) -> Estimate | None:
-        """Return where the source is, once most of the belief lies close together or its entropy is low."""
+        """Return the estimate of the source once the belief is concentrated or its entropy is low."""
         settings, found = self.settings, None
         # Boxes are quicker than balls, and most beliefs fill not even one of them.
         reach = int(settings.radius_m / self.grid.cell_m + 1e-9)
@@ -357,7 +357,7 @@ class InformationAgent(SearchAgent):
 
 
 def arrival_radius_m(briefing: Briefing) -> float:
-    """Return how near to the source the run ends by the mission's sentence [m]; 0 where it asks for a declaration."""
+    """Return the success radius that the mission text states [m]; 0 where it asks for a declaration."""
     found = _ARRIVAL.search(briefing.mission)
     return float(found.group(1)) if found else 0.0
 
@@ -383,7 +383,7 @@ def max_box_probability(p: Array, reach: int) -> float:
 
 
 def assumed_dispersal(briefing: Briefing, settings: SimpleNamespace, dimensions: Literal[2, 3]) -> PlumeAssumption:
-    """Return what a searcher supposes of the plume: by nominal figures where granted (K1), else by settings (K0)."""
+    """Return the assumed dispersal of the plume: from nominal figures where granted (K1), else from settings (K0)."""
     bounds = briefing.bounds
     room_length_m = max(high - low for low, high in zip(bounds.min_m[:2], bounds.max_m[:2], strict=True))
     if briefing.plume is not None:

@@ -245,7 +245,7 @@ def log_or_zero(p: Array) -> Array:
 
 
 def predict_stops(p: Array, candidates: Candidates, *, alpha: float = 0.0) -> Predictions:
-    """Return what a belief, flat, expects of the stops of a prospect; `alpha` is the order of the Renyi divergence."""
+    """Return the predictions of a flat belief for candidate stops; `alpha` is the order of the Renyi divergence."""
     figures = np.empty((*candidates.likelihood.shape[:2], N_FIGURES))
     predict_stops_into(
         p,

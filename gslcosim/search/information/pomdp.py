@@ -66,7 +66,7 @@ class OffsetGrid:
         return np.bincount(cells.ravel(), weights=shares, minlength=self.n_cells).astype(np.float64)
 
     def looked_up(self, table: Floats, offsets_m: Floats) -> Floats:
-        """Return what (k, n_cells) tables hold at (n, 2) offsets, between centres linearly: (k, n)."""
+        """Return the values of (k, n_cells) tables at (n, 2) offsets, linear between cell centres: (k, n)."""
         cells, parts = self.corners_of(offsets_m)
         return (table[:, cells] * parts).sum(axis=-1)
 
@@ -82,7 +82,7 @@ class OffsetGrid:
 
 
 def offsets_m(places_m: Floats, position_m: tuple[float, float], downwind_rad: float) -> Floats:
-    """Return where the vehicle is, seen from each of (n, 2) places, in the frame of the wind.
+    """Return the offsets of the vehicle from each of (n, 2) positions, in the frame of the wind.
 
     d = R(-w) (x - s)        [m] = [m]; x the vehicle, s a place, w the direction the air goes
 
@@ -198,7 +198,7 @@ class PlumeTable:
         return int((ppm > self.thresholds_ppm).sum())
 
     def likelihood(self, level: int, offsets: Floats) -> Floats:
-        """Return how probable a level is at (n, 2) offsets [m]: (n,)."""
+        """Return the probability of a level at (n, 2) offsets [m]: (n,)."""
         return self.grid.looked_up(self.level_frac[level][None], offsets)[0]
 
     def action_values(self, policy: str, belief: Floats, offsets: Floats) -> Floats:

@@ -100,7 +100,7 @@ class Policy(ABC):
 
     @abstractmethod
     def memory(self, n: int) -> Floats:
-        """Return what it remembers at the beginning, (n, size); a policy without a memory has size 0."""
+        """Return the initial memory, (n, size); a policy without a memory has size 0."""
 
     @abstractmethod
     def act(self, observations: Floats, memory: Floats) -> tuple[Actions, Floats]:

@@ -177,7 +177,7 @@ class GruPolicy(Policy):
         return self.action.chosen(add_spread(outputs, observations, self.spread)), after
 
     def outputs(self, observations: Floats, memory: Floats) -> tuple[Floats, Floats]:
-        """Return what an action is chosen by, (n, o), and the next memory; as `act`."""
+        """Return the outputs from which an action is chosen, (n, o), and the next memory; as `act`."""
         h, one = self._n_units, np.float32(1.0)
         encoded = np.tanh(observations @ self._encoder + self._arrays["encoder_bias"])
         fed = encoded @ self._gates + self._arrays["gates_bias"]

@@ -92,7 +92,7 @@ def _inherited(free, length, weight, i, j):
 
 @numba.njit(cache=True, nogil=True)
 def information_gain_nats(p, hit_weight, miss_weight):
-    """Return how much a measurement is expected to change a belief, each cell seen as a coin of its own.
+    """Return the expected information gain of a measurement, with each cell as an independent binary variable.
 
     h = sum p w_hit                                         chance of a hit
     gain = h K(p_hit, p) + (1 - h) K(p_miss, p),  p_z = p w_z / sum p w_z

@@ -108,7 +108,7 @@ class StopMapAgent(MapAgent, Generic[BeliefT]):
         return self.method.p
 
     def estimate(self, observation: Observation) -> Estimate | None:
-        """Return where the source is once the belief is narrow."""
+        """Return the estimate of the source once the belief is narrow."""
         return by_variance(self.p, self.grid, limit_m2=self.settings.declare_variance_m2)
 
     def next_leg(self, observation: Observation) -> Command:

@@ -297,7 +297,7 @@ def add_log_score_inplace(log_score, shares, measured, confidence, least):
 
 @numba.njit(cache=True, nogil=True)
 def disagreement(shares, p):
-    """Return how much the sources that are believed in differ in what they let expect of each cell.
+    """Return the variance, under the belief over sources, of the modelled share of time with gas in each cell.
 
     v(m) = sum over sources s of p(s) (share_m(s) - mean_m)^2,  mean_m = sum p(s) share_m(s)        pure numbers
 
@@ -454,7 +454,7 @@ class Pmfs(GoalCells):
         self.p[self.free] = normalised_from_log(self.settings.temper * log_score)
 
     def next_goal(self, point_m: Sequence[float], draws: RandomStream) -> Cell | None:
-        """Return where to measure next; None when no cell is left. Draws one number."""
+        """Return the next cell to measure in; None when no cell is left. Draws one number."""
         cells = self._candidates(self._cell(point_m))
         explores = draws.fraction() < self.settings.explore_frac or self._n_goals < self.settings.explore_first
         if not cells:

@@ -114,7 +114,7 @@ class ReactiveRule:
         self._stops.append(_Stop(position_m=tuple(position_m), gas=gas))
 
     def estimate(self, upwind_rad: float | None) -> Estimate | None:
-        """Return where the source is, if all conditions hold now.
+        """Return the estimate of the source, if all conditions hold now.
 
         Args:
             upwind_rad: The direction the wind comes from [rad]; absent in calm air.

@@ -135,7 +135,7 @@ def _is_free_at(free, i, j, k):
 
 @numba.njit(cache=True, nogil=True)
 def is_line_free(free, ax, ay, az, bx, by, bz):
-    """Return whether a straight line passes through free cells only; where it meets an edge, all beside it count.
+    """Return True if a straight line passes through free cells only; where it meets an edge, all beside it count.
 
     Args:
         free: (nx, ny, nz) bool, whether a cell is free; outside the grid nothing is.
@@ -381,13 +381,13 @@ def point_along(points_m: NDArray[np.float64], distance_m: float) -> NDArray[np.
 
 
 def is_free_at(free: Free, grid: CellGrid, point_m: Point) -> bool:
-    """Return whether a point lies in a free cell of the grid."""
+    """Return True if a point lies in a free cell of the grid."""
     index = np.floor((np.asarray(point_m)[: free.ndim] - _origin_m(grid)) / grid.cell_m).astype(int)
     return bool((index >= 0).all() and (index < free.shape).all() and free[tuple(index)])
 
 
 def is_visible(free: Free, grid: CellGrid, a_m: Point, b_m: Point) -> bool:
-    """Return whether the straight line between two points passes through free cells only."""
+    """Return True if the straight line between two points passes through free cells only."""
     ends = _in_cells(np.array([list(a_m), list(b_m)], np.float64)[:, : free.ndim], grid)
     return bool(is_line_free(_in_3d(free), *ends[0], *ends[1]))
 

@@ -37,12 +37,12 @@ class Obstacles:
     solid: NDArray[np.bool_]
 
     def is_solid(self, point_m: Sequence[float]) -> bool:
-        """Return whether a point is in a solid cell; outside the cells nothing is known to be solid."""
+        """Return True if a point is in a solid cell; outside the cells nothing is known to be solid."""
         index = tuple(math.floor((x - low) / self.cell_m) for x, low in zip(point_m, self.origin_m))
         return all(0 <= i < n for i, n in zip(index, self.solid.shape)) and bool(self.solid[index])
 
     def is_free_line(self, start_m: Sequence[float], end_m: Sequence[float]) -> bool:
-        """Return whether a straight line meets no solid cell.
+        """Return True if a straight line meets no solid cell.
 
         The line is cut where it crosses the planes between cells; the middle of each piece tells its cell. Cells that
         the line touches in an edge only do not count. A line that begins in a solid cell, where the vehicle is already
@@ -68,7 +68,7 @@ class Obstacles:
 
 
 def build_obstacles(known_map: KnownMap, *, height_m: float | None = None, clearance_m: float = 0.0) -> Obstacles:
-    """Return what is solid by a map, grown by a clearance.
+    """Return the solid cells of a map, inflated by a clearance.
 
     Args:
         known_map: The map of the briefing.
@@ -113,15 +113,15 @@ class LegSpace:
         return cls.within(briefing.bounds, margin_m, obstacles=obstacles)
 
     def contains(self, point_m: Sequence[float]) -> bool:
-        """Return whether a point with two or three coordinates is inside, whatever the obstacles."""
+        """Return True if a point with two or three coordinates is inside, whatever the obstacles."""
         return all(low <= x <= high for x, low, high in zip(point_m, self.min_m, self.max_m))
 
     def is_free(self, start_m: Sequence[float], end_m: Sequence[float]) -> bool:
-        """Return whether a leg may go straight to an end."""
+        """Return True if a leg may go straight to an end."""
         return self.contains(end_m) and (self.obstacles is None or self.obstacles.is_free_line(start_m, end_m))
 
     def farthest(self, start_m: Sequence[float], heading_rad: float, length_m: float) -> Point:
-        """Return how far a straight leg may go along a heading, in whole millimetres, x and y [m].
+        """Return the farthest end of a straight leg along a heading, in whole millimetres, x and y [m].
 
         It ends at the margin, or 0.1 to 0.2 m short of what is solid.
         From outside the margin it is the nearest place inside.
@@ -324,11 +324,11 @@ class LegPlanner:
         self._rest_since_tick: int | None = None
 
     def was_refused(self, observation: Observation) -> bool:
-        """Return whether the vehicle's notice says that it did not do as it was asked."""
+        """Return True if the vehicle's notice says that it did not do as it was asked."""
         return observation.notice is not None and self._end_m is not None
 
     def is_busy(self, observation: Observation) -> bool:
-        """Return whether the last leg, with its hold, is not over yet.
+        """Return True if the last leg, with its hold, is not over yet.
 
         A vehicle that is asked when it holds never is. One that is asked at every tick is on its way until it has been
         at rest for the hold; commands that it has not received yet count as on their way.
@@ -351,7 +351,7 @@ class LegPlanner:
         return Command(tick=observation.tick, kind="noop")
 
     def is_worth_it(self, observation: Observation, target_m: Sequence[float]) -> bool:
-        """Return whether a leg towards a place leads anywhere before it meets the margin of the room."""
+        """Return True if a leg towards a place leads anywhere before it meets the margin of the room."""
         start_m = observation.position_world_m
         level_m = math.dist(start_m[:2], cut_end_m(start_m, target_m, self.room))
         climb_m = self._height_within(target_m[2]) - start_m[2] if len(target_m) > 2 else 0.0

@@ -100,7 +100,7 @@ class Stop:
         return -speed_m_s * math.cos(upwind_rad), -speed_m_s * math.sin(upwind_rad)
 
     def downwind_rad(self, threshold_m_s: float) -> float | None:
-        """Return where the air goes [rad]; None when it is calm: no faster than the threshold."""
+        """Return the downwind direction [rad]; None in calm air, which is no faster than the threshold."""
         if self.wind is None or not self.wind.speed_m_s > threshold_m_s:
             return None
         return self.wind.upwind_rad - math.pi
@@ -142,7 +142,7 @@ class StopRecorder:
             self._findings.append(finding)
 
     def stop(self, observation: Observation) -> Stop:
-        """Return what was measured here, and begin again."""
+        """Return the measurements of this stop, and start the next."""
         self.add(observation)
         findings, self._findings = self._findings, []
         here_m = observation.position_world_m
@@ -185,13 +185,13 @@ class MapNavigator:
         self.goal_m = (goal_m[0], goal_m[1])
 
     def is_under_way(self, observation: Observation) -> bool:
-        """Return whether there is a goal that the vehicle has not reached, and nothing was refused."""
+        """Return True if there is a goal that the vehicle has not reached, and nothing was refused."""
         if self.goal_m is None or self.pilot.was_refused(observation):
             return False
         return math.dist(observation.position_world_m[:2], self.goal_m) > _ARRIVED_M
 
     def was_missed(self, observation: Observation) -> bool:
-        """Return whether the vehicle is elsewhere than at its goal: it was refused, or led around."""
+        """Return True if the vehicle is elsewhere than at its goal: it was refused, or led around."""
         return self.goal_m is not None and math.dist(observation.position_world_m[:2], self.goal_m) > _ARRIVED_M
 
     def leg(

@@ -41,7 +41,7 @@ def cast_length_m(width_m: float, n: int, growth: str) -> float:
 
 
 def cast_offset_m(width_m: float, n: int, growth: str) -> float:
-    """Return where leg `n` of a cast ends, across the wind from where it began, positive on its first side [m].
+    """Return the crosswind offset of the end of leg `n` of a cast from its start, positive on its first side [m].
 
     y(n) = sum over k <= n of (-1)^k L(k)
 
@@ -191,18 +191,18 @@ class BlankMemory:
         self._last_hit_s = time_s
 
     def blank_s(self, time_s: float) -> float:
-        """Return how long there has been no gas [s]; infinite before the first."""
+        """Return the time since the last gas [s]; infinite before the first."""
         return math.inf if self._last_hit_s is None else time_s - self._last_hit_s
 
     def is_lost(self, time_s: float) -> bool:
-        """Return whether there has been no gas for longer than the last blank."""
+        """Return True if there has been no gas for longer than the last blank."""
         return self.blank_s(time_s) > self.memory_s
 
 
 def surge_end_m(
     here_m: Sequence[float], gas_m: Sequence[float] | None, upwind_rad: float, step_m: float
 ) -> tuple[float, float]:
-    """Return where a surge ends: a step upwind, on the line upwind through the gas.
+    """Return the end of a surge: a step upwind, on the line upwind through the gas.
 
     p = x + L u + ((g - x) . n) n        u unit vector upwind, n across it to the left, g place of gas, x here
     [m] = [m] + [m] [1] + [m] [1]
@@ -232,7 +232,7 @@ def surge_end_m(
 def oblique_surge_end_m(
     here_m: Sequence[float], gas_m: Sequence[float] | None, upwind_rad: float, slant_rad: float, step_m: float
 ) -> tuple[float, float]:
-    """Return where a leg aslant to the wind ends: as `surge_end_m`, turned to the left by the slant.
+    """Return the end of a leg oblique to the wind: as `surge_end_m`, turned to the left by the slant.
 
     p = x + L (cos b u + sin b n) + ((g - x) . n) n        b slant, positive to the left looking upwind [rad]
 

@@ -62,7 +62,7 @@ class PlumeTrackingAgent(ReactiveAgent):
         """Take note that there is gas, before it is tracked."""
 
     def is_lost(self, observation: Observation, contact: Contact) -> bool:
-        """Return whether the plume counts as lost: no gas for a distance."""
+        """Return True if the plume counts as lost: no gas for a distance."""
         return contact.remaining_m(observation.position_world_m, self.settings.lost_m) <= LEAST_LEG_M
 
     @abstractmethod
@@ -77,7 +77,7 @@ class PlumeTrackingAgent(ReactiveAgent):
 
     @abstractmethod
     def start_recovery(self, here_m: tuple[float, ...], contact: Contact) -> Recovery:
-        """Return what gives the places of a recovery from a place, world frame [m]."""
+        """Return the generator of recovery positions from a position, world frame [m]."""
 
     def recover(self, observation: Observation, contact: Contact) -> Command:
         """Return the next leg of the recovery; after it go back to the last gas and recover there; then explore."""

@@ -38,7 +38,7 @@ class RunAndTumble:
         self._direction: tuple[float, float | None] | None = None
 
     def next_end_m(self, start_m: Sequence[float], *, keeps: bool, turn_rad: float = 0.0) -> Point:
-        """Return where the next leg ends, world frame [m]: x and y, and z for a walk in space.
+        """Return the end of the next leg, world frame [m]: x and y, and z for a walk in 3-D.
 
         Args:
             start_m: Where the vehicle is [m].
@@ -112,7 +112,7 @@ class LevyWalk:
         self._most_m = max(least_m, math.dist(room.min_m[:2], room.max_m[:2]))
 
     def next_end_m(self, start_m: Sequence[float]) -> Point:
-        """Return where the next leg ends, x and y, world frame [m]."""
+        """Return the end of the next leg, x and y, world frame [m]."""
         length_m = power_law_length_m(
             self._draws.fraction(), exponent=self._exponent, least_m=self._least_m, most_m=self._most_m
         )

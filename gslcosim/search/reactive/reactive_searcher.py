@@ -52,7 +52,7 @@ class LossPoints:
         del self.places_m[self._n :]
 
     def estimate(self, upwind_rad: float) -> Estimate | None:
-        """Return where the source is, once the places have drawn together."""
+        """Return the estimate of the source, once the recorded positions are close together."""
         if len(self.places_m) < self._n:
             return None
         ordered = sorted(self.places_m, key=lambda place: -_along_m(place, upwind_rad))
@@ -152,7 +152,7 @@ class ReactiveAgent(SearchAgent):
             self._n_away = self.shared.leash_away_legs
 
     def estimate(self, observation: Observation) -> Estimate | None:
-        """Return where the source is, if the last stops say so."""
+        """Return the estimate of the source, if the last stops satisfy the rule."""
         assert self._contact is not None
         return self._rule.estimate(self._contact.upwind_rad)
 

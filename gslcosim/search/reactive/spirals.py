@@ -56,7 +56,7 @@ def arc_turn_rad(gap_m: float, radius_m: float, arc_m: float) -> float:
 
 
 def spiral_angle_rad(gap_m: float, length_m: float) -> float:
-    """Return how far a spiral has turned after a length from its centre: the inverse of `spiral_length_m`.
+    """Return the angle of a spiral after a length from its centre: the inverse of `spiral_length_m`.
 
     phi <- phi + dphi((s - s(phi)))        Newton's iteration with `arc_turn_rad`, from phi = sqrt(4 pi s / g)
 

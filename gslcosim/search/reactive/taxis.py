@@ -127,7 +127,7 @@ def _error_along(gradient: NDArray[np.float64], covariance: NDArray[np.float64])
 
 
 def mount_position_m(position_m: Sequence[float], yaw_rad: float, mount_body_m: Sequence[float]) -> tuple[float, float]:
-    """Return where a level vehicle carries a mount, x and y, world frame [m].
+    """Return the position of a mount on a level vehicle, x and y, world frame [m].
 
     p + R(yaw) m        p position of the vehicle, m mount in the body frame (x forward, y left)
     """
@@ -261,7 +261,7 @@ class TwoNoses:
                 self._had_bout = True
 
     def take(self) -> bool:
-        """Return whether either nose had a bout since the last call, and forget it."""
+        """Return True if either nose had a bout since the last call, and forget it."""
         had_bout, self._had_bout = self._had_bout, False
         return had_bout
 

@@ -29,7 +29,7 @@ N_MOVES = 4
 
 
 def memory_features(amounts: Floats, n: int, noise: float) -> tuple[float, float]:
-    """Return how much of the memory had gas, and how much gas that was.
+    """Return the fraction of the memory with gas, and the mean amount of that gas.
 
     threshold s = max(0.5 mean(M), noise)        M the n amounts in memory
     share = |{m in M: m > s}| / n                mean = mean of these m, 0 without any

@@ -16,7 +16,7 @@ _LEAST_RATIO = 1e-3
 
 
 def is_more_gas(amount: float, before: float, *, eps: float = 0.005, floor: float = 0.0) -> bool:
-    """Return whether there is more gas than before, by more than a dead band.
+    """Return True if there is more gas than before, by more than a dead band.
 
     (1 - eps) c > max(c_before, floor)      c amount, in any unit that grows with the gas
     For a resistance, c = 1 / R, this is R < (1 - eps) R_before. `eps` 0 is a strict comparison.
@@ -39,7 +39,7 @@ def is_more_gas(amount: float, before: float, *, eps: float = 0.005, floor: floa
 def is_gas_present(
     gas_ppm: float, wind_speed_m_s: float, *, threshold_ppm: float = 0.1, threshold_m_s: float = 0.1
 ) -> bool:
-    """Return whether a measurement counts as a hit that the wind has brought: both above their thresholds.
+    """Return True if a measurement counts as a hit that the wind has brought: both above their thresholds.
 
     Source:
         The rule and the defaults of the MAPIR group's methods (GrGSL, surge-cast), read in their public code [C].
@@ -66,7 +66,7 @@ class RunningRange:
             self.most = max(self.most, value)
 
     def fraction(self, value: float) -> float:
-        """Return where the value lies between the least and the most, in [0, 1]."""
+        """Return the position of the value between minimum and maximum, in [0, 1]."""
         if not self.most > self.least:
             return 0.0
         return min(1.0, max(0.0, (value - self.least) / (self.most - self.least)))
@@ -258,7 +258,7 @@ class MoxEvidence:
 
     @property
     def level(self) -> float:
-        """How far ln R lies below the baseline; 0 in clean air."""
+        """Distance of ln R below the baseline; 0 in clean air."""
         smooth = self._slow.log_ohm
         return 0.0 if smooth is None or self._baseline is None else self._baseline - smooth
 
@@ -372,12 +372,12 @@ class GasHits:
         return self.is_hit
 
     def take(self) -> bool:
-        """Return whether there was a hit since the last call, and forget it."""
+        """Return True if there was a hit since the last call, and forget it."""
         was_hit, self._is_untaken = self._is_untaken, False
         return was_hit
 
     def since_hit_s(self, time_s: float) -> float:
-        """Return how long ago the last hit was [s], infinite without one."""
+        """Return the time since the last hit [s], infinite without one."""
         return math.inf if self.last_hit_s is None else time_s - self.last_hit_s
 
 
@@ -443,7 +443,7 @@ class GasEvidence:
         return self._hits.is_hit
 
     def since_hit_s(self, time_s: float) -> float:
-        """Return how long ago the last hit was [s], infinite without one."""
+        """Return the time since the last hit [s], infinite without one."""
         return self._hits.since_hit_s(time_s)
 
     def add(self, observation: Observation) -> Finding | None:

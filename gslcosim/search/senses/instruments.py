@@ -28,7 +28,7 @@ class Nose:
         return observation.reading(self.name).values[0]
 
     def is_ready(self, observation: Observation) -> bool:
-        """Return whether the sensor measures: it has warmed up."""
+        """Return True if the sensor measures: it has warmed up."""
         return not observation.reading(self.name).is_warming_up
 
     def ppm(self, observation: Observation) -> float:
@@ -55,7 +55,7 @@ class Vane:
     is_3d: bool = False
 
     def is_ready(self, observation: Observation) -> bool:
-        """Return whether the sensor measures: it has warmed up."""
+        """Return True if the sensor measures: it has warmed up."""
         return not observation.reading(self.name).is_warming_up
 
     def speed_m_s(self, observation: Observation) -> float:

@@ -22,7 +22,7 @@ def local_maxima(samples: Sequence[float]) -> list[float]:
 def proximity_index(
     samples: Sequence[float], interval_s: float, *, mean_weight: float = 0.5, peak_weight: float = 1.0
 ) -> float:
-    """Return how near a source seems: the more gas on average, and the more and the higher peaks, the nearer.
+    """Return the proximity index of a source: it grows with the mean reading and with the number and height of peaks.
 
     PI = K_mu mean(c) + K_p dt sum of local maxima of c        c samples of one stop, dt time between them [s]
     [ppm] = [1] [ppm] + [1/s] [s] [ppm]
@@ -220,7 +220,7 @@ class GasIncrease:
             self._stop.add(observation)
 
     def has_more(self, observation: Observation) -> bool:
-        """Return whether there is more gas than at the last decision; the first time there is not.
+        """Return True if there is more gas than at the last decision; the first time there is not.
 
         `value` is then the reading in the sensor's unit, absent while the sensor warms up.
         """
@@ -333,7 +333,7 @@ class Contact:
     gas_ppm: float
 
     def remaining_m(self, here_m: Sequence[float], lost_m: float) -> float:
-        """Return how far to fly on without gas before the plume counts as lost [m].
+        """Return the remaining distance without gas before the plume counts as lost [m].
 
         Infinite with gas on the last leg, negative where there never was any; else `lost_m` less the distance to where
         gas was met last.
@@ -390,7 +390,7 @@ class PlumeContactDetector:
             self._hits_m.append(self._last_m)
 
     def contact(self, observation: Observation) -> Contact:
-        """Return what is known now, and begin to collect hits again."""
+        """Return the current contact with the plume, and start to collect hits again."""
         self.add(observation)
         measured = self._hold.measured()
         if measured is not None and measured.wind is not None:

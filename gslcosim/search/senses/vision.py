@@ -145,7 +145,7 @@ def world_directions(image: CameraImage, view: Viewpoint, points_px: Array) -> A
 
 
 def floor_positions(image: CameraImage, view: Viewpoint, points_px: Array, *, floor_m: float = 0.0) -> Array:
-    """Return where the lines of sight through points of a picture meet a level at a known height.
+    """Return the positions where lines of sight through image points meet a level at a known height.
 
     p = e + t d_W,  t = (z_floor - e_z) / d_z > 0        e the camera's eye
     [m] = [m] + [m]

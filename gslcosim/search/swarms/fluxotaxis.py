@@ -50,7 +50,7 @@ def lattice_forces(positions_m: Floats, spacing_m: float, *, soft_m: float) -> F
 
 
 def relaxed_lattice(positions_m: Floats, spacing_m: float, *, n_steps: int = 8, step_frac: float = 0.1) -> Floats:
-    """Return where the robots (n, 2) come when they follow the lattice's forces for a while, without inertia.
+    """Return the robots' positions (n, 2) after they follow the lattice's forces for some steps, without inertia.
 
     p <- p + q R F(p), n_steps times, with the soft band h = R / 4; then shifted so that the mean stays where it was
 
@@ -76,7 +76,7 @@ class RingFlow:
 
     @property
     def net(self) -> float:
-        """Return what the inside releases: outward less inward."""
+        """Return the net flow out of the ring: outward less inward."""
         return self.outward - self.inward
 
     @property
@@ -86,7 +86,7 @@ class RingFlow:
 
 
 def ring_flow(positions_m: Floats, flux: Floats) -> RingFlow:
-    """Return what flows through the ring on which robots stand.
+    """Return the flow through the ring that the robots form.
 
     Q = closed integral F . n dl = k sum_i F_i . m_i, k = (2 pi / n) / sin(2 pi / n)
     m_i = half of the outward normals of the two sides at robot i, each as long as its side

@@ -218,7 +218,7 @@ def mixed_direction(gradient: tuple[float, float] | None, upwind_rad: float | No
 
 
 def odour_offset_m(positions_m: Floats, amounts: Floats, upwind_rad: float) -> float:
-    """Return how far the centre of the odour lies to the left of the robots' centre, across the wind.
+    """Return the crosswind offset of the odour's centre from the robots' centre, positive to the left.
 
     e = sum_i(c_i y_i) / sum_i(c_i) - mean_i(y_i)        y to the left of upwind [m], 0 where there is no gas
     [m] = [c] [m] / [c]
@@ -292,7 +292,7 @@ def laplacian_leg_m(
     upwind_m_s: float,
     odour_per_s: float,
 ) -> Floats:
-    """Return how far one robot goes (2,) when all follow `laplacian_velocity_m_s` for a while, with one reading.
+    """Return the displacement (2,) of one robot while all follow `laplacian_velocity_m_s`, with one reading.
 
     d_i = (1 - exp(-k_f n dt)) / n sum_j [(p_j - p_i) - (b_j - b_i)] + dt (k_u u + k_c e w)
     [m] = [m] + [s] [m/s]
@@ -399,7 +399,7 @@ def find_lane_point(lanes_m: Floats, distance_m: float) -> Floats:
 
 
 def find_next_lane_point(lanes_m: Floats, place_m: Sequence[float] | Floats, step_m: float) -> Floats:
-    """Return where to go from a place to follow lanes: a step on from its nearest point, from its end to its start.
+    """Return the next point on lanes: one step after the point nearest to a position, from their end to their start.
 
     It needs no memory, so all of a team that know where they are go the same way.
 
@@ -457,7 +457,7 @@ class PlumeMemory:
         )
 
     def next_place_m(self, place_m: Sequence[float] | Floats) -> Floats:
-        """Return where to go from the team's place without gas (2,) [m]."""
+        """Return the next position of the team without gas (2,) [m]."""
         turn_m = None if self._cast is None else self._cast.next_turn_m()
         if turn_m is not None:
             return np.array(turn_m)
@@ -543,7 +543,7 @@ class FormationAgent(SearchAgent):
         self.target_m = self.next_place_m(self.now)
 
     def estimate(self, observation: Observation) -> Estimate | None:
-        """Return where the source is if the swarm's rule says so."""
+        """Return the estimate of the source if the swarm's rule is satisfied."""
         s = self.settings
         if self.best is None or self.best.amount < s.declare_factor * s.gas_floor:
             return None
@@ -574,7 +574,7 @@ class FormationAgent(SearchAgent):
 
     @abstractmethod
     def next_place_m(self, now: Round) -> Floats:
-        """Return where this robot goes after a round, (2,), world frame [m]."""
+        """Return the next position of this robot after a round, (2,), world frame [m]."""
 
     def slots_of(self, now: Round) -> list[int]:
         """Return the slots of the robots of a round, in its order."""
@@ -590,7 +590,7 @@ class FormationAgent(SearchAgent):
         return centre_m(now.positions_m, offsets_m[self.slots_of(now)])
 
     def searching_centre_m(self, here_m: Floats, *, lane_m: float, inset_m: float) -> Floats:
-        """Return where a formation without gas goes from its centre (2,): about where gas was, else along lanes [m]."""
+        """Return the next centre of a formation without gas (2,): around the last gas, else along lanes [m]."""
         return self._plume_memory(lane_m, inset_m).next_place_m(here_m)
 
     def met_gas(self, here_m: Floats, *, lane_m: float, inset_m: float) -> None:

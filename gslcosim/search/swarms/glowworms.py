@@ -24,7 +24,7 @@ _LEAST_M = 1e-9
 
 
 def next_luciferin(luciferin: float, amount: float, *, decay: float, gain: float) -> float:
-    """Return how much a glowworm glows after an iteration.
+    """Return the luciferin of a glowworm after an iteration.
 
     l' = (1 - rho) l + gamma f        l, f in the unit of the gas; with f constant l tends to gamma f / rho
 
@@ -91,7 +91,7 @@ def step_towards(place_m: Vector, goal_m: Vector, step_m: float) -> Vector:
 
 
 def next_radius_m(radius_m: float, n_neighbours: int, *, wanted: int, gain_m: float, sight_m: float) -> float:
-    """Return how far a glowworm looks next: farther with too few brighter neighbours, less far with too many.
+    """Return the next sight radius of a glowworm: larger with too few brighter neighbours, smaller with too many.
 
     r' = min(r_s, max(0, r + beta (n_t - |N|)))        [m] = [m] + [m] [1]
 
@@ -168,7 +168,7 @@ def circling_m(place_m: Vector, other_m: Vector, *, radius_m: float, step_m: flo
 
 
 def is_in_excluded_region(place_m: Sequence[float], declared_m: Sequence[Sequence[float]], radius_m: float) -> bool:
-    """Return whether a place is in the region about a declared source, where no other is looked for.
+    """Return True if a place is in the region about a declared source, where no other is looked for.
 
     |x - s| < R for any declared s        [m]
 
@@ -226,7 +226,7 @@ class SpiralSearch:
         self._begin(self._elsewhere_m())
 
     def is_on_its_way(self, place_m: Vector) -> bool:
-        """Return whether it has not come to the centre of its spiral yet."""
+        """Return True if it has not come to the centre of its spiral yet."""
         is_at_centre = math.dist(place_m, self._centre_m) < 0.5 * self._leg_m
         return self._spiral is not None and self._spiral.n_steps == 0 and not is_at_centre
 
@@ -308,7 +308,7 @@ class Glowworm(SwarmRobot):
         self.luciferin = next_luciferin(self.luciferin, self.amount, decay=decay, gain=gain)
 
     def others_glow(self) -> Vector:
-        """Return how much each of those glows whose places `others_m` has."""
+        """Return the luciferin of each robot in `others_m`."""
         reports = self.team.recent(self.now_s, LOST_AFTER_S).values()
         glows = [report.numbers[0] if report.numbers else report.amount for report in reports]
         return np.array(glows, dtype=np.float64)

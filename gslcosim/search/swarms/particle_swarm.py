@@ -105,7 +105,7 @@ class Charge:
 
 
 def charge_velocity(place_m: Vector, others_m: Vector, charge: Charge) -> Vector:
-    """Return what the other charged particles add to a charged particle's velocity.
+    """Return the velocity that the other charged particles add to a charged particle.
 
     a = sum over j of Q^2 (x - x_j) / (r_core^2 d)    where d < r_core,        d = |x - x_j|
                       Q^2 (x - x_j) / d^3             where r_core <= d <= r_perc, 0 beyond
@@ -197,7 +197,7 @@ def rotate(vector: Vector, angle_rad: float) -> Vector:
 
 
 def fade_amount(amount: float, age_s: float, fades_s: float) -> float:
-    """Return what a best counts after a while, so that one of gas that has gone is not followed for ever.
+    """Return the faded amount of a best reading, so that robots do not follow gas that has gone for ever.
 
     f' = f exp(-dt / tau)        tau 0 or less: it does not fade
 
@@ -218,7 +218,7 @@ class Sighting:
     time_s: float
 
     def faded(self, now_s: float, fades_s: float) -> "Sighting":
-        """Return what it counts now."""
+        """Return the sighting with its faded amount."""
         return Sighting(self.place_m, fade_amount(self.amount, now_s - self.time_s, fades_s), now_s)
 
 

@@ -131,7 +131,7 @@ class Team:
         return tuple(news)
 
     def age_s(self, name: str, now_s: float) -> float:
-        """Return how old the last report of a member is; infinite when there is none."""
+        """Return the age of the last report of a member [s]; infinite when there is none."""
         return now_s - self.reports[name].time_s if name in self.reports else float("inf")
 
     def recent(self, now_s: float, max_age_s: float = float("inf")) -> dict[str, Report]:

@@ -130,7 +130,7 @@ class SharedBelief:
     def candidates(
         self, places_m: Sequence[tuple[float, float]], wind_m_s: tuple[float, float], spread_rad: float
     ) -> Candidates:
-        """Return what stops at places would find in a wind; cells within reach would be searched through."""
+        """Return the possible results of stops at positions in a wind; cells within reach count as searched."""
         places = np.array(places_m, dtype=np.float64).reshape(-1, 2)
         log_mean = self.dispersal.model(wind_m_s, spread_rad).log_mean_hits(places, self._cells_m)
         powers = self.power / (1.0 + self._are_near(places, self._places_m()).sum(axis=1))

@@ -131,7 +131,7 @@ def bracketing_beams(bearing_rad: float, yaw_rad: float) -> tuple[int, int]:
 
 
 def off_line_m(place_m: Vector, start_m: Vector, goal_m: Vector) -> float:
-    """Return how far a place is to the left of the line from a start to a goal, negative to the right [m].
+    """Return the distance of a position to the left of the line from start to goal, negative to the right [m].
 
     e = d x (x - start) / |d|,  d = goal - start        0 where the line has no length
     """
@@ -233,7 +233,7 @@ class Bug:
     def direction(
         self, place_m: Vector, ranges_m: Sequence[float], yaw_rad: float, others_m: Sequence[Vector]
     ) -> Vector:
-        """Return where to fly now: a unit vector, or zero where there is no way.
+        """Return the direction to move in now: a unit vector, or zero where no direction is free.
 
         Args:
             place_m: (2,) the robot [m].

@@ -197,7 +197,7 @@ class SwarmMember(SearchAgent):
         return found if found and found.confidence > 0.0 else None
 
     def outgoing(self, observation: Observation) -> tuple[RadioMessage, ...]:
-        """Return what goes out: place, gas, wind, and the best that it knows of."""
+        """Return the outgoing messages: position, gas, wind, and the best reading that the robot knows."""
         best = self.swarm_best()
         x_m_s, y_m_s = self.wind_m_s
         report = Report(

@@ -338,7 +338,7 @@ class TouchState(NamedTuple):
 
 
 def new_touch(n_places: int) -> TouchState:
-    """Return what is filled in where a vehicle touches something."""
+    """Return the buffers for the state of a vehicle's contacts."""
     places_m = np.zeros((n_places, 3))
     return TouchState(
         is_touched=np.zeros(1, np.int64), rotation=np.zeros(9), places_m=places_m, velocity_m_s=places_m.copy()

@@ -314,7 +314,7 @@ def prepare_cases(
 
 
 def lags_s(vehicle: Vehicle) -> tuple[float, float]:
-    """Return how long a rotorcraft takes to give a force sideways and upwards [s].
+    """Return the time constants of a rotorcraft's sideways and upward force [s].
 
     Its attitude obeys e'' + k_omega e' + k_R e = 0, which for a slow e is a lag of k_omega/k_R; its rotors have one of
     their own, faster up than down, which both forces wait for.

@@ -359,7 +359,7 @@ class BatchGas:
 
 
 def is_gas_supported(scenario: Scenario) -> bool:
-    """Return whether a scenario's gas can be batched."""
+    """Return True if a scenario's gas can be batched."""
     models = GaussianPlumeGasSpec | MeanderingPlumeGasSpec | FilamentGasSpec
     return isinstance(scenario.gas, models) and not scenario.gas.rotor_downwash
 

@@ -220,7 +220,7 @@ def _is_solid_at(room, x_m, y_m, z_m, least):
 
 @reference_free_njit()
 def is_place_refused(room, radius_m, x_m, y_m, z_m):
-    """Return whether a vehicle cannot be sent to a place; see `FlightSpace.refusal`.
+    """Return True if a vehicle cannot be sent to a place; see `FlightSpace.refusal`.
 
     Args:
         room: Record of `ROOM`.
@@ -242,7 +242,7 @@ def is_place_refused(room, radius_m, x_m, y_m, z_m):
 
 @reference_free_njit()
 def is_edge_ahead(room, radius_m, stop_m, velocity_m_s):
-    """Return whether a vehicle that would stop at a place must brake now; see `FlightSpace.find_edge_ahead`.
+    """Return True if a vehicle that would stop at a place must brake now; see `FlightSpace.find_edge_ahead`.
 
     Args:
         room: Record of `ROOM`.
@@ -262,7 +262,7 @@ def is_edge_ahead(room, radius_m, stop_m, velocity_m_s):
 
 @reference_free_njit()
 def is_open_ahead(room, radius_m, state, longest_s):
-    """Return whether `is_edge_ahead` is false wherever a vehicle stops that takes no longer than a time to it.
+    """Return True if `is_edge_ahead` is false wherever a vehicle stops that takes no longer than a time to it.
 
     The way to a stop after T is T v/2 + T^2 a/12, see `set_quartic_to_velocity_inplace`.
 
@@ -310,7 +310,7 @@ def _stops_between(state, axis, longest_s):
 
 @reference_free_njit()
 def touches(room, radius_m, position_m):
-    """Return whether a ball touches one of the room's boxes.
+    """Return True if a ball touches one of the room's boxes.
 
     Args:
         room: Record of `ROOM`.
@@ -329,7 +329,7 @@ def touches(room, radius_m, position_m):
 
 @reference_free_njit()
 def is_hit(room, radius_m, half_height_m, position_m):
-    """Return whether an upright disc is in one of the room's boxes.
+    """Return True if an upright disc is in one of the room's boxes.
 
     Args:
         room: Record of `ROOM`, for vehicles of no smaller radius.
@@ -493,7 +493,7 @@ def longest_stop_s(case, velocity_m_s, acceleration_m_s2):
 
 @reference_free_njit()
 def must_brake(path, case, room, work, tick):
-    """Return whether a vehicle that brakes a tick later stops where it must not; see `world.obstacle_avoidance`.
+    """Return True if a vehicle that brakes a tick later stops where it must not; see `world.obstacle_avoidance`.
 
     Args:
         path: Record of `records.STATE`: what it flies.

@@ -465,7 +465,7 @@ def _find_method_card(settings: MethodSettings) -> MethodCard:
 
 
 def compute_cost(row: Row) -> float:
-    """Return what a flight cost: its time as a share of the limit upon success, else 1 and what is left of the way.
+    """Return the cost of a run: after success its time as a fraction of the limit, else 1 plus the remaining distance.
 
     cost = t / limit, or 1 + min(1, nearest distance / first distance)
     """

@@ -49,7 +49,7 @@ class SearchPool:
         self.step_s = vehicle.hold_s if action.hold_s is None else action.hold_s
 
     def places_of(self, names: Sequence[str]) -> NDArray[np.int64]:
-        """Return where some observations stand among all.
+        """Return the indices of some observations among all.
 
         Raises:
             UsageError: a name is none of them.
@@ -66,7 +66,7 @@ class SearchPool:
         return self._limits_s[cases], self._diagonals_m[cases]
 
     def costs(self, weights: Weights) -> Curriculum:
-        """Return where the costs of the cases are kept, from which `weights` says how often each comes."""
+        """Return the curriculum: it keeps the costs of cases, and `weights` gives their probabilities."""
         return Curriculum(weights, time_limits_s=self._limits_s, diagonals_m=self._diagonals_m)
 
     def close(self) -> None:

@@ -34,7 +34,7 @@ class Trainer(Protocol):
         ...
 
     def policy(self) -> Any:
-        """Return what has been learned so far: a `Policy`, or `EvolvedParameters`."""
+        """Return the policy learned so far: a `Policy`, or `EvolvedParameters`."""
         ...
 
 
@@ -133,14 +133,14 @@ class SearchOutcomes:
     n_steps: int
 
     def costs(self, time_limits_s: NDArray[np.float64], diagonals_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what each search cost, between 0 and 2; see `compute_costs`."""
+        """Return the cost of each search, between 0 and 2; see `compute_costs`."""
         return compute_costs(self.success, self.time_s / time_limits_s, self.distance_m / diagonals_m)
 
 
 def compute_costs(
     success: NDArray[np.bool_], shares_of_time: NDArray[np.float64], shares_of_room: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return what searches cost, between 0 and 2.
+    """Return the costs of searches, between 0 and 2.
 
     cost = t / limit upon success, else 1 + distance / diagonal, so that who fails nearer fails less.
 

@@ -39,7 +39,7 @@ class StepWind:
 
     @property
     def reattachment(self) -> float:
-        """Where the wind beside the floor turns downwind for good; nan if it never does."""
+        """Position after which the wind at the floor stays downwind; nan if there is none."""
         behind = self.x > 0.05
         x, floor = self.x[behind], self.u[behind, 0]
         turns = np.flatnonzero((floor[:-1] < 0) & (floor[1:] >= 0))

@@ -43,7 +43,7 @@ _RATE_PPM_M3_S = (1.0, 1e6)
 
 @dataclass(frozen=True, kw_only=True)
 class Claim:
-    """What an estimator says of one event.
+    """Estimate of one event by an estimator.
 
     Attributes:
         start_s: When it began [s since 1970].

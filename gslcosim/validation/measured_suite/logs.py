@@ -24,15 +24,15 @@ FORMATS = ("mast_network", "laser_paths")
 """Formats whose logs make trials."""
 
 PLANE_RADIUS_M = 20.0
-"""Where masts have no places to choose from, a place within this is right."""
+"""Largest error of a correct position where masts have no candidate positions [m]."""
 
 LASER_RADIUS_M = 3.0
-"""Where lasers see the source, a place within this is right."""
+"""Largest error of a correct position where lasers see the source [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LogSite:
-    """What an estimator is told before the log begins; nothing of it comes from the releases.
+    """Facts that an estimator receives before the log begins; none of them comes from the releases.
 
     Attributes:
         sensors: Points or paths of the k sensors.
@@ -55,7 +55,7 @@ class LogSite:
 
     @property
     def has_points(self) -> bool:
-        """Whether the sensors are points."""
+        """True if the sensors are point sensors."""
         return self.sensors.points_m.shape[1] == 1
 
     @property

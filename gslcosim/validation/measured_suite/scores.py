@@ -40,7 +40,7 @@ class ReleaseScore:
 
     @property
     def is_touched(self) -> bool:
-        """Whether an event overlaps it."""
+        """True if an event overlaps it."""
         return bool(self.claims)
 
     @property

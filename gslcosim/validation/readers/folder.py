@@ -83,7 +83,7 @@ class MeasuredData:
 
     @property
     def has_published(self) -> bool:
-        """Whether there is a `published.json`."""
+        """True if there is a `published.json`."""
         return (self.folder / PUBLISHED).is_file()
 
 

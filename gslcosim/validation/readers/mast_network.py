@@ -57,7 +57,7 @@ class MastNetwork:
 
     @property
     def has_several_places(self) -> bool:
-        """Whether the candidate places differ in the plan, so that there is one to choose."""
+        """True if the candidate positions differ horizontally, so that there is a choice."""
         return len({place_m[:2] for place_m in self.places_m.values()}) > 1
 
 
