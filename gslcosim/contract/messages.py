@@ -75,7 +75,7 @@ def _check_probability(probability: NumericArray) -> NumericArray:
 
 
 class Belief(Record):
-    """Where an agent believes the source to be: a probability for each cell; part of `Command`. Since contract 1.2.
+    """An agent's belief about the source: a probability for each cell; part of `Command`. Since contract 1.2.
 
     `probability` is float32 of shape (nx, ny) or (nx, ny, nz), none negative, together 1 (within 0.001), at most
     65,536 cells of `cell_m`; the first cell touches the corner `origin_m`. A belief with two axes is about the place
@@ -120,7 +120,7 @@ class RadioMessage(Record):
 
 
 class Declaration(Record):
-    """Where an agent believes the source to be, and how sure it is (0 to 1)."""
+    """Source position that an agent declares, and its confidence (0 to 1)."""
 
     position_world_m: Vec3
     confidence: Annotated[float, Field(ge=0, le=1)] = 1.0
