@@ -625,7 +625,8 @@ def _table(path: Path, schema: pa.Schema, *, required: Sequence[str]) -> pa.Tabl
             raise UsageError(
                 f"{path}: {field.name}: expected a column of {field.type}, was {found}. Take the file from a copy."
             )
-    return table
+    # With the meanings and units of the fields, which a column alone does not bring.
+    return table.cast(schema)
 
 
 def _tracks_by_trial(path: Path) -> dict[str, bytes]:
