@@ -66,7 +66,7 @@ def test_a_recording_above_the_limit_of_files_is_a_fault_of_the_recorder(tmp_pat
 
 @BOTH
 def test_a_recorder_that_cannot_write_from_the_start_is_reported_at_once(tmp_path, processes):
-    ended = fly(TINY_ROOM, tmp_path, "--processes", processes, prefix=sized(4_000), is_recorded=True)
+    ended = fly(TINY_ROOM, tmp_path, "--processes", processes, prefix=sized(12_000), is_recorded=True)
     assert ended.exit_code == 3
     assert saved_result(ended)["faults"][0]["participant"] == "recorder"
     assert "recording.rrd: expected to write" in ended.errors
