@@ -98,7 +98,7 @@ def build_methods_pages(agents: Path, docs: Path) -> dict[str, str]:
     costs = load_costs(docs)
     methods = find_methods(agents, costs)
     note = _COST_NOTE.format(command=costs["command"], machine=costs["machine"]) if costs else ""
-    tables, pages = [], dict[str, str]()
+    tables, pages = list[str](), dict[str, str]()
     for family in FAMILIES:
         of_family = [method for method in methods if method.card.family == family]
         if of_family:

@@ -132,7 +132,7 @@ def _row(name: str, before: Counts | None, now: Counts | None) -> str:
 
 def _cells(counts: Counts | None) -> tuple[str, str, str, str]:
     if counts is None:
-        return ("-",) * 4
+        return "-", "-", "-", "-"
     n_sentences = max(counts.sentences, 1)
     return (
         f"{counts.words}",
