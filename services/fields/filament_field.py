@@ -18,7 +18,7 @@ from gslcosim_services.fields.filament.plume import FilamentPlume, Filaments, Wi
 from gslcosim_services.fields.gas_field import PointGrid, Visibility
 from gslcosim_services.fields.mixing_ratio import check_points, mixing_ratio_ppm_at, mixing_ratio_ppm_on_grid
 from gslcosim_services.fields.spatial_index import FilamentIndex
-from gslcosim_services.fields.turbulence.felt import FeltTurbulence
+from gslcosim_services.fields.turbulence.point_turbulence import PointTurbulence
 from gslcosim_services.fields.wall_images import WallImages
 
 
@@ -105,7 +105,7 @@ class FilamentField:
         wind_at: WindAt | None = None,
         later_sights: Mapping[Closed, Visibility] | None = None,
         images: Mapping[Closed, WallImages] | None = None,
-        turbulence: FeltTurbulence | None = None,
+        turbulence: PointTurbulence | None = None,
     ) -> None:
         """Look at filaments.
 
@@ -119,7 +119,7 @@ class FilamentField:
                 all heights; absent: the room's.
             later_sights: What is seen with certain doors closed, by their names.
             images: Walls that reflect gas, with certain doors closed; absent: they cut filaments off.
-            turbulence: Turbulence that readings of gas and wind feel.
+            turbulence: Turbulence in readings of gas and wind; absent: none.
         """
         self._source = source
         self._goes_ahead = source if isinstance(source, SupportsPrefetch) else None

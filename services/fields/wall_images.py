@@ -109,6 +109,7 @@ def add_imaged_filaments_at_points_inplace(
     for p in range(points_world_m.shape[0]):
         x, y, z = points_world_m[p, 0], points_world_m[p, 1], points_world_m[p, 2]
         for f in range(sigma_m.shape[0]):
+            # As in add_filaments_at_points_inplace: handing the tuples to a shared helper costs several times the sum.
             fx, fy, fz = filament_position(position_world_m, f)
             s = np.float64(sigma_m[f])
             d2 = (x - fx) * (x - fx) + (y - fy) * (y - fy) + (z - fz) * (z - fz)
@@ -128,6 +129,7 @@ def add_imaged_filaments_at_points_inplace(
             mixing_ratio_ppm[p, filaments.gas_index[source]] += share
 
 
+# Position of the wall below and of the wall above along an axis, from the centre's cell i and its n cells of air.
 @numba.njit(cache=True, nogil=True)
 def _low(origin_m, cell_m, i, n):
     return -math.inf if n == NO_WALL else origin_m + (i - np.int64(n)) * cell_m

@@ -15,15 +15,15 @@ from gslcosim_services.fields.filament.plume import FilamentPlume, GasSource
 from gslcosim_services.fields.filament.release import ScheduledRelease
 from gslcosim_services.fields.filament.turbulent_step import INNER_G
 from gslcosim_services.fields.turbulence.air import (
-    KEpsilon,
+    KEpsilonFields,
     build_turbulent_air,
-    k_epsilon_of_intensity,
+    k_epsilon_from_intensity,
     lagrangian_time_s,
 )
 
 VELOCITY_STD_M_S = 0.2
 LENGTH_M = 1.0
-K, EPSILON = k_epsilon_of_intensity(VELOCITY_STD_M_S, LENGTH_M)
+K, EPSILON = k_epsilon_from_intensity(VELOCITY_STD_M_S, LENGTH_M)
 TIME_SCALE_S = lagrangian_time_s(K, EPSILON)
 
 
@@ -50,7 +50,7 @@ def make_plume(room, air, *, seed, step_s, place_m, sigma_m=0.05):
 
 def make_even_air(room, *, k=K, epsilon=EPSILON):
     """Turbulence that is the same everywhere, the ground too."""
-    strength = KEpsilon(k_m2_s2=np.full(room.grid.shape, k), epsilon_m2_s3=np.full(room.grid.shape, epsilon))
+    strength = KEpsilonFields(k_m2_s2=np.full(room.grid.shape, k), epsilon_m2_s3=np.full(room.grid.shape, epsilon))
     air = build_turbulent_air(room, strength, is_open=True)
     air.nodes.nodes[...] = air.nodes.nodes[0, 0, -1]
     return air
@@ -115,7 +115,7 @@ def uneven_air():
     room = dataclasses.replace(room, occupancy=occupancy)
     height = np.broadcast_to((np.arange(16) + 0.5) / 16, room.grid.shape)
     k = 0.01 * (1.0 + 15.0 * height)
-    return room, build_turbulent_air(room, KEpsilon(k_m2_s2=k, epsilon_m2_s3=0.43 * k**1.5 / 0.8))
+    return room, build_turbulent_air(room, KEpsilonFields(k_m2_s2=k, epsilon_m2_s3=0.43 * k**1.5 / 0.8))
 
 
 @pytest.mark.slow

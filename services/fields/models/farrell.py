@@ -20,7 +20,7 @@ from gslcosim_services.fields.filament_field import FilamentField
 from gslcosim_services.fields.gas_field import GasField, Visibility
 from gslcosim_services.fields.gas_setup import GasSetup, build_gas_field_from_block, wind_at_first_source_m_s
 from gslcosim_services.fields.mixing_ratio import Walls
-from gslcosim_services.fields.models.filament_gas import build_felt_turbulence, build_gas_model, build_wall_images
+from gslcosim_services.fields.models.filament_gas import build_gas_model, build_point_turbulence, build_wall_images
 
 
 @numba.njit(cache=True, nogil=True)
@@ -390,5 +390,5 @@ def _build_farrell_field(block: FarrellGasSpec, setup: GasSetup) -> GasField:
         n_readings_per_step=setup.n_readings_per_step,
         wind_at=wind.at,
         images=build_wall_images(block, field_of_air),
-        turbulence=build_felt_turbulence(block, model, setup, wind_at=wind.at),
+        turbulence=build_point_turbulence(block, model, setup, wind_at=wind.at),
     )

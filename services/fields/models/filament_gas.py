@@ -41,13 +41,13 @@ from gslcosim_services.fields.gases import air_density_mol_m3, find_gas
 from gslcosim_services.fields.mixing_ratio import CUTOFF_SIGMA, Walls
 from gslcosim_services.fields.tape import MAX_SOURCES, CachedPlume
 from gslcosim_services.fields.turbulence.air import (
-    KEpsilon,
+    KEpsilonFields,
     TurbulentAir,
     build_turbulent_air,
-    k_epsilon_of_intensity,
+    k_epsilon_from_intensity,
     mean_speed_m_s,
 )
-from gslcosim_services.fields.turbulence.felt import FeltTurbulence
+from gslcosim_services.fields.turbulence.point_turbulence import PointTurbulence
 from gslcosim_services.fields.wall_images import WallImages
 
 # GADEN 3 multiplies its noise by ten times the step: at its usual 0.1 s the configured value remains.
@@ -82,7 +82,7 @@ def _build_filament_field(block: FilamentGasSpec, setup: GasSetup) -> GasField:
             if closed != AT_START
         },
         images=build_wall_images(block, setup.environment),
-        turbulence=build_felt_turbulence(
+        turbulence=build_point_turbulence(
             block,
             model,
             setup,
@@ -92,19 +92,19 @@ def _build_filament_field(block: FilamentGasSpec, setup: GasSetup) -> GasField:
 
 
 def build_wall_images(block: FilamentsSpec, environment: Environment) -> dict[Closed, WallImages] | None:
-    """Build what walls reflect of a gas's filaments in each situation of a room; nothing where they cut them off."""
+    """Build the walls that reflect gas for each set of closed doors; None where walls cut filaments off."""
     if not block.wall_images:
         return None
     return {closed: WallImages.of(room) for closed, room in environment.by_doors().items()}
 
 
-def build_felt_turbulence(
+def build_point_turbulence(
     block: FilamentsSpec, model: "GasModel", setup: GasSetup, *, wind_at: WindAt
-) -> FeltTurbulence | None:
-    """Build what instruments feel of a gas's turbulence in a mean wind; nothing where it has none."""
+) -> PointTurbulence | None:
+    """Build the turbulence of a gas at points, for instruments in a mean wind; None where the gas has none."""
     if block.turbulence is None or model.air is None:
         return None
-    return FeltTurbulence(
+    return PointTurbulence(
         model.air,
         setup.environment.grid,
         inner_intensity=block.turbulence.inner_intensity,
@@ -114,7 +114,7 @@ def build_felt_turbulence(
 
 
 def build_air_of_gas(gas: FilamentsSpec, environment: Environment, *, speed_m_s: float | None) -> TurbulentAir | None:
-    """Build the turbulence of a gas in its room; nothing where it has none.
+    """Build the turbulence of a gas in its room; None where it has none.
 
     Args:
         gas: Its `turbulence`.
@@ -134,11 +134,11 @@ def build_air_of_gas(gas: FilamentsSpec, environment: Environment, *, speed_m_s:
         raise ScenarioError(
             "gas.turbulence.kind: expected a wind that blows with kind: given, was still air. Leave turbulence out."
         )
-    k, epsilon = k_epsilon_of_intensity(spec.intensity_frac * speed, spec.length_m)
+    k, epsilon = k_epsilon_from_intensity(spec.intensity_frac * speed, spec.length_m)
     shape = environment.grid.shape
     return build_turbulent_air(
         environment,
-        KEpsilon(k_m2_s2=np.full(shape, k), epsilon_m2_s3=np.full(shape, epsilon)),
+        KEpsilonFields(k_m2_s2=np.full(shape, k), epsilon_m2_s3=np.full(shape, epsilon)),
         is_open=speed_m_s is not None,
     )
 
@@ -221,7 +221,7 @@ def _build_air_of_wind(environment: Environment, *, is_own_wind: bool) -> Turbul
             "gas.turbulence.kind: expected given, as the wind has no k and epsilon, was wind. Give intensity_frac and "
             "length_m, or solve the wind with wind: {keep_turbulence: true}."
         )
-    return build_turbulent_air(environment, KEpsilon(k_m2_s2=k_epsilon[..., 0], epsilon_m2_s3=k_epsilon[..., 1]))
+    return build_turbulent_air(environment, KEpsilonFields(k_m2_s2=k_epsilon[..., 0], epsilon_m2_s3=k_epsilon[..., 1]))
 
 
 def _build_source(source: SourceSpec, gas: FilamentsSpec, gases: tuple[str, ...]) -> GasSource:

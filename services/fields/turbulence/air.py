@@ -1,6 +1,6 @@
 # pyright: basic
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
-"""Turbulence of a room's air: its strength and scales from k and epsilon, at the corners of cells, walls included."""
+"""Turbulence of a room's air: its strength and scales from k and epsilon, at the corners of cells."""
 
 import math
 from dataclasses import dataclass
@@ -20,12 +20,13 @@ LENGTH_PER_K_EPSILON = 0.43
 RICHARDSON_G = 0.5
 """Richardson's constant g of <r^2> = g eps t^3: Ott and Mann 2000, Journal of Fluid Mechanics 422, 207."""
 OWN_TIME_RATIO = 2.0
-"""Time for which a filament remembers its own velocity over the Lagrangian time scale."""
+"""Correlation time of a filament's own velocity over the Lagrangian time scale."""
 OWN_SHARE = OWN_TIME_RATIO * RICHARDSON_G / (2.0 * LAGRANGIAN_C0)
 """Share of the energy that each filament has for itself.
 
 Its velocity is an Ornstein-Uhlenbeck process driven by noise of g eps / 2, so that two filaments that start together
-part as <r^2> = g eps t^3 while they remember it (Obukhov 1959); its variance is that noise times half its time.
+separate as <r^2> = g eps t^3 within its correlation time (Obukhov 1959); its variance is that noise times half that
+time.
 """
 
 # Columns of the table at corners.
@@ -36,8 +37,8 @@ class AirNodes(NamedTuple):
     """Turbulence at the corners of cells, in the form for kernels.
 
     `nodes` (nx + 1, ny + 1, nz + 1, 4) float32: amplitude of the large eddies' potential [m2/s], zero on walls; the
-    standard deviation of a filament's own velocity along each axis [m/s]; its rate of forgetting [1/s]; the cube root
-    of epsilon [m^(2/3)/s].
+    standard deviation of a filament's own velocity along each axis [m/s]; the inverse of its correlation
+    time [1/s]; the cube root of epsilon [m^(2/3)/s].
     `drift_m_s` (nx, ny, nz or 1, 3) float32 wind at cell centres that carries eddies, smooth over their size.
     `length_m` is the integral length.
     """
@@ -163,7 +164,7 @@ class TurbulentAir:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class KEpsilon:
+class KEpsilonFields:
     """Turbulence energy [m2/s2] and its dissipation [m2/s3] at cell centres, (nx, ny, nz) each."""
 
     k_m2_s2: NDArray[np.floating]
@@ -184,7 +185,7 @@ def lagrangian_time_s(k_m2_s2: float, epsilon_m2_s3: float) -> float:
     return 4.0 * k_m2_s2 / (3.0 * LAGRANGIAN_C0 * epsilon_m2_s3)
 
 
-def k_epsilon_of_intensity(velocity_std_m_s: float, length_m: float) -> tuple[float, float]:
+def k_epsilon_from_intensity(velocity_std_m_s: float, length_m: float) -> tuple[float, float]:
     """Return k [m2/s2] and epsilon [m2/s3] of a standard deviation along each axis and an integral length."""
     k_m2_s2 = 1.5 * velocity_std_m_s**2
     return k_m2_s2, LENGTH_PER_K_EPSILON * k_m2_s2**1.5 / length_m
@@ -198,7 +199,7 @@ def mean_speed_m_s(environment: Environment) -> float:
 
 def build_turbulent_air(
     environment: Environment,
-    strength: KEpsilon,
+    strength: KEpsilonFields,
     *,
     is_open: bool = False,
 ) -> TurbulentAir:
@@ -209,7 +210,7 @@ def build_turbulent_air(
 
     Args:
         environment: The room.
-        strength: Its k and epsilon; what is in solids is not looked at.
+        strength: Its k and epsilon; values in solids are not used.
         is_open: Whether the air goes on beyond the grid's sides and top, in a wind of the gas's own.
     """
     air = environment.occupancy != Cell.SOLID

@@ -1,6 +1,6 @@
 # pyright: basic
 # ruff: noqa: ANN001, ANN201 - kernels have no types, and symbols of equations
-"""Large eddies: a random velocity without divergence that the mean wind carries, the same for all who feel it."""
+"""Large eddies: a random velocity without divergence that the mean wind carries."""
 
 import math
 from dataclasses import dataclass
@@ -16,6 +16,7 @@ from gslcosim.base.rng import stream
 N_LATTICE = 32
 """Nodes along each axis of the lattice of random numbers, a power of two; beyond them it repeats."""
 N_LAYERS = 2
+"""Patterns of an octave at any time."""
 # Two more nodes along z spare the look for the end of a row.
 _ROW = 3 * (N_LATTICE + 2)
 # <(d psi_z / dy - d psi_y / dz)^2> of quadratic splines over unit normal numbers, in spacings: 2 (11/20)^2.
@@ -25,9 +26,9 @@ _SPACING_PER_LENGTH = 2.0 / math.sqrt(math.pi)
 N_EDDY_OCTAVES = 3
 """Octaves of eddies that move filaments: of the largest size, a half and a quarter of it."""
 N_FINE_OCTAVES = 3
-"""Octaves below them, which an instrument sees."""
+"""Octaves below them, for instruments."""
 LIFE_PER_TIME_SCALE = 4.0
-"""Life of the largest pattern over the Lagrangian time scale: what drifts forgets its velocity in that time."""
+"""Life of the largest pattern over the Lagrangian time scale; velocity in a drifting pattern decorrelates within it."""
 
 
 def octave_shares(n: int) -> NDArray[np.float64]:
@@ -160,8 +161,37 @@ class EddyScales:
     time_s: float
 
 
+class PatternAge(NamedTuple):
+    """Age of one drifting pattern: its octave, layer and number, its drift since mid-life [s], and its fade, 0 to 1."""
+
+    octave: int
+    layer: int
+    epoch: int
+    drift_s: float
+    fade: float
+
+
+def list_pattern_ages(time_s: float, life_s: NDArray[np.floating]) -> list[PatternAge]:
+    """Return the ages of the `N_LAYERS` patterns of each octave at a time >= 0 [s].
+
+    A pattern grows in and fades out as a half sine over its life, and the next begins when the other is at its height.
+
+    Args:
+        time_s: The time.
+        life_s: (n_octaves,) life of a pattern of each octave [s].
+    """
+    ages: list[PatternAge] = []
+    for octave, octave_life_s in enumerate(life_s.tolist()):
+        for layer in range(N_LAYERS):
+            lives = time_s / octave_life_s + layer / N_LAYERS
+            epoch = math.floor(lives)
+            drift_s = (lives - epoch - 0.5) * octave_life_s
+            ages.append(PatternAge(octave, layer, epoch, drift_s, math.sin(math.pi * (lives - epoch))))
+    return ages
+
+
 class LargeEddies:
-    """Large eddies over time: a function of seed and time alone, so whoever asks sees the same.
+    """Large eddies over time: a function of seed and time alone, the same for gas and instruments.
 
     Each octave has two patterns at any time; a pattern drifts with the mean wind for its life, grows in and fades out
     as a half sine, and the next begins when the other is at its height. Energy goes as size^(2/3), and so does life.
@@ -195,24 +225,18 @@ class LargeEddies:
 
     def at(self, time_s: float) -> EddyLayers:
         """Return the eddies at a time >= 0 [s]."""
-        ages = [
-            (octave, layer, time_s / life_s + layer / N_LAYERS)
-            for octave, life_s in enumerate(self._life_s.tolist())
-            for layer in range(N_LAYERS)
-        ]
-        patterns = [draw_vectors(self._seed, octave, layer, math.floor(lives)) for octave, layer, lives in ages]
-        drift_s = [(lives - math.floor(lives) - 0.5) * self._life_s[octave] for octave, _, lives in ages]
-        weight = [self._factor[octave] * math.sin(math.pi * (lives - math.floor(lives))) for octave, _, lives in ages]
+        ages = list_pattern_ages(time_s, self._life_s)
+        patterns = [draw_vectors(self._seed, age.octave, age.layer, age.epoch) for age in ages]
         return EddyLayers(
             tuple(vectors for _, vectors in patterns),
             np.array([offset for offset, _ in patterns]),
-            np.array(drift_s),
-            np.array(weight),
+            np.array([age.drift_s for age in ages]),
+            np.array([self._factor[age.octave] * age.fade for age in ages]),
             self._spacing_m,
         )
 
 
-# Kept for all who ask for the same eddies, and out of the state of those who ask.
+# Cached outside of the objects, so that plume and instruments share patterns and no state holds them.
 @lru_cache(maxsize=48)
 def draw_vectors(seed: int, octave: int, layer: int, epoch: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """Return a pattern of a seed: where its lattice begins (3,) [nodes], and its vectors; see `EddyLayers`."""

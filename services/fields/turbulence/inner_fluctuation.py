@@ -17,12 +17,13 @@ from gslcosim_services.fields.turbulence.eddies import (
     N_EDDY_OCTAVES,
     N_FINE_OCTAVES,
     N_LATTICE,
+    N_LAYERS,
     EddyScales,
     largest_spacing_m,
+    list_pattern_ages,
     octave_shares,
 )
 
-_N_LAYERS = 2
 _NODES = N_LATTICE**3
 # Mean of the square of a sum of 27 quadratic splines over unit normal numbers.
 _SPLINE_VARIANCE = 0.55**3
@@ -137,7 +138,7 @@ class InnerFluctuation:
         octaves = np.arange(N_EDDY_OCTAVES, N_EDDY_OCTAVES + N_FINE_OCTAVES)
         self._weight = np.sqrt(octave_shares(N_FINE_OCTAVES) / _SPLINE_VARIANCE)
         self._life_s = LIFE_PER_TIME_SCALE * scales.time_s * 2.0 ** (-2.0 * octaves / 3.0)
-        self._spacing_m = np.repeat(largest_spacing_m(scales.length_m) * 0.5**octaves, _N_LAYERS)
+        self._spacing_m = np.repeat(largest_spacing_m(scales.length_m) * 0.5**octaves, N_LAYERS)
 
     def reset(self, seed: int) -> None:
         """Take another seed."""
@@ -152,24 +153,18 @@ class InnerFluctuation:
         return inner_factors(points_m, self._at(time_s), drift_m_s, origin_m, cell_m, self._shape)
 
     def _at(self, time_s: float) -> InnerLayers:
-        ages = [
-            (octave, layer, time_s / life_s + layer / _N_LAYERS)
-            for octave, life_s in enumerate(self._life_s.tolist())
-            for layer in range(_N_LAYERS)
-        ]
-        patterns = [draw_numbers(self._seed, octave, layer, math.floor(lives)) for octave, layer, lives in ages]
-        drift_s = [(lives - math.floor(lives) - 0.5) * self._life_s[octave] for octave, _, lives in ages]
-        weight = [self._weight[octave] * math.sin(math.pi * (lives - math.floor(lives))) for octave, _, lives in ages]
+        ages = list_pattern_ages(time_s, self._life_s)
+        patterns = [draw_numbers(self._seed, age.octave, age.layer, age.epoch) for age in ages]
         return InnerLayers(
             tuple(numbers for _, numbers in patterns),
             np.array([offset for offset, _ in patterns]),
             self._spacing_m,
-            np.array(drift_s),
-            np.array(weight),
+            np.array([age.drift_s for age in ages]),
+            np.array([self._weight[age.octave] * age.fade for age in ages]),
         )
 
 
-# Kept for all who ask for the same structure, and out of the state of those who ask.
+# Cached outside of the objects, as for eddies.
 @lru_cache(maxsize=96)
 def draw_numbers(seed: int, octave: int, layer: int, epoch: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """Return a pattern of a seed: where its lattice begins (3,) [nodes], and the numbers at its nodes (n n n,)."""

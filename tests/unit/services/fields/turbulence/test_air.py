@@ -12,10 +12,10 @@ from gslcosim_services.fields.turbulence.air import (
     OWN_RATE,
     OWN_STD,
     OWN_TIME_RATIO,
-    KEpsilon,
+    KEpsilonFields,
     build_turbulent_air,
     integral_length_m,
-    k_epsilon_of_intensity,
+    k_epsilon_from_intensity,
     lagrangian_time_s,
     mean_speed_m_s,
     wind_with_slopes,
@@ -43,7 +43,7 @@ def test_wind_of_one_layer_has_no_slope_across_it():
 
 
 def test_k_and_epsilon_of_an_intensity_have_its_scales():
-    k, epsilon = k_epsilon_of_intensity(0.4, 2.5)
+    k, epsilon = k_epsilon_from_intensity(0.4, 2.5)
     assert k == pytest.approx(0.24)
     assert integral_length_m(k, epsilon) == pytest.approx(2.5)
     assert lagrangian_time_s(k, epsilon) == pytest.approx(2 * 0.4**2 / (LAGRANGIAN_C0 * epsilon))
@@ -71,7 +71,7 @@ def test_strength_is_that_of_each_place_and_what_is_in_solids_is_not_looked_at(r
     k, epsilon = np.full(room.grid.shape, 0.06), np.full(room.grid.shape, 0.01)
     k[room.occupancy == Cell.SOLID] = 1e9
     epsilon[room.occupancy == Cell.SOLID] = np.nan
-    air = build_turbulent_air(room, KEpsilon(k_m2_s2=k, epsilon_m2_s3=epsilon))
+    air = build_turbulent_air(room, KEpsilonFields(k_m2_s2=k, epsilon_m2_s3=epsilon))
     nodes = air.nodes.nodes
     assert air.velocity_std_m_s == pytest.approx(0.2)
     assert air.scales.length_m == pytest.approx(0.43 * 0.06**1.5 / 0.01)
@@ -86,7 +86,7 @@ def test_strength_is_that_of_each_place_and_what_is_in_solids_is_not_looked_at(r
 
 def test_eddies_fade_at_walls_and_not_at_outlets(room):
     k, epsilon = np.full(room.grid.shape, 0.06), np.full(room.grid.shape, 0.01)
-    amplitude = build_turbulent_air(room, KEpsilon(k_m2_s2=k, epsilon_m2_s3=epsilon)).nodes.nodes[..., AMPLITUDE]
+    amplitude = build_turbulent_air(room, KEpsilonFields(k_m2_s2=k, epsilon_m2_s3=epsilon)).nodes.nodes[..., AMPLITUDE]
     assert (amplitude[0] == 0).all()
     assert (amplitude[:, :, 0] == 0).all()
     assert (amplitude[4:7, 4:7, :4] == 0).all()
@@ -97,4 +97,4 @@ def test_eddies_fade_at_walls_and_not_at_outlets(room):
 
 def test_eddies_of_a_small_room_are_half_of_its_least_side_at_most(room):
     k, epsilon = np.full(room.grid.shape, 6.0), np.full(room.grid.shape, 0.01)
-    assert build_turbulent_air(room, KEpsilon(k_m2_s2=k, epsilon_m2_s3=epsilon)).scales.length_m == 2.0
+    assert build_turbulent_air(room, KEpsilonFields(k_m2_s2=k, epsilon_m2_s3=epsilon)).scales.length_m == 2.0

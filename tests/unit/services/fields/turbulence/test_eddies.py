@@ -8,14 +8,14 @@ import pytest
 from gslcosim.environment.model import Cell, Environment, Grid, WindFrames
 from gslcosim_services.fields.turbulence.air import (
     AMPLITUDE,
-    KEpsilon,
+    KEpsilonFields,
     build_turbulent_air,
-    k_epsilon_of_intensity,
+    k_epsilon_from_intensity,
     node_value_with_slopes,
     wind_with_slopes,
 )
 from gslcosim_services.fields.turbulence.eddies import EddyScales, LargeEddies, draw_vectors, eddy_velocity
-from gslcosim_services.fields.turbulence.felt import turbulent_wind_at_points
+from gslcosim_services.fields.turbulence.point_turbulence import turbulent_wind_at_points
 
 CELL_M = 0.25
 
@@ -41,10 +41,10 @@ def make_room(shape=(24, 20, 16), *, is_solid=None):
 
 
 def make_air(room, *, std_m_s=0.3, length_m=0.8, is_open=False):
-    k, epsilon = k_epsilon_of_intensity(std_m_s, length_m)
+    k, epsilon = k_epsilon_from_intensity(std_m_s, length_m)
     shape = room.grid.shape
     return build_turbulent_air(
-        room, KEpsilon(k_m2_s2=np.full(shape, k), epsilon_m2_s3=np.full(shape, epsilon)), is_open=is_open
+        room, KEpsilonFields(k_m2_s2=np.full(shape, k), epsilon_m2_s3=np.full(shape, epsilon)), is_open=is_open
     )
 
 

@@ -1,6 +1,6 @@
 # pyright: basic
 # ruff: noqa: ANN001, ANN201 - kernels have no types, and symbols of equations
-"""Turbulence as instruments feel it: the wind at a point with its fluctuations, and gas uneven within filaments."""
+"""Turbulence at points, for instruments: wind with its fluctuations, and gas that is uneven within filaments."""
 
 from collections.abc import Callable
 
@@ -13,7 +13,6 @@ from gslcosim.environment.model import Grid
 from gslcosim_services.fields.turbulence.air import (
     AMPLITUDE,
     OWN_SHARE,
-    AirNodes,
     TurbulentAir,
     node_value_with_slopes,
     wind_with_slopes,
@@ -45,10 +44,10 @@ def turbulent_wind_at_points(velocity_m_s, air, layers, origin_m, cell_m, points
     return wind_m_s
 
 
-class FeltTurbulence:
-    """Turbulence at the places of instruments: a function of place, time and seed, the same eddies that move gas.
+class PointTurbulence:
+    """Turbulence at the positions of instruments: a function of position, time and seed, with the eddies that move gas.
 
-    Instruments see finer eddies too, which are a part of each filament's own velocity: the energy of that part.
+    Finer eddies are added, with the energy of the velocity that each filament has for itself.
     """
 
     def __init__(
@@ -90,7 +89,7 @@ class FeltTurbulence:
         wind_m_s = self._wind_at(time_s)
         return turbulent_wind_at_points(
             wind_m_s,
-            self._nodes_in(wind_m_s),
+            self._air.nodes_in(wind_m_s),
             self._eddies.at(time_s),
             self._grid.origin_m,
             self._grid.cell_m,
@@ -99,8 +98,5 @@ class FeltTurbulence:
 
     def gas_factors_at(self, points_world_m: NDArray[np.float64], time_s: float) -> NDArray[np.float64]:
         """Return the (m,) factors of mean one by which gas at points differs from its filaments, at a time >= 0."""
-        drift_m_s = self._nodes_in(self._wind_at(time_s)).drift_m_s
+        drift_m_s = self._air.nodes_in(self._wind_at(time_s)).drift_m_s
         return self._inner.factors_at(points_world_m, time_s, drift_m_s, self._grid.origin_m, self._grid.cell_m)
-
-    def _nodes_in(self, wind_m_s: NDArray[np.float32]) -> AirNodes:
-        return self._air.nodes_in(wind_m_s)
