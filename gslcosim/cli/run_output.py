@@ -152,11 +152,11 @@ def _paths(run_dir: Path, result: dict[str, Any]) -> list[str]:
     seconds, factor = result.get("flight_wall_s", 0.0), result.get("real_time_factor", 0.0)
     lines = [f"speed      {factor:g} x real time"] if factor else []
     if factor and (whole := result.get("wall_time_s", 0.0)):
-        preparation, start = result.get("preparation_s", 0.0), result.get("start_up_s", 0.0)
-        rest = max(whole - preparation - start - seconds, 0.0)
+        preparation = result.get("preparation_s", 0.0)
+        rest = max(whole - preparation - seconds, 0.0)
         lines.append(
-            f"time       {whole:.1f} s: {preparation:.1f} s room and wind, {start:.1f} s start, {seconds:.1f} s run, "
-            f"{rest:.1f} s end"
+            f"time       {whole:.1f} s: {preparation:.1f} s room and wind, {seconds:.1f} s run, "
+            f"{rest:.1f} s start and end"
         )
     if pace := result.get("pace"):
         lines.append(f"pace       {_pace_text(pace)}")

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.search.fixed_sensors.laser_sources import PathRecord
 from gslcosim.search.fixed_sensors.plume_response import SensorPaths, WindStatistics
 from gslcosim.validation.readers.laser_paths import LaserMinutes, LaserPaths
 from gslcosim_services.fields.gases import air_density_mol_m3
@@ -14,36 +15,21 @@ Floats = NDArray[np.float64]
 METHANE_KG_MOL = 0.0160425
 """Molar mass of methane (NIST webbook)."""
 
-READING_ERROR_PPM = 0.01
-"""Error of one reading of the laser, as its records have it (median of `ch4_error_ppm`); plumes below count as none."""
-
 BLOCK_S = 900.0
 """Minutes of a quarter of an hour share their weather."""
 
 
-@dataclass(frozen=True)
-class LaserRows:
-    """All usable minutes of all sources of a campaign, one after the other.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LaserRows(PathRecord):
+    """Usable minutes of all sources of a campaign, one after the other.
 
-    `source` (n,) index of the source that was open; `wind`; `m3_per_kg` (n,) volume of a kilogram of gas in that air;
-    `readings_ppm` (n, k); `day`, `block` (n,) labels.
+    Attributes:
+        names: (s,) of the sources.
+        block: (n,) labels of rows that share their weather.
     """
 
-    sensors: SensorPaths
     names: tuple[str, ...]
-    source: NDArray[np.int64]
-    wind: WindStatistics
-    m3_per_kg: Floats
-    readings_ppm: Floats
-    day: NDArray[np.int64]
     block: NDArray[np.int64]
-
-    def wind_of(self, i: int) -> WindStatistics:
-        """Return the wind of one source's rows."""
-        rows = self.source == i
-        return WindStatistics(
-            self.wind.mean_world_m_s[rows], self.wind.across_std_m_s[rows], self.wind.up_std_m_s[rows]
-        )
 
 
 def collect_laser_rows(paths: LaserPaths) -> LaserRows:
@@ -64,7 +50,7 @@ def collect_laser_rows(paths: LaserPaths) -> LaserRows:
         names=tuple(minutes.source for minutes in paths.sources),
         source=source,
         wind=WindStatistics.of_components(joined("wind_world_m_s"), joined("wind_std_m_s")),
-        m3_per_kg=1.0 / (METHANE_KG_MOL * moles),
+        gas_m3_per_kg=1.0 / (METHANE_KG_MOL * moles),
         readings_ppm=joined("beams_ppm"),
         day=joined("day").astype(np.int64),
         block=quarters,

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from gslcosim.search.fixed_sensors.background import background_beside_plumes
+from gslcosim.search.fixed_sensors.laser_sources import READING_ERROR_PPM
 from gslcosim.search.fixed_sensors.plume_response import plume_responses
 from gslcosim.validation.agreement import (
     agreement_estimate,
@@ -12,7 +13,7 @@ from gslcosim.validation.agreement import (
     fractional_bias,
     normalised_mean_square_error,
 )
-from gslcosim.validation.laser_data import READING_ERROR_PPM, collect_laser_rows
+from gslcosim.validation.laser_data import collect_laser_rows
 from gslcosim.validation.readers.folder import MeasuredData
 from gslcosim.validation.readers.laser_paths import LaserPaths
 from gslcosim.validation.results import Case, CaseResult, Comparison, Drawing, Effort, Goal, Progress
@@ -38,7 +39,7 @@ def _run(data: MeasuredData, effort: Effort, progress: Progress) -> CaseResult:
         for i, minutes in enumerate(paths.sources):
             its = laser.source == i
             response = plume_responses(laser.sensors, laser.wind_of(i), np.array(minutes.position_m))
-            predicted[its] = minutes.rate_kg_s * laser.m3_per_kg[its, None] * response
+            predicted[its] = minutes.rate_kg_s * laser.gas_m3_per_kg[its, None] * response
         background = background_beside_plumes(
             laser.readings_ppm, predicted, laser.day, negligible_ppm=READING_ERROR_PPM
         )

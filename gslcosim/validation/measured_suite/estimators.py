@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +12,10 @@ from gslcosim.base.rng import stream
 from gslcosim.search.bayes.source_terms import PlumeSensor, SourcePrior, SourceTermFilter, TermPrior
 from gslcosim.search.beliefs import CellGrid
 from gslcosim.search.fixed_sensors.events import Excess, LeakEvent, detect_events, find_excess
+from gslcosim.search.fixed_sensors.laser_sources import PathRecord, build_searches, find_rates_kg_s
 from gslcosim.search.fixed_sensors.leak_location import locate_among, locate_in_plane, mean_rate_m3_s
-from gslcosim.search.fixed_sensors.plume_response import WindStatistics, plume_responses
+from gslcosim.search.fixed_sensors.plume_response import WindStatistics
 from gslcosim.search.fixed_sensors.puff_response import WindRecord, puff_responses
-from gslcosim.search.fixed_sensors.source_search import (
-    BackgroundPrior,
-    fit_terms,
-    rates_that_carry_the_mean,
-    search_place,
-)
 from gslcosim.search.maps.kernel_dm import KernelMap, KernelWidths
 from gslcosim.validation.measured_suite.logs import LogRow, LogSite, MeasuredLog
 
@@ -28,10 +23,6 @@ Floats = NDArray[np.float64]
 
 _DAY_S = 86_400.0
 _AREA_MARGIN_M = 20.0
-# A minute's average of a laser's readings in a plume that flickers, and one of its readings.
-_MINUTE_ERROR_PPM, _READING_ERROR_PPM = 0.05, 0.01
-# A source near the ground, where nobody says how high it is.
-_GROUND_SOURCE_M = 0.3
 # Of the air that masts see, for the puffs that left before an event.
 _ROWS_BEFORE = 10
 # Particles weigh averages over this, as plume models are judged: minutes say much the same as their neighbours.
@@ -63,7 +54,7 @@ class Claim:
 
 
 class LogEstimator(Protocol):
-    """An entry of the suite: it hears a log row by row, and says at the end what happened."""
+    """Entry of the suite: receives a log row by row and returns events at its end."""
 
     def observe(self, row: LogRow) -> None:
         """Take a row, in the order of time."""
@@ -75,7 +66,7 @@ class LogEstimator(Protocol):
 
 
 class HindsightEstimator:
-    """An estimator that keeps all rows and thinks at the end; a method fills in `claims`."""
+    """Base of estimators that look at the whole log at its end; a method fills in `claims`."""
 
     def __init__(self, site: LogSite) -> None:
         """Begin with an empty log."""
@@ -108,7 +99,7 @@ class HindsightEstimator:
 
 
 class EventEstimator(HindsightEstimator):
-    """An estimator that finds events as `gslcosim.search.fixed_sensors.events` does, and places each in its own way."""
+    """Base of estimators that detect events as `gslcosim.search.fixed_sensors.events` does and then place each."""
 
     def claims(self, log: MeasuredLog) -> Sequence[Claim]:
         """Return a claim for each event."""
@@ -122,7 +113,7 @@ class EventEstimator(HindsightEstimator):
         ]
 
     def claim(self, event: LeakEvent, excess: Excess, wind: WindRecord, gas_m3_per_kg: float) -> Claim:
-        """Return what is thought of one event."""
+        """Return the claim of one event."""
         raise NotImplementedError
 
     def claim_at(self, event: LeakEvent, position_m: Sequence[float], rate_kg_s: float = math.nan) -> Claim:
@@ -146,7 +137,7 @@ class LeakNetwork(EventEstimator):
 
     def claims(self, log: MeasuredLog) -> Sequence[Claim]:
         """Return a claim for each event, or for each source where rows say which is open."""
-        return super().claims(log) if self.site.finds_events else _fit_paths(self.site, log)
+        return super().claims(log) if self.site.finds_events else _find_sources(self.site, log)
 
     def claim(self, event: LeakEvent, excess: Excess, wind: WindRecord, gas_m3_per_kg: float) -> Claim:
         """Return the place whose puffs go best with the readings, and the rate that carries their mean."""
@@ -169,7 +160,7 @@ class LeakNetwork(EventEstimator):
 
 
 class NearestSensor(EventEstimator):
-    """The place nearest to the sensor with the largest mean reading: what can be said without wind."""
+    """The place nearest to the sensor with the largest mean reading, found without wind."""
 
     def claim(self, event: LeakEvent, excess: Excess, wind: WindRecord, gas_m3_per_kg: float) -> Claim:
         """Return that place."""
@@ -334,49 +325,36 @@ def _blocks(event: LeakEvent, wind: WindRecord) -> list[NDArray[np.int64]]:
     return np.split(rows, np.flatnonzero(np.diff(wind.start_s[rows] // _AVERAGE_S) > 0) + 1)
 
 
-# Places source by source, then the rates of all with backgrounds that the sources of a day share.
-def _fit_paths(site: LogSite, log: MeasuredLog) -> list[Claim]:
+# Sources that rows tell apart, each at its likeliest place, with rates by backgrounds that the sources of a day share.
+def _find_sources(site: LogSite, log: MeasuredLog) -> list[Claim]:
     needed = (log.readings_ppm, log.wind_world_m_s, log.wind_std_m_s, log.gas_m3_per_kg[:, None])
     usable = np.logical_and.reduce([np.isfinite(values).all(axis=1) for values in needed])
     if not usable.any():
         return []
-    start_s, readings, volume = log.start_s[usable], log.readings_ppm[usable], log.gas_m3_per_kg[usable, None]
+    start_s = log.start_s[usable]
     sources, source = np.unique(log.source[usable], return_inverse=True)
-    day = np.unique(start_s // _DAY_S, return_inverse=True)[1].astype(np.int64)
-    mean_m_s = np.column_stack([log.wind_world_m_s[usable], np.zeros(len(start_s))])
-    wind = WindStatistics.of_components(mean_m_s, log.wind_std_m_s[usable])
-    prior = BackgroundPrior.of_readings(readings, reading_error_ppm=_READING_ERROR_PPM)
-    height_m = site.source_height_m if math.isfinite(site.source_height_m) else _GROUND_SOURCE_M
-    low_m, high_m = _area_m(site.sensors.points_m.reshape(-1, 3))
-    response, found = np.empty_like(readings), []
-    for i in range(len(sources)):
-        rows = source == i
-        its_wind = WindStatistics(wind.mean_world_m_s[rows], wind.across_std_m_s[rows], wind.up_std_m_s[rows])
-        its_day = np.unique(day[rows], return_inverse=True)[1].astype(np.int64)
-
-        def respond(place_m: tuple[float, float], rows: Any = rows, its_wind: Any = its_wind) -> Floats:
-            return volume[rows] * plume_responses(site.sensors, its_wind, np.array([*place_m, height_m]))
-
-        def fit(place_m: tuple[float, float], rows: Any = rows, its_day: Any = its_day, respond: Any = respond) -> Any:
-            return fit_terms(respond(place_m), readings[rows], its_day, prior, reading_error_ppm=_MINUTE_ERROR_PPM)
-
-        best_m = search_place(
-            lambda place_m, fit=fit: fit(place_m).log_likelihood, (low_m[0], low_m[1]), (high_m[0], high_m[1])
-        )
-        response[rows] = respond(best_m)
-        found.append((best_m, fit(best_m).rate_m3_s))
-    first = np.array([rate for _, rate in found])
-    rates = rates_that_carry_the_mean(
-        response, readings, source.astype(np.int64), day, first, negligible_ppm=_READING_ERROR_PPM
+    record = PathRecord(
+        sensors=site.sensors,
+        source=source.astype(np.int64),
+        wind=WindStatistics.of_components(
+            np.column_stack([log.wind_world_m_s[usable], np.zeros(len(start_s))]), log.wind_std_m_s[usable]
+        ),
+        gas_m3_per_kg=log.gas_m3_per_kg[usable],
+        readings_ppm=log.readings_ppm[usable],
+        day=np.unique(start_s // _DAY_S, return_inverse=True)[1].astype(np.int64),
     )
+    height_m = {"source_height_m": site.source_height_m} if math.isfinite(site.source_height_m) else {}
+    searches = build_searches(record, **height_m)
+    places_m = [search.find_best() for search in searches]
+    rates = find_rates_kg_s(record, searches, places_m)
     return [
         Claim(
             start_s=float(start_s[source == i].min()),
             end_s=float(start_s[source == i].max()) + site.period_s,
-            position_m=best_m,
+            position_m=place_m,
             # Without a reading beside the plume no background is known but that of the fit.
-            rate_kg_s=float(rates[i] if math.isfinite(rates[i]) else fitted),
+            rate_kg_s=float(rates[i] if math.isfinite(rates[i]) else search.rate_kg_s(place_m)),
             source=int(sources[i]),
         )
-        for i, (best_m, fitted) in enumerate(found)
+        for i, (search, place_m) in enumerate(zip(searches, places_m, strict=True))
     ]

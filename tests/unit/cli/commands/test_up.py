@@ -93,7 +93,7 @@ def test_a_pipe_gets_a_line_for_each_state_and_the_figures_at_the_end(flight, ca
         "beetle   dung_beetle   success   12.3 s           9          6.5 m   2.04       0.79 m                none",
         "",
         "speed      123 x real time",
-        "time       3.2 s: 2.5 s room and wind, 0.4 s start, 0.1 s run, 0.2 s end",
+        "time       3.2 s: 2.5 s room and wind, 0.1 s run, 0.6 s start and end",
         f"run        {run}",
         f"recording  {run}/recording.rrd",
         f"open it    gslcosim view {run}",
