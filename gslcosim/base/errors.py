@@ -296,9 +296,9 @@ _CONTRACT = Path(__file__).resolve().parents[1] / "contract"
 
 
 def cut_contract_frames(error: BaseException) -> None:
-    """Cut from an error's traceback how a message was refused, below the line that wanted to make it.
+    """Cut the frames of the contract off an error's traceback, so that it ends at the line that made the message.
 
-    Who wrote that line has to look at it, and not at how it was found out.
+    Whoever wrote that line has to look at it, not at how the contract checked it.
     """
     last, frame = None, error.__traceback__
     while frame is not None:

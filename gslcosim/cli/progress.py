@@ -32,7 +32,7 @@ class RemainingTime:
         self._clock = clock
         self._piece = ""
         self._began_s = 0.0
-        self._began_at = 0.0
+        self._began_share = 0.0
 
     def describe(self, piece: str, fraction: float | None) -> str:
         """Return the share done and the time left, such as `20 %, about 3 min left`; empty where nobody knows.
@@ -42,9 +42,9 @@ class RemainingTime:
             fraction: Share of it that is done, 0 to 1.
         """
         now_s, share = self._clock(), fraction or 0.0
-        if piece != self._piece or share < self._began_at:
-            self._piece, self._began_s, self._began_at = piece, now_s, share
-        elapsed_s, done = now_s - self._began_s, share - self._began_at
+        if piece != self._piece or share < self._began_share:
+            self._piece, self._began_s, self._began_share = piece, now_s, share
+        elapsed_s, done = now_s - self._began_s, share - self._began_share
         if fraction is None or elapsed_s < _ESTIMATE_AFTER_S or done <= 0.0:
             return ""
         left_s = elapsed_s * (1.0 - share) / done

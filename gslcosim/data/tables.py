@@ -223,7 +223,7 @@ def _beliefs(run: "RunData") -> Iterator[StreamTable]:
     for agent, beliefs in run.beliefs.items():
         parts: list[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]] = []
         for i, belief in enumerate(beliefs.belief):
-            probability = beliefs.belief[i].probability.to_array()
+            probability = belief.probability.to_array()
             cells = np.argwhere(probability > 0)
             centres_m = np.full((len(cells), 3), float(belief.origin_m[2]))
             n_axes = cells.shape[1]

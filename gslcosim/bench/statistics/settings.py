@@ -69,16 +69,14 @@ def group_runs(rows: Iterable[Mapping[str, Any]]) -> SettingRuns:
     )
 
 
-def compute_figures(flights: SettingRuns) -> SettingFigures:
+def compute_figures(runs: SettingRuns) -> SettingFigures:
     """Return the figures of a setting, failures included in all of them."""
     return SettingFigures(
-        n=flights.score.size,
-        n_without_result=flights.n_without_result,
-        success=wilson(int(flights.success.sum()), flights.success.size),
-        score=_with_spread(
-            stratified_bootstrap(flights.score, flights.strata, clusters=flights.clusters), flights.score
-        ),
-        time_s=restricted_mean(flights.time_s, flights.success, flights.limit_s, clusters=flights.clusters),
+        n=runs.score.size,
+        n_without_result=runs.n_without_result,
+        success=wilson(int(runs.success.sum()), runs.success.size),
+        score=_with_spread(stratified_bootstrap(runs.score, runs.strata, clusters=runs.clusters), runs.score),
+        time_s=restricted_mean(runs.time_s, runs.success, runs.limit_s, clusters=runs.clusters),
     )
 
 

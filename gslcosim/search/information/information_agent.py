@@ -370,7 +370,7 @@ def max_box_probability(p: Array, reach: int) -> float:
         reach: From the middle cell to the outer ones [cells].
 
     Held by:
-        tests/unit/search/information/test_grid_search.py
+        tests/unit/search/information/test_information_agent.py
     """
     sums = np.pad(p, reach)
     for axis in range(p.ndim):

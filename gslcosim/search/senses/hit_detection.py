@@ -352,7 +352,7 @@ class GasHits:
         tests/unit/search/senses/test_hit_detection.py
     """
 
-    def __init__(self, nose: Nose, *, threshold_ppm: float = 0.1, mox: "MoxEvidence | None" = None) -> None:
+    def __init__(self, nose: Nose, *, threshold_ppm: float = 0.1, mox: MoxEvidence | None = None) -> None:
         """Begin without a hit; `mox` is used for ohms only."""
         self.nose = nose
         self.is_hit = False
@@ -405,7 +405,7 @@ class Finding:
 class GasEvidence:
     """Turns the readings of one nose into findings, one for each `every_s`: call `add` with every observation.
 
-    hit: there was one by the rule of `hits.GasHits` within the span
+    hit: there was one by the rule of `GasHits` within the span
     clean: there was none, and the sensor could have told: a MOX sensor that recovers still shows gas of before, and is
     no evidence for clean air (`MoxEvidence`)
     Otherwise, and while the sensor warms up, there is no finding.

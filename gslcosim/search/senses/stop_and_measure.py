@@ -346,9 +346,9 @@ class Contact:
 class PlumeContactDetector:
     """Takes note of hits and wind at every observation, so that a leg through a plume is not flown in vain.
 
-    The rule for a hit is that of `hits.GasHits`: a MOX sensor has one while its resistance falls or stays low, one in
-    ppm while it shows more than the threshold, one that counts while it shows more than half a hit. A hit belongs to
-    the place where the vehicle was `lag_s` before: 1 s for MOX sensors, none for others. The wind is the mean over the
+    The rule for a hit is that of `GasHits`: a MOX sensor has one while its resistance falls or stays low, one in ppm
+    while it shows more than the threshold, one that counts while it shows more than half a hit. A hit belongs to the
+    place where the vehicle was `lag_s` before: 1 s for MOX sensors, none for others. The wind is the mean over the
     hold before the question, when the vehicle is at rest; without an anemometer there is none.
 
     State: the hits since the last question, the last one ever, the wind that was trusted last, places of the last

@@ -441,8 +441,8 @@ class PlumeMemory:
         """Prepare for a search without gas.
 
         Args:
-            course_m: (m, 2) turns of the lanes [m].
-            step_m: Step along the course [m].
+            lanes_m: (m, 2) turns of the lanes [m].
+            step_m: Step along the lanes [m].
             cast_m: First leg of a cast [m].
             n_casts: Legs of a cast before the lanes are taken up again; 0 for none.
         """
