@@ -4,7 +4,7 @@ import csv
 import gzip
 import io
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from gslcosim.base.errors import EnvironmentDataError, describe_os_error
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.problems import Problem
+from gslcosim.base.quantities import Vec3
 
 # Of a file as it lies on the disk, and unpacked.
 MAX_BYTES = 256_000_000
@@ -89,6 +90,27 @@ class Columns:
             raise self.error(name, i, "a number", "an empty field", "Fill it in, or leave the row out.")
         return values
 
+    def optional_numbers(self, name: str) -> NDArray[np.float64]:
+        """Return a column of numbers with nan for empty fields; all nan where there is no such column.
+
+        Raises:
+            MeasuredDataError: a field in it is no number.
+        """
+        return self.numbers(name, allow_gaps=True) if name in self.texts else np.full(self.n_rows, np.nan)
+
+    def matrix(self, names: Iterable[str], *, allow_gaps: bool = False) -> NDArray[np.float64]:
+        """Return columns of numbers side by side, (n_rows, n_names); arguments and errors as of `numbers`."""
+        return np.stack([self.numbers(name, allow_gaps=allow_gaps) for name in names], axis=1)
+
+    def point(self, name: str, i_row: int) -> Vec3:
+        """Return the point [m] that columns `NAME_x_m`, `NAME_y_m` and `NAME_z_m` have in a row.
+
+        Raises:
+            MeasuredDataError: there is no such column, or a field in it is no number.
+        """
+        x_m, y_m, z_m = (float(self.numbers(f"{name}_{axis}_m")[i_row]) for axis in "xyz")
+        return x_m, y_m, z_m
+
     def words(self, name: str) -> tuple[str, ...]:
         """Return a column of words, none of them empty.
 
@@ -118,10 +140,10 @@ class Columns:
             values[i] = (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
         return values
 
-    def rising(
+    def require_rising(
         self, name: str, values: NDArray[np.float64], *, may_repeat: bool = False, longest_gap_s: float = np.inf
     ) -> NDArray[np.float64]:
-        """Return the same times, which must rise, with no gap longer than is allowed.
+        """Return the times unchanged; raise unless they rise, with no gap longer than is allowed.
 
         Args:
             name: Of the column, for errors.

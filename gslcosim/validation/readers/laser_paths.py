@@ -42,7 +42,7 @@ class LaserMinutes:
 
 @dataclass(frozen=True)
 class LaserPaths:
-    """A laser that looks at reflectors in turn: its place, (k, 3) places of the reflectors [m], and its sources."""
+    """A scanning laser: its position, (k, 3) positions of its reflectors [m], and the readings of each source."""
 
     instrument_m: Vec3
     reflectors_m: NDArray[np.float64]
@@ -98,18 +98,14 @@ def _read_source(path: Path, layout: Document, n_beams: int) -> LaserMinutes:
         rate_kg_s=layout.number("sources", source, "rate_kg_s"),
         release=release,
         clock_s=clock_s,
-        beams_ppm=np.stack([table.numbers(f"ch4_beam_{i + 1}_ppm", allow_gaps=True) for i in range(n_beams)], axis=1),
-        wind_world_m_s=_vectors(table, "wind_{}_m_s"),
-        wind_std_m_s=_vectors(table, "wind_{}_std_m_s"),
+        beams_ppm=table.matrix([f"ch4_beam_{i + 1}_ppm" for i in range(n_beams)], allow_gaps=True),
+        wind_world_m_s=table.matrix([f"wind_{axis}_m_s" for axis in "xyz"], allow_gaps=True),
+        wind_std_m_s=table.matrix([f"wind_{axis}_std_m_s" for axis in "xyz"], allow_gaps=True),
         temperature_k=table.numbers("air_temperature_k", allow_gaps=True),
         pressure_pa=table.numbers("pressure_pa", allow_gaps=True),
         tan_gamma_horizontal=_scatter(table, "tan_gamma_horizontal"),
         tan_gamma_vertical=_scatter(table, "tan_gamma_vertical"),
     )
-
-
-def _vectors(table: Columns, pattern: str) -> NDArray[np.float64]:
-    return np.stack([table.numbers(pattern.format(axis), allow_gaps=True) for axis in "xyz"], axis=1)
 
 
 def _scatter(table: Columns, name: str) -> NDArray[np.float64]:

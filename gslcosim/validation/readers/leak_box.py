@@ -92,15 +92,9 @@ def _read_case(folder: Path, table: Columns, i: int, geometry: Document, n_heigh
         release_s=float(table.numbers("release_duration_s")[i]),
         release_m3_s=float(table.numbers("leak_rate_report_l_min")[i]) * _LITRES_PER_MINUTE,
         leak=table.words("leak")[i],
-        position_m=(
-            float(table.numbers("leak_x_m")[i]),
-            float(table.numbers("leak_y_m")[i]),
-            float(table.numbers("leak_z_m")[i]),
-        ),
+        position_m=table.point("leak", i),
         vents=vents,
         holes=tuple(SquareHole(each["y_m"], each["z_m"], each["side_m"]) for each in openings),
-        time_s=series.rising("time_s", series.numbers("time_s")),
-        volume_percent=np.stack(
-            [series.numbers(f"helium_{k + 1}_volume_percent", allow_gaps=True) for k in range(n_heights)], axis=1
-        ),
+        time_s=series.require_rising("time_s", series.numbers("time_s")),
+        volume_percent=series.matrix([f"helium_{k + 1}_volume_percent" for k in range(n_heights)], allow_gaps=True),
     )

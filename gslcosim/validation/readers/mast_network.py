@@ -15,16 +15,16 @@ LONGEST_GAP_S = 3600.0
 STANDARD_PRESSURE_PA = 101_325.0
 _READING = re.compile(r"ch4_(?P<mast>.+)_ppm")
 _KG_H = 1.0 / 3600.0
-# What a site says in words, as METEC's does.
+# In the description of a site, such as METEC's.
 _PRESSURE_IN_WORDS = re.compile(r"air pressure (?:near|of|about) (\d+(?:\.\d+)?) hPa")
 
 
 @dataclass(frozen=True)
 class LoggedRelease:
-    """The truth about one release: when, how much, and where, as far as the file says.
+    """One release in the log of a site: times, rate, and position as far as the file has it.
 
     `place` the candidate place; None: the site has one place only, or the file names none.
-    `position_m` east, north [m] of the emission point; None where the file does not say.
+    `position_m` east, north [m] of the emission point; None where the file has none.
     """
 
     number: int
@@ -40,7 +40,7 @@ class MastNetwork:
     """Masts, candidate places, readings a minute, and releases.
 
     `masts` names, (k,) in the order of the readings; `masts_m` (k, 3) east, north, up [m]; `places_m` candidate
-    places by name; `clock_s` (n,) [s since 1970, UTC]; `readings_ppm` (n, k), nan where a mast said nothing;
+    places by name; `clock_s` (n,) [s since 1970, UTC]; `readings_ppm` (n, k), nan where a mast has no reading;
     `wind_world_m_s` (n, 2) toward east and north; `pressure_pa` of the air; `forward_ppm_s_g` the authors' own model
     by place, (n, k) ppm per g/s, where the folder has it.
     """
@@ -81,16 +81,15 @@ def read_mast_network(folder: Path) -> MastNetwork:
             found=", ".join(sorted(set(masts) - set(known))),
             remedy="Take the site.json of the same campaign.",
         )
-    clock_s = minutes.rising("time_utc", minutes.clock_s("time_utc"), longest_gap_s=LONGEST_GAP_S)
+    clock_s = minutes.require_rising("time_utc", minutes.clock_s("time_utc"), longest_gap_s=LONGEST_GAP_S)
     places_m = {name: _place_m(site, "candidate_places", name) for name in site.block("candidate_places")}
-    wind = [minutes.numbers(f"wind_{axis}_m_s", allow_gaps=True) for axis in ("east", "north")]
     return MastNetwork(
         masts=masts,
         masts_m=np.array([_place_m(site, "masts", name) for name in masts]),
         places_m=places_m,
         clock_s=clock_s,
-        readings_ppm=np.stack([minutes.numbers(f"ch4_{name}_ppm", allow_gaps=True) for name in masts], axis=1),
-        wind_world_m_s=np.stack(wind, axis=1),
+        readings_ppm=minutes.matrix([f"ch4_{name}_ppm" for name in masts], allow_gaps=True),
+        wind_world_m_s=minutes.matrix(["wind_east_m_s", "wind_north_m_s"], allow_gaps=True),
         pressure_pa=_pressure_pa(site),
         releases=_read_releases(folder, places_m, clock_s, minutes.path),
         forward_ppm_s_g=_read_forward(folder, masts, places_m, clock_s),

@@ -34,10 +34,9 @@ def read_roof_tracer(folder: Path) -> RoofTracer:
     wind, upwind, downwind = (
         read_columns(find_table(folder, name)) for name in ("wind_10hz", "upwind_1hz", "downwind_1hz")
     )
-    parts = ("u_into_array_m_s", "v_across_m_s", "w_up_m_s")
     return RoofTracer(
         wind_s=_time_s(wind),
-        wind_m_s=np.stack([wind.numbers(name, allow_gaps=True) for name in parts], axis=1),
+        wind_m_s=wind.matrix(["u_into_array_m_s", "v_across_m_s", "w_up_m_s"], allow_gaps=True),
         upwind_s=_time_s(upwind),
         upwind_ppm=upwind.numbers("co2_ppm", allow_gaps=True),
         downwind_s=_time_s(downwind),
@@ -46,4 +45,4 @@ def read_roof_tracer(folder: Path) -> RoofTracer:
 
 
 def _time_s(table: Columns) -> NDArray[np.float64]:
-    return table.rising("time_s", table.numbers("time_s"), may_repeat=True)
+    return table.require_rising("time_s", table.numbers("time_s"), may_repeat=True)

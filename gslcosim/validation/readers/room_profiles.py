@@ -42,12 +42,6 @@ class RoomProfiles:
     inlet_length_m: float
     lines: tuple[ProfileLine, ...]
 
-    @property
-    def air_change_s(self) -> float:
-        """Time in which the inlet fills the room [s]."""
-        low_m, high_m = self.inlet_z_m
-        return self.size_m[0] * self.size_m[2] / ((high_m - low_m) * self.inlet_m_s)
-
 
 def read_room_profiles(folder: Path) -> RoomProfiles:
     """Return the set in a folder.
@@ -58,7 +52,7 @@ def read_room_profiles(folder: Path) -> RoomProfiles:
     geometry = read_document(folder / "geometry.json")
     table = read_columns(folder / "u_profiles.csv")
     names = np.array(table.words("line"))
-    points_m = np.stack([table.numbers(name) for name in ("x_m", "y_m", "z_m")], axis=1)
+    points_m = table.matrix(["x_m", "y_m", "z_m"])
     size_m = tuple(geometry.number("room_m", name) for name in ("length_x", "width_y", "height_z"))
     outside = np.flatnonzero(((points_m < 0.0) | (points_m > np.array(size_m))).any(axis=1))
     if len(outside):

@@ -20,7 +20,7 @@ class RoomExperiment:
 
     `number` as in the table; `time_s` (n,); `readings_ppm` (n, k) of the sensors in their order, in a unit that is
     comparable within one sensor only; `wind_m_s` (n,) speed at the anemometer; `is_window_open`; `airflow` what moved
-    the air; `gas_seen_s` when gas was first seen, where somebody has said so.
+    the air; `gas_seen_s` when gas was first seen, None where the table has no time.
     """
 
     number: int
@@ -69,8 +69,8 @@ def read_room_sensors(folder: Path) -> RoomSensors:
         height_m=room.number("height_m", "value"),
         supply_m=None if supply is None else (float(supply[0]), float(supply[1])),
         sensors=names,
-        positions_m=np.stack([sensors.numbers(axis) for axis in ("x_m", "y_m", "z_m")], axis=1),
-        plateau_ratio=_optional(sensors, "plateau_ratio_median"),
+        positions_m=sensors.matrix(["x_m", "y_m", "z_m"]),
+        plateau_ratio=sensors.optional_numbers("plateau_ratio_median"),
         experiments=tuple(_read_experiment(folder, table, i, names) for i in range(table.n_rows)),
     )
 
@@ -88,22 +88,14 @@ def _read_experiment(folder: Path, table: Columns, i: int, sensors: tuple[str, .
             found=f"others ({found})",
             remedy="Take the table of sensors of the same installation.",
         )
-    seen_min = _optional(table, "gas_seen_from_min")[i]
+    seen_min = table.optional_numbers("gas_seen_from_min")[i]
     return RoomExperiment(
         number=number,
-        source_m=(
-            float(table.numbers("source_x_m")[i]),
-            float(table.numbers("source_y_m")[i]),
-            float(table.numbers("source_z_m")[i]),
-        ),
+        source_m=table.point("source", i),
         airflow=table.words("artificial_airflow")[i],
         is_window_open=table.words("window")[i] != "closed",
-        time_s=log.rising("time_s", log.numbers("time_s"), may_repeat=True, longest_gap_s=LONGEST_GAP_S),
-        readings_ppm=np.stack([log.numbers(name, allow_gaps=True) for name in sensors], axis=1),
-        wind_m_s=_optional(log, "wind_speed_m_s"),
+        time_s=log.require_rising("time_s", log.numbers("time_s"), may_repeat=True, longest_gap_s=LONGEST_GAP_S),
+        readings_ppm=log.matrix(sensors, allow_gaps=True),
+        wind_m_s=log.optional_numbers("wind_speed_m_s"),
         gas_seen_s=None if np.isnan(seen_min) else 60.0 * float(seen_min),
     )
-
-
-def _optional(table: Columns, name: str) -> NDArray[np.float64]:
-    return table.numbers(name, allow_gaps=True) if name in table.texts else np.full(table.n_rows, np.nan)
