@@ -35,7 +35,12 @@ class RemainingTime:
         self._began_share = 0.0
 
     def describe(self, piece: str, fraction: float | None) -> str:
-        """Return the share done and the time left, such as `20 %, about 3 min left`; empty where nobody knows.
+        """Return the share done and the time left, such as `20 %, about 3 min left`; as `estimate`."""
+        left = self.estimate(piece, fraction)
+        return f"{100 * (fraction or 0.0):.0f} %, {left}" if left else ""
+
+    def estimate(self, piece: str, fraction: float | None) -> str:
+        """Return the time left, such as `about 3 min left`; empty where nobody knows.
 
         Args:
             piece: Name of the work; a new name starts a new estimate.
@@ -50,7 +55,7 @@ class RemainingTime:
         left_s = elapsed_s * (1.0 - share) / done
         minutes = round(left_s / 60)
         left = f"{minutes} min" if minutes > 1 else f"{max(10 * round(left_s / 10), 10)} s"
-        return f"{100 * share:.0f} %, about {left} left"
+        return f"about {left} left"
 
 
 class ProgressLine:

@@ -53,7 +53,7 @@ def show_run_progress(title: str, *, is_quiet: bool) -> Iterator[Report]:
 
             # The share that is done has a bar of its own.
             def draw(status: "RunStatus") -> str:
-                left = remaining.describe(status.text, status.fraction).partition(", ")[2]
+                left = remaining.estimate(status.text, status.fraction)
                 return ", ".join(filter(None, (format_status(status), left)))
 
             yield lambda status: line.show(lambda: draw(status), fraction=status.fraction)
