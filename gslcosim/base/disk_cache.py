@@ -132,7 +132,7 @@ def keep_within_limit() -> list[CacheEntry]:
 
 
 def choose_unused(entries: Sequence[CacheEntry], limit_bytes: float, now_s: float) -> list[CacheEntry]:
-    """Return what is to be removed so that the rest is within a limit: what was unused for longest first.
+    """Return the entries to remove so that the rest is within a limit: what was unused for longest first.
 
     Args:
         entries: All.
@@ -150,7 +150,7 @@ def choose_unused(entries: Sequence[CacheEntry], limit_bytes: float, now_s: floa
 
 
 def limit_from_environment() -> float:
-    """Return how much the cache may take [bytes], as `GSLCOSIM_CACHE_LIMIT` says; infinite where that is `none`.
+    """Return the size limit of the cache [bytes], as `GSLCOSIM_CACHE_LIMIT` says; infinite where that is `none`.
 
     Raises:
         UsageError: it is no size.

@@ -201,14 +201,14 @@ def build_process_error() -> MachineError:
 
 
 def describe_os_error(error: OSError | MemoryError) -> str:
-    """Return what the machine says, as part of a sentence."""
+    """Return the reason that the machine gives, as part of a sentence."""
     if isinstance(error, MemoryError) or error.errno == errno.ENOMEM:
         return "out of memory"
     return (error.strerror or str(error) or type(error).__name__).rstrip(".").lower()
 
 
 def find_remedy(error: OSError | MemoryError) -> str:
-    """Return what helps against what the machine says, as a sentence."""
+    """Return the remedy for an error of the machine, as a sentence."""
     number = errno.ENOMEM if isinstance(error, MemoryError) else error.errno
     return _REMEDIES.get(number or 0, "Look at what it says, then try again.")
 
@@ -310,7 +310,7 @@ def cut_contract_frames(error: BaseException) -> None:
 
 
 def format_fault(error: BaseException, trace: str) -> str:
-    """Return what to say of an error that ends a run.
+    """Return the message of an error that ends a run.
 
     Args:
         error: The error.

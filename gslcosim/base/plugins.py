@@ -30,7 +30,7 @@ class EntryPoints:
         return tuple(sorted(entry_points(group=self.group).names))
 
     def loaded(self, name: str, accept: Callable[[object], AnyPlugin | None], expected: str) -> AnyPlugin:
-        """Return what is offered under a name, one of `names`.
+        """Return the plug-in of a name, one of `names`.
 
         Args:
             name: The name.

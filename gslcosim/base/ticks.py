@@ -11,12 +11,12 @@ def seconds_from_ticks(tick: int, tick_ns: int) -> float:
 
 
 def ticks_from_seconds(duration_s: float, tick_ns: int) -> int:
-    """Return how many whole ticks a duration takes, rounded to the nearest tick."""
+    """Return the number of whole ticks in a duration, rounded to the nearest tick."""
     return round(duration_s * NS_PER_S / tick_ns)
 
 
 def exact_ticks_from_seconds(duration_s: float, tick_ns: int, *, name: str) -> int:
-    """Return how many ticks a duration takes and refuse one that is not a whole, positive number of them.
+    """Return the number of ticks in a duration, and refuse one that is not a whole, positive number of them.
 
     Raises:
         GslCosimError: the duration is not a whole number (at least one) of ticks.

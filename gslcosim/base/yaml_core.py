@@ -21,7 +21,7 @@ EDITOR_HEADER = "# yaml-language-server: "
 
 
 def without_editor_header(content: bytes) -> bytes:
-    """Return what a file holds without a first line for editors, which is none of what hashes identify."""
+    """Return a file's content without a first line for editors, which is no part of what hashes identify."""
     return content.partition(b"\n")[2] if content.startswith(EDITOR_HEADER.encode()) else content
 
 

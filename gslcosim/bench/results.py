@@ -167,7 +167,7 @@ class Comparison:
 
 
 def compare(results: Results, a: str, b: str) -> Comparison:
-    """Return how an entry compares with another on the runs that both have made, controls apart.
+    """Return the comparison of an entry with another on the runs that both have made, controls apart.
 
     Args:
         results: All rows, or some of them.

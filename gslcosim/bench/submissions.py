@@ -79,7 +79,7 @@ class _Submission:
         return self.results.manifest
 
     def agent_of(self, entry: str) -> str:
-        """Return what an entry's program and parameters are, as text."""
+        """Return the identity of an entry, its program and parameters, as text."""
         listed = next((each for each in self.manifest.get("entries", []) if each["name"] == entry), {})
         return json.dumps([listed.get("agent_hash"), listed.get("parameters")], sort_keys=True)
 

@@ -91,7 +91,7 @@ def save_mark(contents: str, mark: VerificationMark) -> None:
 
 
 def find_mark(folder: Path) -> VerificationMark | None:
-    """Return what this user has found out of results with the contents of a folder; None where nothing."""
+    """Return this user's verification of results with the contents of a folder; None without one."""
     path = _path(results_hash(folder))
     try:
         if path.stat().st_size > _MOST_BYTES:

@@ -192,7 +192,7 @@ CHECKS: dict[str, Callable[[], Iterator[CheckResult]]] = {
 
 
 def free_memory_gb() -> float:
-    """Return how much memory a new process can have [GB]."""
+    """Return the memory available to a new process [GB]."""
     info = Path("/proc/meminfo")
     if info.exists():
         match = re.search(r"^MemAvailable:\s+(\d+) kB", info.read_text(), re.MULTILINE)

@@ -184,7 +184,7 @@ _BAR = 20
 
 
 def plan_to_json(plan: "Plan", trials: "Sequence[Trial]", *, n_workers: int) -> dict[str, Any]:
-    """Return what a plan says of itself.
+    """Return the text of a plan.
 
     Args:
         plan: The plan.
@@ -264,7 +264,7 @@ def show_suite_progress(title: str, *, is_quiet: bool) -> "Iterator[Callable[[Pr
 
 
 def format_progress(progress: "Progress") -> str:
-    """Return how a run stands in one line."""
+    """Return the state of a run in one line."""
     done, total = progress.done, progress.total
     if progress.phase != "trials":
         return f"{progress.phase} {done}/{total}"
@@ -276,7 +276,7 @@ def format_progress(progress: "Progress") -> str:
 
 
 def format_suite_summary(summary: "RunSummary", page: Path | None, shard: "Shard | None" = None) -> str:
-    """Return what a run did, of a suite or of a shard of it."""
+    """Return the summary of a run of a suite or of a shard of it."""
     wall = summary.wall
     lines = []
     if summary.put_aside is not None:
@@ -320,7 +320,7 @@ def format_leaderboard(results_dir: Path) -> str:
 
 
 def format_merge(summary: "MergeSummary", page: Path | None) -> str:
-    """Return what was merged, and what is missing."""
+    """Return the summary of a merge, with what is missing."""
     found = summary.n_shards - len(summary.missing)
     lines = [f"{summary.n_trials} of {summary.n_chosen} trials, from {found} of {summary.n_shards} shards."]
     if summary.missing:
@@ -332,7 +332,7 @@ def format_merge(summary: "MergeSummary", page: Path | None) -> str:
 
 
 def verification_to_json(verification: "Verification") -> dict[str, Any]:
-    """Return what came of a verification as JSON has it."""
+    """Return the result of a verification as JSON has it."""
     return {
         "sample": verification.n_sampled,
         "same": verification.n_sampled - len(verification.differences),
@@ -345,7 +345,7 @@ def verification_to_json(verification: "Verification") -> dict[str, Any]:
 
 
 def format_verification(verification: "Verification") -> str:
-    """Return what came of a verification."""
+    """Return the result of a verification as text."""
     from gslcosim.runtime.processes.sandbox.selection import is_sandboxed
 
     n, different = verification.n_sampled, verification.differences

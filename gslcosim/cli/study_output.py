@@ -32,7 +32,7 @@ def add_target_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def format_stage(stage: "TuningProgress") -> str:
-    """Return how a search stands in one line."""
+    """Return the state of a search in one line."""
     best = stage.best
     return (
         f"{stage.n_settings} of {stage.most_settings} settings, {stage.n_flights} of {stage.budget} flights; best "
@@ -76,7 +76,7 @@ def _report_command(folder: Path) -> str:
 
 
 def format_tuning(tuning: "TuningResult", folder: Path, parameters: str) -> str:
-    """Return what a tuning came to.
+    """Return the result of a tuning as text.
 
     Args:
         tuning: It.

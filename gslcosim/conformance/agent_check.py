@@ -247,7 +247,7 @@ def check_agent(
     limits: SessionLimits | None = None,
     report_progress: Callable[[str], None] = lambda _: None,
 ) -> CheckReport:
-    """Return what a check finds out about an agent.
+    """Return the report of a check of an agent.
 
     Args:
         connection: How it is started and spoken to.

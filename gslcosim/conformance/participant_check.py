@@ -19,7 +19,7 @@ def check_participant(
     parameters: Mapping[str, ParameterValue] = MappingProxyType({}),
     report_progress: Callable[[str], None] = lambda _: None,
 ) -> CheckReport:
-    """Return what a check finds out about a participant.
+    """Return the report of a check of a participant.
 
     Args:
         connection: How it is started and spoken to.

@@ -462,7 +462,7 @@ class CheckReport:
         return tuple(finding.rule.id for finding in self.findings if finding.status == "failed")
 
     def finding(self, rule_id: str) -> Finding:
-        """Return what was found about a rule."""
+        """Return the finding about a rule."""
         return next(finding for finding in self.findings if finding.rule.id == rule_id)
 
     def as_fields(self) -> dict[str, Any]:

@@ -68,7 +68,7 @@ class CreatedAgent:
         return tuple(step for step in (self.build, self.check_command, self.fly_command) if step)
 
     def as_text(self) -> str:
-        """Return what there is and what to do next."""
+        """Return where the agent is and the commands to run next."""
         steps = [("cd", str(self.folder)), *self.commands]
         return "\n".join([f"{self.folder} holds a working agent. Next:", *(f"  {shlex.join(step)}" for step in steps)])
 

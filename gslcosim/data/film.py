@@ -61,7 +61,7 @@ class FilmSegment:
 
 
 def interpolate_pose(track: RecordedTrack, time_s: float) -> tuple[Vec3, Quaternion]:
-    """Return where a vehicle was at a time between ticks: on the straight line, and on the shortest turn."""
+    """Return the pose of a vehicle at a time between ticks: on the straight line, and on the shortest turn."""
     i = int(np.clip(np.searchsorted(track.time_s, time_s, side="right") - 1, 0, len(track.time_s) - 1))
     k = min(i + 1, len(track.time_s) - 1)
     span_s = float(track.time_s[k] - track.time_s[i])
@@ -112,7 +112,7 @@ class ChasePanel:
         self._gas_colors = colors.gas_colors()
 
     def picture(self, time_s: float, poses: Mapping[str, tuple[Vec3, Quaternion]]) -> Image.Image:
-        """Return what is seen at a time [s] with the vehicles at their poses."""
+        """Return the picture at a time [s] with the vehicles at their poses."""
         place_m, _ = poses[self._agent]
         eye_m = self._eye_m(place_m)
         pixels = self._onlooker.picture(poses, eye_m, place_m, self._run.closed_at(time_s))
@@ -247,7 +247,7 @@ class PlanPanel:
         return picture
 
     def place_of(self, place_m: Vec3) -> tuple[int, int]:
-        """Return where in the picture, right and down, a place in the room is drawn [m]."""
+        """Return the position in the picture, right and down, of a place in the room [m]."""
         x, y = self._scale.pixel(place_m)
         return round(x), round(y)
 

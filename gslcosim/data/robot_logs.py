@@ -78,7 +78,7 @@ _N_VALUES = {"m/s, rad": 2, "m/s": 3, "m/s^2, rad/s": 6, "m, m/s": 6, "m, 1, m/s
 
 
 def count_values(unit: str) -> int:
-    """Return how many numbers a reading of an instrument with that unit has."""
+    """Return the number of values in a reading of an instrument with that unit."""
     return _N_VALUES.get(unit, 1)
 
 

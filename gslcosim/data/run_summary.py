@@ -157,7 +157,7 @@ class RunSummary:
 
 
 def read_run_summary(folder: Path, *, now_s: float | None = None) -> RunSummary:
-    """Return what a folder says of itself; whether somebody flies it now is not asked.
+    """Return the summary of a folder by its files; whether somebody flies it now is not asked.
 
     Args:
         folder: A folder.
@@ -204,7 +204,7 @@ def is_run_folder(folder: Path) -> bool:
 
 
 def find_methods(scenario_text: str) -> str:
-    """Return what decides for the agents of a resolved scenario, each once, with `+` between them."""
+    """Return the methods of the agents of a resolved scenario, each once, with `+` between them."""
     starts: dict[str, str] = {}
     for name, block in _AGENT.findall(scenario_text):
         found = dict(_START.findall(block))

@@ -284,7 +284,7 @@ _BYTES_COMPONENT = "numbers"
 
 
 def read_track(rows: RecordingReader, scenario: Scenario, names: AgentEntities) -> RecordedTrack:
-    """Return where a vehicle was."""
+    """Return the track of a vehicle."""
     places = rows.column(names.at(TRACK), TRACK.component)
     turns_xyzw = rows.column(names.at(TRACK_ATTITUDE), TRACK_ATTITUDE.component)
     return RecordedTrack(
@@ -309,7 +309,7 @@ def read_samples(rows: RecordingReader, scenario: Scenario, names: AgentEntities
 
 
 def read_readings(rows: RecordingReader, scenario: Scenario, names: AgentEntities) -> list[RecordedSeries]:
-    """Return what an agent's sensors reported; nothing of the time in which they warmed up."""
+    """Return the readings of an agent's sensors; nothing of the time in which they warmed up."""
     read, found = _SeriesReader(rows, scenario, names), list[RecordedSeries]()
     for sensor in names.gas_sensors:
         found += read.series(replace(RESPONSE, unit=get_unit(sensor, scenario)), sensor=sensor.name)
@@ -330,7 +330,7 @@ def read_figures(rows: RecordingReader, scenario: Scenario, names: AgentEntities
 
 
 def read_service_curves(rows: RecordingReader, scenario: Scenario) -> list[RecordedSeries]:
-    """Return what services of other packages wrote; the quantity is the port and the field."""
+    """Return the outputs of services of other packages; the quantity is the port and the field."""
     found: list[RecordedSeries] = []
     for entity in rows.below(SERVICES.root):
         stream = replace(SERVICES, name=entity.removeprefix(f"{SERVICES.root}/"), entity=entity)

@@ -345,5 +345,5 @@ def _array(column: TableColumn) -> "pa.Array[pa.Scalar]":  # type: ignore[type-a
 
 
 def describe_column(column: TableColumn) -> str:
-    """Return what a column is, with its unit in brackets."""
+    """Return the meaning of a column, with its unit in brackets."""
     return f"{column.meaning} [{column.unit}]" if column.unit else column.meaning

@@ -138,7 +138,7 @@ def _take_off_the_clock(values: dict[str, Any], name: str) -> None:
 
 
 def resolve_start(start: StartSpec, directory: Path) -> StartSpec:
-    """Return how a program is started with the files beside a suite by their absolute paths."""
+    """Return the start of a program with absolute paths for the files beside its suite."""
     if start.python is not None and (directory / start.python).is_file():
         return start.model_copy(update={"python": str((directory / start.python).resolve())})
     if start.command is None:

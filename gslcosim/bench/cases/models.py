@@ -296,7 +296,7 @@ class Suite(Spec):
 
 
 def n_values(values: "DrawSpec | tuple[Any, ...]") -> int:
-    """Return how many values an axis has."""
+    """Return the number of values of an axis."""
     return values.draw if isinstance(values, DrawSpec) else len(values)
 
 

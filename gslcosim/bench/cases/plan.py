@@ -64,7 +64,7 @@ class _Pace(TypedDict):
 
 
 def measured_pace() -> float:
-    """Return how many simulated seconds a worker flies in a second here, as last measured."""
+    """Return the simulated seconds that a worker runs per second on this machine, as last measured."""
     try:
         measured = read_json(_file(), _Pace)["sim_s_per_s"]
     except MalformedFileError:
@@ -91,7 +91,7 @@ _N = 200_000
 
 
 def reference_loop_s() -> float:
-    """Return how long the loop takes now, by the clock [s]: about 0.02 s on a machine of 2023."""
+    """Return the present duration of the loop by the clock [s]: about 0.02 s on a machine of 2023."""
     began = time.perf_counter()
     total = 0
     for i in range(_N):
@@ -206,7 +206,7 @@ def _short(value: Any) -> str:
 
 
 Progress = Callable[[int], None]
-"""Is told how many trials have been planned."""
+"""Receives the number of trials planned so far."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -32,7 +32,7 @@ _DIGITS = 24
 
 @cache
 def software_hash() -> str:
-    """Return what the package's own code, parameters that cards share, and the packages that it computes with are."""
+    """Return a hash of the package: its own code, parameters that cards share, and its numerical dependencies."""
     digest = hashlib.blake2b(digest_size=_DIGITS // 2)
     digest.update(hash_result_code().encode())
     for path in sorted(SHARED_PARAMETERS.glob("*.yaml")):
@@ -43,7 +43,7 @@ def software_hash() -> str:
 
 
 def agent_hash(entry: EntrySpec, directory: Path) -> str:
-    """Return what the program of an entry is: its file, and the files of Python and of cards beside it.
+    """Return a hash of an entry's program: its file, and the files of Python and of cards beside it.
 
     A command that is found on the system's path counts by its name alone.
 
@@ -77,7 +77,7 @@ def list_program_files(program: Path) -> list[Path]:
 
 
 def case_hash(scenario: Scenario, room: str, *, is_control: bool, repetition: int) -> str:
-    """Return what decides a case and repetition apart from the entry: equal for all who meet the same."""
+    """Return a hash of a case and repetition, without the entry: equal for all who meet the same."""
     values = _without_paths(plain_values(scenario), scenario)
     vehicle = values.pop("agents")[0]["vehicle"]
     for other in ("recording", "channels"):
@@ -118,7 +118,7 @@ def _without_paths(values: dict[str, Any], scenario: Scenario) -> dict[str, Any]
 
 @cache
 def folder_hash(folder: Path) -> str:
-    """Return what a folder or file of stored gas holds: names, sizes and the beginning of each file."""
+    """Return a hash of a folder or file of stored gas: names, sizes and the beginning of each file."""
     digest = hashlib.blake2b(digest_size=_DIGITS // 2)
     paths = [folder] if folder.is_file() else sorted(path for path in folder.rglob("*") if path.is_file())
     for path in paths:

@@ -118,7 +118,7 @@ _WORKER = "gslcosim.bench.execution.worker:do_jobs"
 
 
 def n_cores() -> int:
-    """Return how many cores this process may use: as many workers as there are unless set otherwise."""
+    """Return the number of cores that this process may use, which is the default number of workers."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

@@ -322,7 +322,7 @@ def build_row(trial: Trial, environment_hash: str, outcome: RunOutcome, watch: S
 
 
 def build_validity_figures(validity: Validity) -> Row:
-    """Return what a row says of what its figures are worth."""
+    """Return the columns of a row that say whether its figures are valid."""
     found = validity.as_fields()
     agents = found.get("commands", {}).get("agents", {}).values()
     uses = [use for sensors in found.get("sensors", {}).get("agents", {}).values() for use in sensors.values()]

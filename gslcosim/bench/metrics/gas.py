@@ -70,7 +70,7 @@ def tracking_ratio(t_s: ArrayLike, gas_ppm: ArrayLike, floor_ppm: float) -> floa
 
 
 def find_encounters(t_s: ArrayLike, gas_ppm: ArrayLike, floor_ppm: float) -> GasEncounters:
-    """Return how often and for how long gas came and went.
+    """Return number and mean duration of whiffs and blanks.
 
     Each whiff begins at its first value above the floor and ends at the next one that is not; the last one may end
     with the series. The blank between two whiffs lasts from the end of one to the beginning of the next.
@@ -205,7 +205,7 @@ MAX_CELLS = 20
 
 
 def earth_movers_distance_m(a: ArrayLike, b: ArrayLike, cell_m: float) -> float | None:
-    """Return how far mass has to be moved on average to turn one map into the other, both with mass 1 [m].
+    """Return the mean distance over which mass moves to turn one map into the other, both with mass 1 [m].
 
     W1(p, q) = min over f >= 0 of sum_ij f_ij |x_i - x_j|,  sum_j f_ij = p_i,  sum_i f_ij = q_j,  p = a / sum a
     [m] = [1] [m]; 0 for maps of the same shape whatever their amounts, at most the diagonal

@@ -284,7 +284,7 @@ class ShortestPaths:
 def minimum_clearance_m(
     positions_m: ArrayLike, occupancy: ArrayLike, grid: Grid, *, has_walls: bool = True, up_to_m: float = 2.0
 ) -> float:
-    """Return how near a track came to anything solid, from the vehicle's centre [m].
+    """Return the smallest distance of a track to anything solid, from the vehicle's centre [m].
 
     To the faces of solid cells and, with walls, to the sides and the top of the grid. The floor does not count where
     it is the bottom of the grid: vehicles start on it.

@@ -70,7 +70,7 @@ class DifficultyCauses:
 
 
 def compute_causes(material: ReportData, rooms: Sequence[PlanDrawing], cells: Ints) -> list[DifficultyCauses]:
-    """Return what makes each case difficult.
+    """Return the causes of difficulty of each case.
 
     Args:
         material: What was run.

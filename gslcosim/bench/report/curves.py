@@ -117,7 +117,7 @@ def success_curves(material: ReportData, within: Flags) -> tuple[CurveWithBand, 
 
 
 def summarise_times(material: ReportData, within: Flags) -> tuple[TimeSummary, ...]:
-    """Return how the times of each entry are spread."""
+    """Return the distribution of times of each entry."""
     rows, edges_s = material.rows, np.linspace(0.0, limit_s(material.rows), _BINS + 1)
     return tuple(_times(rows, entry, some, edges_s) for entry, some in rows_by_entry(material, within))
 
@@ -178,7 +178,7 @@ def _line(entry: int, curve: Curve) -> CurveWithBand:
 
 
 def summarise_declarations(material: ReportData, within: Flags) -> tuple[DeclarationCounts, ...]:
-    """Return what those entries declared that declared anything anywhere."""
+    """Return the counts of declarations of all entries that made any."""
     with_gas, without = dict(rows_by_entry(material, within)), dict(rows_by_entry(material, within, is_control=True))
     declaring = material.rows["declared"] & within
     return tuple(
@@ -269,7 +269,7 @@ def _held(at_s: Floats, t_s: Floats, values: Floats) -> Floats:
 
 
 def summarise_final_beliefs(material: ReportData, within: Flags) -> tuple[FinalBelief, ...]:
-    """Return how good the last beliefs of those entries were that have one."""
+    """Return the quality of the last beliefs of all entries that have one."""
     rows, found = material.rows, list[FinalBelief]()
     for entry, some in rows_by_entry(material, within):
         some = some[np.isfinite(rows["belief_distance_m"][some])]

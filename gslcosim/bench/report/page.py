@@ -82,7 +82,7 @@ def render_page(analysis: Analysis) -> str:
 
 
 def assign_line_styles(analysis: Analysis) -> tuple[LineStyle, ...]:
-    """Return how each entry is drawn: colours in the order of the leaderboard, so that the first are the plainest."""
+    """Return the line style of each entry: colours in the order of the leaderboard, the plainest first."""
     entries = analysis.material.entries
     order = [row.entry for row in analysis.everything.standings]
     order += [i for i in range(len(entries)) if i not in order]

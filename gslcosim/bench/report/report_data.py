@@ -148,7 +148,7 @@ class ReportData:
         return planned if isinstance(planned, int) and "merged_from" not in self.manifest else None
 
     def command_of(self, entry: int) -> str:
-        """Return what stands before a trial's id in the command that runs it again."""
+        """Return the beginning of the command that runs a trial again, up to its id."""
         folder = self.entries[entry].submission or str(self.folder)
         return f"gslcosim bench show {shlex.quote(folder)} --trial "
 

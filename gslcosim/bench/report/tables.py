@@ -50,7 +50,7 @@ class Provenance:
 
 
 def describe_provenance(analysis: Analysis) -> Provenance:
-    """Return what the page says around the figures."""
+    """Return the facts about a suite that the page states beside the figures."""
     material, manifest = analysis.material, analysis.material.manifest
     dropped = tuple((str(d.get("case", "")), str(d.get("reason", ""))) for d in manifest.get("dropped") or ())
     return Provenance(

@@ -67,7 +67,7 @@ class PairsMatrix:
     pairs: tuple[Pair, ...]
 
     def of(self, a: str, b: str) -> Pair:
-        """Return how a does against b.
+        """Return the comparison of a with b.
 
         Raises:
             KeyError: there is no such pair.

@@ -60,7 +60,7 @@ class StudyTarget:
 
 
 def find_target(source: str, entry: str, *, repetitions: int | None = None, seed: int | None = None) -> StudyTarget:
-    """Return what a command line names.
+    """Return the method and cases that a command line names.
 
     Args:
         source: A suite or a scenario: a file, or the name of a bundled one.

@@ -307,7 +307,7 @@ class Budget:
 
 
 def split_budget(flights: int, per_setting: int | None = None) -> Budget:
-    """Return how a budget is shared.
+    """Return the shares of a budget.
 
     A setting flies half the square root of the budget, 2 at least: as the budget grows, settings get more in number
     and better known at the same rate. A fifth of it is kept for validation, where best and default fly as often as a

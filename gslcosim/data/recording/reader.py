@@ -77,7 +77,7 @@ class RecordingReader:
         return _join(parts)
 
     def still(self, entity: str, component: str) -> Any:
-        """Return what a component shows at all times; None where there is none."""
+        """Return the values of a component at all times; None where there is none."""
         for chunk in self._still.get(entity, ()):
             batch = chunk.to_record_batch()
             if component in batch.schema.names:
@@ -219,7 +219,7 @@ def read_puffs(rows: RecordingReader, entity: str) -> tuple[RecordedColumn, Reco
 def read_picture_grid(
     rows: RecordingReader, entity: str
 ) -> tuple[tuple[int, int], float, tuple[float, float, float]] | None:
-    """Return how many cells a picture over the map has along x and y, their size [m], and its corner [m]."""
+    """Return the number of cells of a picture over the map along x and y, their size [m], and its corner [m]."""
     shape: Any = rows.still(entity, "GridMap:format")
     if shape is None:
         return None
