@@ -33,6 +33,8 @@ from gslcosim.contract.messages import GasAmount, MountSample
 from gslcosim.environment.model import Environment, Grid, WindFrames
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.models.sensors import make_sensor_spec
+from gslcosim.validation.gas_models import build_gas_scenario
+from gslcosim.validation.plume_statistics import compute_moments
 from gslcosim_services.fields.gas_builder import build_gas_field
 from gslcosim_services.sensing import SENSOR_MODELS
 from gslcosim_services.sensing.models.mox import MOX_PARAMETERS, build_mox_kernel, estimate_ppm
@@ -71,13 +73,14 @@ class Statistics:
 
 def statistics_of(ppm: NDArray[np.float64], *, step_s: float = STEP_S) -> Statistics:
     """Return the figures of (n,) mixing ratios [ppm], `step_s` apart [s]; ratios of a series without gas are 0."""
-    mean_ppm, is_present = float(ppm.mean()), ppm > THRESHOLD_PPM
+    moments, is_present = compute_moments(ppm), ppm > THRESHOLD_PPM
     n_bursts = int((is_present[1:] & ~is_present[:-1]).sum())
+    has_gas = moments.mean > 0
     return Statistics(
-        mean_ppm=mean_ppm,
+        mean_ppm=moments.mean,
         present_frac=float(is_present.mean()),
-        peak_to_mean=float(np.percentile(ppm, 99.9)) / mean_ppm if mean_ppm > 0 else 0.0,
-        relative_std=float(ppm.std()) / mean_ppm if mean_ppm > 0 else 0.0,
+        peak_to_mean=float(np.percentile(ppm, 99.9)) / moments.mean if has_gas else 0.0,
+        relative_std=moments.intensity if has_gas else 0.0,
         bursts_per_min=n_bursts / (len(ppm) * step_s) * 60.0,
     )
 
@@ -179,30 +182,15 @@ def _draw_figures(
 
 
 def _scenario(seed: int) -> Scenario:
-    return Scenario.model_validate(
-        {
-            "schema": "gslcosim/scenario/1",
-            "name": "plume_statistics",
-            "seed": seed,
-            "environment": {"layout": {}},
-            "gas": {
-                "model": "farrell",
-                "gas": GAS,
-                "sources": [{"position_m": SOURCE_M, "filaments_per_s": 10, "release": {"kind": "poisson"}}],
-                "step_s": STEP_S,
-                "eddy_diffusivity_m2_s": 0.005,
-                "farrell": {"wind_m_s": (1.0, 0.0, 0.0), "gust_std_m_s": 0.3, "gust_period_s": 30.0},
-            },
-            "agents": [
-                {
-                    "name": "nobody",
-                    "start": {"attach": True},
-                    "vehicle": {"start_m": (1, 1, 0.2)},
-                    "sensors": [{"model": SENSOR, "name": "nose"}],
-                }
-            ],
-        }
-    )
+    gas = {
+        "model": "farrell",
+        "gas": GAS,
+        "sources": [{"position_m": SOURCE_M, "filaments_per_s": 10, "release": {"kind": "poisson"}}],
+        "step_s": STEP_S,
+        "eddy_diffusivity_m2_s": 0.005,
+        "farrell": {"wind_m_s": (1.0, 0.0, 0.0), "gust_std_m_s": 0.3, "gust_period_s": 30.0},
+    }
+    return build_gas_scenario(gas, name="plume_statistics", seed=seed)
 
 
 def _open_field() -> Environment:

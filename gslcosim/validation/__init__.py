@@ -1,4 +1,4 @@
-"""Our physics and methods beside measurements: readers of measured data, cases, and the page of `make reality`."""
+"""Comparison of models and methods with measurements: readers of data, cases, and the page of `make reality`."""
 
 import importlib
 from typing import TYPE_CHECKING, Any

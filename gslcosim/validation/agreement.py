@@ -17,7 +17,7 @@ def factor_of_two_share(predicted: Floats, measured: Floats, *, floor: float = 0
     Args:
         predicted: (..., n) P, at least 0.
         measured: (..., n) O in the same unit; a value below the floor counts as the floor.
-        floor: What instruments cannot tell from nothing; both sides are raised to it, so that two nothings agree.
+        floor: Detection limit; both sides are raised to it, so that two values below it agree.
 
     Source:
         Chang and Hanna 2004, Air quality model performance evaluation, Meteorol. Atmos. Phys. 87.

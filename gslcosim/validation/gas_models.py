@@ -35,25 +35,22 @@ GAS_SETTINGS: Mapping[str, Mapping[str, Any]] = {
 """Blocks of `gas:` without sources, by names for people."""
 
 
-def record_plume(
-    gas: Mapping[str, Any], *, seconds: float, seed: int = 1, distances_m: Sequence[float] = DISTANCES_M
-) -> NDArray[np.float64]:
-    """Return the (n, n_distances) mixing ratios [ppm], 10 a second, on the axis down the mean wind of 1 m/s.
+def build_gas_scenario(gas: Mapping[str, Any], *, name: str, seed: int) -> Scenario:
+    """Return a scenario for gas alone, of which a gas field is built beside an environment of its own.
 
     Args:
-        gas: A block of `gas:` without sources.
-        seconds: How long to look.
-        seed: Of the gas.
-        distances_m: From the source [m], up to 38.
+        gas: The block `gas:`.
+        name: Of the scenario.
+        seed: Of the scenario.
     """
-    source = {"position_m": SOURCE_M, "filaments_per_s": 10}
-    scenario = Scenario.model_validate(
+    return Scenario.model_validate(
         {
             "schema": "gslcosim/scenario/1",
-            "name": "open_field",
+            "name": name,
             "seed": seed,
             "environment": {"layout": {}},
-            "gas": {**gas, "sources": [source], "step_s": STEP_S},
+            "gas": gas,
+            # A scenario needs an agent; it does not take part.
             "agents": [
                 {
                     "name": "nobody",
@@ -64,6 +61,21 @@ def record_plume(
             ],
         }
     )
+
+
+def record_plume(
+    gas: Mapping[str, Any], *, seconds: float, seed: int = 1, distances_m: Sequence[float] = DISTANCES_M
+) -> NDArray[np.float64]:
+    """Return the (n, n_distances) mixing ratios [ppm], 10 a second, on the axis down the mean wind of 1 m/s.
+
+    Args:
+        gas: A block of `gas:` without sources.
+        seconds: Length of the record [s].
+        seed: Of the gas.
+        distances_m: From the source [m], up to 38.
+    """
+    source = {"position_m": SOURCE_M, "filaments_per_s": 10}
+    scenario = build_gas_scenario({**gas, "sources": [source], "step_s": STEP_S}, name="open_field", seed=seed)
     field = build_gas_field(scenario, open_field())
     field.reset(seed)
     points_m = np.array(SOURCE_M) + np.outer(distances_m, (1.0, 0.0, 0.0))

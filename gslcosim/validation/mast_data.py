@@ -1,4 +1,4 @@
-"""Mast networks as a forward model and an event detector need them."""
+"""Inputs of forward models and event detectors from a mast network: wind, volume of gas, sources, predictions."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from gslcosim_services.fields.gases import air_density_mol_m3
 Floats = NDArray[np.float64]
 
 PERIOD_S = 60.0
-# Nobody publishes the temperature; ten degrees change the volume of gas by 3.5 %.
+# The temperature is not published; ten degrees change the volume of gas by 3.5 %.
 _TEMPERATURE_K = 288.0
 
 
@@ -26,7 +26,7 @@ def wind_record(network: MastNetwork) -> WindRecord:
     return WindRecord.of_means(network.clock_s, network.wind_world_m_s, height_m, period_s=PERIOD_S)
 
 
-def source_of(network: MastNetwork, release: LoggedRelease) -> Floats | None:
+def find_source_m(network: MastNetwork, release: LoggedRelease) -> Floats | None:
     """Return the (3,) place of a release: its emission point at the height of its candidate place; None if unknown."""
     place = release.place or (None if network.has_several_places else next(iter(network.places_m)))
     if place is None:
@@ -36,12 +36,12 @@ def source_of(network: MastNetwork, release: LoggedRelease) -> Floats | None:
 
 
 def predict_releases(network: MastNetwork) -> Floats:
-    """Return what all logged releases add at each mast by our puffs, (n, k) [ppm]; nan where a place is unknown."""
+    """Return the (n, k) mixing ratios [ppm] that puffs of all releases add at masts; nan for unknown positions."""
     wind, volume = wind_record(network), methane_m3_per_kg(network)
     predicted = np.zeros(network.readings_ppm.shape)
     for release in network.releases:
         is_open = (network.clock_s >= release.start_s) & (network.clock_s < release.end_s)
-        source_m = source_of(network, release)
+        source_m = find_source_m(network, release)
         if source_m is None:
             predicted[is_open] = np.nan
             continue

@@ -87,8 +87,8 @@ def store_result(folder: Path, case: Case, effort: Effort, result: CaseResult) -
     Args:
         folder: Where the page is.
         case: Whose result it is.
-        effort: That it was made with.
-        result: What it has found.
+        effort: The effort of its run.
+        result: Its result.
 
     Raises:
         UsageError: matplotlib is missing, or the folder cannot be written.

@@ -1,7 +1,7 @@
 """Statistics of plumes: of a concentration record at a point, of the spread of tracers, and of a well-mixed room.
 
 The same functions score our gas models and measured records. `score_record` gives all figures of a record with
-bootstrap intervals over blocks of it; `PUBLISHED` says what is known of them.
+bootstrap intervals over blocks of it; `PUBLISHED` has published bands for them.
 """
 
 import math
@@ -76,7 +76,7 @@ def conditional_intensity(values: F64, threshold: float) -> float:
 def list_durations(is_present: NDArray[np.bool_], step_s: float) -> tuple[F64, F64]:
     """Return the durations of whiffs and of blanks [s] in an (n,) record of presence.
 
-    The first and the last stretch are left out: nobody knows how long they were.
+    The first and the last stretch are left out: the record cuts them.
     """
     changes = np.flatnonzero(is_present[1:] != is_present[:-1]) + 1
     durations_s = np.diff(changes) * step_s
@@ -201,11 +201,11 @@ class _Block:
 def score_record(values: F64, settings: RecordSettings, *, n_draws: int = 400, seed: int = SEED) -> PlumeScores:
     """Return the figures of an (n,) record of concentrations with 95 % intervals, by drawing blocks with replacement.
 
-    Blocks have to be longer than what the air remembers, or intervals are too narrow.
+    Blocks have to be longer than the correlation time of the air, or intervals are too narrow.
 
     Args:
         values: The record; background subtracted.
-        settings: How it is looked at.
+        settings: Threshold, ranges of fits, and blocks.
         n_draws: Bootstrap samples.
         seed: Of the draws.
 
@@ -226,7 +226,7 @@ def score_record(values: F64, settings: RecordSettings, *, n_draws: int = 400, s
         )
     n_segment = min(settings.n_segment, n_block)
     blocks = [
-        _look_at_block(values[i * n_block : (i + 1) * n_block], settings, n_segment) for i in range(settings.n_blocks)
+        _analyse_block(values[i * n_block : (i + 1) * n_block], settings, n_segment) for i in range(settings.n_blocks)
     ]
     frequency_hz = _frequencies_hz(n_segment, settings.step_s)
     found = _figures(blocks, frequency_hz, settings)
@@ -240,7 +240,7 @@ def score_record(values: F64, settings: RecordSettings, *, n_draws: int = 400, s
     )
 
 
-def _look_at_block(values: F64, settings: RecordSettings, n_segment: int) -> _Block:
+def _analyse_block(values: F64, settings: RecordSettings, n_segment: int) -> _Block:
     whiffs_s, blanks_s = list_durations(values > settings.threshold, settings.step_s)
     _, density = spectral_density(values, settings.step_s, n_segment=n_segment)
     return _Block(values=values, whiffs_s=whiffs_s, blanks_s=blanks_s, density=density)
@@ -272,7 +272,7 @@ def _figures(blocks: Sequence[_Block], frequency_hz: F64, settings: RecordSettin
 
 def _interval(value: float, draws: Sequence[float], n: int) -> Estimate:
     known = np.array([draw for draw in draws if math.isfinite(draw)])
-    # An interval of few draws says nothing.
+    # No interval where most draws are undefined.
     low, high = percentile_interval(known, freedom=n - 1) if len(known) >= 0.5 * len(draws) else (math.nan, math.nan)
     return Estimate(value, low, high, n)
 
@@ -296,7 +296,7 @@ def score_absolute_dispersion(
     """Return the measured variance over Taylor's at each time, with intervals by drawing tracers with replacement.
 
     Args:
-        displacement_m: (n_tracers, n_times) displacements along an axis, the mean wind's way subtracted [m].
+        displacement_m: (n_tracers, n_times) displacements along an axis, the path of the mean wind subtracted [m].
         time_s: (n_times,) times since their release [s].
         velocity_std_m_s: Standard deviation of the velocity along the axis [m/s].
         time_scale_s: Lagrangian time scale [s].

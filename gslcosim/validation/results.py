@@ -1,11 +1,13 @@
 """Results of cases: figures of ours beside their goals and anchors, each with an interval, and drawings."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from gslcosim.bench.statistics.estimates import Estimate
+import numpy as np
+
+from gslcosim.bench.statistics.estimates import Estimate, bootstrap
 from gslcosim.validation.readers.folder import MeasuredData
 
 Effort = Literal["quick", "full"]
@@ -48,9 +50,9 @@ class Comparison:
         quantity: What is compared, in words.
         ours: Our figure with its interval; nan ends where none can be given.
         unit: Of the figure; empty for none.
-        anchor: Who has reached what, or what was measured.
+        anchor: Figure of others, or the measured one.
         goal: What is to be reached; None: for information.
-        if_missed: A paragraph that says why the goal is missed and what is left to do; needed where it is.
+        if_missed: Why the goal is missed and what is left to do, a paragraph; needed where it is.
     """
 
     measured_set: str
@@ -89,12 +91,12 @@ class CaseResult:
     remarks: Sequence[str] = ()
 
 
-# What is told of the progress: words, and the share that is done or None.
+# Receives the progress: a text, and the fraction done or None.
 Progress = Callable[[str, float | None], None]
 
 
 def ignore_progress(text: str, fraction: float | None) -> None:
-    """Tell nobody."""
+    """Discard progress."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +109,7 @@ class Case:
         what: What of ours is compared with what, in a sentence or two, for the page.
         formats: Formats of measured data, of which a folder needs one at least; empty: none is needed.
         needs_published: Whether it needs `published.json`.
-        run: From the data, the effort and what is told of the progress to the result. `quick` is for tests and a
+        run: From the data, the effort and a receiver of progress to the result. `quick` is for tests and a
             first look: coarser, fewer cases, the same code.
     """
 
@@ -122,6 +124,12 @@ class Case:
         """Return whether a folder has what the case needs."""
         has_format = not self.formats or any(data.of_format(name) for name in self.formats)
         return has_format and (data.has_published or not self.needs_published)
+
+
+def median_estimate(values: Iterable[float]) -> Estimate:
+    """Return the median of the finite values with its bootstrap interval; undefined without any."""
+    finite = np.array([value for value in values if math.isfinite(value)])
+    return bootstrap(len(finite), lambda rows: np.median(finite[rows], axis=-1))
 
 
 def plain_estimate(value: float, n: int = 1) -> Estimate:

@@ -1,1 +1,1 @@
-"""Validity of runs: what speaks for or against their figures, and what agents did and sensed for it to be judged."""
+"""Validity of runs: findings for and against their figures, and the conduct of agents that they are made of."""

@@ -1,4 +1,4 @@
-"""Validity of a run: what speaks for or against its figures, from all that the run knows, in the words of all outputs.
+"""Validity of a run: findings for and against its figures, with the texts of all outputs.
 
 The end of `up`, `result.json`, the recording, rows of a benchmark and its report take their findings from here.
 docs/validity.md lists them with their keys; `tests/unit/validity/test_findings.py` compares the two.
@@ -52,7 +52,7 @@ class Validity:
     """All findings on a run.
 
     Attributes:
-        findings: One for each subject that something is known of.
+        findings: One for each subject with facts.
         is_complete: Whether the run came to a verdict, without a fault of the simulation.
     """
 
@@ -107,10 +107,10 @@ def assess_run(
 
 
 def assess_conduct(conduct: Sequence[AgentConduct]) -> Iterator[Finding]:
-    """Yield the findings on what agents did and what their sensors could tell them.
+    """Yield the findings on commands, sensors and contact with gas.
 
     Args:
-        conduct: Of the agents of a run; nothing is found of nobody.
+        conduct: Of the agents of a run; without agents there are no findings.
     """
     if not conduct:
         return
@@ -126,7 +126,7 @@ def _assess_air(scenario: Scenario, environments: Sequence[Path]) -> Iterator[Fi
     known = [read_wind_provenance(scenario, folder) for folder in environments]
     if not known:
         return
-    # Of several the one that is known worst: what events make of the room counts as much as the room at the start.
+    # Of several environments the worst: what events make of the room counts as much as the room at the start.
     yield max((_assess_wind(scenario, wind) for wind in known), key=_rank)
     mixed = find_mixed_air(scenario, known[0].maker)
     figures = {"model": scenario.gas.model, "folder": scenario.gas.stored.folder if scenario.gas.stored else None}

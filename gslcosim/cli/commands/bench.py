@@ -227,7 +227,7 @@ def _confirm_put_aside(folder: Path, n_stale: int, n_rows: int, *, is_agreed: bo
 def _run_measured(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.cases.models import Selection
     from gslcosim.bench.store import ResultsFolder
-    from gslcosim.validation.measured_suite.page import HEADINGS, figures_of, table_rows, to_json
+    from gslcosim.validation.measured_suite.page import HEADINGS, compute_figures, table_rows, to_json
     from gslcosim.validation.measured_suite.run import run_measured
 
     for option in ("seed", "filter", "shard", "jobs", "ray", "retry"):
@@ -247,7 +247,7 @@ def _run_measured(arguments: argparse.Namespace) -> int:
         )
     faults = [result for result in done.results if result.fault]
     if arguments.json:
-        figures = [to_json(figures_of(result)) for result in done.results]
+        figures = [to_json(compute_figures(result)) for result in done.results]
         write_json({"folder": str(done.folder), "report": done.report and str(done.report), "figures": figures})
     else:
         write(table(HEADINGS, table_rows(done.results)))

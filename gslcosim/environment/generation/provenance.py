@@ -1,4 +1,4 @@
-"""Provenance of an environment's wind: who has made it, whether it settled, and whether the gas belongs to it."""
+"""Provenance of an environment's wind: its maker, whether it settled, and whether stored gas belongs to it."""
 
 import json
 from collections.abc import Mapping
@@ -26,10 +26,10 @@ class WindProvenance:
 
     Attributes:
         maker: The built-in solver, OpenFOAM, the same wind everywhere, a file that the scenario names, the imported
-            environment that brings it, the solver of another package, or unknown, of an environment folder that does
-            not say.
+            environment that brings it, the solver of another package, or unknown, of an environment folder that
+            does not name it.
         name: The solver's name, or the file or folder that it was read from.
-        has_settled: Whether the statistics of a solved wind had settled; absent where nobody has checked.
+        has_settled: Whether the statistics of a solved wind had settled; absent where it was not checked.
         uncertainty_frac: Standard error of the mean wind over its speed, at least; absent where unknown.
         end_time_s: Simulated time of the solve [s]; absent where it was not solved here.
     """
@@ -42,7 +42,7 @@ class WindProvenance:
 
 
 def read_wind_provenance(scenario: Scenario, folder: Path) -> WindProvenance:
-    """Return who has made the wind in an environment folder.
+    """Return the provenance of the wind in an environment folder.
 
     Args:
         scenario: Whose environment it is.
@@ -60,7 +60,7 @@ def read_wind_provenance(scenario: Scenario, folder: Path) -> WindProvenance:
         )
     spec = scenario.environment
     if spec.path is not None:
-        # What a scenario says of its wind has no meaning for a folder that has one.
+        # The wind block of a scenario has no effect on a folder that has a wind.
         made_from = _read_made_from(folder / HEADER_FILE)
         wind = made_from.get("wind")
         solver = wind.get("solver") if isinstance(wind, Mapping) else None
@@ -82,14 +82,14 @@ def read_wind_provenance(scenario: Scenario, folder: Path) -> WindProvenance:
 
 
 def find_mixed_air(scenario: Scenario, maker: WindMaker) -> Problem | None:
-    """Return what is wrong where stored gas does not belong to the wind beside it; nothing where it may.
+    """Return a problem where stored gas does not belong to the wind beside it; None where it may.
 
     Gas that is played back was carried by the wind of its own simulation. An anemometer beside it reads the wind of the
     environment: two airs in one run, unless both come from one simulation.
 
     Args:
         scenario: What is run.
-        maker: Who has made its wind.
+        maker: Maker of its wind.
     """
     stored = scenario.gas.stored
     if stored is None or maker in ("file", "imported", "unknown"):

@@ -1,1 +1,1 @@
-"""Estimation from sensors that stand: how they respond to a source, backgrounds, events, and the source's terms."""
+"""Estimation of sources from fixed sensors: responses to a source, backgrounds, events, and position and rate."""

@@ -1,12 +1,12 @@
-"""Background of standing sensors: what they read where no plume of a known source reaches them."""
+"""Background of fixed sensors: readings where no plume of a known source reaches them."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-# So few readings say nothing about a group of their own.
-LEAST_READINGS = 5
+# Fewer readings are too few for a median of a group of their own.
+_MIN_READINGS = 5
 
 
 def background_beside_plumes(
@@ -19,7 +19,7 @@ def background_beside_plumes(
 
     Args:
         readings_ppm: (n, k) readings, nan where there is none.
-        predicted_ppm: (n, k) what the source is thought to add.
+        predicted_ppm: (n, k) mixing ratios that the source is predicted to add.
         group: (n,) labels of rows that share a background, such as days.
         negligible_ppm: Plumes below this count as none; an instrument's own error is a good value.
 
@@ -34,7 +34,7 @@ def background_beside_plumes(
             of_sensor[k] = np.median(readings_ppm[is_clean[:, k], k])
         for label in np.unique(group):
             rows = (group == label) & is_clean[:, k]
-            if rows.sum() >= LEAST_READINGS:
+            if rows.sum() >= _MIN_READINGS:
                 background[group == label, k] = np.median(readings_ppm[rows, k])
     if np.isfinite(of_sensor).any():
         of_sensor = np.where(np.isfinite(of_sensor), of_sensor, np.nanmedian(of_sensor))

@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 # Puffs that left before an event began may still reach a sensor in it.
 _ROWS_BEFORE = 10
-# Readings at which less than this share of the event's largest response is expected tell nothing about the rate.
+# Readings at which less than this share of the event's largest response is expected do not constrain the rate.
 _REACHED_SHARE = 0.05
 
 

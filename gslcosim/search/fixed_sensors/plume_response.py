@@ -1,5 +1,5 @@
 # pyright: basic
-"""Response of standing sensors and laser paths to a source upwind, by a Gaussian plume from measured turbulence."""
+"""Response of fixed sensors and laser paths to a source upwind, by a Gaussian plume from measured turbulence."""
 
 # ruff: noqa: ANN001, ANN202 - kernels have no types, and symbols of equations
 
@@ -104,7 +104,7 @@ def plume_responses(
     [1 / (m3/s)] = [1] / ([m2] [m/s]); times 1e6 for ppm. x, y along and across the wind, h height of the source.
 
     Args:
-        sensors: Where they look.
+        sensors: Points or paths of the k sensors.
         wind: Of n periods; nan wind gives nan.
         source_m: (3,) place of the source, world frame, z above ground [m].
         source_sigma_m: a, deviation of the gas at the source [m].
@@ -116,8 +116,8 @@ def plume_responses(
         Taylor 1922 for times short beside the Lagrangian time scale, where a plume spreads as fast as the wind
         fluctuates; mean and image plume as every textbook.
     Left out:
-        The way of the gas through changing wind (periods are taken as steady, which needs x / u below a few of them),
-        the slower spread of long ways, spread along the wind.
+        The path of the gas through changing wind (periods are taken as steady, which needs x / u below a few of them),
+        the slower spread over long distances, spread along the wind.
     Held by:
         tests/unit/search/fixed_sensors/test_plume_response.py (the flux through a plane downwind is Q)
 

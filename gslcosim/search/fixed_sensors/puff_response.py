@@ -1,5 +1,5 @@
 # pyright: basic
-"""Response of standing sensors to a source in wind that turns from minute to minute, by puffs that it carries."""
+"""Response of fixed sensors to a source in wind that turns from minute to minute, by puffs that it carries."""
 
 # ruff: noqa: ANN001, ANN202 - kernels have no types, and symbols of equations
 
@@ -20,14 +20,14 @@ OPEN_COUNTRY_ROUGHNESS_M = 0.03
 
 # Below this the wind of a minute is no direction, and puffs stay where they are anyway.
 _LEAST_SPEED_M_S = 0.3
-# Puffs are looked at as far as this many deviations, squared and doubled: exp(-18).
+# Square of the distance, in deviations, beyond which a puff counts as zero: exp(-18).
 _FARTHEST_SQUARED = 36.0
 
 
 def surface_fluctuations_m_s(
     speed_m_s: Floats, height_m: float, *, roughness_m: float = OPEN_COUNTRY_ROUGHNESS_M
 ) -> tuple[Floats, Floats]:
-    """Return standard deviations of the wind across its mean and upward where nobody has measured them.
+    """Return standard deviations of the wind across its mean and upward where they were not measured.
 
     u* = kappa u / ln(z / z0),  s_across = 1.92 u*,  s_up = 1.25 u*
     [m/s]
@@ -50,9 +50,9 @@ def surface_fluctuations_m_s(
 class WindRecord:
     """Wind of n periods of equal length, the same over the whole yard.
 
-    `start_s` (n,) of each period; `period_s`; `mean_world_m_s` (n, 2) toward x and y, nan where nobody measured;
+    `start_s` (n,) of each period; `period_s`; `mean_world_m_s` (n, 2) toward x and y, nan where not measured;
     `across_std_m_s`, `up_std_m_s` (n,) fluctuation within a period [m/s]. Where a start is later than the end of the
-    period before, gas of before is forgotten.
+    period before, earlier puffs are dropped.
     """
 
     start_s: Floats
@@ -133,7 +133,7 @@ def puff_responses(
     C / Q = sum over puffs of dt exp(-r^2 / (2 sh^2)) (exp(-(z - h)^2 / (2 sz^2)) + exp(-(z + h)^2 / (2 sz^2)))
             / ((2 pi)^1.5 sh^2 sz)
     sh^2 = a^2 + (s_across t)^2,  sz^2 = a^2 + (s_up t)^2
-    [s/m3] = [s] / [m3]; times 1e6 for ppm. t age of a puff, r distance in the plan from where the wind has taken it.
+    [s/m3] = [s] / [m3]; times 1e6 for ppm. t age of a puff, r distance in the plan from its centre.
 
     Between the middles of periods the wind changes in proportion. Fluctuations are those of the period in which a puff
     left, and the same along the wind as across.
@@ -143,8 +143,8 @@ def puff_responses(
         wind: Of n periods.
         source_m: (3,) place of the source [m].
         source_sigma_m: a, deviation of the gas at the source [m].
-        steps_per_period: Puffs that leave in a period, and times at which it is looked at.
-        memory_s: Age at which puffs are forgotten; within it they should have left the yard.
+        steps_per_period: Puffs that leave in a period, and times over which its reading is averaged.
+        memory_s: Age at which puffs are dropped; within it they should have left the yard.
 
     Returns:
         (n, k) [ppm s/m3].

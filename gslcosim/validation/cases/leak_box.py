@@ -20,7 +20,7 @@ from gslcosim.validation.results import Case, CaseResult, Comparison, Drawing, E
 
 # Cells along the box; with 20 in place of 12 the first leak's mean and layers change by less than 2 %.
 CELLS: dict[Effort, int] = {"quick": 8, "full": 12}
-# Every so many leaks are looked at quickly.
+# With effort quick, each of so many leaks is solved.
 QUICK_EVERY = 6
 # Helium in air at 294 K, 0.70 cm2/s: Fuller, Schettler and Giddings 1966, doi:10.1021/ie50677a007.
 HELIUM_M2_S = 7.0e-5
@@ -51,7 +51,7 @@ def solve_leak(box: LeakBox, case: LeakCase, n_cells: int, *, has_buoyancy: bool
 
     Raises:
         FlowError: leak or holes are not in the box.
-        MeasuredDataError: nothing is known of the leak's opening.
+        MeasuredDataError: the geometry lacks the leak's opening.
     """
     cell_m = box.size_m[0] / n_cells
     shape = tuple(max(1, round(side_m / cell_m)) for side_m in box.size_m)
@@ -101,7 +101,7 @@ def _read_rake(box: LeakBox, buoyancy: Buoyancy, cell_m: float) -> NDArray[np.fl
 
 @dataclass(frozen=True)
 class _Leak:
-    # One leak with what was measured, what we find, and what gas without buoyancy would do.
+    # One leak: the case, the solved profile, and that of gas without buoyancy.
     case: LeakCase
     ours: BoxProfile
     passive: BoxProfile
@@ -131,7 +131,7 @@ def _run(data: MeasuredData, effort: Effort, progress: Progress) -> CaseResult:
 def _rows(name: str, leaks: Sequence[_Leak]) -> list[Comparison]:
     n = len(leaks)
     late = [leak for leak in leaks if np.isfinite(leak.measured.later).all()]
-    # Of the goals, in proportion where fewer leaks are flown.
+    # Goals for 18 leaks, in proportion where fewer are solved.
     goals = {"mean": -(-16 * n // 18), "layers": -(-12 * n // 18), "later": -(-12 * len(late) // 18)}
     return [
         Comparison(

@@ -6,15 +6,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.bench.statistics.estimates import Estimate, bootstrap
 from gslcosim.environment.model import Environment, Grid, Opening, WindFrames
 from gslcosim.flow.patches import Inlet, Outlet
 from gslcosim.flow.solve import solve_wind
-from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.validation.agreement import rank_correlation
+from gslcosim.validation.gas_models import build_gas_scenario
 from gslcosim.validation.readers.folder import MeasuredData
 from gslcosim.validation.readers.room_sensors import RoomExperiment, RoomSensors
-from gslcosim.validation.results import Case, CaseResult, Comparison, Drawing, Effort, Goal, Progress, plain_estimate
+from gslcosim.validation.results import (
+    Case,
+    CaseResult,
+    Comparison,
+    Drawing,
+    Effort,
+    Goal,
+    Progress,
+    median_estimate,
+    plain_estimate,
+)
 from gslcosim_services.fields.gas_builder import build_gas_field
 
 Floats = NDArray[np.float64]
@@ -61,7 +70,7 @@ _WHY_WHIFFS = (
 class SensorFigures:
     """Figures of one experiment, of measured readings or of ours.
 
-    `onset_s` (k,) since the release, nan where a sensor saw nothing; `growth_s` from first gas (fifth sensor) to 63 %
+    `onset_s` (k,) since the release, nan without gas; `growth_s` from first gas (fifth sensor) to 63 %
     of the room mean's plateau; `intensity` (k,) standard deviation over mean without trends; `whiffs_per_min` (k,).
     """
 
@@ -71,7 +80,7 @@ class SensorFigures:
     whiffs_per_min: Floats
 
 
-def figures_of(time_s: Floats, readings: Floats, *, quiet_until_s: float) -> SensorFigures:
+def compute_sensor_figures(time_s: Floats, readings: Floats, *, quiet_until_s: float) -> SensorFigures:
     """Return the figures of (n, k) readings at (n,) equidistant times [s]; before `quiet_until_s` there is no gas."""
     step_s = float(np.median(np.diff(time_s)))
     quiet = time_s < quiet_until_s
@@ -91,7 +100,7 @@ def figures_of(time_s: Floats, readings: Floats, *, quiet_until_s: float) -> Sen
     intensity = whiffs = np.full(readings.shape[1], np.nan)
     if lively.sum() * step_s > 2 * TREND_S:
         level = above[lively].mean(axis=0)
-        # Sensors that hardly react say nothing.
+        # Sensors that hardly respond have no figure.
         level = np.where(level > ONSET_NOISES * noise, level, np.nan)
         rest = ((above - _running_mean(above, round(TREND_S / step_s))) / level)[lively]
         intensity = rest.std(axis=0)
@@ -160,9 +169,18 @@ def _is_inside(corners_m: Floats, x_m: Floats, y_m: Floats) -> NDArray[np.bool_]
     return inside
 
 
-def simulate(room: RoomSensors, environment: Environment, experiment: RoomExperiment, seconds: float) -> Floats:
-    """Return (n, k) readings of the sensors every second since the release, in a unit of no meaning."""
-    field = build_gas_field(_scenario(_into_air(environment, experiment.source_m), experiment.number), environment)
+def simulate_readings(
+    room: RoomSensors, environment: Environment, experiment: RoomExperiment, seconds: float
+) -> Floats:
+    """Return the (n, k) readings of the sensors in simulated gas, each second from the release, in arbitrary units."""
+    gas = {
+        "model": "filament",
+        "gas": "ethanol",
+        "sources": [{"position_m": _into_air(environment, experiment.source_m), "filaments_per_s": FILAMENTS_PER_S}],
+        "step_s": STEP_S,
+        "eddy_diffusivity_m2_s": EDDY_DIFFUSIVITY_M2_S,
+    }
+    field = build_gas_field(build_gas_scenario(gas, name="office", seed=experiment.number), environment)
     reading, share = np.zeros(len(room.sensors)), 1.0 - np.exp(-STEP_S / LAG_S)
     readings = []
     for _ in range(round(seconds / STEP_S)):
@@ -182,32 +200,6 @@ def _into_air(environment: Environment, source_m: tuple[float, float, float]) ->
     return _vec(np.clip(near, low_m, low_m + CELL_M - 0.1))
 
 
-def _scenario(source_m: tuple[float, float, float], seed: int) -> Scenario:
-    return Scenario.model_validate(
-        {
-            "schema": "gslcosim/scenario/1",
-            "name": "office",
-            "seed": seed,
-            "environment": {"layout": {}},
-            "gas": {
-                "model": "filament",
-                "gas": "ethanol",
-                "sources": [{"position_m": source_m, "filaments_per_s": FILAMENTS_PER_S}],
-                "step_s": STEP_S,
-                "eddy_diffusivity_m2_s": EDDY_DIFFUSIVITY_M2_S,
-            },
-            "agents": [
-                {
-                    "name": "nobody",
-                    "start": {"attach": True},
-                    "vehicle": {"start_m": (1, 1, 0.2)},
-                    "sensors": [{"model": "pid", "name": "nose"}],
-                }
-            ],
-        }
-    )
-
-
 def _run(data: MeasuredData, effort: Effort, progress: Progress) -> CaseResult:
     rows: list[Comparison] = []
     drawings: list[Drawing] = []
@@ -222,10 +214,10 @@ def _run(data: MeasuredData, effort: Effort, progress: Progress) -> CaseResult:
             progress(f"{each.name}: experiment {experiment.number}", i / len(experiments))
             # The fifth sensor's rise is known; the release was some minutes before.
             quiet_s = float(experiment.gas_seen_s or 0.0) - 180.0
-            theirs = figures_of(experiment.time_s, experiment.readings_ppm, quiet_until_s=quiet_s)
-            ours = simulate(room, environment, experiment, _RUN_S)
+            theirs = compute_sensor_figures(experiment.time_s, experiment.readings_ppm, quiet_until_s=quiet_s)
+            ours = simulate_readings(room, environment, experiment, _RUN_S)
             time_s = STEP_S * np.arange(1.0, len(ours) + 1.0)
-            found.append((experiment, theirs, figures_of(time_s, ours, quiet_until_s=0.0)))
+            found.append((experiment, theirs, compute_sensor_figures(time_s, ours, quiet_until_s=0.0)))
         rows += _rows(each.name, found)
         drawings.append(_drawing(each.name, found))
     return CaseResult(rows=rows, drawings=drawings)
@@ -248,20 +240,20 @@ def _rows(name: str, found: list[tuple[RoomExperiment, SensorFigures, SensorFigu
         Comparison(
             measured_set=name,
             quantity="rank correlation of onset order, median of the experiments",
-            ours=_median(correlation),
+            ours=median_estimate(correlation),
             anchor="order by nearness to the source: median about 0.25",
         ),
         Comparison(
             measured_set=name,
             quantity="time of growth over the measured one, median",
-            ours=_median(growth),
+            ours=median_estimate(growth),
             goal=Goal.between(0.5, 2.0),
             if_missed=_WHY_GROWTH,
         ),
         Comparison(
             measured_set=name,
             quantity="rate of whiffs over the measured one at the five strongest sensors, median",
-            ours=_median(ratios),
+            ours=median_estimate(ratios),
             goal=Goal.between(0.5, 2.0),
             if_missed=_WHY_WHIFFS,
         ),
@@ -270,12 +262,9 @@ def _rows(name: str, found: list[tuple[RoomExperiment, SensorFigures, SensorFigu
     for whose, figures in of_whom.items():
         liveliest = np.array([np.sort(each.intensity[np.isfinite(each.intensity)])[-2:].mean() for each in figures])
         middle = np.array([np.nanmedian(each.intensity) for each in figures])
-        rows += [
-            Comparison(
-                measured_set=name, quantity=f"intensity of the two liveliest sensors, {whose}", ours=_median(liveliest)
-            ),
-            Comparison(measured_set=name, quantity=f"intensity of the median sensor, {whose}", ours=_median(middle)),
-        ]
+        for which, values in (("two liveliest sensors", liveliest), ("median sensor", middle)):
+            quantity = f"intensity of the {which}, {whose}"
+            rows.append(Comparison(measured_set=name, quantity=quantity, ours=median_estimate(values)))
     return rows
 
 
@@ -289,11 +278,6 @@ def _whiff_ratios(theirs: SensorFigures, ours: SensorFigures) -> Floats:
     strongest = np.argsort(-np.nan_to_num(theirs.intensity))[:N_STRONGEST]
     with np.errstate(divide="ignore", invalid="ignore"):
         return ours.whiffs_per_min[strongest] / theirs.whiffs_per_min[strongest]
-
-
-def _median(values: Floats) -> Estimate:
-    known = values[np.isfinite(values)]
-    return bootstrap(len(known), lambda rows: np.median(known[rows], axis=-1))
 
 
 def _drawing(name: str, found: list[tuple[RoomExperiment, SensorFigures, SensorFigures]]) -> Drawing:

@@ -18,9 +18,9 @@ PLANE_CELLS: dict[Effort, int] = {"quick": 18, "full": 36}
 ROOM_CELLS: dict[Effort, int] = {"quick": 18, "full": 36}
 # Best stored output of FDS, root mean square over U0; see `anchor.json` of the set. Lines of other names have no goal.
 BEST_OF_FDS = {"x3": 0.081, "x6": 0.072, "floor": 0.056, "ceiling": 0.162}
-# The mean of as long as the air took to develop, 2.5 air changes of Restivo's room, as the set asks for.
+# The mean of as long as the air took to develop, 2.5 air changes of Restivo's room, as the set specifies.
 MEAN_FROM_S, END_S = 900.0, 1800.0
-# What the side walls are.
+# Shapes that are solved, and what they do with the side walls.
 SHAPES = {
     "two-dimensional": "as the test case is specified, a plane without side walls",
     "three-dimensional": "as the room was built, with side walls; half of it, to the plane of the lines",

@@ -1,1 +1,1 @@
-"""Suite of measured logs: estimators get readings and wind, a scorer apart from them knows the releases."""
+"""Suite of measured logs: estimators receive readings and wind, and a separate scorer has the releases."""

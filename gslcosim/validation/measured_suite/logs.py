@@ -1,4 +1,4 @@
-"""Logs as an estimator sees them, and the truth that only the scorer sees."""
+"""Measured logs as estimators receive them, and the true releases for the scorer alone."""
 
 import hashlib
 import math
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gslcosim.base.errors import UsageError
 from gslcosim.search.fixed_sensors.plume_response import SensorPaths
 from gslcosim.validation.laser_data import METHANE_KG_MOL
-from gslcosim.validation.mast_data import PERIOD_S, methane_m3_per_kg, source_of
+from gslcosim.validation.mast_data import PERIOD_S, find_source_m, methane_m3_per_kg
 from gslcosim.validation.readers.folder import MeasuredData, MeasuredSet
 from gslcosim.validation.readers.laser_paths import LaserPaths
 from gslcosim.validation.readers.mast_network import MastNetwork
@@ -41,7 +41,7 @@ class LogSite:
         source_height_m: Height of the source where there are no candidate places; nan where it is not known.
         period_s: From one row to the next.
         finds_events: Whether the log has times without a release, so that events are to be found; otherwise a source is
-            open in each row, and rows say which belong together.
+            open in each row, and `LogRow.source` groups the rows of each.
         wind_height_m: Where the wind is measured; nan where it is not known.
     """
 
@@ -70,7 +70,7 @@ class LogRow:
 
     `start_s` of its period [s since 1970]; `readings_ppm` (k,); `wind_world_m_s` (2,) toward x and y; `wind_std_m_s`
     (3,) deviation of the components within the period; `gas_m3_per_kg` volume of a kilogram of the gas in that air;
-    `source` number of the source that is open, the same for rows that belong together; -1 where nobody says.
+    `source` number of the source that is open, the same for rows that belong together; -1 if unnamed.
     """
 
     start_s: float
@@ -93,7 +93,7 @@ class MeasuredLog:
     source: NDArray[np.int64]
 
     def rows(self) -> Iterator[LogRow]:
-        """Yield the rows in the order of time; an estimator that changes what it gets changes nobody else's."""
+        """Yield the rows in the order of time; each has copies, so that no estimator changes those of another."""
         for i in range(len(self.start_s)):
             yield LogRow(
                 float(self.start_s[i]),
@@ -107,10 +107,10 @@ class MeasuredLog:
 
 @dataclass(frozen=True, kw_only=True)
 class TrueRelease:
-    """The truth about one release: the scorer's alone.
+    """True source of one release, for the scorer alone.
 
     `place` the candidate place, None where there is nothing to choose; `position_m` (3,) [m], nan where the log of
-    releases does not say.
+    releases has none.
     """
 
     name: str
@@ -126,7 +126,7 @@ class TrueRelease:
 class LogCase:
     """A log with its truth.
 
-    `within_m` is how near a place must be where there are no candidate places; `hash` of the files.
+    `within_m` is the largest error of a correct position where there are no candidate places; `hash` of the files.
     """
 
     name: str
@@ -159,7 +159,7 @@ def load_log_cases(data: MeasuredData) -> tuple[LogCase, ...]:
     return tuple(cases)
 
 
-# Where all places are the same in the plan they are the answer, so nobody is told them.
+# Candidate places that are all at one position would give the answer away, so estimators do not receive them.
 def _case_of_masts(measured: MeasuredSet, network: MastNetwork) -> LogCase:
     n = len(network.clock_s)
     places_m = {name: np.array(place_m) for name, place_m in network.places_m.items()}
@@ -183,7 +183,7 @@ def _case_of_masts(measured: MeasuredSet, network: MastNetwork) -> LogCase:
     )
     releases = []
     for release in network.releases:
-        source_m = source_of(network, release)
+        source_m = find_source_m(network, release)
         releases.append(
             TrueRelease(
                 name=f"release={release.number}",
@@ -200,7 +200,7 @@ def _case_of_masts(measured: MeasuredSet, network: MastNetwork) -> LogCase:
         log=log,
         releases=tuple(releases),
         within_m=PLANE_RADIUS_M,
-        hash=_hash_of(measured.folder, ("site.json", "minutes.csv*", "releases.csv")),
+        hash=_hash_files(measured.folder, ("site.json", "minutes.csv*", "releases.csv")),
     )
 
 
@@ -248,11 +248,11 @@ def _case_of_lasers(measured: MeasuredSet, paths: LaserPaths) -> LogCase:
         log=log,
         releases=releases,
         within_m=LASER_RADIUS_M,
-        hash=_hash_of(measured.folder, ("layout.json", "minutes_source_*.csv*")),
+        hash=_hash_files(measured.folder, ("layout.json", "minutes_source_*.csv*")),
     )
 
 
-def _hash_of(folder: Path, patterns: tuple[str, ...]) -> str:
+def _hash_files(folder: Path, patterns: tuple[str, ...]) -> str:
     digest = hashlib.sha256()
     for path in sorted(path for pattern in patterns for path in folder.glob(pattern)):
         digest.update(path.name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())

@@ -10,9 +10,10 @@ import numpy as np
 
 from gslcosim.base.errors import build_machine_error
 from gslcosim.bench.cases.models import LOWER_ANCHOR
-from gslcosim.bench.statistics.estimates import UNDEFINED, Estimate, bootstrap
+from gslcosim.bench.statistics.estimates import UNDEFINED, Estimate
 from gslcosim.bench.statistics.rates import wilson
 from gslcosim.data.figures.style import new_figure, styled
+from gslcosim.validation.results import median_estimate
 
 if TYPE_CHECKING:
     from gslcosim.validation.measured_suite.run import LogResult
@@ -26,7 +27,7 @@ _HOUR_S = 3600.0
 _DOTS_PER_INCH = 130
 
 
-def figures_of(result: "LogResult") -> dict[str, Any]:
+def compute_figures(result: "LogResult") -> dict[str, Any]:
     """Return the figures of an entry on a log: counts as shares with Wilson's interval, medians with a bootstrap."""
     scored = result.score.releases
     n = len(scored)
@@ -41,16 +42,11 @@ def figures_of(result: "LogResult") -> dict[str, Any]:
         "touched": wilson(len(touched), n),
         "exact": wilson(sum(each.is_exact for each in scored), n),
         "partly": wilson(sum(each.is_partly for each in scored), n),
-        "delay_s": _median([each.delay_s for each in touched]),
-        "overlap_frac": _median([each.overlap_frac for each in scored]),
-        "place_error_m": _median([each.place_error_m for each in touched]),
-        "rate_ratio": _median([each.rate_ratio for each in touched]),
+        "delay_s": median_estimate([each.delay_s for each in touched]),
+        "overlap_frac": median_estimate([each.overlap_frac for each in scored]),
+        "place_error_m": median_estimate([each.place_error_m for each in touched]),
+        "rate_ratio": median_estimate([each.rate_ratio for each in touched]),
     }
-
-
-def _median(values: Sequence[float]) -> Estimate:
-    known = np.array([value for value in values if math.isfinite(value)])
-    return bootstrap(len(known), lambda rows: np.median(known[rows], axis=-1)) if len(known) else UNDEFINED
 
 
 def to_json(figures: dict[str, Any]) -> dict[str, Any]:
@@ -71,7 +67,7 @@ def table_rows(results: Sequence["LogResult"]) -> list[tuple[str, ...]]:
     for result in results:
         if result.entry == LOWER_ANCHOR:
             continue
-        f = figures_of(result)
+        f = compute_figures(result)
         n_false = str(f["n_false_events"]) if result.case.site.finds_events else ""
         counts = [_count(f[key]) for key in ("touched", "exact", "partly")]
         delay = f["delay_s"] if result.case.site.finds_events else UNDEFINED
@@ -123,8 +119,10 @@ def write_page(folder: Path, results: Sequence["LogResult"]) -> Path:
                 _draw_timeline(some, folder / f"timeline-{name}.png")
                 lines += ["", f"![Events and releases of {name} over time](timeline-{name}.png)"]
             lines += ["", *_markdown(*_release_table(some))]
-        (folder / "measured.json").write_text(_text([to_json(figures_of(result)) for result in results]), "utf-8")
-        (folder / "events.json").write_text(_text(describe_events(results)), "utf-8")
+        (folder / "measured.json").write_text(
+            _json_text([to_json(compute_figures(result)) for result in results]), "utf-8"
+        )
+        (folder / "events.json").write_text(_json_text(describe_events(results)), "utf-8")
         page = folder / PAGE
         page.write_text("\n".join(lines) + "\n", "utf-8")
     except OSError as error:
@@ -132,7 +130,7 @@ def write_page(folder: Path, results: Sequence["LogResult"]) -> Path:
     return page
 
 
-def _text(content: Any) -> str:
+def _json_text(content: Any) -> str:
     return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -147,7 +145,7 @@ def _release_table(some: Sequence["LogResult"]) -> tuple[list[str], list[list[st
     for i, release in enumerate(some[0].case.releases):
         place = release.place or ("" if math.isnan(release.position_m[0]) else _position(release.position_m))
         facts = [f"{(release.end_s - release.start_s) / 60.0:.0f}", f"{release.rate_kg_s * _HOUR_S:.3g}"]
-        rows.append([release.name, place, *facts, *(_said(result, i) for result in shown)])
+        rows.append([release.name, place, *facts, *(_describe_claims(result, i) for result in shown)])
     return headings, rows
 
 
@@ -155,7 +153,7 @@ def _position(position_m: Any) -> str:
     return f"{float(position_m[0]):.1f}, {float(position_m[1]):.1f}"
 
 
-def _said(result: "LogResult", i: int) -> str:
+def _describe_claims(result: "LogResult", i: int) -> str:
     scored = result.score.releases[i]
     parts = [scored.outcome]
     names = [

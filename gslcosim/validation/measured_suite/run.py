@@ -1,4 +1,4 @@
-"""Run of the suite: every entry on every log, rows and report as of flown suites, and a page of releases and events."""
+"""Run of the suite: every entry on every log, with the rows and report of other suites and a page of events."""
 
 import hashlib
 import json
@@ -45,7 +45,7 @@ class LogResult:
 
 @dataclass(frozen=True, kw_only=True)
 class SuiteResult:
-    """Everything that was found out, and where it lies."""
+    """Results of a run of the suite, and the files that hold them."""
 
     results: tuple[LogResult, ...]
     folder: Path
@@ -54,10 +54,10 @@ class SuiteResult:
 
 
 def choose_entries(only: Sequence[str]) -> tuple[Entry, ...]:
-    """Return the entries whose names are like one of the patterns; all where there is no pattern.
+    """Return the entries whose names match one of the patterns; all where there is no pattern.
 
     Raises:
-        UsageError: none is.
+        UsageError: none does.
     """
     chosen = tuple(entry for entry in ENTRIES if not only or any(fnmatchcase(entry.name, pattern) for pattern in only))
     if not chosen:
@@ -80,8 +80,8 @@ def run_measured(
         data_dir: Folder of measured data.
         folder: Of the results; what it has of this suite is replaced.
         only: Patterns for names of entries.
-        has_report: Whether to make the report of flown suites too.
-        progress: Gets what is being done, and the share that is.
+        has_report: Whether to write `report.html` too.
+        progress: Receives a text and the fraction done.
 
     Raises:
         MeasuredDataError: a file of the data is missing or wrong.
@@ -104,7 +104,7 @@ def run_measured(
         results: list[LogResult] = []
         for i, (entry, case) in enumerate(pairs):
             progress(f"{entry.name} on {case.name}", i / max(len(pairs), 1))
-            results.append(estimate(entry, case))
+            results.append(run_entry(entry, case))
         results += [_oracle(case) for case in cases]
         rows = [row for result in results for row in build_rows(result)]
         folder.write_tables(*build_tables([JournalEntry(row, None) for row in rows]))
@@ -116,8 +116,8 @@ def run_measured(
         return SuiteResult(results=tuple(results), folder=folder.path, report=report, page=page)
 
 
-def estimate(entry: Entry, case: LogCase) -> LogResult:
-    """Return what an entry makes of a log; it gets the site and the rows, and nothing of the truth."""
+def run_entry(entry: Entry, case: LogCase) -> LogResult:
+    """Run an entry on a log and score its claims; it receives the site and the rows, and nothing of the truth."""
     began = time.perf_counter()
     fault, claims = "", []
     try:
@@ -125,14 +125,14 @@ def estimate(entry: Entry, case: LogCase) -> LogResult:
         for row in case.log.rows():
             estimator.observe(row)
         claims = list(estimator.conclude())
-    # Whatever a method does wrong is its fault, and the others go on.
+    # Any exception is a fault of this method; the others continue.
     except Exception as error:
         fault, claims = f"{type(error).__name__}: {error}", []
     wall_s = time.perf_counter() - began
     return LogResult(entry=entry.name, case=case, score=score_claims(case, claims), fault=fault, wall_s=wall_s)
 
 
-# The truth itself: what the best estimator could reach.
+# Claims equal to the truth: the bound of every estimator.
 def _oracle(case: LogCase) -> LogResult:
     claims = [
         Claim(

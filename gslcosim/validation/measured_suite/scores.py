@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gslcosim.validation.cases.network_events import OVERLAP_S, overlapping
+from gslcosim.validation.cases.network_events import OVERLAP_S, find_overlaps
 from gslcosim.validation.measured_suite.estimators import Claim
 from gslcosim.validation.measured_suite.logs import LogCase, TrueRelease
 
@@ -15,15 +15,15 @@ _DAY_S = 86_400.0
 
 @dataclass(frozen=True, kw_only=True)
 class ReleaseScore:
-    """Score of an entry on one release; nan and None are what cannot be said.
+    """Score of an entry on one release; nan and None mark what is undefined.
 
     Attributes:
         release: The truth.
-        claims: Events that overlap it by a minute; where rows say which source is open, those about it.
+        claims: Events that overlap it by a minute; where rows name the open source, those about it.
         is_exact: All of them are right about the place.
         is_partly: One is.
         delay_s: From the start of the release to that of the first such event; 0 if that began before, and where rows
-            say which source is open.
+            name the open source.
         overlap_frac: Time that release and events share, over the time that either takes.
         place_error_m: Distance in the plan of the longest event's place from the emission point.
         rate_ratio: The longest event's rate over the true one.
@@ -45,7 +45,7 @@ class ReleaseScore:
 
     @property
     def outcome(self) -> str:
-        """One word for all that."""
+        """Result in one word: exact, partly, touched or missed."""
         return "exact" if self.is_exact else "partly" if self.is_partly else "touched" if self.is_touched else "missed"
 
 
@@ -69,7 +69,7 @@ class LogScore:
 
 
 def score_claims(case: LogCase, claims: Sequence[Claim]) -> LogScore:
-    """Return how right an estimator was about a log.
+    """Score the claims of an estimator on a log.
 
     Args:
         case: The log with its truth.
@@ -79,17 +79,17 @@ def score_claims(case: LogCase, claims: Sequence[Claim]) -> LogScore:
         Exact and partly as Daniels, Jia and Hammerling 2024, Elementa, score places; the rest is ours.
     """
     ordered = tuple(sorted(claims, key=lambda claim: (claim.start_s, claim.end_s)))
-    met_by = [
-        overlapping(ordered, release)
+    overlaps = [
+        find_overlaps(ordered, release)
         if case.site.finds_events
         else [i for i, claim in enumerate(ordered) if claim.source == release.source]
         for release in case.releases
     ]
     releases = tuple(
         _score_release(case, release, tuple(ordered[i] for i in some))
-        for release, some in zip(case.releases, met_by, strict=True)
+        for release, some in zip(case.releases, overlaps, strict=True)
     )
-    of_releases = {i for some in met_by for i in some}
+    of_releases = {i for some in overlaps for i in some}
     false_claims = tuple(claim for i, claim in enumerate(ordered) if i not in of_releases)
     return LogScore(
         releases=releases,
@@ -101,7 +101,7 @@ def score_claims(case: LogCase, claims: Sequence[Claim]) -> LogScore:
 
 def _score_release(case: LogCase, release: TrueRelease, claims: tuple[Claim, ...]) -> ReleaseScore:
     right = [_is_right(case, release, claim) for claim in claims]
-    # Without places to choose from one event near the source is enough: the others are other looks at it.
+    # Without places to choose from one event near the source is enough: the others are repeated estimates of it.
     is_choice = release.place is not None
     longest = max(claims, key=lambda claim: claim.end_s - claim.start_s) if claims else None
     return ReleaseScore(

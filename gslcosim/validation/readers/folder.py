@@ -1,4 +1,4 @@
-"""Folder of measured data: which formats lie in it, recognised by their files, whatever the folders are called."""
+"""Folder of measured data: its sets, whose formats are recognised by their files and not by names of folders."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ PUBLISHED = "published.json"
 
 @dataclass(frozen=True)
 class MeasuredSet:
-    """One set: its name (that of its folder), its format, and where it lies; read when it is asked for."""
+    """One set: its name (that of its folder), its format, and where it lies; read on demand."""
 
     name: str
     format: str
@@ -100,12 +100,12 @@ def read_measured(folder: Path | str) -> MeasuredData:
     if not root.is_dir():
         found = "a file" if root.exists() else "nothing"
         raise build_error(root, "", expected="a folder of measured data", found=found, remedy="Name one with --data.")
-    own = _format_of(root)
+    own = _recognise_format(root)
     places = [root] if own else sorted(each for each in root.iterdir() if each.is_dir())
     sets = tuple(
         MeasuredSet(name=place.resolve().name, format=known.name, folder=place)
         for place in places
-        if (known := _format_of(place)) is not None
+        if (known := _recognise_format(place)) is not None
     )
     if not sets and not (root / PUBLISHED).is_file():
         listed = "; ".join(f"{each.name} ({', '.join(each.files)})" for each in FORMATS)
@@ -119,5 +119,5 @@ def read_measured(folder: Path | str) -> MeasuredData:
     return MeasuredData(root, sets)
 
 
-def _format_of(folder: Path) -> Format | None:
+def _recognise_format(folder: Path) -> Format | None:
     return next((each for each in FORMATS if all(any(folder.glob(name)) for name in each.files)), None)

@@ -1,7 +1,7 @@
 """Scores of events beside releases: overlaps of a minute."""
 
 from gslcosim.search.fixed_sensors.events import LeakEvent
-from gslcosim.validation.cases.network_events import overlapping
+from gslcosim.validation.cases.network_events import find_overlaps
 from gslcosim.validation.readers.mast_network import LoggedRelease
 
 
@@ -12,9 +12,9 @@ def release(start_s, end_s):
 
 def test_an_event_must_overlap_a_release_by_a_minute():
     events = (LeakEvent(0, 9, 0.0, 600.0), LeakEvent(20, 29, 1200.0, 1800.0))
-    assert overlapping(events, release(300.0, 900.0)) == [0]
-    assert overlapping(events, release(500.0, 1500.0)) == [0, 1]
-    assert overlapping(events, release(700.0, 1100.0)) == []
+    assert find_overlaps(events, release(300.0, 900.0)) == [0]
+    assert find_overlaps(events, release(500.0, 1500.0)) == [0, 1]
+    assert find_overlaps(events, release(700.0, 1100.0)) == []
     # The last reading lasts for its minute.
-    assert overlapping(events, release(600.0, 900.0)) == [0]
-    assert overlapping(events, release(630.0, 900.0)) == []
+    assert find_overlaps(events, release(600.0, 900.0)) == [0]
+    assert find_overlaps(events, release(630.0, 900.0)) == []

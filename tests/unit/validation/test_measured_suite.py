@@ -16,7 +16,7 @@ from gslcosim.validation import read_measured
 from gslcosim.validation.measured_suite import estimators, run
 from gslcosim.validation.measured_suite.estimators import ENTRIES, Claim, Entry
 from gslcosim.validation.measured_suite.logs import LogRow, LogSite, load_log_cases
-from gslcosim.validation.measured_suite.run import estimate, run_measured
+from gslcosim.validation.measured_suite.run import run_entry, run_measured
 from gslcosim.validation.measured_suite.scores import score_claims
 
 NETWORK = next(entry for entry in ENTRIES if entry.name == "leak_network")
@@ -36,7 +36,7 @@ def yard(tmp_path_factory):
 
 def test_the_leak_network_finds_place_time_and_rate(yard):
     case = case_of(yard)
-    result = estimate(NETWORK, case)
+    result = run_entry(NETWORK, case)
     (scored,) = result.score.releases
     assert not result.fault
     assert scored.outcome == "exact"
@@ -48,7 +48,7 @@ def test_the_leak_network_finds_place_time_and_rate(yard):
 
 def test_what_is_claimed_does_not_depend_on_the_truth(tmp_path, yard):
     other = case_of(write_campaign(tmp_path / "yard", place="well", truth="tank", rate_kg_h=2.0))
-    told, of_yard = estimate(NETWORK, other), estimate(NETWORK, case_of(yard))
+    told, of_yard = run_entry(NETWORK, other), run_entry(NETWORK, case_of(yard))
     assert told.score.claims == of_yard.score.claims
     assert (told.score.releases[0].outcome, of_yard.score.releases[0].outcome) == ("touched", "exact")
 

@@ -9,7 +9,7 @@ from gslcosim.validation import read_measured
 from gslcosim.validation.cases import load_case
 from gslcosim.validation.measured_suite.estimators import ENTRIES
 from gslcosim.validation.measured_suite.logs import load_log_cases
-from gslcosim.validation.measured_suite.run import estimate
+from gslcosim.validation.measured_suite.run import run_entry
 from gslcosim.validation.results import ignore_progress
 
 REFERENCE = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[4] / "shared" / "reference"))
@@ -64,7 +64,7 @@ def test_a_measured_record_is_scored_as_plumes_are():
 @pytest.mark.slow
 def test_the_suite_of_logs_finds_the_leaks_of_masts():
     found = {
-        case.name: estimate(next(entry for entry in ENTRIES if entry.name == "leak_network"), case).score
+        case.name: run_entry(next(entry for entry in ENTRIES if entry.name == "leak_network"), case).score
         for name in ("metec", "stanford")
         for case in load_log_cases(read_measured(MEASURED / name))
     }
@@ -77,6 +77,6 @@ def test_the_suite_of_logs_finds_the_leaks_of_masts():
 @pytest.mark.slow
 def test_the_suite_of_logs_finds_the_leaks_of_lasers():
     (case,) = load_log_cases(read_measured(MEASURED / "chilbolton"))
-    scored = estimate(next(entry for entry in ENTRIES if entry.name == "leak_network"), case).score.releases
+    scored = run_entry(next(entry for entry in ENTRIES if entry.name == "leak_network"), case).score.releases
     assert [each.is_exact for each in scored] == [True, True]
     assert [each.rate_ratio for each in scored] == pytest.approx([1.0, 1.0], abs=0.06)
