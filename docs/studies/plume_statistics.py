@@ -9,8 +9,9 @@ axis. For each place the table has, of the true mixing ratio and of what a TGS26
     std/mean      relative fluctuation
     bursts/min    how often the mixing ratio rises above the threshold
 
-The sensor hardly notices less than its floor of 0.3 ppm, and its slow decay fills the pauses: what it suggests is
-hardly ever absent.
+The sensor hardly notices less than its floor of 0.3 ppm, and its slow decay fills the pauses: near the axis, what it
+suggests is hardly ever absent. Beside the axis its reading is often just above the floor, where noise and the walk of
+its baseline make short bursts of their own: there it can show more bursts than there are.
 
 Jones 1983 (Journal of Hazardous Materials 7, 87-112) measured such plumes outdoors: gas comes in short bursts
 with long pauses, peaks exceed the mean many times, both more so beside the axis, and a slow instrument hides both.

@@ -52,7 +52,8 @@ def test_gas_comes_in_bursts_that_a_mox_sensor_hides(study):
         assert sensed.peak_to_mean < 0.7 * true.peak_to_mean
         assert sensed.relative_std < 0.7 * true.relative_std
         assert sensed.present_frac >= true.present_frac
-        assert sensed.bursts_per_min < true.bursts_per_min
+        if true.present_frac > 0.25:  # elsewhere its noise makes bursts of its own near the floor
+            assert sensed.bursts_per_min < true.bursts_per_min
 
 
 @pytest.mark.slow
