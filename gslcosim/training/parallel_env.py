@@ -16,7 +16,7 @@ from gslcosim.base.ticks import NS_PER_S
 from gslcosim.contract.messages import Command
 from gslcosim.search.learned.encoding import ActionKind, ObservationVector, action_kind
 from gslcosim.training import REMEDY
-from gslcosim.training.rewards import AgentState, Reward, TaskScale, reward_function
+from gslcosim.training.rewards import TIME_LIMIT, AgentState, Reward, TaskScale, reward_function
 from gslcosim.training.stepped_run import LearningTask, SteppedRun
 
 _DECIMALS = 3
@@ -181,7 +181,7 @@ class ParallelSearchEnv(ParallelEnv[str, _Numbers, _Numbers]):
         search.act(actions, self._step_ticks)
         after = search.moments()
         verdict = search.flight.outcome.verdict
-        is_truncated = verdict is not None and verdict.end_reason == "time_limit"
+        is_truncated = verdict is not None and verdict.end_reason == TIME_LIMIT
         is_terminated = search.flight.is_over and not is_truncated
         rewards = {name: self._reward(before[name], after[name], search.scale) for name in self.agents}
         terminated, truncated = dict.fromkeys(self.agents, is_terminated), dict.fromkeys(self.agents, is_truncated)

@@ -7,6 +7,8 @@ from gslcosim.base.errors import UsageError
 
 # Of the success, in units of which everything else is measured.
 SUCCESS = 1.0
+# The outcome of a search that was cut off: it is truncated, and every other end terminates it.
+TIME_LIMIT = "time_limit"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +47,7 @@ def potential(before: AgentState, after: AgentState, scale: TaskScale) -> float:
     """Return `sparse`, less the share of the time limit that the step took, and a shaping that changes no best policy.
 
     g F(after) - F(before), with the potential F = -distance / diagonal while the search goes on and 0 after its end,
-    and the discount g.
+    and the discount g. A search that the time limit cuts off has not come to an end, so its potential stays.
 
     Source:
         Ng, Harada and Russell 1999, Policy invariance under reward transformations, theorem 1.
@@ -57,7 +59,7 @@ def potential(before: AgentState, after: AgentState, scale: TaskScale) -> float:
 
 
 def _potential(moment: AgentState, scale: TaskScale) -> float:
-    return 0.0 if moment.outcome is not None else -moment.distance_m / scale.diagonal_m
+    return 0.0 if moment.outcome not in (None, TIME_LIMIT) else -moment.distance_m / scale.diagonal_m
 
 
 REWARDS: dict[str, Reward] = {"sparse": sparse, "potential": potential}

@@ -16,7 +16,7 @@ from gslcosim.environment.model import Environment
 from gslcosim.environment.plan_view import PixelScale, PlanView
 from gslcosim.search.learned.encoding import ActionKind, ObservationVector, action_kind
 from gslcosim.training import REMEDY
-from gslcosim.training.rewards import AgentState, Reward, TaskScale, reward_function
+from gslcosim.training.rewards import TIME_LIMIT, AgentState, Reward, TaskScale, reward_function
 from gslcosim.training.stepped_run import LearningTask, SteppedRun
 
 LONG_SIDE_PX = 480
@@ -159,7 +159,7 @@ class SearchEnv(gymnasium.Env[NDArray[np.float32], Any]):
         before = search.moment()
         search.act(action)
         after = search.moment()
-        is_truncated = after.outcome == "time_limit"
+        is_truncated = after.outcome == TIME_LIMIT
         is_terminated = search.flight.is_over and not is_truncated
         return search.seen(), self._reward(before, after, search.scale), is_terminated, is_truncated, search.info()
 

@@ -418,7 +418,8 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
             return sparse
         diagonals_m = self._of_cases("diagonal_m")
         potential_before = -distances_before_m / diagonals_m
-        goes_on = searches["outcome"] == batch_records.SEARCHES_ON
+        is_cut_off = searches["outcome"] == batch_records.TIME_LIMIT
+        goes_on = (searches["outcome"] == batch_records.SEARCHES_ON) | is_cut_off
         potential_after = np.where(goes_on, -searches["scored_distance_m"] / diagonals_m, 0.0)
         taken_s = self._times_s(searches["tick"]) - self._times_s(ticks_before)
         shaping = self._discount * potential_after - potential_before

@@ -409,6 +409,9 @@ class RecurrentPpo:
             # In the next step the environment starts again, and takes no action.
             is_step = ~flight.ends if not self._resets_at_once else np.ones(n, np.bool_)
             paid = np.asarray(rewards) - self._cost(np.asarray(observed), ends) - self._cost_of_ends(infos, ends)
+            paid += self.settings.discount * self._values_of_cut_off(
+                np.asarray(truncated), observed, infos, after, policy
+            )
             rows.append((flight.observed, flight.starts, chosen, log_likely, paid, ends, is_step))
             flight.count(np.asarray(rewards), ends, infos)
             if self._doping is not None and ends.any():
@@ -426,6 +429,23 @@ class RecurrentPpo:
             ends=np.stack(columns[5]),
             weights=np.stack(columns[6]).astype(np.float32),
         )
+
+    # A time limit cuts a search off and does not end the task: what would have come is worth what the network says of
+    # the last observation (Pardo et al. 2018, Time limits in reinforcement learning, arXiv 1712.00378, section 4).
+    def _values_of_cut_off(
+        self,
+        truncated: NDArray[np.bool_],
+        observed: NDArray[np.float32],
+        infos: Mapping[str, Any],
+        memory: NDArray[Any],
+        policy: GruPolicy,
+    ) -> NDArray[np.float64]:
+        values = np.zeros(self.n_envs)
+        if truncated.any():
+            last = np.stack(infos["final_obs"][truncated]) if self._resets_at_once else np.asarray(observed)[truncated]
+            _, after = policy.outputs(np.asarray(last, np.float32)[:, self._places], memory[truncated])
+            values[truncated] = after @ np.array(self._arrays["value"]) + np.array(self._arrays["value_bias"])
+        return values
 
     # Of an end the next search is seen already.
     def _cost(self, observed: NDArray[np.float32], ends: NDArray[np.bool_]) -> NDArray[np.float64] | float:

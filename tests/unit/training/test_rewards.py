@@ -34,6 +34,13 @@ def test_time_costs_its_share_of_the_limit():
     assert potential(*standing, SCALE) == pytest.approx(-0.1 - 0.9 * 0.25 + 0.25)
 
 
+def test_a_time_limit_leaves_the_potential_as_it_is():
+    """It cuts a search off: who is far then is not paid for it, as one who ends is."""
+    cut_off = track(5.0, 5.0, outcome="time_limit")
+    assert potential(*cut_off, SCALE) == potential(*track(5.0, 5.0, outcome=None), SCALE)
+    assert potential(*track(5.0, 5.0, outcome="collision"), SCALE) > potential(*cut_off, SCALE)
+
+
 def test_only_success_is_rewarded_sparsely():
     assert sparse(*track(5.0, 0.5, outcome="success"), SCALE) == 1.0
     assert sparse(*track(5.0, 0.5, outcome="collision"), SCALE) == 0.0

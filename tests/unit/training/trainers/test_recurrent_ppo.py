@@ -106,6 +106,45 @@ def test_advantages_are_the_sum_that_they_should_be():
     assert found[1, 0] == pytest.approx(sum((0.9 * 0.8) ** i * change[1 + i, 0] for i in range(3)))
 
 
+class _Remembers(ToyHall):
+    """The toy, which keeps what it has paid and which searches it has cut off."""
+
+    def reset(self, **settings):
+        self.paid, self.cut_off = [], []
+        return super().reset(**settings)
+
+    def step(self, actions):
+        told = super().step(actions)
+        self.paid.append(told[1])
+        self.cut_off.append(told[3])
+        return told
+
+
+@pytest.mark.parametrize("resets", ["next", "same"])
+def test_a_time_limit_cuts_a_search_off_and_is_not_its_end(resets):
+    """Its last reward has the value of what would have come, that of the last observation and memory."""
+    envs = _Remembers(8, resets=resets)
+    settings = PpoSettings(**{**QUICK, "horizon": 31, "segments": 1, "epochs": 1})
+    one = RecurrentPpo(envs, observation_names=NAMES, action=VELOCITY, settings=settings, seed=1)
+    flown, arrays = [], dict(one._arrays)
+    learn = one._learn
+    one._learn = lambda segments, rng: flown.append(segments) or learn(segments, rng)
+    one.step()
+    (segments,) = flown
+    cut_off, paid = np.stack(envs.cut_off), np.stack(envs.paid)
+    assert cut_off[29].any()
+    assert not cut_off[:29].any()
+    added = segments.rewards - paid
+    np.testing.assert_array_equal(np.abs(added) > 1e-6, cut_off)
+    # The same searches, by the network of the loss: in the next step the last observation stands before the new search.
+    other = _Remembers(8, resets="next")
+    after = RecurrentPpo(other, observation_names=NAMES, action=VELOCITY, settings=settings, seed=1)
+    after._learn = lambda segments, rng: flown.append(segments) or [{"policy_loss": 0.0}]
+    after.step()
+    values = np.array(after._values_of(arrays, flown[1].observed, flown[1].starts, flown[1].memory))
+    np.testing.assert_allclose(added[29][cut_off[29]], 0.99 * values[30][cut_off[29]], atol=2e-5)
+
+
 @pytest.mark.parametrize(
     ("settings", "words"),
     [

@@ -51,9 +51,13 @@ class ToyHall(VectorEnv):
         truncated = (self.n_done >= N_STEPS) & ~success & ~was_over
         rewards = np.where(was_over, 0.0, success + gained / SIDE_M - 1.0 / N_STEPS)
         over = success | truncated
+        finals = self.seen()
         if self.resets_at_once:
             self.begin(over)
         else:
             self.begin(was_over)
             self.ended = over
-        return self.seen(), rewards, success, truncated, {"success": success.copy()}
+        infos = {"success": success.copy()}
+        if self.resets_at_once:
+            infos["final_obs"] = np.array([*finals, None], dtype=object)[:-1]
+        return self.seen(), rewards, success, truncated, infos
