@@ -1,10 +1,12 @@
 """Simulated time: whole ticks, seconds derived from them and never accumulated."""
 
 from gslcosim.base.errors import GslCosimError
+from gslcosim.base.scalar_kernels import scalar_kernel
 
 NS_PER_S = 1_000_000_000
 
 
+@scalar_kernel
 def seconds_from_ticks(tick: int, tick_ns: int) -> float:
     """Return the simulated time [s] at the end of a tick."""
     return tick * tick_ns / NS_PER_S

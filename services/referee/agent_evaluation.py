@@ -336,5 +336,11 @@ def find_failure(
     return 0 if is_in_room else 3
 
 
+@scalar_kernel
+def is_time_over(tick: int, tick_ns: int, limit_s: float) -> bool:
+    """Return whether the simulated time at the end of a tick has reached a limit [s]."""
+    return seconds_from_ticks(tick, tick_ns) >= limit_s
+
+
 def _spell_out(phase: str) -> str:
     return phase.replace("_", " ")

@@ -28,7 +28,7 @@ from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import SourceMovesSpec
 from gslcosim.scenario.models.scenario import find_due_events
 from gslcosim.validity.conduct import CONDUCT_KEY
-from gslcosim_services.referee.agent_evaluation import AgentEvaluation, EvaluationRules, Outcome
+from gslcosim_services.referee.agent_evaluation import AgentEvaluation, EvaluationRules, Outcome, is_time_over
 from gslcosim_services.referee.service import referee_spec
 
 # The shortest way keeps this distance from solids: about the reach of an Iris with its propellers.
@@ -191,7 +191,7 @@ class RefereeCore:
         if self._run.is_over:
             return False
         going_on = [case for case in self._run.cases if case.outcome is None]
-        if going_on and seconds_from_ticks(tick, self._rules.tick_ns) >= self._limit_s:
+        if going_on and is_time_over(tick, self._rules.tick_ns, self._limit_s):
             events += [case.end("time_limit") for case in going_on]
             self._run.last_outcome = "time_limit"
             return True

@@ -1,7 +1,7 @@
 """Flight space of a vehicle: bounds, free cells, clear height, and routes through it."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -19,26 +19,58 @@ _SOLID = int(Cell.SOLID)
 CLEARANCE_M = 0.1
 
 
-@scalar_kernel
-def is_out_of_bounds(value: float, low: float, high: float, margin: float) -> bool:
-    """Return whether a coordinate is nearer than a margin to one of two bounds, or beyond it."""
-    return not low + margin <= value <= high - margin
+NO_AXIS = -1
 
 
 @scalar_kernel
-def is_stop_beyond(stop_m: float, speed_m_s: float, low_m: float, high_m: float, radius_m: float) -> bool:
-    """Return whether a vehicle that moves towards a face of the room would stop too near to it, along one axis.
+def find_axis_out_of_bounds(
+    position_m: Sequence[float], min_m: Sequence[float], max_m: Sequence[float], margin_m: float
+) -> int:
+    """Return the first axis along which a place (3,) is not in the room, `NO_AXIS` for a place within it.
 
     Args:
-        stop_m: Where it would come to rest [m].
-        speed_m_s: How it moves now [m/s].
-        low_m: The room's lower face [m].
-        high_m: The room's upper face [m].
+        position_m: World frame [m].
+        min_m: (3,) least corner of the room's air, world frame [m].
+        max_m: (3,) greatest corner of it.
+        margin_m: What the place keeps from floor and ceiling [m].
+    """
+    for axis in range(3):
+        margin = margin_m if axis == 2 else 0.0
+        if not min_m[axis] + margin <= position_m[axis] <= max_m[axis] - margin:
+            return axis
+    return NO_AXIS
+
+
+@scalar_kernel
+def find_axis_of_stop_beyond(
+    stop_m: Sequence[float],
+    velocity_m_s: Sequence[float],
+    min_m: Sequence[float],
+    max_m: Sequence[float],
+    radius_m: float,
+) -> int:
+    """Return the first axis along which a vehicle stops too near to a face that it moves towards, or `NO_AXIS`.
+
+    Args:
+        stop_m: (3,) where it would come to rest, world frame [m].
+        velocity_m_s: (3,) how it moves now, world frame [m/s].
+        min_m: (3,) least corner of the room's air, world frame [m].
+        max_m: (3,) greatest corner of it.
         radius_m: The vehicle's radius, which it keeps with a clearance [m].
     """
-    if speed_m_s > 0.0:
-        return stop_m > high_m - radius_m - CLEARANCE_M
-    return speed_m_s < 0.0 and stop_m < low_m + radius_m + CLEARANCE_M
+    for axis in range(3):
+        speed_m_s = velocity_m_s[axis]
+        if speed_m_s > 0.0 and stop_m[axis] > max_m[axis] - radius_m - CLEARANCE_M:
+            return axis
+        if speed_m_s < 0.0 and stop_m[axis] < min_m[axis] + radius_m + CLEARANCE_M:
+            return axis
+    return NO_AXIS
+
+
+@scalar_kernel
+def nearest_cell_index(coordinate_m: float, origin_m: float, cell_m: float, n_cells: int) -> int:
+    """Return the index along an axis of the cell that holds a coordinate [m]; outside the grid of the nearest one."""
+    return max(min(math.floor((coordinate_m - origin_m) / cell_m), n_cells - 1), 0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,21 +129,18 @@ class FlightSpace:
         return self.radius_m if self.ground_height_m is None else 0.0
 
     def _refusal_of_bounds(self, name: str, position_world_m: Vec3, margin_m: float) -> str | None:
-        grid = self.room.grid
-        margins_m = (0.0, 0.0, margin_m)
-        for axis, value, low, high, margin in zip(
-            "xyz", position_world_m, grid.origin_m, grid.max_m, margins_m, strict=True
-        ):
-            if is_out_of_bounds(value, low, high, margin):
-                return f"{name}: expected {axis} within {low + margin:g} to {high - margin:g} m, was {value:g} m."
-        return None
+        low_m, high_m = self.room.grid.origin_m, self.room.grid.max_m
+        axis = find_axis_out_of_bounds(position_world_m, low_m, high_m, margin_m)
+        if axis == NO_AXIS:
+            return None
+        margin = margin_m if axis == 2 else 0.0
+        low, high, value = low_m[axis] + margin, high_m[axis] - margin, position_world_m[axis]
+        return f"{name}: expected {'xyz'[axis]} within {low:g} to {high:g} m, was {value:g} m."
 
     def _refusal_of_cell(self, name: str, position_world_m: Vec3) -> str | None:
-        grid = self.room.grid
         x_m, y_m, z_m = position_world_m
         place_m = (x_m, y_m, z_m if self.ground_height_m is None else self.ground_height_m)
-        cell = np.minimum(grid.cell_of(np.array(place_m)), np.array(grid.shape) - 1)
-        if self.room.occupancy[tuple(cell)] == Cell.SOLID:
+        if self._is_solid_at(place_m):
             return f"{name}: expected a free place, was {self._place_text(place_m)}."
         return None
 
@@ -125,19 +154,23 @@ class FlightSpace:
             stop_world_m: Where it would come to rest, world frame [m].
             velocity_world_m_s: How it moves now, world frame [m/s].
         """
-        grid = self.room.grid
-        for axis, stop, speed, low, high in zip(
-            "xyz", stop_world_m, velocity_world_m_s, grid.origin_m, grid.max_m, strict=True
-        ):
-            if is_stop_beyond(stop, speed, low, high, self.radius_m):
-                least, most = low + self.radius_m + CLEARANCE_M, high - self.radius_m - CLEARANCE_M
-                return (
-                    f"{name}: expected a stop at {axis} within {least:g} to {most:g} m, was heading for {stop:.2f} m."
-                )
-        cell = np.clip(grid.cell_of(np.array(stop_world_m)), 0, np.array(grid.shape) - 1)
-        if self.room.occupancy[tuple(cell)] == Cell.SOLID and any(velocity_world_m_s):
+        low_m, high_m = self.room.grid.origin_m, self.room.grid.max_m
+        axis = find_axis_of_stop_beyond(stop_world_m, velocity_world_m_s, low_m, high_m, self.radius_m)
+        if axis != NO_AXIS:
+            least, most = low_m[axis] + self.radius_m + CLEARANCE_M, high_m[axis] - self.radius_m - CLEARANCE_M
+            return (
+                f"{name}: expected a stop at {'xyz'[axis]} within {least:g} to {most:g} m, "
+                f"was heading for {stop_world_m[axis]:.2f} m."
+            )
+        if any(velocity_world_m_s) and self._is_solid_at(stop_world_m):
             return f"{name}: expected a stop in a free place, was heading for {self._place_text(stop_world_m)}."
         return None
+
+    # The cell that holds a place, or the nearest of the grid.
+    def _is_solid_at(self, position_m: Vec3) -> bool:
+        grid = self.room.grid
+        i, j, k = (nearest_cell_index(position_m[a], grid.origin_m[a], grid.cell_m, grid.shape[a]) for a in range(3))
+        return bool(self.room.occupancy[i, j, k] == _SOLID)
 
     def support_height_m(self, position_world_m: Vec3) -> float:
         """Return the height of the floor or the highest box top below a place, world frame [m]."""

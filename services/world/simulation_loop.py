@@ -116,6 +116,45 @@ def is_state_plausible(p, v):
 
 
 @numba.njit(cache=True, nogil=True)
+def path_time_s(state, tick, tick_s, i_substep, dt_s):
+    """Return the time since the end of a path's start tick [s] at which a sub-step of a tick begins.
+
+    Args:
+        state: Record of `records.STATE`.
+        tick: The tick that is advanced to.
+        tick_s: Length of a tick [s].
+        i_substep: The sub-step, counted in the tick.
+        dt_s: Length of a sub-step [s].
+    """
+    return (tick - 1 - state.start_tick) * tick_s + i_substep * dt_s
+
+
+@numba.njit(cache=True, nogil=True)
+def advance_point_inplace(p, v, a_x, a_y, a_z, dt_s):
+    """Advance a point mass by a semi-implicit Euler step, MuJoCo's step of a free body without torque to the bit.
+
+    v <- v + dt a,  p <- p + dt v
+    [m/s] = [s] [m/s^2],  [m] = [s] [m/s]
+
+    Args:
+        p: (3,) position, world frame [m]; advanced.
+        v: (3,) velocity, world frame [m/s]; advanced.
+        a_x: Acceleration along world x [m/s^2]; a_y and a_z likewise.
+        a_y: See a_x.
+        a_z: See a_x.
+        dt_s: Length of the step [s].
+
+    Held by:
+        tests/integration/training/test_batch_equals_flight.py
+    """
+    v[0] += dt_s * a_x
+    v[1] += dt_s * a_y
+    v[2] += dt_s * a_z
+    for axis in range(3):
+        p[axis] += dt_s * v[axis]
+
+
+@numba.njit(cache=True, nogil=True)
 def path_force_inplace(vehicle, state, p, v, t_s, dt_s):
     """Return the specific force [m/s^2] that follows the path and the reference's jerk, world frame.
 
@@ -338,7 +377,7 @@ def run_substeps_inplace(
             if not is_state_plausible(p, v):
                 return i_substep, k
             force = qfrc_applied[vehicle.i_qvel : vehicle.i_qvel + 8]
-            t_s = (tick - 1 - state.start_tick) * tick_s + i_substep * dt_s
+            t_s = path_time_s(state, tick, tick_s, i_substep, dt_s)
             if vehicle.has_rotors:
                 wind_u, wind_v, wind_w = trilinear_wind(wind_velocity_m_s, wind_origin_m, wind_cell_m, p[0], p[1], p[2])
                 step_rotorcraft_inplace(vehicle, state, p, v, force, t_s, dt_s, wind_u, wind_v, wind_w)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scalar_kernels import scalar_kernel
 from gslcosim.base.ticks import seconds_from_ticks
 
 # Peak speed and acceleration of the rest-to-rest quintic, in units of d/T and d/T^2 (see `rest_to_rest_duration`).
@@ -161,9 +162,15 @@ def polynomial_state(coefficients, t_s):
         tests/analytic/test_world_trajectory.py
     """
     state = np.empty((3, 3))
+    write_polynomial_state_inplace(state, coefficients, t_s)
+    return state
+
+
+@numba.njit(cache=True, nogil=True)
+def write_polynomial_state_inplace(state, coefficients, t_s):
+    """Write what `polynomial_state` returns into `state` (3, 3)."""
     for axis in range(3):
         state[0, axis], state[1, axis], state[2, axis], _ = polynomial_at(coefficients, axis, t_s)
-    return state
 
 
 @numba.njit(cache=True, nogil=True)
@@ -385,6 +392,12 @@ _ZERO: Vec3 = (0.0, 0.0, 0.0)
 _TIME_TOLERANCE_S = 1e-9
 
 
+@scalar_kernel
+def is_path_over(elapsed_s: float, duration_s: float) -> bool:
+    """Return whether a path of a duration [s] has ended, a time after its start [s]."""
+    return elapsed_s >= duration_s - _TIME_TOLERANCE_S
+
+
 @dataclass(frozen=True, kw_only=True)
 class Limits:
     """Limits of a trajectory: greatest speed [m/s] and acceleration [m/s^2] of the reference."""
@@ -427,7 +440,7 @@ class Trajectory:
 
     def state_after(self, t_s: float) -> NDArray[np.float64]:
         """Return the reference at a time since the end of the start tick [s]; see `state_at`."""
-        if t_s >= self.duration_s - _TIME_TOLERANCE_S:
+        if is_path_over(t_s, self.duration_s):
             beyond_s = max(0.0, t_s - self.duration_s)
             velocity = np.array(self.end_velocity_world_m_s)
             acceleration = np.array(self.end_acceleration_world_m_s2) if beyond_s <= _TIME_TOLERANCE_S else np.zeros(3)
@@ -436,7 +449,7 @@ class Trajectory:
 
     def is_over(self, tick: int, tick_ns: int) -> bool:
         """Return whether the polynomial has ended at the end of a tick."""
-        return seconds_from_ticks(tick - self.start_tick, tick_ns) >= self.duration_s - _TIME_TOLERANCE_S
+        return is_path_over(seconds_from_ticks(tick - self.start_tick, tick_ns), self.duration_s)
 
 
 def plan_rest(

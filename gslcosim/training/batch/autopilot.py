@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.training.batch.batch_records import (
     CRUISE,
     FLYING,
@@ -19,7 +20,6 @@ from gslcosim.training.batch.batch_records import (
     TAKING_OFF,
 )
 from gslcosim.training.batch.free_space import (
-    SAME_S,
     array_at,
     copy_inplace,
     is_hit,
@@ -28,15 +28,15 @@ from gslcosim.training.batch.free_space import (
     must_brake,
     norm3,
     plan_to_velocity_inplace,
-    seconds_of,
     wind_at_inplace,
 )
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
 from gslcosim_services.world.multirotor_control import drag_force
 from gslcosim_services.world.path_follower import back_off_frac, has_arrived, is_too_late
-from gslcosim_services.world.simulation_loop import path_force_inplace
+from gslcosim_services.world.simulation_loop import advance_point_inplace, path_force_inplace, path_time_s
 from gslcosim_services.world.trajectory import (
     allowed_lateral_deviation_m,
+    is_path_over,
     max_lateral_deviation_m,
     plan_quickest_inplace,
 )
@@ -80,17 +80,15 @@ def fly_lagged_tick(search, path, vehicle, case, room, work, tick, time_s):
             search.is_touching = search.is_bumped = 1
             v[0] = v[1] = v[2] = 0.0
             return
-        t_s = (tick - 1 - path.start_tick) * case.tick_s + i_substep * dt_s
+        t_s = path_time_s(path, tick, case.tick_s, i_substep, dt_s)
         f_x, f_y, f_z, j_x, j_y, j_z = path_force_inplace(vehicle, path, p, v, t_s, dt_s)
         f[0] += j_x * dt_s + case.tilt_share * (f_x - f[0])
         f[1] += j_y * dt_s + case.tilt_share * (f_y - f[1])
         f[2] += j_z * dt_s + case.lift_share * (f_z - f[2])
         d_x, d_y, d_z = drag_force(vehicle, case.rotor_speeds_rad_s, wind[0] - v[0], wind[1] - v[1], wind[2] - v[2])
-        v[0] += dt_s * (f[0] + d_x / vehicle.mass_kg)
-        v[1] += dt_s * (f[1] + d_y / vehicle.mass_kg)
-        v[2] += dt_s * (f[2] - vehicle.gravity_m_s2 + d_z / vehicle.mass_kg)
-        for axis in range(3):
-            p[axis] += dt_s * v[axis]
+        a_x, a_y = f[0] + d_x / vehicle.mass_kg, f[1] + d_y / vehicle.mass_kg
+        a_z = f[2] - vehicle.gravity_m_s2 + d_z / vehicle.mass_kg
+        advance_point_inplace(p, v, a_x, a_y, a_z, dt_s)
 
 
 _TO_POINT = False
@@ -196,7 +194,7 @@ def _is_equal(a, b):
 @reference_free_njit()
 def _is_refused(search, path, case, room, work, tick, task, vector):
     if task == GO_TO:
-        return is_place_refused(room, case.radius_m, vector[0], vector[1], vector[2])
+        return is_place_refused(room, case.radius_m, vector)
     if task != CRUISE:
         return False
     if norm3(vector[0], vector[1], vector[2]) > case.max_speed_m_s * (1 + 1e-9):
@@ -268,7 +266,7 @@ def receive_task(search, path, case, room, work, tick, task, vector):
 
 @reference_free_njit()
 def _is_over(path, case, tick):
-    return seconds_of(tick - path.start_tick, case.tick_ns) >= path.duration_s - SAME_S
+    return is_path_over(seconds_from_ticks(tick - path.start_tick, case.tick_ns), path.duration_s)
 
 
 @reference_free_njit()
@@ -286,7 +284,7 @@ def _notice_arrival(search, path, case, room, tick):
     distance_m = norm3(p[0] - end[0], p[1] - end[1], p[2] - end[2])
     if has_arrived(distance_m, norm3(v[0], v[1], v[2])):
         _arrive(search, tick)
-    elif is_too_late(seconds_of(tick - path.start_tick, case.tick_ns) - path.duration_s):
+    elif is_too_late(seconds_from_ticks(tick - path.start_tick, case.tick_ns) - path.duration_s):
         _give_up(search, path, case, room, tick, distance_m)
 
 
@@ -296,15 +294,15 @@ def _give_up(search, path, case, room, tick, distance_m):
     p, end = search.position_m, path.end_world_m
     back = back_off_frac(distance_m)
     x_m, y_m, z_m = p[0] + back * (p[0] - end[0]), p[1] + back * (p[1] - end[1]), p[2] + back * (p[2] - end[2])
-    if is_place_refused(room, case.radius_m, x_m, y_m, z_m):
-        x_m, y_m, z_m = p[0], p[1], p[2]
+    end[0], end[1], end[2] = x_m, y_m, z_m
+    if is_place_refused(room, case.radius_m, end):
+        copy_inplace(end, p)
     path.start_tick = tick
     path.duration_s = 0.0
     path.coefficients[:] = 0.0
     path.end_velocity_world_m_s[:] = 0.0
     path.integral_m_s2[:] = 0.0
-    end[0], end[1], end[2] = x_m, y_m, z_m
-    path.coefficients[0, 0], path.coefficients[1, 0], path.coefficients[2, 0] = x_m, y_m, z_m
+    path.coefficients[0, 0], path.coefficients[1, 0], path.coefficients[2, 0] = end[0], end[1], end[2]
     search.keeps_velocity = 0
     search.is_preparing = 0
     search.notice = 1

@@ -13,10 +13,26 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
+from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.environment.grid_kernels import trilinear_wind
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
-from gslcosim_services.world.flight_space import CLEARANCE_M, is_out_of_bounds, is_stop_beyond
-from gslcosim_services.world.trajectory import DURATION_GROWTH, MIN_DURATION_S, plan_quickest_inplace, polynomial_at
+from gslcosim_services.fields.filament.filament_step import cell_index
+from gslcosim_services.fields.mixing_ratio import WallCells, is_box_of_air
+from gslcosim_services.world.flight_space import (
+    CLEARANCE_M,
+    NO_AXIS,
+    find_axis_of_stop_beyond,
+    find_axis_out_of_bounds,
+    nearest_cell_index,
+)
+from gslcosim_services.world.trajectory import (
+    DURATION_GROWTH,
+    MIN_DURATION_S,
+    is_path_over,
+    plan_quickest_inplace,
+    polynomial_at,
+    write_polynomial_state_inplace,
+)
 from gslcosim_services.world.vehicle_records import STATE
 
 _SPLIT = 134217729.0  # 2^27 + 1
@@ -203,41 +219,30 @@ def copy_inplace(to, values):
 
 
 @reference_free_njit()
-def _cell(coordinate_m, origin_m, cell_m):
-    return math.floor((coordinate_m - origin_m) / cell_m)
-
-
-@reference_free_njit()
-def _is_solid_at(room, x_m, y_m, z_m, least):
-    # The cell that holds a place, or the nearest of the grid: above it always, below it where `least` is 0.
+def _is_solid_at(room, place_m):
     nx, ny, nz = room.shape[0], room.shape[1], room.shape[2]
-    i = max(min(_cell(x_m, room.origin_m[0], room.cell_m), nx - 1), least)
-    j = max(min(_cell(y_m, room.origin_m[1], room.cell_m), ny - 1), least)
-    k = max(min(_cell(z_m, room.origin_m[2], room.cell_m), nz - 1), least)
+    i = nearest_cell_index(place_m[0], room.origin_m[0], room.cell_m, nx)
+    j = nearest_cell_index(place_m[1], room.origin_m[1], room.cell_m, ny)
+    k = nearest_cell_index(place_m[2], room.origin_m[2], room.cell_m, nz)
     occupancy = array_at(room.occupancy, (nx, ny, nz), np.uint8)
     return occupancy[i, j, k] == _SOLID
 
 
 @reference_free_njit()
-def is_place_refused(room, radius_m, x_m, y_m, z_m):
+def is_place_refused(room, radius_m, place_m):
     """Return True if a vehicle cannot be sent to a place; see `FlightSpace.refusal`.
 
     Args:
         room: Record of `ROOM`.
         radius_m: The vehicle's radius [m].
-        x_m: Place, world frame [m].
-        y_m: Place, world frame [m].
-        z_m: Place, world frame [m].
+        place_m: (3,) place, world frame [m].
 
     Held by:
         tests/integration/training/test_batch_equals_flight.py
     """
-    low, high = room.origin_m, room.max_m
-    if is_out_of_bounds(x_m, low[0], high[0], 0.0) or is_out_of_bounds(y_m, low[1], high[1], 0.0):
+    if find_axis_out_of_bounds(place_m, room.origin_m, room.max_m, radius_m) != NO_AXIS:
         return True
-    if is_out_of_bounds(z_m, low[2], high[2], radius_m):
-        return True
-    return _is_solid_at(room, x_m, y_m, z_m, 0)
+    return _is_solid_at(room, place_m)
 
 
 @reference_free_njit()
@@ -253,11 +258,10 @@ def is_edge_ahead(room, radius_m, stop_m, velocity_m_s):
     Held by:
         tests/integration/training/test_batch_equals_flight.py
     """
-    for axis in range(3):
-        if is_stop_beyond(stop_m[axis], velocity_m_s[axis], room.origin_m[axis], room.max_m[axis], radius_m):
-            return True
+    if find_axis_of_stop_beyond(stop_m, velocity_m_s, room.origin_m, room.max_m, radius_m) != NO_AXIS:
+        return True
     moves = velocity_m_s[0] != 0.0 or velocity_m_s[1] != 0.0 or velocity_m_s[2] != 0.0
-    return moves and _is_solid_at(room, stop_m[0], stop_m[1], stop_m[2], 0)
+    return moves and _is_solid_at(room, stop_m)
 
 
 @reference_free_njit()
@@ -284,19 +288,21 @@ def is_open_ahead(room, radius_m, state, longest_s):
         return False
     if x1 > high[0] - keeps_m or y1 > high[1] - keeps_m or z1 > high[2] - keeps_m:
         return False
-    # All cells between two corners.
-    cell_m = room.cell_m
-    i0, j0, k0 = _cell(x0, low[0], cell_m), _cell(y0, low[1], cell_m), _cell(z0, low[2], cell_m)
+    return is_box_of_air(walls_of(room), x0, x1, y0, y1, z0, z1)
+
+
+@reference_free_njit()
+def walls_of(room):
+    """Return the `WallCells` of a record of `ROOM`, which hide gas."""
     nx, ny, nz = room.shape[0], room.shape[1], room.shape[2]
-    i1 = min(_cell(x1, low[0], cell_m), nx - 1) + 1
-    j1 = min(_cell(y1, low[1], cell_m), ny - 1) + 1
-    k1 = min(_cell(z1, low[2], cell_m), nz - 1) + 1
-    sums = array_at(room.solid_sums, (nx + 1, ny + 1, nz + 1), np.int32)
-    n_solid = (
-        sums[i1, j1, k1] - sums[i0, j1, k1] - sums[i1, j0, k1] - sums[i1, j1, k0]
-        + sums[i0, j0, k1] + sums[i0, j1, k0] + sums[i1, j0, k0] - sums[i0, j0, k0]
-    )  # fmt: skip
-    return n_solid == 0
+    is_opaque = True
+    return WallCells(
+        is_opaque,
+        array_at(room.occupancy, (nx, ny, nz), np.uint8),
+        array_at(room.solid_sums, (nx + 1, ny + 1, nz + 1), np.int32),
+        (room.origin_m[0], room.origin_m[1], room.origin_m[2]),
+        room.cell_m,
+    )
 
 
 @reference_free_njit()
@@ -348,9 +354,9 @@ def is_hit(room, radius_m, half_height_m, position_m):
 # Which members of the list of boxes may be near.
 @reference_free_njit()
 def _near_boxes(room, position_m) -> Any:
-    i = _cell(position_m[0], room.near_origin_m[0], room.near_block_m)
-    j = _cell(position_m[1], room.near_origin_m[1], room.near_block_m)
-    k = _cell(position_m[2], room.near_origin_m[2], room.near_block_m)
+    i = cell_index(position_m[0], room.near_origin_m[0], room.near_block_m)
+    j = cell_index(position_m[1], room.near_origin_m[1], room.near_block_m)
+    k = cell_index(position_m[2], room.near_origin_m[2], room.near_block_m)
     nx, ny, nz = room.near_shape[0], room.near_shape[1], room.near_shape[2]
     if i < 0 or j < 0 or k < 0 or i >= nx or j >= ny or k >= nz:
         return 0, 0
@@ -384,19 +390,10 @@ def wind_at_inplace(wind_m_s, room, time_s, x_m, y_m, z_m):
     wind_m_s[0], wind_m_s[1], wind_m_s[2] = trilinear_wind(wind, origin_m, room.cell_m, x_m, y_m, z_m)
 
 
-# See `gslcosim_services.world.trajectory`.
-SAME_S = 1e-9
-_NS_PER_S = 1_000_000_000
 _TO_VELOCITY = True
 # What rounding may add, and a stop that no search looks at.
 _HAIR = 1.0 + 1e-9
 _FAR_TOO_LONG_S = 1000.0
-
-
-@reference_free_njit()
-def seconds_of(ticks, tick_ns):
-    """Return the simulated time of a number of ticks [s]; see `gslcosim.base.ticks.seconds_from_ticks`."""
-    return ticks * tick_ns / _NS_PER_S
 
 
 @reference_free_njit()
@@ -408,7 +405,7 @@ def state_after_inplace(state, path, t_s):
         path: Record of `records.STATE`, of which the path counts.
         t_s: Time since its start [s].
     """
-    if t_s >= path.duration_s - SAME_S:
+    if is_path_over(t_s, path.duration_s):
         beyond_s = max(0.0, t_s - path.duration_s)
         for axis in range(3):
             velocity = path.end_velocity_world_m_s[axis]
@@ -416,8 +413,7 @@ def state_after_inplace(state, path, t_s):
             state[1, axis] = velocity
             state[2, axis] = 0.0
         return
-    for axis in range(3):
-        state[0, axis], state[1, axis], state[2, axis], _ = polynomial_at(path.coefficients, axis, t_s)
+    write_polynomial_state_inplace(state, path.coefficients, t_s)
 
 
 @reference_free_njit()
@@ -451,7 +447,7 @@ def plan_to_velocity_inplace(path, case, start, end, u, v, w, tick):
 @reference_free_njit()
 def motion_inplace(state, path, case, tick):
     """Write the state of a path at the end of a tick; see `state_after_inplace`."""
-    state_after_inplace(state, path, seconds_of(tick - path.start_tick, case.tick_ns))
+    state_after_inplace(state, path, seconds_from_ticks(tick - path.start_tick, case.tick_ns))
 
 
 @reference_free_njit()

@@ -9,10 +9,10 @@ import numpy as np
 from llvmlite import ir
 from numba.extending import intrinsic
 
-from gslcosim.training.batch.free_space import array_at
+from gslcosim.training.batch.free_space import array_at, walls_of
 from gslcosim.training.batch.pcg64 import next_normal_inplace, seed_inplace
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
-from gslcosim_services.fields.mixing_ratio import WallCells, filament_contribution_ppm, is_box_of_air, is_visible
+from gslcosim_services.fields.mixing_ratio import filament_contribution_ppm, is_box_of_air, is_visible
 from gslcosim_services.fields.models.gaussian_plume import distances_along_and_across, plume_ppm, spreads_at
 
 
@@ -268,15 +268,7 @@ def add_tape_inplace(tape, frame, room, x_m, y_m, z_m, cutoff_sigma, strengths, 
     xs_m, ys_m, zs_m, sigmas_m = _numbers_of(tape, at, n)
     members = array_at(tape.members + at * 4, n, np.int32)
     sources = array_at(tape.sources + at, n, np.uint8)
-    nx, ny, nz = room.shape[0], room.shape[1], room.shape[2]
-    is_opaque = True
-    walls = WallCells(
-        is_opaque,
-        array_at(room.occupancy, (nx, ny, nz), np.uint8),
-        array_at(room.solid_sums, (nx + 1, ny + 1, nz + 1), np.int32),
-        (room.origin_m[0], room.origin_m[1], room.origin_m[2]),
-        room.cell_m,
-    )
+    walls = walls_of(room)
     x0, x1, y0, y1, z0, z1 = x_m, x_m, y_m, y_m, z_m, z_m
     for k in range(n_hits):
         m = hits[k]

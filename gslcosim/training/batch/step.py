@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.training.batch.autopilot import end_tick, fly_lagged_tick, receive_task, take_off
 from gslcosim.training.batch.batch_records import (
     BEGIN,
@@ -31,7 +32,6 @@ from gslcosim.training.batch.free_space import (
     array_at,
     copy_inplace,
     norm3,
-    seconds_of,
     touches,
     wind_at_inplace,
 )
@@ -44,10 +44,10 @@ from gslcosim.training.batch.sensors import (
     write_reading_inplace,
 )
 from gslcosim_services.fields.models.gaussian_plume import PLUME_RECORD, steady_ppm
-from gslcosim_services.referee.agent_evaluation import find_failure, is_inside
+from gslcosim_services.referee.agent_evaluation import find_failure, is_inside, is_time_over
 from gslcosim_services.referee.metrics import source_distance_m
 from gslcosim_services.referee.success import is_every_source_found, is_source_reached, note_source
-from gslcosim_services.world.simulation_loop import path_force_inplace
+from gslcosim_services.world.simulation_loop import advance_point_inplace, path_force_inplace, path_time_s
 from gslcosim_services.world.vehicle_records import CONSTANTS
 
 # Failures of `FAILURES`, of which the agent's own cannot be in a batch.
@@ -93,14 +93,14 @@ def judge_inplace(search, case, room, sources_m, tick):
             is_met = is_every_source_found(found, case.n_sources)
         if is_met:
             search.outcome = SUCCESS
-    if search.outcome == SEARCHES_ON and seconds_of(tick, case.tick_ns) >= case.time_limit_s:
+    if search.outcome == SEARCHES_ON and is_time_over(tick, case.tick_ns, case.time_limit_s):
         search.outcome = TIME_LIMIT
     return search.outcome != SEARCHES_ON
 
 
 @reference_free_njit()
 def _fly_tick(search, path, vehicle, case, room, tick, first):
-    # A point robot is a mass that its force moves; MuJoCo's semi-implicit Euler step of a free body, to the bit.
+    # A point robot is a mass that its force moves.
     # Returns false at the first step in which it touches something.
     p, v, a = search.position_m, search.velocity_m_s, search.acceleration_m_s2
     dt_s, step_s = case.tick_s / case.n_substeps, case.physics_step_s
@@ -108,12 +108,10 @@ def _fly_tick(search, path, vehicle, case, room, tick, first):
         if touches(room, case.radius_m, p):
             search.touched_at = i_substep
             return False
-        t_s = (tick - 1 - path.start_tick) * case.tick_s + i_substep * dt_s
+        t_s = path_time_s(path, tick, case.tick_s, i_substep, dt_s)
         a[0], a[1], f_z, _, _, _ = path_force_inplace(vehicle, path, p, v, t_s, dt_s)
         a[2] = f_z - vehicle.gravity_m_s2
-        for axis in range(3):
-            v[axis] += step_s * a[axis]
-            p[axis] += step_s * v[axis]
+        advance_point_inplace(p, v, a[0], a[1], a[2], step_s)
     return True
 
 
@@ -176,7 +174,7 @@ def _sample_gas(cases, case, room, wanders, memory, work, tick, n, place_m):
 
 @reference_free_njit()
 def _sense(search, gauges, memory, wanders, cases, case, i_case, room, work, tick):
-    time_s = case.warm_up_s + seconds_of(tick, case.tick_ns)
+    time_s = case.warm_up_s + seconds_from_ticks(tick, case.tick_ns)
     places_m = array_at(work.places_m, (work.n_places, 3), np.float64)
     wind_m_s = array_at(work.wind_m_s, (work.n_places, 3), np.float64)
     for n in range(work.n_places):
@@ -216,7 +214,7 @@ def _go_on(search, path, gauges, memory, wanders, cases, work, tick, task, vecto
             if tick < case.n_start_rows:
                 _leave_start(search, case, start_rows, tick)
             elif case.is_lagged:
-                begin_s = case.warm_up_s + seconds_of(tick - 1, case.tick_ns)
+                begin_s = case.warm_up_s + seconds_from_ticks(tick - 1, case.tick_ns)
                 fly_lagged_tick(search, path, vehicle, case, room, work, tick, begin_s)
             elif not _fly_tick(search, path, vehicle, case, room, tick, 0):
                 return
@@ -233,7 +231,7 @@ def _write_observation(numbers, search, gauges, cases, work):
     i_case = search.case
     case = array_at(cases.cases, cases.n_cases, CASE)[i_case]
     instruments = array_at(cases.instruments, (cases.n_cases, cases.n_sensors), INSTRUMENT)
-    write_pose_inplace(numbers, search, case, seconds_of(search.tick, case.tick_ns))
+    write_pose_inplace(numbers, search, case, seconds_from_ticks(search.tick, case.tick_ns))
     for k in range(gauges.shape[0]):
         write_reading_inplace(numbers, instruments[i_case, k], gauges[k], work)
 
