@@ -15,6 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.cell_kernels import is_step_free, keep_bends, label_parts
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.grid_kernels import is_line_of_sight_free
 from gslcosim.environment.model import Box, Cell, EnvironmentGeometry, Grid
@@ -22,6 +23,7 @@ from gslcosim.environment.model import Box, Cell, EnvironmentGeometry, Grid
 # Lengths of steps in whole numbers, so that equal paths are equal to the bit: 2^32 to the edge of a cell.
 _ONE = 1 << 32
 _STEP = (0, _ONE, round(math.sqrt(2.0) * _ONE), round(math.sqrt(3.0) * _ONE))
+_BLOCKED = 1
 
 
 @numba.njit(cache=True, nogil=True)
@@ -64,49 +66,6 @@ def block_near_boxes_inplace(blocked, lows_m, highs_m, origin_m, cell_m, clearan
 @numba.njit(cache=True, nogil=True, inline="always")
 def _gap(low, high, cell_low, cell_m):
     return max(low - (cell_low + cell_m), cell_low - high, 0.0)
-
-
-@numba.njit(cache=True, nogil=True)
-def label_parts(blocked):
-    """Number the parts that the free cells fall into: cells of one part reach each other through faces.
-
-    A step that cuts no corner passes faces of free cells, so what one part cannot reach no path can.
-
-    Args:
-        blocked: (nx, ny, nz) uint8, 0 where free; index order ij.
-
-    Returns:
-        (nx, ny, nz) int32, 0 where blocked, else the number of its part, from 1.
-
-    Held by:
-        tests/unit/environment/paths/test_planner.py
-    """
-    nx, ny, nz = blocked.shape
-    parts = np.zeros((nx, ny, nz), np.int32)
-    stack = np.empty(blocked.size, np.int64)
-    n_parts = 0
-    for seed in range(blocked.size):
-        i, j, k = seed // (ny * nz), (seed // nz) % ny, seed % nz
-        if blocked[i, j, k] != 0 or parts[i, j, k] != 0:
-            continue
-        n_parts += 1
-        parts[i, j, k] = n_parts
-        stack[0], n_waiting = seed, 1
-        while n_waiting > 0:
-            n_waiting -= 1
-            node = stack[n_waiting]
-            i, j, k = node // (ny * nz), (node // nz) % ny, node % nz
-            for side in range(6):
-                a = i + (1 if side == 0 else (-1 if side == 1 else 0))
-                b = j + (1 if side == 2 else (-1 if side == 3 else 0))
-                c = k + (1 if side == 4 else (-1 if side == 5 else 0))
-                if a < 0 or b < 0 or c < 0 or a >= nx or b >= ny or c >= nz:
-                    continue
-                if blocked[a, b, c] == 0 and parts[a, b, c] == 0:
-                    parts[a, b, c] = n_parts
-                    stack[n_waiting] = (a * ny + b) * nz + c
-                    n_waiting += 1
-    return parts
 
 
 @numba.njit(cache=True, nogil=True)
@@ -158,19 +117,6 @@ def _left(di, dj, dk):
     return (most - middle) * _STEP[1] + (middle - least) * _STEP[2] + least * _STEP[3]
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def _is_step_free(blocked, i, j, k, di, dj, dk):
-    nx, ny, nz = blocked.shape
-    if not (0 <= i + di < nx and 0 <= j + dj < ny and 0 <= k + dk < nz):
-        return False
-    for a in range(abs(di) + 1):
-        for b in range(abs(dj) + 1):
-            for c in range(abs(dk) + 1):
-                if blocked[i + a * di, j + b * dj, k + c * dk] != 0:
-                    return False
-    return True
-
-
 @numba.njit(cache=True, nogil=True)
 def lattice_path(blocked, start, goal):
     """Return a shortest path of steps to neighbouring cells, which cut no corners.
@@ -211,7 +157,7 @@ def lattice_path(blocked, start, goal):
         i, j, k = node // (ny * nz), (node // nz) % ny, node % nz
         for step in range(27):
             di, dj, dk = step // 9 - 1, (step // 3) % 3 - 1, step % 3 - 1
-            if step == 13 or not _is_step_free(blocked, i, j, k, di, dj, dk):
+            if step == 13 or not is_step_free(blocked, _BLOCKED, i, j, k, di, dj, dk):
                 continue
             other = ((i + di) * ny + j + dj) * nz + k + dk
             through = so_far + _STEP[abs(di) + abs(dj) + abs(dk)]
@@ -244,6 +190,12 @@ def _offset(step, ny, nz):
     return ((step // 9 - 1) * ny + (step // 3) % 3 - 1) * nz + step % 3 - 1
 
 
+@numba.njit(cache=True, nogil=True, inline="always")
+def _is_leg_free(space, a_m, b_m):
+    blocked, origin_m, cell_m = space
+    return is_line_of_sight_free(blocked, origin_m, cell_m, a_m[0], a_m[1], a_m[2], b_m[0], b_m[1], b_m[2])
+
+
 @numba.njit(cache=True, nogil=True)
 def shorten_path(points_m, blocked, origin_m, cell_m):
     """Leave out the points of a path that it can pass by: from each point on straight to the last one that it sees.
@@ -260,21 +212,7 @@ def shorten_path(points_m, blocked, origin_m, cell_m):
     Held by:
         tests/unit/environment/paths/test_planner.py
     """
-    n = points_m.shape[0]
-    kept = np.empty_like(points_m)
-    kept[0], n_kept, i = points_m[0], 1, 0
-    while i < n - 1:
-        a = points_m[i]
-        j = n - 1
-        while j > i + 1:
-            b = points_m[j]
-            if is_line_of_sight_free(blocked, origin_m, cell_m, a[0], a[1], a[2], b[0], b[1], b[2]):
-                break
-            j -= 1
-        kept[n_kept] = points_m[j]
-        n_kept += 1
-        i = j
-    return kept[:n_kept].copy()
+    return keep_bends(points_m, _is_leg_free, (blocked, origin_m, cell_m))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -397,7 +335,7 @@ class FreeSpace:
         x_m, y_m, _ = self.grid.origin_m
         nx, ny, _ = self.grid.shape
         grid = Grid(origin_m=(x_m, y_m, -self.grid.cell_m / 2), cell_m=self.grid.cell_m, shape=(nx, ny, 1))
-        return FreeSpace(grid=grid, blocked=blocked, solid=solid, parts=label_parts(blocked))
+        return FreeSpace(grid=grid, blocked=blocked, solid=solid, parts=label_parts(blocked, _BLOCKED))
 
     def _layer(self, height_m: float) -> int:
         layer = math.floor((height_m - self.grid.origin_m[2]) / self.grid.cell_m)
@@ -429,7 +367,7 @@ def free_space(
         layers = np.moveaxis(blocked, axis, 0)
         layers[:n_layers] = 1
         layers[layers.shape[0] - n_layers :] = 1
-    return FreeSpace(grid=grid, blocked=blocked, solid=solid, parts=label_parts(blocked))
+    return FreeSpace(grid=grid, blocked=blocked, solid=solid, parts=label_parts(blocked, _BLOCKED))
 
 
 def warm_up_planner() -> None:
@@ -437,7 +375,7 @@ def warm_up_planner() -> None:
     blocked = np.zeros((3, 3, 1), np.uint8)
     blocked[1, :2] = 1
     grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=1.0, shape=(3, 3, 1))
-    space = FreeSpace(grid=grid, blocked=blocked, solid=blocked, parts=label_parts(blocked))
+    space = FreeSpace(grid=grid, blocked=blocked, solid=blocked, parts=label_parts(blocked, _BLOCKED))
     space.path((0.5, 0.5, 0.5), (2.5, 0.5, 0.5))
     space.nearest_m((1.5, 0.5, 0.5), in_sight=True)
     space.holds_curve(np.zeros((3, 6)), 1.0, max_speed_m_s=1.0)

@@ -4,7 +4,8 @@
 Vehicles plan with `planner` instead, whose `shorten_path` shortens their paths, and that there are two is on purpose.
 What is judged must not judge itself: the ways here know nothing of a vehicle, its grid of inflated boxes or its
 corners. And they answer other questions: here how short a way can be, by bends anywhere between the cells, once per
-run; there a way that a vehicle of some size can fly, over neighbouring cells, in flight.
+run; there a way that a vehicle of some size can fly, over neighbouring cells, in flight. Only what a step may cross is
+shared.
 """
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
@@ -18,9 +19,12 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.cell_kernels import is_step_free
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.grid_kernels import is_line_of_sight_free
 from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid
+
+_BLOCKED = 1
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -37,20 +41,6 @@ def _point_of(node, shape, origin_m, cell_m, start_node, start_m, goal_node, goa
 @numba.njit(cache=True, nogil=True, inline="always")
 def _distance(a, b):
     return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
-
-
-@numba.njit(cache=True, nogil=True)
-def _is_step_free(blocked, i, j, k, di, dj, dk):
-    # All cells of the block that a step to one of the 26 neighbours crosses: no corner is cut.
-    nx, ny, nz = blocked.shape
-    if not (0 <= i + di < nx and 0 <= j + dj < ny and 0 <= k + dk < nz):
-        return False
-    for a in range(2 if di != 0 else 1):
-        for b in range(2 if dj != 0 else 1):
-            for c in range(2 if dk != 0 else 1):
-                if blocked[i + a * di, j + b * dj, k + c * dk] != 0:
-                    return False
-    return True
 
 
 @numba.njit(cache=True, nogil=True)
@@ -131,7 +121,7 @@ def any_angle_path(blocked, origin_m, cell_m, start_m, goal_m, within_m):
             for di in range(-1, 2):
                 for dj in range(-1, 2):
                     for dk in range(-1, 2):
-                        if not _is_step_free(blocked, i, j, k, di, dj, dk):
+                        if not is_step_free(blocked, _BLOCKED, i, j, k, di, dj, dk):
                             continue
                         other = node + (di * ny + dj) * nz + dk
                         if not is_closed[other] or other == node:
@@ -149,7 +139,7 @@ def any_angle_path(blocked, origin_m, cell_m, start_m, goal_m, within_m):
         for di in range(-1, 2):
             for dj in range(-1, 2):
                 for dk in range(-1, 2):
-                    if not _is_step_free(blocked, i, j, k, di, dj, dk):
+                    if not is_step_free(blocked, _BLOCKED, i, j, k, di, dj, dk):
                         continue
                     other = node + (di * ny + dj) * nz + dk
                     if is_closed[other]:

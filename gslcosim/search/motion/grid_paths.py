@@ -16,6 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.cell_kernels import is_step_free, keep_bends
 from gslcosim.contract.messages import KnownMap
 from gslcosim.search.beliefs import CellGrid
 
@@ -24,21 +25,9 @@ from gslcosim.search.beliefs import CellGrid
 STEP_UNITS = (0, 408, 577, 707)
 UNITS_PER_CELL = 408
 NOT_REACHED = -1
+_BLOCKED = False
 _RING = 708  # more than the longest step, so that no two lengths that wait at one time share a bucket
 _TOGETHER = 1e-9
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
-def _is_step_free(free, i, j, k, di, dj, dk):
-    nx, ny, nz = free.shape
-    if i + di < 0 or j + dj < 0 or k + dk < 0 or i + di >= nx or j + dj >= ny or k + dk >= nz:
-        return False
-    for a in range(abs(di) + 1):
-        for b in range(abs(dj) + 1):
-            for c in range(abs(dk) + 1):
-                if not free[i + a * di, j + b * dj, k + c * dk]:
-                    return False
-    return True
 
 
 @numba.njit(cache=True, nogil=True)
@@ -91,7 +80,7 @@ def path_tree(free, first):
         i, j, k = node // (ny * nz), (node // nz) % ny, node % nz
         for step in range(27):
             di, dj, dk = step // 9 - 1, (step // 3) % 3 - 1, step % 3 - 1
-            if step == 13 or not _is_step_free(free, i, j, k, di, dj, dk):
+            if step == 13 or not is_step_free(free, _BLOCKED, i, j, k, di, dj, dk):
                 continue
             other = ((i + di) * ny + j + dj) * nz + k + dk
             if is_done[other]:
@@ -167,7 +156,7 @@ def is_line_free(free, ax, ay, az, bx, by, bz):
         di = si if tx - t < _TOGETHER else 0
         dj = sj if ty - t < _TOGETHER else 0
         dk = sk if tz - t < _TOGETHER else 0
-        if not _is_step_free(free, i, j, k, di, dj, dk):
+        if not is_step_free(free, _BLOCKED, i, j, k, di, dj, dk):
             return False
         if di != 0:
             i, tx = i + di, tx + step_x
@@ -240,6 +229,11 @@ def mark_clear_cells(free, clearance_cells):
     return kept
 
 
+@numba.njit(cache=True, nogil=True, inline="always")
+def _is_leg_free(free, a, b):
+    return is_line_free(free, a[0], a[1], a[2], b[0], b[1], b[2])
+
+
 @numba.njit(cache=True, nogil=True)
 def shorten_path(points, free):
     """Leave out the points of a path that it can pass by: from each point on straight to the last one that it sees.
@@ -254,21 +248,7 @@ def shorten_path(points, free):
     Held by:
         tests/unit/search/motion/test_grid_paths.py
     """
-    n = points.shape[0]
-    kept = np.empty_like(points)
-    kept[0], n_kept, here = points[0], 1, 0
-    while here < n - 1:
-        a = points[here]
-        ahead = n - 1
-        while ahead > here + 1:
-            b = points[ahead]
-            if is_line_free(free, a[0], a[1], a[2], b[0], b[1], b[2]):
-                break
-            ahead -= 1
-        kept[n_kept] = points[ahead]
-        n_kept += 1
-        here = ahead
-    return kept[:n_kept].copy()
+    return keep_bends(points, _is_leg_free, free)
 
 
 Free = NDArray[np.bool_]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gslcosim.base.cell_kernels import label_parts
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import Briefing, Command, KnownMap, Observation
 from gslcosim.search.beliefs import CellGrid
@@ -16,7 +17,6 @@ from gslcosim.search.motion.grid_paths import (
     find_free_cells,
     inflate_obstacles,
     nearest_free,
-    path_field_from,
     point_along,
     shortest_path,
 )
@@ -250,16 +250,13 @@ class MapNavigator:
 def largest_connected_part(free: Free) -> Free:
     """Return the largest part of the free cells that hangs together; all cells where none is free.
 
-    Cells hang together when a path of `path_tree` connects them. Of equally large parts the first is taken.
+    Cells hang together when a path of `path_tree` connects them: through faces, since paths cut no corners. Of equally
+    large parts the first is taken.
     """
-    left, best = free.copy(), np.zeros_like(free)
-    while left.any():
-        cell = np.unravel_index(int(left.argmax()), free.shape)
-        part = path_field_from(left, 1.0, [int(i) for i in cell]).is_reached
-        left &= ~part
-        if part.sum() > best.sum():
-            best = part
-    return best if best.any() else np.ones_like(free)
+    if not free.any():
+        return np.ones_like(free)
+    parts = label_parts(free if free.ndim == 3 else free[:, :, None], False).reshape(free.shape)  # noqa: FBT003 - a cell
+    return parts == 1 + np.bincount(parts[free])[1:].argmax()
 
 
 def _free_cells(known_map: KnownMap | None, grid: CellGrid, height_m: float) -> Free:

@@ -8,15 +8,16 @@ import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
+from gslcosim.base.cell_kernels import label_parts
 from gslcosim.environment.model import Grid
-from gslcosim.environment.paths.planner import FreeSpace, free_space, is_curve_free, label_parts, lattice_path
+from gslcosim.environment.paths.planner import FreeSpace, free_space, is_curve_free, lattice_path
 
 STEPS = [step for step in itertools.product((-1, 0, 1), repeat=3) if any(step)]
 
 
 def space_of(blocked, cell_m=1.0):
     grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=cell_m, shape=blocked.shape)
-    return FreeSpace(grid=grid, blocked=blocked, solid=blocked, parts=label_parts(blocked))
+    return FreeSpace(grid=grid, blocked=blocked, solid=blocked, parts=label_parts(blocked, 1))
 
 
 # All steps between free cells that span a block of free cells, without a look at the code under test.
@@ -56,7 +57,7 @@ def test_lengths_are_those_of_a_reference_library_on_a_thousand_random_grids(is_
         ends = [int(np.ravel_multi_index(cell, shape)) for cell in (start, goal)]
         expected = dijkstra(graph_of(blocked), indices=ends[0])[ends[1]]
         cells = lattice_path(blocked, np.array(start), np.array(goal))
-        parts = label_parts(blocked)
+        parts = label_parts(blocked, 1)
         assert (parts[start] == parts[goal]) == math.isfinite(expected)
         if math.isinf(expected):
             n_without += 1
@@ -130,7 +131,7 @@ def test_the_nearest_free_place_in_sight_is_on_this_side_of_a_plate():
     solid = np.zeros_like(blocked)
     solid[4] = 1
     grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=1.0, shape=blocked.shape)
-    space = FreeSpace(grid=grid, blocked=blocked, solid=solid, parts=label_parts(blocked))
+    space = FreeSpace(grid=grid, blocked=blocked, solid=solid, parts=label_parts(blocked, 1))
     assert space.nearest_m((3.9, 2.5, 2.5)) == (1.5, 2.5, 2.5)
     assert space.nearest_m((5.2, 2.5, 2.5)) == (6.5, 2.5, 2.5)
     assert space.nearest_m((3.9, 2.5, 2.5), part=int(space.parts[7, 0, 0])) == (6.5, 2.5, 2.5)
