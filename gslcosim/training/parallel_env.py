@@ -16,6 +16,7 @@ from gslcosim.base.ticks import NS_PER_S
 from gslcosim.contract.messages import Command
 from gslcosim.search.learned.encoding import ActionKind, ObservationVector, action_kind
 from gslcosim.training import REMEDY
+from gslcosim.training.path_lengths import PathLengths
 from gslcosim.training.rewards import TIME_LIMIT, AgentState, Reward, TaskScale, reward_function
 from gslcosim.training.stepped_run import LearningTask, SteppedRun
 
@@ -207,7 +208,7 @@ class ParallelSearchEnv(ParallelEnv[str, _Numbers, _Numbers]):
             if actions.n_choices:
                 raise UsageError(f"action: expected a kind with numbers, was {self._action_name!r}.")
             talkers[name] = _Talker(ObservationVector(briefing), actions, RadioCodec(briefing, self._n_told))
-        return _Search(flight, talkers, flight.scale(self._discount))
+        return _Search(flight, talkers, flight.scale(self._discount), flight.path_lengths(self._action_name))
 
 
 @dataclass
@@ -242,6 +243,7 @@ class _Search:
     flight: SteppedRun
     talkers: dict[str, _Talker]
     scale: TaskScale
+    lengths: dict[str, PathLengths]
 
     def act(self, actions: dict[str, _Numbers], step_ticks: int) -> None:
         flight = self.flight
@@ -267,6 +269,7 @@ class _Search:
                 time_s=self.flight.seen_by(name).time_s,
                 n_commands=score.n_commands,
                 outcome=self.flight.outcome_of(name),
+                path_m=self.flight.path_m(name, self.lengths[name]),
             )
             for name, score in self.flight.scores.items()
         }

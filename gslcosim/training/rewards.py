@@ -16,13 +16,15 @@ class AgentState:
     """State of an agent before or after a step.
 
     `distance_m` is its distance to the nearest source, `time_s` the simulated time, `n_commands` how many commands it
-    has given; `outcome` is absent while it searches.
+    has given; `outcome` is absent while it searches. `path_m` is the length of the shortest free path to that source,
+    absent where it is the distance.
     """
 
     distance_m: float
     time_s: float
     n_commands: int
     outcome: str | None = None
+    path_m: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,8 +48,10 @@ def sparse(before: AgentState, after: AgentState, scale: TaskScale) -> float:
 def potential(before: AgentState, after: AgentState, scale: TaskScale) -> float:
     """Return `sparse`, less the share of the time limit that the step took, and a shaping that changes no best policy.
 
-    g F(after) - F(before), with the potential F = -distance / diagonal while the search goes on and 0 after its end,
-    and the discount g. A search that the time limit cuts off has not come to an end, so its potential stays.
+    g F(after) - F(before), with the potential F = -path / diagonal while the search goes on and 0 after its end,
+    and the discount g. The path leads around what is solid: a distance through walls has its hills there, and holds
+    back who has to go away to come near. A search that the time limit cuts off has not come to an end, so its potential
+    stays.
 
     Source:
         Ng, Harada and Russell 1999, Policy invariance under reward transformations, theorem 1.
@@ -59,7 +63,8 @@ def potential(before: AgentState, after: AgentState, scale: TaskScale) -> float:
 
 
 def _potential(moment: AgentState, scale: TaskScale) -> float:
-    return 0.0 if moment.outcome not in (None, TIME_LIMIT) else -moment.distance_m / scale.diagonal_m
+    length_m = moment.distance_m if moment.path_m is None else moment.path_m
+    return 0.0 if moment.outcome not in (None, TIME_LIMIT) else -length_m / scale.diagonal_m
 
 
 REWARDS: dict[str, Reward] = {"sparse": sparse, "potential": potential}

@@ -16,6 +16,7 @@ from gslcosim.environment.model import Environment
 from gslcosim.environment.plan_view import PixelScale, PlanView
 from gslcosim.search.learned.encoding import ActionKind, ObservationVector, action_kind
 from gslcosim.training import REMEDY
+from gslcosim.training.path_lengths import PathLengths
 from gslcosim.training.rewards import TIME_LIMIT, AgentState, Reward, TaskScale, reward_function
 from gslcosim.training.stepped_run import LearningTask, SteppedRun
 
@@ -193,6 +194,7 @@ class SearchEnv(gymnasium.Env[NDArray[np.float32], Any]):
             actions=action_kind(self._action_name, briefing, **self._action_settings),
             scale=flight.scale(self._discount),
             drawing=MapImage(flight.environment, briefing.search_height_m, sources_m),
+            lengths=flight.path_lengths(self._action_name)[briefing.agent],
         )
 
 
@@ -206,6 +208,7 @@ class _Search:
     actions: ActionKind
     scale: TaskScale
     drawing: MapImage
+    lengths: PathLengths
 
     def act(self, action: Any) -> None:
         self.flight.answer(self.agent, self.actions.command(self.flight.seen_by(self.agent), action))
@@ -223,6 +226,7 @@ class _Search:
             time_s=self.flight.seen_by(self.agent).time_s,
             n_commands=score.n_commands,
             outcome=self.flight.outcome_of(self.agent),
+            path_m=self.flight.path_m(self.agent, self.lengths),
         )
 
     def info(self) -> dict[str, Any]:

@@ -8,10 +8,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from gslcosim.base.errors import SimulationFault, UsageError
 from gslcosim.base.files import ScratchFolder
+from gslcosim.base.quantities import Vec3
 from gslcosim.contract import codec
-from gslcosim.contract.messages import AgentScore, Briefing, Command, Ending, Message, Observation, Score
+from gslcosim.contract.messages import AgentScore, BodyPoses, Briefing, Command, Ending, Message, Observation, Score
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.generation.cache import prepare_variants, with_variants
 from gslcosim.environment.positions import draw_positions
@@ -33,6 +36,7 @@ from gslcosim.scenario.checks.registry import list_scenario_checks
 from gslcosim.scenario.loader import LoadedScenario
 from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.overrides import SET_OPTION
+from gslcosim.training.path_lengths import PathLengths
 from gslcosim.training.rewards import TaskScale
 
 
@@ -141,6 +145,9 @@ class SteppedRun:
         self.scores: dict[str, AgentScore] = {
             agent.name: _before_the_first(agent, scenario) for agent in scenario.agents
         }
+        # Where each agent truly was when the referee looked last, world frame [m].
+        self.scored_places_m: dict[str, Vec3] = {agent.name: agent.vehicle.start_m for agent in scenario.agents}
+        self._places_m: dict[int, dict[str, Vec3]] = {}
         self.is_over = False
         self._is_closed = False
         self._events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
@@ -172,6 +179,20 @@ class SteppedRun:
         grid, limit = self.environment.grid, self._setup.scenario.referee.stop.time_limit_s
         diagonal_m = math.dist(grid.origin_m, grid.max_m)
         return TaskScale(diagonal_m=diagonal_m, time_limit_s=limit, discount=discount)
+
+    def path_lengths(self, action: str) -> dict[str, PathLengths]:
+        """Return the lengths of free paths to the nearest source for each agent, with actions of a kind."""
+        found: dict[str, PathLengths] = {}
+        for agent in self._setup.scenario.agents:
+            found[agent.name] = PathLengths(action)
+            found[agent.name].add(self._setup.scenario, agent, self.environment)
+        return found
+
+    def path_m(self, agent: str, lengths: PathLengths) -> float:
+        """Return the length of an agent's free path to the nearest source when the referee looked last [m]."""
+        places_m = np.array([self.scored_places_m[agent]])
+        distances_m = np.array([self.scores[agent].distance_to_source_m])
+        return float(lengths.lengths_m(np.zeros(1, np.int64), places_m, distances_m)[0])
 
     def outcome_of(self, agent: str) -> str | None:
         """Return the outcome of an agent's search; None while the run continues."""
@@ -224,8 +245,12 @@ class SteppedRun:
 
     def _note(self, port: str, message: Message) -> None:
         del port
-        if isinstance(message, Score):
+        if isinstance(message, BodyPoses):
+            self._places_m[message.tick] = {body.agent: body.position_world_m for body in message.bodies}
+        elif isinstance(message, Score):
             self.scores = {score.agent: score for score in message.agents}
+            self.scored_places_m = self._places_m[message.tick]
+            self._places_m = {tick: places for tick, places in self._places_m.items() if tick > message.tick}
 
 
 def _before_the_first(agent: AgentSpec, scenario: Scenario) -> AgentScore:

@@ -253,13 +253,13 @@ def shortest_level_path_m(
     if within_m and abs(rise_m) > within_m:
         return None
     reach_m = math.sqrt(within_m**2 - rise_m**2) if within_m else 0.0
-    layer = _layer_at(environment, start_m[2])
+    layer = layer_at(environment, start_m[2])
     ends_m = ((x_m, y_m, 0.0) for x_m, y_m, _ in (start_m, goal_m))
     return shortest_path_m(layer, *ends_m, clearance_m=clearance_m, within_m=reach_m)
 
 
-# The cells at a height, about height 0; a start outside the room stays outside.
-def _layer_at(environment: EnvironmentGeometry, height_m: float) -> Layer:
+def layer_at(environment: EnvironmentGeometry, height_m: float) -> Layer:
+    """Return the cells at a height, as a layer about height 0; it has none where the height is outside the room."""
     grid = environment.grid
     layer = math.floor((height_m - grid.origin_m[2]) / grid.cell_m)
     occupancy = environment.occupancy[:, :, layer : layer + 1] if layer >= 0 else environment.occupancy[:, :, :0]

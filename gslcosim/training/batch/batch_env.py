@@ -209,7 +209,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         if flying not in FLYING:
             raise UsageError(f"flying: expected {' or '.join(FLYING)}, was {flying!r}.")
         self._loaded = tuple(cases)
-        self._prepared = prepare_cases(self._loaded, hold_s, flying, report)
+        self._prepared = prepare_cases(self._loaded, hold_s, flying, report, action)
         self._reward, self._discount = reward, discount
         self._resets_at_once = autoreset_mode == "same_step"
         self.metadata = {
@@ -293,12 +293,12 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         self._actions.take(actions, searches, self._prepared.cases.cases)
         was_over = self._is_over.copy()
         flying = np.flatnonzero(~was_over)
-        distances_m, ticks = searches["scored_distance_m"].copy(), searches["tick"].copy()
+        lengths_m, ticks = self._lengths_m(), searches["tick"].copy()
         self._fly(flying, batch_records.STEP)
         self.n_ticks += int((searches["tick"] - ticks).sum())
         self._is_over = searches["outcome"] != batch_records.SEARCHES_ON
         is_truncated = searches["outcome"] == batch_records.TIME_LIMIT
-        rewards = np.where(was_over, 0.0, self._rewards(distances_m, ticks))
+        rewards = np.where(was_over, 0.0, self._rewards(lengths_m, ticks))
         ended = self._is_over & ~was_over
         terminated, truncated = ended & ~is_truncated, ended & is_truncated
         infos = self._infos(ended)
@@ -410,17 +410,25 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
     def _times_s(self, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
         return ticks * self._of_cases("tick_ns") / NS_PER_S
 
+    # Copied, since a step writes over what it comes from.
+    def _lengths_m(self) -> NDArray[np.float64]:
+        searches = self._searches.searches
+        distances_m = searches["scored_distance_m"].copy()
+        if self._reward == "sparse":
+            return distances_m
+        return self._prepared.lengths.lengths_m(searches["case"], searches["scored_place_m"], distances_m)
+
     # The same sums in the same order as `gslcosim.training.rewards`, for all searches at once.
-    def _rewards(self, distances_before_m: NDArray[np.float64], ticks_before: NDArray[np.int64]) -> NDArray[np.float64]:
+    def _rewards(self, lengths_before_m: NDArray[np.float64], ticks_before: NDArray[np.int64]) -> NDArray[np.float64]:
         searches = self._searches.searches
         sparse = np.where(searches["outcome"] == batch_records.SUCCESS, SUCCESS, 0.0)
         if self._reward == "sparse":
             return sparse
         diagonals_m = self._of_cases("diagonal_m")
-        potential_before = -distances_before_m / diagonals_m
+        potential_before = -lengths_before_m / diagonals_m
         is_cut_off = searches["outcome"] == batch_records.TIME_LIMIT
         goes_on = (searches["outcome"] == batch_records.SEARCHES_ON) | is_cut_off
-        potential_after = np.where(goes_on, -searches["scored_distance_m"] / diagonals_m, 0.0)
+        potential_after = np.where(goes_on, -self._lengths_m() / diagonals_m, 0.0)
         taken_s = self._times_s(searches["tick"]) - self._times_s(ticks_before)
         shaping = self._discount * potential_after - potential_before
         return sparse - taken_s / self._of_cases("time_limit_s") + shaping

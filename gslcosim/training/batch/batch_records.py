@@ -69,6 +69,7 @@ CASE = np.dtype(
         ("time_limit_s", np.float64),
         ("ends_on_collision", np.int64),
         ("first_distance_m", np.float64),  # of the start as the scenario has it
+        ("first_place_m", np.float64, (3,)),  # that start
         ("diagonal_m", np.float64),
         ("gas", np.int64),  # STEADY_PLUMES, FILAMENTS or MEANDERING_PLUMES
         ("first_plume", np.int64),  # of the plumes, or of the sources of filaments
@@ -223,6 +224,7 @@ SEARCH = np.dtype(
         ("command_tick", np.int64),  # at which the last command takes effect
         ("n_commands", np.int64),
         ("scored_distance_m", np.float64),
+        ("scored_place_m", np.float64, (3,)),
         ("scored_path_length_m", np.float64),
         ("scored_n_commands", np.int64),
         ("found_sources", np.int64),  # a bit for each

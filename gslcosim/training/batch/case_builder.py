@@ -32,6 +32,7 @@ from gslcosim.training.batch.case_records import (
     is_gas_supported,
     list_wander_streams,
 )
+from gslcosim.training.path_lengths import PathLengths
 from gslcosim.training.stepped_run import get_environment_key
 from gslcosim.vehicles import Vehicle, get_vehicle
 from gslcosim_services.fields.gas_setup import list_gas_names
@@ -54,15 +55,16 @@ _CLEAR_M = 0.01
 class PreparedCases:
     """Cases as kernels take them; `kept` holds what their addresses point into.
 
-    `briefing` is that of the first case, `names` those of the numbers of an observation; `scenes` are what vehicles may
-    touch, by case; `n_memory` is how many numbers a search keeps of its sensors and of wandering
-    paths, `n_wanders` how many such paths it has, `most_filaments` how many
-    filaments the largest frame of a tape has.
+    `briefing` is that of the first case, `names` those of the numbers of an observation, `lengths` of free paths
+    to the sources; `scenes` are what vehicles may touch, by case; `n_memory` is how many numbers a search keeps of its
+    sensors and of wandering paths, `n_wanders` how many such paths it has, `most_filaments` how many filaments the
+    largest frame of a tape has.
     """
 
     cases: Cases
     briefing: Briefing
     names: tuple[str, ...]
+    lengths: PathLengths = field(repr=False)
     scenes: tuple[ContactScene, ...] = field(repr=False)
     n_memory: int
     n_wanders: int
@@ -123,8 +125,9 @@ def list_batch_misfits(scenario: Scenario, flying: str) -> Iterable[tuple[str, s
 class _Preparing:
     """Gathers cases; see `prepare_cases`."""
 
-    def __init__(self, hold_s: float | None, flying: str) -> None:
+    def __init__(self, hold_s: float | None, flying: str, action: str) -> None:
         self._hold_s = hold_s
+        self.lengths = PathLengths(action)
         self._flying = flying
         self.rooms = BatchRooms()
         self._environments: dict[str, Environment] = {}
@@ -158,6 +161,7 @@ class _Preparing:
         self.n_name += len(instruments.names)
         self.instruments.append(instruments)
         self._add_case(scenario, agent, environment, len(instruments.places_m))
+        self.lengths.add(scenario, agent, environment)
         self._add_wandering(self.cases[-1], scenario, instruments)
 
     # Names of streams are one after the other, those of sensors first.
@@ -230,6 +234,7 @@ class _Preparing:
         is_all = isinstance(success, AllSourcesSuccess)
         case["criterion"] = batch_records.ALL_SOURCES if is_all else batch_records.NEAREST_SOURCE
         case["within_m"], case["is_horizontal"] = success.within_m, success.is_horizontal
+        case["first_place_m"] = start_m
         case["first_distance_m"] = min(math.dist(start_m, place_m) for place_m in places_m)
 
     # Rooms of a kind have one scene.
@@ -261,6 +266,7 @@ def prepare_cases(
     hold_s: float | None,
     flying: str = EXACT,
     report: Callable[[int, int], None] | None = None,
+    action: str = "velocity",
 ) -> PreparedCases:
     """Prepare cases: their rooms, starts, gas and sensors.
 
@@ -269,6 +275,7 @@ def prepare_cases(
         hold_s: How long a waypoint is held and a velocity kept [s]; absent: as each scenario says.
         flying: One of `FLYING`.
         report: Receives how many of how many are prepared.
+        action: The kind of actions.
 
     Raises:
         UsageError: a scenario cannot be batched, or its observations are not those of the first.
@@ -276,7 +283,7 @@ def prepare_cases(
     """
     if not loaded:
         raise UsageError("cases: expected at least one scenario, was none.")
-    preparing = _Preparing(hold_s, flying)
+    preparing = _Preparing(hold_s, flying, action)
     for n_done, each in enumerate(loaded, start=1):
         preparing.add(each)
         if report is not None:
@@ -305,6 +312,7 @@ def prepare_cases(
         cases=cases,
         briefing=preparing.briefing,
         names=preparing.names,
+        lengths=preparing.lengths,
         scenes=tuple(preparing.scenes),
         n_memory=preparing.n_memory,
         n_wanders=preparing.n_wanders,

@@ -79,6 +79,7 @@ def judge_inplace(search, case, room, sources_m, tick):
         nearest_m = min(nearest_m, distance_m)
         found = note_source(found, i, distance_m, case.within_m)
     search.scored_distance_m = nearest_m
+    copy_inplace(search.scored_place_m, search.position_m)
     search.scored_path_length_m = search.path_length_m
     search.scored_n_commands = search.n_commands
     is_in_room = is_inside(search.position_m, room.origin_m, room.max_m)
@@ -261,6 +262,7 @@ def _reset(search, path, gauges, memory, wanders, cases, i_case, seed):
     search.command_tick = -1
     search.n_commands = search.scored_n_commands = 0
     search.scored_distance_m = case.first_distance_m
+    copy_inplace(search.scored_place_m, case.first_place_m)
     search.scored_path_length_m = 0.0
     search.found_sources = 0
     path.start_tick = 0
