@@ -1,11 +1,15 @@
 """Settings of a method, from its card and the briefing."""
 
+from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any, TypeVar
 
 from gslcosim.base.errors import MethodError
 from gslcosim.contract.messages import Briefing
 from gslcosim.methods.card import CARD_FILE, find_unmet_needs, load_card
+
+Settings = TypeVar("Settings", bound=Any)
 
 
 def load_settings(briefing: Briefing, program: str) -> SimpleNamespace:
@@ -29,6 +33,16 @@ def load_settings(briefing: Briefing, program: str) -> SimpleNamespace:
     if shortages:
         raise MethodError("; ".join(str(shortage) for shortage in shortages))
     return SimpleNamespace(**card.settings(briefing.parameters))
+
+
+def extract_settings(kind: type[Settings], settings: object) -> Settings:
+    """Return the part of a method's settings that a dataclass names; those that the method lacks keep their defaults.
+
+    Args:
+        kind: The dataclass.
+        settings: Attributes by name, as of `load_settings`.
+    """
+    return kind(**{each.name: getattr(settings, each.name) for each in fields(kind) if hasattr(settings, each.name)})
 
 
 def granted_knowledge(briefing: Briefing) -> tuple[str, ...]:

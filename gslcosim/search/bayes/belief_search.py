@@ -13,6 +13,7 @@ from gslcosim.agent_kit import Briefing, Command, Observation
 from gslcosim.search.bayes import puff_tracing
 from gslcosim.search.bayes.puff_tracing import PuffModel, SourceMap, displacements_m, footprint
 from gslcosim.search.beliefs import CellGrid, distances_m
+from gslcosim.search.method_settings import extract_settings
 from gslcosim.search.motion.declaration import Estimate, by_variance
 from gslcosim.search.motion.grid_paths import Free, shortest_path
 from gslcosim.search.motion.legs import StuckDetector, step_towards_m
@@ -215,12 +216,6 @@ class BeliefSearchSettings:
     leash_legs: int = 20
     leash_m: float = 1.5
 
-    @classmethod
-    def of(cls, settings: object) -> "BeliefSearchSettings":
-        """Return this part of a method's settings."""
-        names = cls.__dataclass_fields__
-        return cls(**{name: getattr(settings, name) for name in names if hasattr(settings, name)})
-
 
 class BeliefAgent(SearchAgent):
     """An agent with a belief over the floor: it follows gas upwind, and else goes where the belief sends it.
@@ -243,7 +238,7 @@ class BeliefAgent(SearchAgent):
     ) -> None:
         """Begin without findings and wind; without a nose the briefing's first gas sensor is used."""
         super().__init__(briefing, settings)
-        shared = self.shared = BeliefSearchSettings.of(self.settings)
+        shared = self.shared = extract_settings(BeliefSearchSettings, self.settings)
         # The legs have a stream of their own: what they draw does not change what the method draws.
         self.flights = MapNavigator(
             briefing,

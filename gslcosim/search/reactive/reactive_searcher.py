@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 from gslcosim.agent_kit import Briefing, Command, Observation
 from gslcosim.base.quantities import Vec3
+from gslcosim.search.method_settings import extract_settings
 from gslcosim.search.motion.coverage import CoverageGrid
 from gslcosim.search.motion.declaration import Estimate, ReactiveRule
 from gslcosim.search.motion.legs import LegPlanner, StuckDetector
@@ -90,11 +91,6 @@ class ReactiveSettings:
     n_lost: int = 6
     spread_m: float = 1.0
 
-    @classmethod
-    def of(cls, settings: object) -> "ReactiveSettings":
-        """Return this part of a method's settings."""
-        return cls(**{name: getattr(settings, name) for name in cls.__dataclass_fields__ if hasattr(settings, name)})
-
 
 class ReactiveAgent(SearchAgent):
     """An agent that answers gas and wind of the moment: a subclass says which step follows from a contact.
@@ -113,7 +109,7 @@ class ReactiveAgent(SearchAgent):
     def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:
         """Begin without gas, wind, or anything seen."""
         super().__init__(briefing, settings)
-        shared = self.shared = ReactiveSettings.of(self.settings)
+        shared = self.shared = extract_settings(ReactiveSettings, self.settings)
         self.pilot = LegPlanner(briefing, self.draws, margin_m=shared.margin_m)
         self.watch = PlumeContactDetector(
             briefing, threshold_ppm=shared.threshold_ppm, threshold_m_s=shared.threshold_m_s
