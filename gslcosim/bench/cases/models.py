@@ -27,6 +27,9 @@ LOWER_ANCHOR, UPPER_ANCHOR = "oracle", "random_walker"
 MAX_NAME_LENGTH = 40
 MAX_SETTINGS = 500
 """More combinations of parameters than this are no sweep but a search."""
+MAX_COMPARED_SETTINGS = 60
+"""Of more settings there is no report, and in one of more entries only their response over all cases: who beats whom of
+more takes minutes to work out."""
 
 Values = dict[str, Any]
 """Values of a scenario by their paths, such as `agents[0].vehicle.hold_s`."""

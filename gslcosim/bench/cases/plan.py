@@ -219,9 +219,14 @@ class PlannedEntry:
     card: MethodCard | None
 
     def value_of(self, parameter: str) -> Any:
-        """Return a parameter's value: its own, or the default of its card; None where nobody says."""
-        known = self.card.parameters.get(parameter) if self.card is not None else None
-        return self.spec.parameters.get(parameter, known.default if known is not None else None)
+        """Return a parameter's value; see `find_parameter_value`."""
+        return find_parameter_value(self.spec, self.card, parameter)
+
+
+def find_parameter_value(entry: EntrySpec, card: MethodCard | None, parameter: str) -> Any:
+    """Return a parameter's value: the entry's own, or the default of its card; None where nobody says."""
+    known = card.parameters.get(parameter) if card is not None else None
+    return entry.parameters.get(parameter, known.default if known is not None else None)
 
 
 def group_settings(entries: Sequence[PlannedEntry]) -> list[dict[str, Any]]:

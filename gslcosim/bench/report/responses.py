@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 
 from gslcosim.base.errors import UsageError
+from gslcosim.bench.cases.models import MAX_COMPARED_SETTINGS
 from gslcosim.bench.report.report_data import Flags, Ints, ReportData, TrialRows
 from gslcosim.bench.statistics.settings import SettingFigures, SettingRuns, compute_figures, group_runs
 from gslcosim.bench.store import ResultsFolder
 
-# Of more settings only the response over all cases is reported.
-_MANY_SETTINGS = 60
 _COLUMNS = ("case", "scenario", "repetition", "status", "success", "time_limit_s", "environment_hash", "gas_seed")
 
 
@@ -49,7 +48,7 @@ def compute_responses(material: ReportData, within: Flags) -> tuple[ParameterRes
     index = {entry.name: i for i, entry in enumerate(material.entries)}
     found: list[ParameterResponse] = []
     for group, settings in _groups(material):
-        if len(settings) > _MANY_SETTINGS and not within.all():
+        if len(settings) > MAX_COMPARED_SETTINGS and not within.all():
             continue
         points: list[ResponsePoint] = []
         for name, values in settings.items():

@@ -28,7 +28,7 @@ from gslcosim.bench.cases.models import (
     Suite,
     derive_seed,
 )
-from gslcosim.bench.cases.plan import expand_cases, read_scenario_name
+from gslcosim.bench.cases.plan import expand_cases, find_parameter_value, read_scenario_name
 from gslcosim.bench.cases.suite_files import LoadedSuite, find_suite, load_suite
 from gslcosim.contract.messages import ParameterValue
 from gslcosim.methods.card import MethodCard, Parameter, find_unmet_needs
@@ -53,10 +53,7 @@ class StudyTarget:
 
     def default_of(self, parameter: str) -> Any:
         """Return the value that the entry flies with when nothing is changed; None where nobody says."""
-        if parameter in self.entry.parameters:
-            return self.entry.parameters[parameter]
-        known = self.card.parameters.get(parameter) if self.card is not None else None
-        return known.default if known is not None else None
+        return find_parameter_value(self.entry, self.card, parameter)
 
 
 def find_target(source: str, entry: str, *, repetitions: int | None = None, seed: int | None = None) -> StudyTarget:

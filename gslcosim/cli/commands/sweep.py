@@ -13,9 +13,6 @@ EXAMPLES = """  gslcosim bench sweep tiny_room --entry dung_beetle --vary leg_m=
   gslcosim bench sweep smoke --entry dung_beetle --vary leg_m=0.4,0.8 --vary zigzag_rad=0.5,1.0 --repetitions 5
   gslcosim bench sweep my_suite.yaml --entry surge_cast --vary growth=growing,fixed,doubling --results results/growth"""
 
-# Who beats whom of more settings than this takes minutes to work out.
-_MOST_REPORTED = 60
-
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_target_arguments(parser)
@@ -38,7 +35,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.cases import build_plan
-    from gslcosim.bench.cases.models import Selection
+    from gslcosim.bench.cases.models import MAX_COMPARED_SETTINGS, Selection
     from gslcosim.bench.execution.runner import SuiteRun
     from gslcosim.bench.report.writer import write_report
     from gslcosim.bench.store import ResultsFolder
@@ -69,7 +66,7 @@ def _run(arguments: argparse.Namespace) -> int:
     fields = sweep_to_json(sweep)
     write_fields(folder.path / "sweep.json", fields)
     write_text(folder.path / "sweep.csv", sweep_to_csv(sweep))
-    page = write_report(folder.path) if len(sweep.points) <= _MOST_REPORTED else None
+    page = write_report(folder.path) if len(sweep.points) <= MAX_COMPARED_SETTINGS else None
     if arguments.json:
         write_json(fields)
     else:
