@@ -28,8 +28,8 @@ MAX_NAME_LENGTH = 40
 MAX_SETTINGS = 500
 """More combinations of parameters than this are no sweep but a search."""
 MAX_COMPARED_SETTINGS = 60
-"""Of more settings there is no report, and in one of more entries only their response over all cases: who beats whom of
-more takes minutes to work out."""
+"""Of more settings `bench sweep` writes no report, and a report has their response over all cases only: to work out who
+beats whom takes minutes."""
 
 Values = dict[str, Any]
 """Values of a scenario by their paths, such as `agents[0].vehicle.hold_s`."""

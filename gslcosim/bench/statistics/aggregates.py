@@ -1,7 +1,7 @@
 """Aggregates over cells (environment, source, start), with trials resampled inside each cell.
 
 A statistic here takes values in its last axis, so that it works on one sample and on many bootstrap samples at once:
-from (..., m) to (...). `mean`, `worst_quarter_mean` and `interquartile_mean` are such statistics.
+from (..., m) to (...). `mean` and `worst_quarter_mean` are such statistics.
 """
 
 from collections.abc import Callable
@@ -27,26 +27,6 @@ Statistic = Callable[[np.ndarray], np.ndarray]
 def mean(values: np.ndarray) -> np.ndarray:
     """Return the mean over the last axis."""
     return np.asarray(values.mean(axis=-1))
-
-
-def interquartile_mean(values: np.ndarray) -> np.ndarray:
-    """Return the mean of the middle half over the last axis.
-
-    The lowest and the highest quarter, floor(m / 4) values each, are left out. Meant for scores and for rates of cells,
-    not for 0 and 1: of those it jumps.
-
-    Args:
-        values: (..., m) scores.
-
-    Source:
-        Agarwal et al. 2021, Deep reinforcement learning at the edge of the statistical precipice, arXiv:2108.13264.
-    """
-    m = values.shape[-1]
-    cut = m // 4
-    if cut == 0:
-        return mean(values)
-    parted = np.partition(values, (cut, m - cut - 1), axis=-1)
-    return mean(parted[..., cut : m - cut])
 
 
 def worst_quarter_mean(values: np.ndarray) -> np.ndarray:
@@ -114,9 +94,9 @@ def bootstrap_cells(
 ) -> Estimate:
     """Return a statistic of the means of cells: each cell counts the same, however many trials it has.
 
-    With success as 0 and 1 the means are rates, whose interquartile mean does not jump. Other arguments as for
-    `stratified_bootstrap`. A cell that a draw leaves empty (possible with clusters only) is left out of that draw,
-    which then goes through the statistic for itself.
+    With success as 0 and 1 the means are rates. Other arguments as for `stratified_bootstrap`. A cell that a draw
+    leaves empty (possible with clusters only) is left out of that draw, which then goes through the statistic for
+    itself.
 
     Args:
         values: (n,) one per trial.

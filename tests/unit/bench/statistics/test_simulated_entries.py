@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gslcosim.bench.statistics.aggregates import bootstrap_cells, interquartile_mean, stratified_bootstrap
+from gslcosim.bench.statistics.aggregates import bootstrap_cells, stratified_bootstrap
 from gslcosim.bench.statistics.pairs import holm, mcnemar, paired_difference, sign_flips
 from gslcosim.bench.statistics.ranking import pairs_matrix, ranks
 from gslcosim.bench.statistics.rates import clopper_pearson, lift, wilson
@@ -107,22 +107,6 @@ def test_stratified_bootstrap_covers_the_mean_of_many_cells(repetitions):
         for i in range(200)
     ]
     assert within_error(coverage(estimates, truth), 0.95, 200, more=0.005)
-
-
-@pytest.mark.slow
-def test_stratified_bootstrap_covers_the_interquartile_mean_of_scores():
-    """The truth is the figure of endless repetitions: many trials of each cell."""
-    rng = np.random.default_rng(6)
-    mean_s = rng.lognormal(math.log(250.0), 0.8, 54)
-
-    def scores(cells):
-        time_s = rng.exponential(mean_s[cells])
-        return np.where(time_s < LIMIT_S, 1.0 - 0.5 * time_s / LIMIT_S, 0.0)
-
-    truth = float(interquartile_mean(scores(np.repeat(np.arange(54), 20_000))))
-    cells = np.repeat(np.arange(54), 10)
-    estimates = [stratified_bootstrap(scores(cells), cells, interquartile_mean, n_draws=500) for _ in range(600)]
-    assert within_error(coverage(estimates, truth), 0.95, 600, more=0.01)
 
 
 @pytest.mark.slow
