@@ -61,6 +61,12 @@ def _add_run_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         help="for the suite measured: folder of measured data (default: measured in GSLCOSIM_REFERENCE)",
     )
+    parser.add_argument(
+        "--agents",
+        nargs="+",
+        metavar="AGENT",
+        help="for the suite measured: agents that replay the logs, too: bundled names, Python files, or suites",
+    )
     parser.add_argument("--retry", action="store_true", help="run trials without a result again")
     parser.add_argument("--no-report", action="store_true", help="write no report")
     parser.add_argument("--yes", action="store_true", help="move results of another version aside without asking")
@@ -178,8 +184,9 @@ def _run_suite(arguments: argparse.Namespace) -> int:
 
     if arguments.suite == MEASURED:
         return _run_measured(arguments)
-    if arguments.data is not None:
-        raise UsageError(f"--data: expected the suite {MEASURED}, was {arguments.suite}. Leave the option out.")
+    for option in ("data", "agents"):
+        if getattr(arguments, option) is not None:
+            raise UsageError(f"--{option}: expected the suite {MEASURED}, was {arguments.suite}. Leave the option out.")
     selection, shard = _chosen(arguments)
     loaded, plan = _planned(arguments, is_quiet=arguments.json)
     check_sandbox_here(arguments, plan)
@@ -242,6 +249,7 @@ def _run_measured(arguments: argparse.Namespace) -> int:
             _measured_data(arguments.data),
             folder,
             only=[name for _, names in patterns for name in names],
+            agents=arguments.agents or (),
             has_report=not arguments.no_report,
             progress=lambda text, fraction: line.show(text, fraction=fraction),
         )

@@ -1,14 +1,15 @@
 """Estimators of logs: what an entry of the suite is, and the bundled ones."""
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.rng import stream
+from gslcosim.runtime.processes.sandbox.selection import NONE_IN_THIS_PROCESS
 from gslcosim.search.bayes.source_terms import PlumeSensor, SourcePrior, SourceTermFilter, TermPrior
 from gslcosim.search.beliefs import CellGrid
 from gslcosim.search.fixed_sensors.events import Excess, LeakEvent, detect_events, find_excess
@@ -21,12 +22,13 @@ from gslcosim.validation.measured_suite.logs import LogRow, LogSite, MeasuredLog
 
 Floats = NDArray[np.float64]
 
+AVERAGE_S = 1800.0
+"""Particles weigh means over this, as plume models are judged: minutes say much the same as their neighbours [s]."""
+
 _DAY_S = 86_400.0
 _AREA_MARGIN_M = 20.0
 # Of the air that masts see, for the puffs that left before an event.
 _ROWS_BEFORE = 10
-# Particles weigh averages over this, as plume models are judged: minutes say much the same as their neighbours.
-_AVERAGE_S = 1800.0
 _PARTICLES = 700
 _THRESHOLD_PPM = 0.2
 _RATE_PPM_M3_S = (1.0, 1e6)
@@ -189,7 +191,7 @@ class SourceTerms(EventEstimator):
 
     def claim(self, event: LeakEvent, excess: Excess, wind: WindRecord, gas_m3_per_kg: float) -> Claim:
         """Return the candidate place with most particles near it, or their mean; and their mean rate."""
-        low_m, high_m = _area_m(self.site.sensors_m)
+        low_m, high_m = area_about(self.site.sensors_m)
         height_m = self.source_height_m
         prior = SourcePrior(
             {
@@ -208,7 +210,7 @@ class SourceTerms(EventEstimator):
         )
         rng = stream(1, f"measured_suite.source_terms.{event.first}")
         terms = SourceTermFilter(prior, model, _PARTICLES, rng)
-        for rows in _blocks(event, wind):
+        for rows in split_into_blocks(event, wind):
             above_ppm = excess.above_ppm[rows]
             mean_m_s = wind.mean_world_m_s[rows].mean(axis=0)
             for k, sensor_m in enumerate(self.site.sensors_m):
@@ -241,6 +243,8 @@ class Entry:
         build: From the site to a new estimator.
         can_take: Whether it can say something of a site.
         says_rate: Whether it says rates.
+        sandbox: What confines its process, in the words of `result.json`.
+        parameters: Its settings.
     """
 
     name: str
@@ -249,9 +253,12 @@ class Entry:
     build: Callable[[LogSite], LogEstimator]
     can_take: Callable[[LogSite], bool]
     says_rate: bool
+    sandbox: str = NONE_IN_THIS_PROCESS
+    parameters: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
 
-def _is_network(site: LogSite) -> bool:
+def is_network(site: LogSite) -> bool:
+    """Return whether a log has masts between whose readings events are to be found."""
     return site.has_points and site.finds_events
 
 
@@ -272,7 +279,7 @@ ENTRIES = (
         title="Source-term estimation on standing sensors",
         family="bayesian",
         build=SourceTerms,
-        can_take=_is_network,
+        can_take=is_network,
         says_rate=True,
     ),
     Entry(
@@ -280,7 +287,7 @@ ENTRIES = (
         title="Kernel DM+V/W on standing sensors",
         family="mapping",
         build=KernelDmvw,
-        can_take=_is_network,
+        can_take=is_network,
         says_rate=False,
     ),
     Entry(
@@ -288,7 +295,7 @@ ENTRIES = (
         title="Nearest sensor: the largest mean reading",
         family="reactive",
         build=NearestSensor,
-        can_take=_is_network,
+        can_take=is_network,
         says_rate=False,
     ),
 )
@@ -300,13 +307,14 @@ def _mean_above(event: LeakEvent, excess: Excess) -> Floats:
     return np.where(count > 0, np.nansum(above, axis=0) / np.maximum(count, 1), -np.inf)
 
 
-def _area_m(sensors_m: Floats) -> tuple[list[float], list[float]]:
+def area_about(sensors_m: Floats) -> tuple[list[float], list[float]]:
+    """Return the lower and upper corner of the area in which a source is looked for [m]."""
     low, high = sensors_m.min(axis=0) - _AREA_MARGIN_M, sensors_m.max(axis=0) + _AREA_MARGIN_M
     return low.tolist(), high.tolist()
 
 
 def _grid_about(sensors_m: Floats) -> CellGrid:
-    low_m, high_m = _area_m(sensors_m)
+    low_m, high_m = area_about(sensors_m)
     cell_m = max(high_m[0] - low_m[0], high_m[1] - low_m[1]) / 60.0
     shape = tuple(math.ceil((high_m[a] - low_m[a]) / cell_m) for a in range(2))
     return CellGrid((low_m[0], low_m[1]), cell_m, shape)
@@ -320,9 +328,10 @@ def _typical_distance_m(sensors_m: Floats) -> float:
     return max(float(np.median(nearest_m)), 1.0) if np.isfinite(nearest_m).all() else 10.0
 
 
-def _blocks(event: LeakEvent, wind: WindRecord) -> list[NDArray[np.int64]]:
+def split_into_blocks(event: LeakEvent, wind: WindRecord) -> list[NDArray[np.int64]]:
+    """Return the rows of an event in blocks of `AVERAGE_S` that begin at whole multiples of it."""
     rows = np.arange(event.first, event.last + 1)
-    return np.split(rows, np.flatnonzero(np.diff(wind.start_s[rows] // _AVERAGE_S) > 0) + 1)
+    return np.split(rows, np.flatnonzero(np.diff(wind.start_s[rows] // AVERAGE_S) > 0) + 1)
 
 
 # Sources that rows tell apart, each at its likeliest place, with rates by backgrounds that the sources of a day share.

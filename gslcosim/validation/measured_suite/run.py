@@ -19,6 +19,8 @@ from gslcosim.base.code_identity import COMPUTING_PACKAGES
 from gslcosim.base.errors import UsageError
 from gslcosim.bench.cases.models import LOWER_ANCHOR
 from gslcosim.bench.store import RESULTS_SCHEMA, TRIAL_COLUMNS, TRIALS, JournalEntry, ResultsFolder, build_tables
+from gslcosim.runtime.processes.sandbox.selection import NONE_IN_THIS_PROCESS
+from gslcosim.validation.measured_suite.agents import DEFAULT_AGENTS, find_agent_entries
 from gslcosim.validation.measured_suite.estimators import ENTRIES, FLOOR, Claim, Entry
 from gslcosim.validation.measured_suite.logs import LogCase, load_log_cases
 from gslcosim.validation.measured_suite.scores import LogScore, QuietDay, ReleaseScore, score_claims
@@ -34,13 +36,17 @@ _EMPTY = dict.fromkeys((column.name for column in TRIAL_COLUMNS), None)
 
 @dataclass(frozen=True, kw_only=True)
 class LogResult:
-    """Result of an entry on a log; `fault` is what the entry did wrong, and then it has no claims."""
+    """Result of an entry on a log; `fault` is what the entry did wrong, and then it has no claims.
+
+    `sandbox` is what confined its process, in the words of `result.json`.
+    """
 
     entry: str
     case: LogCase
     score: LogScore
     fault: str
     wall_s: float
+    sandbox: str = NONE_IN_THIS_PROCESS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,15 +59,26 @@ class SuiteResult:
     page: Path
 
 
-def choose_entries(only: Sequence[str]) -> tuple[Entry, ...]:
+def choose_entries(only: Sequence[str], agents: Sequence[str], data_dir: Path) -> tuple[Entry, ...]:
     """Return the entries whose names match one of the patterns; all where there is no pattern.
 
+    Args:
+        only: The patterns.
+        agents: What `find_agent_entries` makes entries of beside the default agents.
+        data_dir: Folder of the logs.
+
     Raises:
-        UsageError: none does.
+        UsageError: none does, or an agent cannot take part.
     """
-    chosen = tuple(entry for entry in ENTRIES if not only or any(fnmatchcase(entry.name, pattern) for pattern in only))
+
+    def is_chosen(name: str) -> bool:
+        return not only or any(fnmatchcase(name, pattern) for pattern in only)
+
+    own = [entry.name for entry in ENTRIES]
+    more = find_agent_entries(agents, data_dir, taken=own, is_chosen=is_chosen)
+    chosen = (*(entry for entry in ENTRIES if is_chosen(entry.name)), *more)
     if not chosen:
-        names = ", ".join(entry.name for entry in ENTRIES)
+        names = ", ".join([*own, *DEFAULT_AGENTS, *agents])
         raise UsageError(f"--only entry={','.join(only)}: expected one of {names}, found none.")
     return chosen
 
@@ -71,6 +88,7 @@ def run_measured(
     folder: ResultsFolder,
     *,
     only: Sequence[str] = (),
+    agents: Sequence[str] = (),
     has_report: bool = True,
     progress: Callable[[str, float], None] = lambda text, fraction: None,
 ) -> SuiteResult:
@@ -80,6 +98,7 @@ def run_measured(
         data_dir: Folder of measured data.
         folder: Of the results; what it has of this suite is replaced.
         only: Patterns for names of entries.
+        agents: Agents that take part beside the bundled entries: names, Python files, suites.
         has_report: Whether to write `report.html` too.
         progress: Receives a text and the fraction done.
 
@@ -91,7 +110,8 @@ def run_measured(
     from gslcosim.bench.report.writer import write_report
     from gslcosim.validation.measured_suite.page import write_page
 
-    entries, cases = choose_entries(only), load_log_cases(read_measured(data_dir))
+    cases = load_log_cases(read_measured(data_dir))
+    entries = choose_entries(only, agents, data_dir)
     earlier = folder.read_json(folder.manifest).get("suite", SUITE)
     if earlier != SUITE:
         raise UsageError(
@@ -129,7 +149,8 @@ def run_entry(entry: Entry, case: LogCase) -> LogResult:
     except Exception as error:
         fault, claims = f"{type(error).__name__}: {error}", []
     wall_s = time.perf_counter() - began
-    return LogResult(entry=entry.name, case=case, score=score_claims(case, claims), fault=fault, wall_s=wall_s)
+    score = score_claims(case, claims)
+    return LogResult(entry=entry.name, case=case, score=score, fault=fault, wall_s=wall_s, sandbox=entry.sandbox)
 
 
 # Claims equal to the truth: the bound of every estimator.
@@ -228,6 +249,7 @@ def _row(result: LogResult, *, case: str, varied: dict[str, str], day: int, **va
         "environment_hash": result.case.hash,
         "status": _COMPLETED,
         "agent_faults": result.fault,
+        "sandbox": result.sandbox,
         "wall_flying_s": result.wall_s,
         **values,
     }
@@ -266,7 +288,7 @@ def _manifest(
 ) -> dict[str, Any]:
     ran = {result.entry for result in results}
     listed = [
-        {"name": e.name, "title": e.title, "family": e.family, "language": "python", "parameters": {}}
+        {"name": e.name, "title": e.title, "family": e.family, "language": "python", "parameters": dict(e.parameters)}
         for e in entries
         if e.name in ran
     ]

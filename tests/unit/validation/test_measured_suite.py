@@ -141,7 +141,7 @@ def test_an_entry_that_fails_leaves_the_others_alone(tmp_path, yard, monkeypatch
 
     broken = Entry(name="broken", title="", family="", build=Broken, can_take=lambda site: True, says_rate=False)
     monkeypatch.setattr(run, "ENTRIES", (broken, NETWORK))
-    done = run_measured(yard, ResultsFolder(tmp_path / "results"), has_report=False)
+    done = run_measured(yard, ResultsFolder(tmp_path / "results"), only=["broken", "leak_network"], has_report=False)
     rows = Results.load(done.folder)
     assert set(rows.select(entry="broken").trials["outcome"].to_pylist()) == {"agent_failed"}
     assert set(rows.select(entry="broken").trials["agent_faults"].to_pylist()) == {"ValueError: no idea"}

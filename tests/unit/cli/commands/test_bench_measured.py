@@ -58,6 +58,12 @@ def test_data_belongs_to_this_suite_alone(yard, capsys):
     assert "--data: expected the suite measured, was smoke" in said(["run", "smoke", "--data", str(yard)], capsys)
 
 
+def test_agents_belong_to_this_suite_alone(yard, capsys):
+    assert "--agents: expected the suite measured, was smoke" in said(["run", "smoke", "--agents", "pmfs"], capsys)
+    wrong = ["run", "measured", "--data", str(yard), "--agents", "pmsf"]
+    assert "--agents pmsf: expected a bundled agent" in said(wrong, capsys)
+
+
 def test_a_suite_of_logs_has_no_plan(capsys):
     assert "measured: expected a suite that is flown" in said(["plan", "measured"], capsys)
 
