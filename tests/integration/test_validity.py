@@ -63,3 +63,26 @@ def test_stored_gas_beside_a_solved_wind_is_told_before_the_run(tmp_path, monkey
     (tmp_path / "room.yaml").write_text(yaml.safe_dump(values | {"wind": {}}))
     assert main(["validate", "room.yaml"]) == 0
     assert "Warning: gas.playback.folder: expected the wind in which this gas was" in capsys.readouterr().err
+
+
+def costly_warnings(tmp_path, monkeypatch, *, size_m, cell_m, **wind):
+    values = written(tmp_path, monkeypatch)
+    values["environment"]["layout"]["size_m"] = size_m
+    values["wind"] = {"solver": "built_in", "inlet_velocity_m_s": [0.5, 0, 0], "cell_m": cell_m, **wind}
+    return find_warnings(Scenario.model_validate(values), tmp_path)
+
+
+def test_wind_that_takes_long_is_told_before_it_is_solved(tmp_path, monkeypatch):
+    assert costly_warnings(tmp_path, monkeypatch, size_m=[6, 5, 3], cell_m=0.25) == []
+    (warning,) = costly_warnings(tmp_path, monkeypatch, size_m=[6, 5, 3], cell_m=0.25, end_time_s=400000.0)
+    assert warning.where == "wind.cell_m"
+    assert "0.25 m, 0.0 million cells: about 43 min on two cores and 0.1 GB of memory" in str(warning)
+    larger = costly_warnings(tmp_path, monkeypatch, size_m=[60, 50, 3], cell_m=0.25, end_time_s=400000.0)
+    assert "0.6 million cells: about 71 h" in str(larger[0])
+
+
+def test_a_room_in_centimetres_is_told(tmp_path, monkeypatch):
+    (unit,) = costly_warnings(tmp_path, monkeypatch, size_m=[600, 500, 300], cell_m=10.0)
+    assert unit.where == "environment.layout.size_m"
+    assert "was one of 600 m" in str(unit)
+    assert "metres" in str(unit)

@@ -1,5 +1,6 @@
 """Checks of a scenario's room: places in it, and the stored wind that blows through it."""
 
+import math
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -14,6 +15,17 @@ from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.wind import WindSpec
 
 _BUILDER = "gslcosim.environment.geometry_source"
+
+# What the built-in solver does in a second on two cores, as an order of magnitude; `make bench-wind` measures it.
+_CELL_STEPS_PER_S = 3e6
+# The air is this much faster than at the inlets where it is fastest.
+_PEAK_RATIO = 1.5
+# How long a wind without `end_time_s` takes to settle in most rooms.
+_USUAL_END_S = 60.0
+_LONG_SOLVE_S = 1800.0
+_LARGE_SOLVE_GB = 8.0
+# Longer rooms are rarer than files in centimetres or millimetres.
+_LONG_ROOM_M = 500.0
 
 
 def find_place_problems(scenario: Scenario, directory: Path) -> Iterable[Problem]:
@@ -68,6 +80,51 @@ def find_mixed_air_problems(scenario: Scenario, directory: Path) -> Iterable[Pro
     """
     mixed = find_mixed_air(scenario, _find_wind_maker(scenario, directory))
     return [] if mixed is None else [mixed]
+
+
+def find_costly_wind_problems(scenario: Scenario, directory: Path) -> Iterable[Problem]:
+    """Return what is to be known before a wind is solved that takes long, or in a room whose unit looks wrong.
+
+    Memory and time are orders of magnitude: steps follow from the Courant number at the inlets' velocity.
+
+    Args:
+        scenario: Its wind is to be solved.
+        directory: The scenario's folder, where relative paths start.
+    """
+    spec, wind = scenario.environment, scenario.wind
+    if not isinstance(wind, WindSpec) or find_environment(scenario, scenario_dir=directory) is not None:
+        return ()
+    from gslcosim.environment.geometry_source import build_geometry
+    from gslcosim.flow.domain import BYTES_PER_CELL
+
+    grid = build_geometry(spec, wind, scenario_dir=directory).grid
+    n_cells, length_m = math.prod(grid.shape), max(grid.shape) * grid.cell_m
+    found = []
+    if length_m > _LONG_ROOM_M:
+        name = "scale" if spec.geometry is not None else "size_m"
+        remedy = (
+            "For files in centimetres give scale: 0.01, in millimetres scale: 0.001."
+            if spec.geometry is not None
+            else "Lengths are in metres."
+        )
+        where = f"environment.{'geometry' if spec.geometry is not None else 'layout'}.{name}"
+        expected, extent = f"a room of at most {_LONG_ROOM_M:.0f} m", f"one of {length_m:,.0f} m"
+        found.append(Problem(where=where, expected=expected, found=extent, remedy=remedy))
+    step_s = wind.courant * grid.cell_m / max(_PEAK_RATIO * math.hypot(*wind.inlet_velocity_m_s), 1e-3)
+    n_steps = (wind.end_time_s or _USUAL_END_S) / min(step_s, wind.max_step_s or math.inf)
+    memory_gb, time_s = n_cells * BYTES_PER_CELL / 1e9, n_cells * n_steps / _CELL_STEPS_PER_S
+    if time_s > _LONG_SOLVE_S or memory_gb > _LARGE_SOLVE_GB:
+        time = f"{time_s / 60:.0f} min" if time_s < 5400 else f"{time_s / 3600:,.0f} h"
+        cost = f"about {time} on two cores and {max(memory_gb, 0.1):.1f} GB of memory"
+        found.append(
+            Problem(
+                where="wind.cell_m",
+                expected="cells whose wind is solved within half an hour and 8 GB",
+                found=f"{grid.cell_m:g} m, {n_cells / 1e6:,.1f} million cells: {cost}",
+                remedy="Cells of twice the size take a sixteenth of the time and an eighth of the memory.",
+            )
+        )
+    return found
 
 
 # Before there is an environment: as `read_wind_provenance` will say it afterwards.

@@ -40,7 +40,8 @@ class Check:
         is_needed: Whether content needs the check at all; asked before anything is imported.
         is_part_of_preparation: Whether the preparation of a run reads the same files and says the same, so that only
             who prepares nothing runs it.
-        is_warning: Whether what it finds is no reason to refuse the file: the validity of a run says it too.
+        is_warning: Whether what it finds is no reason to refuse the file: `validate` says it, and the validity of a run
+            where it concerns the result.
     """
 
     name: str
@@ -80,6 +81,13 @@ def _has_stored_wind(scenario: Scenario) -> bool:
     return scenario.wind.file is not None or is_from_folder
 
 
+def _solves_wind(scenario: Scenario) -> bool:
+    is_built_in = scenario.wind.solver == "built_in" or (
+        scenario.wind.solver == "auto" and scenario.environment.folder_key is None
+    )
+    return scenario.environment.path is None and is_built_in
+
+
 CHECKS = (
     Check(
         name="places",
@@ -108,6 +116,14 @@ CHECKS = (
         subject="room",
         finder="gslcosim.environment.generation.checks:find_mixed_air_problems",
         is_needed=lambda scenario: scenario.gas.stored is not None,
+        is_warning=True,
+    ),
+    Check(
+        name="costly wind",
+        of="scenario",
+        subject="room",
+        finder="gslcosim.environment.generation.checks:find_costly_wind_problems",
+        is_needed=_solves_wind,
         is_warning=True,
     ),
     Check(
