@@ -70,15 +70,19 @@ class StopMapAgent(MapAgent, Generic[BeliefT]):
 
     def __init__(self, briefing: Briefing) -> None:
         super().__init__(briefing)
-        settings, flights = self.settings, self.flights
+        settings = self.settings
         self.watch = StopRecorder(briefing, threshold_ppm=settings.gas_threshold_ppm, every_s=settings.finding_s)
         self.method = self.build_method(settings)
-        weights = WindWeights(divergence=settings.wind_divergence)
-        self.winds = WindMap(flights.free, flights.grid, weights=weights)
+        self.winds = self.build_winds(settings)
 
     @abstractmethod
     def build_method(self, settings: SimpleNamespace) -> BeliefT:
         """Return the method's belief over the cells of `flights`, and compile what it needs."""
+
+    def build_winds(self, settings: SimpleNamespace) -> WindMap:
+        """Return the wind map over the cells of `flights`; the edges of the plan are walls."""
+        weights = WindWeights(divergence=settings.wind_divergence)
+        return WindMap(self.flights.free, self.flights.grid, weights=weights)
 
     @abstractmethod
     def learn_stop(self, stop: Stop) -> None:

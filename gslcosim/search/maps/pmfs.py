@@ -1,11 +1,12 @@
 # pyright: basic
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
-"""PMFS: probabilistic mapping of hits over a known map, and sources by how well their plume explains it."""
+"""PMFS with a backward plume: mapping of hits over a known map, and sources by how well their plume explains it."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numba
 import numpy as np
@@ -362,6 +363,11 @@ class PmfsSettings:
         plume = PlumeModel(**{item.name: getattr(settings, item.name) for item in fields(PlumeModel)})
         return cls(plume=plume, **{name: getattr(settings, name) for name in names})
 
+    @classmethod
+    def of_hit_map(cls, settings: SimpleNamespace) -> "PmfsSettings":
+        """Return the figures that go by these names, of a method that has no backward plume; others are as usual."""
+        return cls(**{item.name: getattr(settings, item.name) for item in fields(cls) if hasattr(settings, item.name)})
+
 
 class Pmfs(GoalCells):
     """Maps how likely gas is met in each cell, and believes in the sources whose plume would explain that map.
@@ -388,6 +394,8 @@ class Pmfs(GoalCells):
     Held by:
         tests/unit/search/maps/test_pmfs.py
     """
+
+    bounds_log_odds: ClassVar[bool] = True
 
     def __init__(
         self, free: Free, grid: CellGrid, settings: PmfsSettings | None = None, *, flyable: Free | None = None
@@ -431,7 +439,8 @@ class Pmfs(GoalCells):
             p = np.clip(s.prior + (target - s.prior) * weight, _LEAST_P, _MOST_P)
             self._log_odds += np.log(p / (1.0 - p)) - _logit(s.prior)
             trust_inplace(self._omega.reshape(-1), length, order, s.trust_reach_cells)
-        self._log_odds = np.clip(self._log_odds, _logit(_LEAST_P), _logit(_MOST_P))
+        if self.bounds_log_odds:
+            self._log_odds = np.clip(self._log_odds, _logit(_LEAST_P), _logit(_MOST_P))
 
     def score(self, wind_m_s: Array) -> None:
         """Believe again, in a wind.
