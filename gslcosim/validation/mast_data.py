@@ -10,7 +10,6 @@ from gslcosim_services.fields.gases import air_density_mol_m3
 
 Floats = NDArray[np.float64]
 
-PERIOD_S = 60.0
 # The temperature is not published; ten degrees change the volume of gas by 3.5 %.
 _TEMPERATURE_K = 288.0
 
@@ -21,16 +20,21 @@ def methane_m3_per_kg(network: MastNetwork) -> float:
 
 
 def wind_record(network: MastNetwork) -> WindRecord:
-    """Return the wind of the network's minutes, as measured at the height of its masts."""
+    """Return the wind of the network's rows, as measured at the height of its masts."""
     height_m = float(np.median(network.masts_m[:, 2]))
-    return WindRecord.of_means(network.clock_s, network.wind_world_m_s, height_m, period_s=PERIOD_S)
+    return WindRecord.of_means(network.clock_s, network.wind_world_m_s, height_m, period_s=network.period_s)
 
 
 def find_source_m(network: MastNetwork, release: LoggedRelease) -> Floats | None:
-    """Return the (3,) place of a release: its emission point at the height of its candidate place; None if unknown."""
+    """Return the (3,) place of a release: its emission point at the height of its candidate place; None if unknown.
+
+    Where the log names no place but has the point, the height is the median of all candidate places.
+    """
     place = release.place or (None if network.has_several_places else next(iter(network.places_m)))
     if place is None:
-        return None
+        if release.position_m is None:
+            return None
+        return np.array([*release.position_m, np.median([place_m[2] for place_m in network.places_m.values()])])
     known_m = network.places_m[place]
     return np.array([*(release.position_m or known_m[:2]), known_m[2]])
 

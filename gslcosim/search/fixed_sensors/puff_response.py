@@ -14,6 +14,9 @@ from gslcosim.base.errors import ShapeError
 
 Floats = NDArray[np.float64]
 
+# Puffs that left farther apart in time leave gaps between them in brisk wind.
+_STEP_S, _LEAST_STEPS = 5.0, 12
+
 VON_KARMAN = 0.4
 OPEN_COUNTRY_ROUGHNESS_M = 0.03
 """Roughness length of open ground with low plants, class 3 of the WMO's guide to instruments (chapter 5, annex)."""
@@ -125,7 +128,7 @@ def puff_responses(
     source_m: Floats,
     *,
     source_sigma_m: float = 0.5,
-    steps_per_period: int = 12,
+    steps_per_period: int | None = None,
     memory_s: float = 300.0,
 ) -> Floats:
     """Return the readings of point sensors in each period above background, per cubic metre of pure gas a second.
@@ -143,7 +146,8 @@ def puff_responses(
         wind: Of n periods.
         source_m: (3,) place of the source [m].
         source_sigma_m: a, deviation of the gas at the source [m].
-        steps_per_period: Puffs that leave in a period, and times over which its reading is averaged.
+        steps_per_period: Puffs that leave in a period, and times over which its reading is averaged; absent: one every
+            5 s, and 12 at least.
         memory_s: Age at which puffs are dropped; within it they should have left the yard.
 
     Returns:
@@ -162,6 +166,8 @@ def puff_responses(
     n = len(wind.start_s)
     if wind.mean_world_m_s.shape != (n, 2) or wind.across_std_m_s.shape != (n,) or wind.up_std_m_s.shape != (n,):
         raise ShapeError("wind: expected means (n, 2) and standard deviations (n,) of the n periods.")
+    if steps_per_period is None:
+        steps_per_period = max(_LEAST_STEPS, math.ceil(wind.period_s / _STEP_S))
     step_s = wind.period_s / steps_per_period
     part_s = (np.arange(steps_per_period) + 0.5) * step_s
     at_s = (wind.start_s[:, None] + part_s[None, :]).ravel()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gslcosim.base.errors import UsageError
 from gslcosim.search.fixed_sensors.plume_response import SensorPaths
 from gslcosim.validation.laser_data import METHANE_KG_MOL
-from gslcosim.validation.mast_data import PERIOD_S, find_source_m, methane_m3_per_kg
+from gslcosim.validation.mast_data import find_source_m, methane_m3_per_kg
 from gslcosim.validation.readers.folder import MeasuredData, MeasuredSet
 from gslcosim.validation.readers.laser_paths import LaserPaths
 from gslcosim.validation.readers.mast_network import MastNetwork
@@ -28,6 +28,9 @@ PLANE_RADIUS_M = 20.0
 
 LASER_RADIUS_M = 3.0
 """Largest error of a correct position where lasers see the source [m]."""
+
+LASER_PERIOD_S = 60.0
+"""Rows of lasers are minutes [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,7 +172,7 @@ def _case_of_masts(measured: MeasuredSet, network: MastNetwork) -> LogCase:
         names=network.masts,
         places_m=places_m if network.has_several_places else {},
         source_height_m=math.nan if network.has_several_places or not heights_m else heights_m[0],
-        period_s=PERIOD_S,
+        period_s=network.period_s,
         finds_events=True,
         wind_height_m=float(np.median(network.masts_m[:, 2])),
     )
@@ -226,7 +229,7 @@ def _case_of_lasers(measured: MeasuredSet, paths: LaserPaths) -> LogCase:
         names=tuple(f"beam_{i + 1}" for i in range(len(paths.reflectors_m))),
         places_m={},
         source_height_m=math.nan,
-        period_s=PERIOD_S,
+        period_s=LASER_PERIOD_S,
         finds_events=False,
         wind_height_m=math.nan,
     )
@@ -234,7 +237,7 @@ def _case_of_lasers(measured: MeasuredSet, paths: LaserPaths) -> LogCase:
         TrueRelease(
             name=minutes.source,
             start_s=float(minutes.clock_s.min()),
-            end_s=float(minutes.clock_s.max()) + PERIOD_S,
+            end_s=float(minutes.clock_s.max()) + LASER_PERIOD_S,
             place=None,
             position_m=np.array(minutes.position_m),
             rate_kg_s=minutes.rate_kg_s,

@@ -14,6 +14,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import gslcosim
 from gslcosim.base.code_identity import COMPUTING_PACKAGES
 from gslcosim.base.errors import UsageError
@@ -160,7 +162,9 @@ def _oracle(case: LogCase) -> LogResult:
             start_s=release.start_s,
             end_s=release.end_s,
             place=release.place,
-            position_m=(float(release.position_m[0]), float(release.position_m[1])),
+            position_m=(float(release.position_m[0]), float(release.position_m[1]))
+            if np.isfinite(release.position_m).all()
+            else None,
             rate_kg_s=release.rate_kg_s,
         )
         for release in case.releases

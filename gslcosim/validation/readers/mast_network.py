@@ -56,6 +56,11 @@ class MastNetwork:
     forward_ppm_s_g: dict[str, NDArray[np.float64]]
 
     @property
+    def period_s(self) -> float:
+        """From one row to the next [s]: the median step, a minute in a log of one row."""
+        return float(np.median(np.diff(self.clock_s))) if len(self.clock_s) > 1 else 60.0
+
+    @property
     def has_several_places(self) -> bool:
         """True if the candidate positions differ horizontally, so that there is a choice."""
         return len({place_m[:2] for place_m in self.places_m.values()}) > 1
@@ -72,6 +77,10 @@ def read_mast_network(folder: Path) -> MastNetwork:
     masts = tuple(found["mast"] for name in minutes.texts if (found := _READING.fullmatch(name)))
     known = site.block("masts")
     if not masts:
+        other = next((name for name in minutes.texts if name.startswith("ch4_")), None)
+        if other is not None:
+            remedy = f"Convert column {other} and those like it to ppm, and rename them."
+            raise build_error(minutes.path, "", expected="columns ch4_MAST_ppm", found=other, remedy=remedy)
         minutes.require(["ch4_MAST_ppm"])
     if set(masts) - set(known):
         raise build_error(

@@ -59,6 +59,33 @@ def test_nothing_that_an_estimator_gets_has_a_release_in_it(yard):
     assert set(case_of(yard).site.places_m) == set(PLACES_M)
 
 
+def test_rows_of_five_minutes_are_a_log_like_others(tmp_path):
+    folder = write_campaign(tmp_path / "yard")
+    lines = (folder / "minutes.csv").read_text().splitlines()
+    (folder / "minutes.csv").write_text("\n".join([lines[0], *lines[1::5]]) + "\n")
+    case = case_of(folder)
+    assert case.site.period_s == 300.0
+    (scored,) = run_entry(NETWORK, case).score.releases
+    assert scored.outcome == "exact"
+    assert scored.rate_ratio == pytest.approx(1.0, abs=0.5)
+
+
+def test_a_release_without_the_name_of_its_place_is_judged_by_its_point(tmp_path):
+    folder = write_campaign(tmp_path / "yard")
+    path = folder / "releases.csv"
+    path.write_text(path.read_text().replace(",place,", ",spot,"))
+    done = run_measured(folder, ResultsFolder(tmp_path / "results"), only=["leak_network"], has_report=False)
+    assert {result.score.releases[0].outcome for result in done.results} == {"exact"}
+
+
+def test_a_release_of_unknown_place_and_point_is_scored_in_time_alone(tmp_path):
+    folder = write_campaign(tmp_path / "yard")
+    path = folder / "releases.csv"
+    path.write_text(path.read_text().replace(",place,east_m,north_m,", ",spot,e,n,"))
+    done = run_measured(folder, ResultsFolder(tmp_path / "results"), only=["leak_network"], has_report=False)
+    assert {result.score.releases[0].outcome for result in done.results} == {"touched"}
+
+
 def test_the_only_place_of_a_site_is_not_told(tmp_path):
     folder = write_campaign(tmp_path / "yard")
     site = json.loads((folder / "site.json").read_text())

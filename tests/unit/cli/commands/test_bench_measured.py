@@ -76,6 +76,13 @@ def test_a_log_without_a_column_is_told_in_one_sentence(yard, capsys):
     assert "Traceback" not in text
 
 
+def test_readings_in_another_unit_are_told_in_one_sentence(yard, capsys):
+    path = yard / "minutes.csv"
+    path.write_text(path.read_text().replace("_ppm", "_ppb"))
+    text = said(["run", "measured", "--data", str(yard)], capsys)
+    assert "expected columns ch4_MAST_ppm, was ch4_a_ppb. Convert column ch4_a_ppb" in text
+
+
 def test_data_of_formats_without_logs_is_refused(tmp_path, capsys):
     (tmp_path / "published.json").write_text('{"entries": []}')
     text = said(["run", "measured", "--data", str(tmp_path)], capsys)
