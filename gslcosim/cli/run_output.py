@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from gslcosim.bench.execution.runner import Progress, RunSummary
     from gslcosim.bench.execution.verification import Verification
     from gslcosim.bench.merge import MergeSummary
+    from gslcosim.bench.report.writer import WrittenReport
     from gslcosim.bench.submissions import Ranking
     from gslcosim.runtime.status import RunResult, RunStatus
 
@@ -275,7 +276,7 @@ def format_progress(progress: "Progress") -> str:
     return f"{done}/{total} trials, {rate}{left} | found: {found or 'none yet'}{lost}"
 
 
-def format_suite_summary(summary: "RunSummary", page: Path | None, shard: "Shard | None" = None) -> str:
+def format_suite_summary(summary: "RunSummary", report: "WrittenReport | None", shard: "Shard | None" = None) -> str:
     """Return the summary of a run of a suite or of a shard of it."""
     wall = summary.wall
     lines = []
@@ -296,38 +297,26 @@ def format_suite_summary(summary: "RunSummary", page: Path | None, shard: "Shard
         )
     if summary.is_interrupted:
         lines.append("Repeat the command to resume.")
-    if page and (leaderboard := format_leaderboard(summary.folder)):
-        lines += ["", leaderboard, ""]
-    lines.append(f"Results: {summary.folder}" + (f"\nReport: {page}" if page else ""))
+    lines += _leaderboard_lines(report)
+    lines.append(f"Results: {summary.folder}" + (f"\nReport: {report.page}" if report else ""))
     if shard is not None:
         lines.append(f"Shard {shard}. When all have run: gslcosim bench merge FOLDER... --out FOLDER")
     return "\n".join(lines)
 
 
-def format_leaderboard(results_dir: Path) -> str:
-    """Return the leaderboard of results as their summary has it, in columns; empty where no report was made.
-
-    Args:
-        results_dir: Folder with the `summary.md` of a report.
-    """
-    summary = results_dir / "summary.md"
-    if not summary.is_file():
-        return ""
-    text = summary.read_text(encoding="utf-8").split("\n## ")[0]
-    lines = [line.strip("| ") for line in text.splitlines() if line.startswith("|") and not line.startswith("|--")]
-    rows = [[cell.replace("\\", "") for cell in line.split(" | ")] for line in lines]
-    return table(rows[0], rows[1:]) if rows else ""
+# The leaderboard between empty lines, where anything was flown.
+def _leaderboard_lines(report: "WrittenReport | None") -> list[str]:
+    return ["", table(*report.leaderboard), ""] if report is not None and report.leaderboard[1] else []
 
 
-def format_merge(summary: "MergeSummary", page: Path | None) -> str:
+def format_merge(summary: "MergeSummary", report: "WrittenReport | None") -> str:
     """Return the summary of a merge, with what is missing."""
     found = summary.n_shards - len(summary.missing)
     lines = [f"{summary.n_trials} of {summary.n_chosen} trials, from {found} of {summary.n_shards} shards."]
     if summary.missing:
         lines.append(f"Missing: {', '.join(summary.missing)}")
-    if page and (leaderboard := format_leaderboard(summary.folder)):
-        lines += ["", leaderboard, ""]
-    lines.append(f"Results: {summary.folder}" + (f"\nReport: {page}" if page else ""))
+    lines += _leaderboard_lines(report)
+    lines.append(f"Results: {summary.folder}" + (f"\nReport: {report.page}" if report else ""))
     return "\n".join(lines)
 
 

@@ -20,7 +20,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="gslcosim-bench-report-") as scratch:
         folder = synthetic.make_results(Path(scratch) / "results", plan)
         began_s = time.process_time()
-        page = write_report(folder)
+        page = write_report(folder).page
         taken_s, size_mb = time.process_time() - began_s, page.stat().st_size / 1e6
     verdict = "PASS" if taken_s <= LIMIT_S else "MISS"
     sys.stdout.write(f"report of 10,000 trials: {taken_s:.1f} s, limit {LIMIT_S:g} s  {verdict}; {size_mb:.1f} MB\n")

@@ -211,6 +211,8 @@ _NOTES = (
 )
 
 Table = Iterable[Sequence[Any]]
+Leaderboard = tuple[list[str], list[list[str]]]
+"""Headings and rows of text."""
 
 
 def write_tables(analysis: Analysis, folder: Path) -> None:
@@ -437,19 +439,31 @@ def write_summary(analysis: Analysis) -> str:
 
 
 def _table(analysis: Analysis) -> list[str]:
-    standings = analysis.everything.standings
+    heads, rows = build_leaderboard_table(analysis)
+    lines = [heads, ["--:", "---", *["--:"] * (len(heads) - 2)]]
+    lines += [[rank, _plain(name), *cells] for rank, name, *cells in rows]
+    first, rule, *others = ("| " + " | ".join(line) + " |" for line in lines)
+    return [first, rule.replace(" ", ""), *others]
+
+
+def build_leaderboard_table(analysis: Analysis) -> Leaderboard:
+    """Return the leaderboard over all cases as headings and rows of text: rank, entry, figures, and their number."""
+    standings, names = analysis.everything.standings, _names(analysis)
     columns = [
         (name, head, form)
         for name, (head, form) in zip(_SUMMED, _COLUMNS, strict=True)
         if any(getattr(row, name).n for row in standings)
     ]
-    lines = ["| # | Entry | " + " | ".join(head for _, head, _ in columns) + " | n |"]
-    lines.append("|--:|---|" + "--:|" * (len(columns) + 1))
-    for row in standings:
-        cells = [number_formats.format_estimate(getattr(row, name), form) for name, _, form in columns]
-        name = _plain(analysis.material.entries[row.entry].name)
-        lines.append(f"| {row.rank} | {name} | " + " | ".join(cells) + f" | {row.n} |")
-    return lines
+    rows = [
+        [
+            str(row.rank),
+            names[row.entry],
+            *(number_formats.format_estimate(getattr(row, name), form) for name, _, form in columns),
+            str(row.n),
+        ]
+        for row in standings
+    ]
+    return ["#", "Entry", *(head for _, head, _ in columns), "n"], rows
 
 
 def _verdicts(analysis: Analysis) -> list[str]:

@@ -1,19 +1,34 @@
 """Writer of the whole report: page, tables, leaderboard, summary and figures."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from gslcosim.base.errors import build_machine_error
 from gslcosim.bench.report.analysis import analyse
 from gslcosim.bench.report.page import render_page
 from gslcosim.bench.report.report_data import load_report_data
-from gslcosim.bench.report.tables import build_leaderboard_json, write_summary, write_tables
+from gslcosim.bench.report.tables import (
+    Leaderboard,
+    build_leaderboard_json,
+    build_leaderboard_table,
+    write_summary,
+    write_tables,
+)
 from gslcosim.bench.verification_marks import VerificationMark
 
 PAGE = "report.html"
 
 
-def write_report(results_dir: Path, *, figures: bool = False, mark: VerificationMark | None = None) -> Path:
-    """Write the report of a folder of results into it, and return the page.
+@dataclass(frozen=True, kw_only=True)
+class WrittenReport:
+    """A report: its page, and the leaderboard of its summary as headings and rows; no rows where nothing was flown."""
+
+    page: Path
+    leaderboard: Leaderboard
+
+
+def write_report(results_dir: Path, *, figures: bool = False, mark: VerificationMark | None = None) -> WrittenReport:
+    """Write the report of a folder of results into it, and return where it is.
 
     It writes `report.html`, `tables/*.csv`, `leaderboard.json` and `summary.md`; what stood there before is replaced.
 
@@ -41,4 +56,4 @@ def write_report(results_dir: Path, *, figures: bool = False, mark: Verification
         page.write_text(render_page(analysis), encoding="utf-8")
     except OSError as error:
         raise build_machine_error(error, str(results_dir), "a folder that can be written") from error
-    return page
+    return WrittenReport(page=page, leaderboard=build_leaderboard_table(analysis))

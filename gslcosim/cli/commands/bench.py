@@ -206,15 +206,15 @@ def _run_suite(arguments: argparse.Namespace) -> int:
             report=report,
         )
         summary = run.fly()
-    page = None
+    written = None
     if not summary.is_interrupted and not arguments.no_report and shard is None:
         from gslcosim.bench.report.writer import write_report
 
-        page = write_report(folder.path)
+        written = write_report(folder.path)
     if arguments.json:
         write_json({key: str(v) if isinstance(v, Path) else v for key, v in asdict(summary).items()})
     else:
-        write(format_suite_summary(summary, page, shard))
+        write(format_suite_summary(summary, written, shard))
     if summary.is_interrupted:
         return ExitCode.INTERRUPTED
     return ExitCode.AGENT_FAILED if summary.n_without_result else 0
@@ -279,7 +279,7 @@ def _measured_data(given: Path | None) -> Path:
 def _report(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.report.writer import write_report
 
-    page = write_report(arguments.results, figures=arguments.figures)
+    page = write_report(arguments.results, figures=arguments.figures).page
     if arguments.json:
         write_json({"report": str(page)})
     else:
@@ -358,15 +358,15 @@ def _merge(arguments: argparse.Namespace) -> int:
     from gslcosim.cli.run_output import format_merge
 
     summary = merge_shards(arguments.results, arguments.out, is_partial=arguments.partial)
-    page = None
+    report = None
     if not arguments.no_report:
         from gslcosim.bench.report.writer import write_report
 
-        page = write_report(arguments.out)
+        report = write_report(arguments.out)
     if arguments.json:
         write_json(asdict(summary) | {"folder": str(summary.folder)})
     else:
-        write(format_merge(summary, page))
+        write(format_merge(summary, report))
     return 0
 
 

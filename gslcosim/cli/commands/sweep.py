@@ -66,7 +66,7 @@ def _run(arguments: argparse.Namespace) -> int:
     fields = sweep_to_json(sweep)
     write_fields(folder.path / "sweep.json", fields)
     write_text(folder.path / "sweep.csv", sweep_to_csv(sweep))
-    page = write_report(folder.path) if len(sweep.points) <= MAX_COMPARED_SETTINGS else None
+    page = write_report(folder.path).page if len(sweep.points) <= MAX_COMPARED_SETTINGS else None
     if arguments.json:
         write_json(fields)
     else:

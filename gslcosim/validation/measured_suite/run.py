@@ -134,7 +134,7 @@ def run_measured(
         manifest = _manifest(entries, results, n_rows=len(rows), started_at=started_at, wall_s=wall_s)
         folder.write_json(folder.manifest, manifest)
         page = write_page(folder.path, results)
-        report = write_report(folder.path) if has_report else None
+        report = write_report(folder.path).page if has_report else None
         return SuiteResult(results=tuple(results), folder=folder.path, report=report, page=page)
 
 

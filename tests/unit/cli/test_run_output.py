@@ -1,12 +1,15 @@
 """What is shown while a run goes on."""
 
 import io
+from pathlib import Path
 
 import pytest
 from rich.console import Console
 
+from gslcosim.bench.merge import MergeSummary
+from gslcosim.bench.report.writer import WrittenReport
 from gslcosim.cli.progress import ProgressLine
-from gslcosim.cli.run_output import format_agents_table, format_status, show_run_progress
+from gslcosim.cli.run_output import format_agents_table, format_merge, format_status, show_run_progress
 from gslcosim.runtime.status import RunStatus
 
 
@@ -118,3 +121,21 @@ def test_figures_that_have_no_meaning_are_dashes():
     row = format_agents_table([{**agent, "name": "moth", "outcome": "time_limit"}], {"moth": "none"}).splitlines()[1]
     assert row.split("   ")[0] == "moth"
     assert row.count("-") == 6
+
+
+def test_a_merge_ends_with_the_leaderboard_of_its_report():
+    summary = MergeSummary(folder=Path("out"), n_shards=1, missing=(), n_trials=4, n_chosen=4)
+    rows = [["1", "oracle", "0.85", "2"], ["2", "dung_beetle", "0.55", "2"]]
+    report = WrittenReport(page=Path("out/report.html"), leaderboard=(["#", "Entry", "Score", "n"], rows))
+    assert format_merge(summary, report).splitlines()[1:] == [
+        "",
+        "#   Entry         Score   n",
+        "1   oracle        0.85    2",
+        "2   dung_beetle   0.55    2",
+        "",
+        "Results: out",
+        "Report: out/report.html",
+    ]
+    nothing = WrittenReport(page=Path("out/report.html"), leaderboard=(["#", "Entry", "n"], []))
+    assert format_merge(summary, nothing).splitlines()[1:] == ["Results: out", "Report: out/report.html"]
+    assert format_merge(summary, None).splitlines()[1:] == ["Results: out"]

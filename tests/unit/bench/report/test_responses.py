@@ -106,7 +106,7 @@ def test_damaged_settings_are_named(tmp_path, damage):
 @pytest.mark.slow
 def test_page_and_figures_have_the_response(tmp_path):
     folder = varied(tmp_path, [{"x": 0.123456}, {"x": 2.0}, {"x": 8.0}])
-    page = write_report(folder, figures=True).read_text(encoding="utf-8")
+    page = write_report(folder, figures=True).page.read_text(encoding="utf-8")
     chart = data_of(page)["views"][0]["charts"]["response_x_score"]
     assert chart["points"]
     assert chart["joined"]

@@ -120,7 +120,11 @@ def test_names_are_escaped_everywhere(tmp_path):
     methods = (synthetic.Method(name=nasty, faults=0.5), synthetic.WALKER)
     plan = replace(SMALL, methods=methods, title=nasty, question="<img src=x onerror=alert(1)>")
     folder = synthetic.make_results(tmp_path, plan)
-    write_report(folder)
+    heads, rows = write_report(folder).leaderboard
+    assert heads[:3] == ["#", "Entry", "Score"]
+    assert nasty in [row[1] for row in rows]
+    summary = (folder / "summary.md").read_text(encoding="utf-8")
+    assert "| " + " | ".join(heads) + " |\n|--:|---|--:|" in summary
     html = (folder / "report.html").read_text(encoding="utf-8")
     page = Page(html)
     assert "img" not in page.tags
@@ -130,7 +134,7 @@ def test_names_are_escaped_everywhere(tmp_path):
     assert html.count("</script>") == 2
     assert nasty in "".join(page.text)
     assert data_of(html)["entries"][0]["name"] == nasty
-    assert "<script>" not in (folder / "summary.md").read_text(encoding="utf-8")
+    assert "<script>" not in summary
 
 
 def test_the_formula_and_every_column_are_on_the_page(usual):
@@ -279,7 +283,7 @@ TINY = {
 )
 def test_every_folder_gets_a_page(name, tmp_path):
     folder = synthetic.make_results(tmp_path / "results", TINY[name])
-    page = Page(write_report(folder).read_text(encoding="utf-8"))
+    page = Page(write_report(folder).page.read_text(encoding="utf-8"))
     n_entries = 0 if name == "nothing flown" else len(TINY[name].methods)
     assert sum(view == "0" for view, _ in page.board) == n_entries
     assert {link[1:] for link in page.links if link.startswith("#")} <= set(page.ids) | {"leaderboard"}
@@ -303,7 +307,7 @@ def test_every_folder_gets_a_page(name, tmp_path):
 )
 def test_what_is_missing_is_said_and_left_out(name, said, left_out, tmp_path):
     folder = synthetic.make_results(tmp_path / "results", TINY[name])
-    page = Page(write_report(folder).read_text(encoding="utf-8"))
+    page = Page(write_report(folder).page.read_text(encoding="utf-8"))
     if name != "one entry":
         assert said in "".join(page.text)
     assert not left_out & set(page.ids)
@@ -355,7 +359,7 @@ def test_merged_results_say_whose_and_which_are_not_verified(tmp_path):
     (folder / "manifest.json").write_text(json.dumps(manifest))
     mark = VerificationMark(entries={entry["name"]: entry["name"] != "e_coli" for entry in manifest["entries"]})
     save_mark(results_hash(folder), mark)
-    text = "".join(Page(write_report(folder).read_text(encoding="utf-8")).text)
+    text = "".join(Page(write_report(folder).page.read_text(encoding="utf-8")).text)
     assert "Not verified by flying a sample again: e_coli." in text
     assert "Not complete" not in text
     rows = json.loads((folder / "leaderboard.json").read_text(encoding="utf-8"))["views"][0]["rows"]
@@ -386,4 +390,4 @@ def test_the_page_of_ten_thousand_trials_has_at_most_ten_megabytes(tmp_path):
     plan = synthetic.Plan(n_scenarios=6, n_families=3, repetitions=22, controls_frac=0.4, n_points=150)
     folder = synthetic.make_results(tmp_path / "results", plan)
     assert len(rows_of(folder)) >= 10_000
-    assert write_report(folder).stat().st_size < 10e6
+    assert write_report(folder).page.stat().st_size < 10e6
