@@ -3,6 +3,7 @@
 import argparse
 import math
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,21 +67,17 @@ def format_sweep(sweep: "SweepResult", folder: Path, page: Path | None) -> str:
         lines.append(
             f"Intervals of scores from fewer than {_FEW} flights are too narrow; more --repetitions mend that."
         )
-    return "\n".join(
-        [*lines, f"Results: {folder} (sweep.csv, sweep.json)", f"Report: {page or _report_command(folder)}"]
-    )
+    report = page or f"gslcosim bench report {shlex.quote(str(folder))}"
+    return "\n".join([*lines, f"Results: {folder} (sweep.csv, sweep.json)", f"Report: {report}"])
 
 
-def _report_command(folder: Path) -> str:
-    return f"gslcosim bench report {shlex.quote(str(folder))}"
-
-
-def format_tuning(tuning: "TuningResult", folder: Path, parameters: str) -> str:
+def format_tuning(tuning: "TuningResult", folder: Path, pages: Sequence[Path], parameters: str) -> str:
     """Return the result of a tuning as text.
 
     Args:
         tuning: It.
         folder: Where its files are.
+        pages: Reports of training and, where there was one, of validation.
         parameters: The best setting as YAML.
     """
     return "\n".join(
@@ -94,7 +91,7 @@ def format_tuning(tuning: "TuningResult", folder: Path, parameters: str) -> str:
             *_verdict_lines(tuning),
             f"parameters: {parameters}" if tuning.validation is not None else "",
             f"Results: {folder} (tuning.json, tuning.csv, study.log)",
-            f"Report: {_report_command(folder / 'training')}",
+            *(f"Report of {page.parent.name}: {page}" for page in pages),
         ]
     ).replace("\n\n", "\n")
 

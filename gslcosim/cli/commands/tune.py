@@ -46,6 +46,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim.bench.report.writer import write_report
     from gslcosim.bench.studies.output import (
         parameters_to_paste,
         to_inline_yaml,
@@ -55,7 +56,7 @@ def _run(arguments: argparse.Namespace) -> int:
         write_text,
     )
     from gslcosim.bench.studies.target import card_ranges, find_target, parse_ranges
-    from gslcosim.bench.studies.tuning import Tuner, split_budget
+    from gslcosim.bench.studies.tuning import TRAINING, VALIDATION, Tuner, split_budget
 
     subject = find_target(arguments.suite, arguments.entry)
     ranges = parse_ranges(arguments.range, subject) if arguments.range else card_ranges(subject)
@@ -83,13 +84,16 @@ def _run(arguments: argparse.Namespace) -> int:
             line.end()
             write_note("Interrupted. Repeat the command to resume.")
             return ExitCode.INTERRUPTED
+    # Two folders of results: the settings of the search, and the best of them beside the default.
+    flown = [TRAINING, VALIDATION] if tuning.validation is not None else [TRAINING]
+    pages = [write_report(folder / name).page for name in flown]
     fields = tuning_to_json(tuning)
     write_fields(folder / "tuning.json", fields)
     write_text(folder / "tuning.csv", tuning_to_csv(tuning))
     if arguments.json:
         write_json(fields)
     else:
-        write(format_tuning(tuning, folder, to_inline_yaml(parameters_to_paste(tuning))))
+        write(format_tuning(tuning, folder, pages, to_inline_yaml(parameters_to_paste(tuning))))
     return 0
 
 

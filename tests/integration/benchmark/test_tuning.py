@@ -97,6 +97,15 @@ def test_a_tuning_keeps_to_its_budget_and_leaves_its_files(tuned: Path) -> None:
 
 @pytest.mark.end_to_end
 @pytest.mark.extras
+def test_a_tuning_leaves_a_report_of_each_of_its_folders(tuned: Path) -> None:
+    pages = re.findall(r"^Report of (\S+): (\S+)$", (tuned / "told.txt").read_text(), re.MULTILINE)
+    folders = [path.name for path in (tuned / "training", tuned / "validation") if path.is_dir()]
+    assert pages == [(name, str(tuned / name / "report.html")) for name in folders]
+    assert "response_leg_m_score" in (tuned / "training" / "report.html").read_text()
+
+
+@pytest.mark.end_to_end
+@pytest.mark.extras
 def test_a_tuning_says_what_it_used_and_what_that_is_worth(tuned: Path) -> None:
     shown = (tuned / "told.txt").read_text()
     assert "Budget: 12 flights, used " in shown
