@@ -31,7 +31,7 @@ EXAMPLES = """  gslcosim bench list
 RESULTS_DIR = Path("results")
 # The suite whose gas is a log: nothing of it is flown.
 MEASURED = "measured"
-MEASURED_QUESTION = "Who finds leaks, their places and rates in logs of masts and lasers? (needs --data)"
+MEASURED_QUESTION = "Who finds sources, their places and rates in logs of masts, lasers and rooms? (needs --data)"
 
 
 def _add_suite(parser: argparse.ArgumentParser) -> None:

@@ -92,7 +92,7 @@ def compute_sensor_figures(time_s: Floats, readings: Floats, *, quiet_until_s: f
     high = np.percentile(above[early], 95.0, axis=0)
     seen = (smooth > np.maximum(ONSET_NOISES * noise, ONSET_SHARE * high)) & (time_s >= quiet_until_s)[:, None]
     onset_s = np.where(seen.any(axis=0), time_s[np.argmax(seen, axis=0)], np.nan)
-    first_s = float(np.sort(onset_s)[4])
+    first_s = float(np.sort(onset_s)[min(4, len(onset_s) - 1)])
     mean = smooth.mean(axis=1)
     plateau = float(np.percentile(mean, 95.0))
     grown = (mean >= (1.0 - np.exp(-1.0)) * plateau) & (time_s >= first_s)

@@ -262,6 +262,11 @@ def is_network(site: LogSite) -> bool:
     return site.has_points and site.finds_events
 
 
+def is_room(site: LogSite) -> bool:
+    """Return whether a log has point sensors and a source that is open all the time."""
+    return site.has_points and not site.finds_events
+
+
 FLOOR = "nearest_sensor"
 """The entry that bounds the others from above, as the random walker does in flown suites."""
 
@@ -271,7 +276,7 @@ ENTRIES = (
         title="Leak network: events, puffs from each place",
         family="network",
         build=LeakNetwork,
-        can_take=lambda site: True,
+        can_take=lambda site: not is_room(site),
         says_rate=True,
     ),
     Entry(

@@ -16,11 +16,14 @@ from gslcosim.validation.mast_data import find_source_m, methane_m3_per_kg
 from gslcosim.validation.readers.folder import MeasuredData, MeasuredSet
 from gslcosim.validation.readers.laser_paths import LaserPaths
 from gslcosim.validation.readers.mast_network import MastNetwork
+from gslcosim.validation.readers.room_sensors import RoomExperiment, RoomSensors
 from gslcosim_services.fields.gases import air_density_mol_m3
 
 Floats = NDArray[np.float64]
 
-FORMATS = ("mast_network", "laser_paths")
+_DAY_S = 86_400.0
+
+FORMATS = ("mast_network", "laser_paths", "room_sensors")
 """Formats whose logs make trials."""
 
 PLANE_RADIUS_M = 20.0
@@ -28,6 +31,12 @@ PLANE_RADIUS_M = 20.0
 
 LASER_RADIUS_M = 3.0
 """Largest error of a correct position where lasers see the source [m]."""
+
+ROOM_RADIUS_M = 1.5
+"""Largest error of a correct position in a room, where sensors stand 1.8 m apart [m]."""
+
+ROOM_PERIOD_S = 1.0
+"""Readings of a room are means over this [s]."""
 
 LASER_PERIOD_S = 60.0
 """Rows of lasers are minutes [s]."""
@@ -153,6 +162,8 @@ def load_log_cases(data: MeasuredData) -> tuple[LogCase, ...]:
             cases.append(_case_of_masts(each, data.read(each, MastNetwork)))
         elif each.format == "laser_paths":
             cases.append(_case_of_lasers(each, data.read(each, LaserPaths)))
+        elif each.format == "room_sensors":
+            cases.append(_case_of_room(each, data.read(each, RoomSensors)))
     if not cases:
         found = ", ".join(f"{each.name} ({each.format})" for each in data.sets) or "no set"
         raise UsageError(
@@ -253,6 +264,64 @@ def _case_of_lasers(measured: MeasuredSet, paths: LaserPaths) -> LogCase:
         within_m=LASER_RADIUS_M,
         hash=_hash_files(measured.folder, ("layout.json", "minutes_source_*.csv*")),
     )
+
+
+# Experiments have no date: each counts as a day of its own. Neither rate nor start of the release is known, and what
+# the files say of when gas was seen was found in the readings.
+def _case_of_room(measured: MeasuredSet, room: RoomSensors) -> LogCase:
+    parts = [_mean_rows(experiment) for experiment in room.experiments]
+    start_s = [i * _DAY_S + time_s for i, (time_s, _) in enumerate(parts)]
+    n, k = sum(len(each) for each in start_s), len(room.sensors)
+    log = MeasuredLog(
+        np.concatenate(start_s),
+        np.concatenate([readings_ppm for _, readings_ppm in parts]).reshape(n, k),
+        np.full((n, 2), np.nan),
+        np.full((n, 3), np.nan),
+        np.full(n, np.nan),
+        np.repeat(np.arange(len(parts)), [len(each) for each in start_s]),
+    )
+    site = LogSite(
+        sensors=SensorPaths.of_points(room.positions_m),
+        names=room.sensors,
+        places_m={},
+        source_height_m=math.nan,
+        period_s=ROOM_PERIOD_S,
+        finds_events=False,
+        wind_height_m=math.nan,
+    )
+    releases = tuple(
+        TrueRelease(
+            name=f"experiment={experiment.number}",
+            start_s=float(clock_s[0]),
+            end_s=float(clock_s[-1]) + ROOM_PERIOD_S,
+            place=None,
+            position_m=np.array(experiment.source_m),
+            rate_kg_s=math.nan,
+            source=i,
+        )
+        for i, (experiment, clock_s) in enumerate(zip(room.experiments, start_s, strict=True))
+    )
+    return LogCase(
+        name=measured.name,
+        site=site,
+        log=log,
+        releases=releases,
+        within_m=ROOM_RADIUS_M,
+        hash=_hash_files(measured.folder, ("room.json", "sensors.csv", "experiments.csv", "exp*.csv*")),
+    )
+
+
+# Times since the beginning, and means of the readings, at equal steps; gaps keep what was read last.
+def _mean_rows(experiment: RoomExperiment) -> tuple[Floats, Floats]:
+    step = ((experiment.time_s - experiment.time_s[0]) // ROOM_PERIOD_S).astype(np.int64)
+    sums = np.zeros((int(step[-1]) + 1, experiment.readings_ppm.shape[1]))
+    counts = np.zeros_like(sums)
+    np.add.at(sums, step, np.nan_to_num(experiment.readings_ppm))
+    np.add.at(counts, step, np.isfinite(experiment.readings_ppm))
+    latest = np.maximum.accumulate(np.where(counts > 0, np.arange(len(sums))[:, None], 0), axis=0)
+    with np.errstate(invalid="ignore"):
+        means = np.take_along_axis(sums / counts, latest, axis=0)
+    return ROOM_PERIOD_S * np.arange(len(sums), dtype=np.float64), means
 
 
 def _hash_files(folder: Path, patterns: tuple[str, ...]) -> str:

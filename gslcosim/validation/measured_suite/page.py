@@ -144,9 +144,13 @@ def _release_table(some: Sequence["LogResult"]) -> tuple[list[str], list[list[st
     rows: list[list[str]] = []
     for i, release in enumerate(some[0].case.releases):
         place = release.place or ("" if math.isnan(release.position_m[0]) else _position(release.position_m))
-        facts = [f"{(release.end_s - release.start_s) / 60.0:.0f}", f"{release.rate_kg_s * _HOUR_S:.3g}"]
+        facts = [f"{(release.end_s - release.start_s) / 60.0:.0f}", _rate(release.rate_kg_s)]
         rows.append([release.name, place, *facts, *(_describe_claims(result, i) for result in shown)])
     return headings, rows
+
+
+def _rate(rate_kg_s: float) -> str:
+    return f"{rate_kg_s * _HOUR_S:.3g}" if math.isfinite(rate_kg_s) else ""
 
 
 def _position(position_m: Any) -> str:

@@ -23,14 +23,15 @@ from gslcosim.bench.cases.models import LOWER_ANCHOR
 from gslcosim.bench.store import RESULTS_SCHEMA, TRIAL_COLUMNS, TRIALS, JournalEntry, ResultsFolder, build_tables
 from gslcosim.runtime.processes.sandbox.selection import NONE_IN_THIS_PROCESS
 from gslcosim.validation.measured_suite.agents import DEFAULT_AGENTS, find_agent_entries
-from gslcosim.validation.measured_suite.estimators import ENTRIES, FLOOR, Claim, Entry
-from gslcosim.validation.measured_suite.logs import LogCase, load_log_cases
+from gslcosim.validation.measured_suite.estimators import ENTRIES, FLOOR, Claim, Entry, is_room
+from gslcosim.validation.measured_suite.logs import LogCase, LogSite, load_log_cases
+from gslcosim.validation.measured_suite.room_estimators import ROOM_ENTRIES
 from gslcosim.validation.measured_suite.scores import LogScore, QuietDay, ReleaseScore, score_claims
 from gslcosim.validation.readers.folder import read_measured
 
 SUITE = "measured"
 TITLE = "Search on measured air"
-QUESTION = "Who finds leaks, their places and rates in logs of masts and lasers?"
+QUESTION = "Who finds sources, their places and rates in logs of masts, lasers and rooms?"
 
 _COMPLETED = "flown"
 _EMPTY = dict.fromkeys((column.name for column in TRIAL_COLUMNS), None)
@@ -76,9 +77,9 @@ def choose_entries(only: Sequence[str], agents: Sequence[str], data_dir: Path) -
     def is_chosen(name: str) -> bool:
         return not only or any(fnmatchcase(name, pattern) for pattern in only)
 
-    own = [entry.name for entry in ENTRIES]
+    own = list(dict.fromkeys(entry.name for entry in (*ENTRIES, *ROOM_ENTRIES)))
     more = find_agent_entries(agents, data_dir, taken=own, is_chosen=is_chosen)
-    chosen = (*(entry for entry in ENTRIES if is_chosen(entry.name)), *more)
+    chosen = (*(entry for entry in (*ENTRIES, *ROOM_ENTRIES) if is_chosen(entry.name)), *more)
     if not chosen:
         names = ", ".join([*own, *DEFAULT_AGENTS, *agents])
         raise UsageError(f"--only entry={','.join(only)}: expected one of {names}, found none.")
@@ -127,7 +128,7 @@ def run_measured(
         for i, (entry, case) in enumerate(pairs):
             progress(f"{entry.name} on {case.name}", i / max(len(pairs), 1))
             results.append(run_entry(entry, case))
-        results += [_oracle(case) for case in cases]
+        results += [score_oracle(case) for case in cases]
         rows = [row for result in results for row in build_rows(result)]
         folder.write_tables(*build_tables([JournalEntry(row, None) for row in rows]))
         wall_s = time.perf_counter() - began
@@ -155,8 +156,8 @@ def run_entry(entry: Entry, case: LogCase) -> LogResult:
     return LogResult(entry=entry.name, case=case, score=score, fault=fault, wall_s=wall_s, sandbox=entry.sandbox)
 
 
-# Claims equal to the truth: the bound of every estimator.
-def _oracle(case: LogCase) -> LogResult:
+def score_oracle(case: LogCase) -> LogResult:
+    """Return the result of claims equal to the truth: the bound of every estimator."""
     claims = [
         Claim(
             start_s=release.start_s,
@@ -166,6 +167,7 @@ def _oracle(case: LogCase) -> LogResult:
             if np.isfinite(release.position_m).all()
             else None,
             rate_kg_s=release.rate_kg_s,
+            source=release.source,
         )
         for release in case.releases
     ]
@@ -248,7 +250,7 @@ def _row(result: LogResult, *, case: str, varied: dict[str, str], day: int, **va
         # Releases of a day share their weather.
         "gas_seed": day,
         "knows": "source" if result.entry == LOWER_ANCHOR else "",
-        "sensors": "mast" if result.case.site.has_points else "laser_path",
+        "sensors": _name_sensors(result.case.site),
         "n_robots": len(result.case.site.names),
         "environment_hash": result.case.hash,
         "status": _COMPLETED,
@@ -261,6 +263,12 @@ def _row(result: LogResult, *, case: str, varied: dict[str, str], day: int, **va
         row |= {"outcome": "agent_failed"}
     assert row.keys() == set(TRIALS.names)
     return row
+
+
+def _name_sensors(site: LogSite) -> str:
+    if is_room(site):
+        return "room_sensor"
+    return "mast" if site.has_points else "laser_path"
 
 
 def _hash(content: Any) -> str:
@@ -291,11 +299,18 @@ def _manifest(
     entries: Sequence[Entry], results: Sequence[LogResult], *, n_rows: int, started_at: datetime, wall_s: float
 ) -> dict[str, Any]:
     ran = {result.entry for result in results}
-    listed = [
-        {"name": e.name, "title": e.title, "family": e.family, "language": "python", "parameters": dict(e.parameters)}
+    # An entry of masts and one of rooms may share a name: they are one row of the report.
+    listed = {
+        e.name: {
+            "name": e.name,
+            "title": e.title,
+            "family": e.family,
+            "language": "python",
+            "parameters": dict(e.parameters),
+        }
         for e in entries
         if e.name in ran
-    ]
+    }
     oracle = {"name": LOWER_ANCHOR, "title": "The truth", "family": "anchor", "language": "python", "parameters": {}}
     logs = {result.case.name: result.case.hash for result in results}
     return {
@@ -312,7 +327,7 @@ def _manifest(
             **{name: version(name) for name in COMPUTING_PACKAGES},
         },
         "machine": {"platform": platform.platform()},
-        "entries": [*listed, oracle],
+        "entries": [*listed.values(), oracle],
         "scenarios": [{"name": name, "family": name, "title": name} for name in logs],
         "n_planned": n_rows,
         "anchors": {"lower": LOWER_ANCHOR, **({"upper": FLOOR} if FLOOR in ran else {})},

@@ -131,6 +131,7 @@ def test_claims_about_lasers_are_scored_by_the_source_that_was_open(yard):
     lasers = dataclasses.replace(case, site=site, releases=releases, within_m=3.0)
     x_m, y_m = PLACES_M["well"]
     near, far = (claim(case, 0, 1, position_m=(x_m + off_m, y_m), source=i) for i, off_m in ((1, 2.9), (0, 3.1)))
+    assert {each.outcome for each in run.score_oracle(lasers).score.releases} == {"exact"}
     scored = score_claims(lasers, [near, far])
     assert [each.outcome for each in scored.releases] == ["touched", "exact"]
     assert scored.quiet_days == ()

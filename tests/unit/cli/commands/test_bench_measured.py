@@ -86,4 +86,5 @@ def test_readings_in_another_unit_are_told_in_one_sentence(yard, capsys):
 def test_data_of_formats_without_logs_is_refused(tmp_path, capsys):
     (tmp_path / "published.json").write_text('{"entries": []}')
     text = said(["run", "measured", "--data", str(tmp_path)], capsys)
-    assert "--data: expected a log of a format that makes trials (mast_network, laser_paths), found no set" in text
+    formats = "mast_network, laser_paths, room_sensors"
+    assert f"--data: expected a log of a format that makes trials ({formats}), found no set" in text
