@@ -50,6 +50,7 @@ def _run(arguments: argparse.Namespace) -> int:
         found = ", ".join(f"{each.name} ({each.format})" for each in data.sets) or "no set"
         needed = "; ".join(f"{case.name}: {', '.join(case.formats) or 'published.json'}" for case in chosen)
         raise UsageError(f"--data: expected what a case needs ({needed}), found {found}.\nFolder: {arguments.data}")
+    data.check({name for case in cases for name in case.formats})
     effort = "quick" if arguments.quick else "full"
     stored = []
     with ProgressLine("reality", is_quiet=arguments.json) as progress:

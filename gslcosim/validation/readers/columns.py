@@ -20,6 +20,13 @@ from gslcosim.base.quantities import Vec3
 # Of a file as it lies on the disk, and unpacked.
 MAX_BYTES = 256_000_000
 MAX_UNPACKED_BYTES = 1_000_000_000
+# Air has 2 ppm; a mast in a plume all day long has tens.
+_MAX_MEDIAN_METHANE_PPM = 200.0
+# Parts of units at the end of columns' names.
+_UNIT_WORDS = frozenset(
+    "c cm deg degc degf f ft g h hpa in k kg km kn kpa kt l lb m mbar mg mi min ml mm mph ms ng pa percent pct per pm "
+    "ppb ppbv ppm ppmv ppt psi rad s slpm t torr ug us utc v volume".split()
+)
 
 
 class MeasuredDataError(EnvironmentDataError):
@@ -172,6 +179,24 @@ class Columns:
             )
         return values
 
+    def require_ppm(self, name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return readings of methane unchanged; raise where their median is what no open air has [ppm].
+
+        Raises:
+            MeasuredDataError: they are in another unit.
+        """
+        known = values[np.isfinite(values)]
+        median = float(np.median(known)) if len(known) else 0.0
+        if median > _MAX_MEDIAN_METHANE_PPM:
+            raise build_error(
+                self.path,
+                f"column {name}",
+                expected=f"methane in ppm, some 2 ppm most of the time and a median below {_MAX_MEDIAN_METHANE_PPM:g}",
+                found=f"a median of {median:g}",
+                remedy="Divide by 1000 what is in ppb.",
+            )
+        return values
+
     def error(self, name: str, i_row: int, expected: str, found: str, remedy: str) -> MeasuredDataError:
         """Return an error about one field; `i_row` counts the rows below the header from 0."""
         where = f"line {i_row + 2}, column {name}"
@@ -179,16 +204,21 @@ class Columns:
 
     # A column of the same quantity in another unit is the likeliest mistake.
     def _missing(self, name: str) -> MeasuredDataError:
-        stems = {other.rsplit("_", n)[0]: other for other in self.texts for n in (1, 2, 3) if "_" in other}
-        parts = name.split("_")
-        for n in range(1, min(4, len(parts))):
-            twin = stems.get("_".join(parts[:-n]))
-            if twin is not None and len(parts) - n > 1:
-                remedy = f"Convert column {twin} and rename it."
-                return build_error(self.path, "", expected=f"a column {name}", found=f"{twin}", remedy=remedy)
+        quantity = _without_unit(name)
+        twin = next((other for other in self.texts if _without_unit(other) == quantity), None)
+        if twin is not None:
+            remedy = f"Convert column {twin} and rename it."
+            return build_error(self.path, "", expected=f"a column {name}", found=f"{twin}", remedy=remedy)
         listed = ", ".join(list(self.texts)[:8]) + (", …" if len(self.texts) > 8 else "")
         remedy = "docs/measured-data.md lists the columns of each format."
         return build_error(self.path, "", expected=f"a column {name}", found=listed, remedy=remedy)
+
+
+def _without_unit(name: str) -> tuple[str, ...]:
+    parts = name.split("_")
+    while len(parts) > 1 and parts[-1] in _UNIT_WORDS:
+        parts.pop()
+    return tuple(parts)
 
 
 def _is_number(text: str) -> bool:

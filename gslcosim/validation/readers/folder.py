@@ -1,6 +1,6 @@
 """Folder of measured data: its sets, whose formats are recognised by their files and not by names of folders."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -72,6 +72,17 @@ class MeasuredData:
         content = next(each for each in FORMATS if each.name == measured_set.format).read(measured_set.folder)
         assert isinstance(content, kind), f"{measured_set.format} is read as {type(content).__name__}"
         return content
+
+    def check(self, format_names: Collection[str]) -> None:
+        """Read all sets of some formats, so that a bad file is told before anything is computed.
+
+        Raises:
+            MeasuredDataError: a file is missing or wrong.
+        """
+        for known in FORMATS:
+            if known.name in format_names:
+                for each in self.of_format(known.name):
+                    known.read(each.folder)
 
     def published(self, entry_id: str) -> dict[str, Any]:
         """Return the values of a published figure, by its id in `published.json`.

@@ -81,9 +81,13 @@ def _read_source(path: Path, layout: Document, n_beams: int) -> LaserMinutes:
             remedy="Take the layout of the same campaign.",
         )
     beams = [name for name in table.texts if name.startswith("ch4_beam_")]
+    names = [f"ch4_beam_{i + 1}_ppm" for i in range(n_beams)]
     if len(beams) != n_beams:
         found = f"{len(beams)} columns ch4_beam_*_ppm"
         raise build_error(path, "", expected=f"{n_beams} beams, one for each reflector", found=found)
+    beams_ppm = table.matrix(names, allow_gaps=True)
+    for name, values in zip(names, beams_ppm.T, strict=True):
+        table.require_ppm(name, values)
     release = np.array(table.words("release"))
     clock_s = table.clock_s("clock_time")
     for name in dict.fromkeys(release.tolist()):
@@ -98,7 +102,7 @@ def _read_source(path: Path, layout: Document, n_beams: int) -> LaserMinutes:
         rate_kg_s=layout.number("sources", source, "rate_kg_s"),
         release=release,
         clock_s=clock_s,
-        beams_ppm=table.matrix([f"ch4_beam_{i + 1}_ppm" for i in range(n_beams)], allow_gaps=True),
+        beams_ppm=beams_ppm,
         wind_world_m_s=table.matrix([f"wind_{axis}_m_s" for axis in "xyz"], allow_gaps=True),
         wind_std_m_s=table.matrix([f"wind_{axis}_std_m_s" for axis in "xyz"], allow_gaps=True),
         temperature_k=table.numbers("air_temperature_k", allow_gaps=True),

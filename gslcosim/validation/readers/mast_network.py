@@ -90,6 +90,10 @@ def read_mast_network(folder: Path) -> MastNetwork:
             found=", ".join(sorted(set(masts) - set(known))),
             remedy="Take the site.json of the same campaign.",
         )
+    minutes.require([f"ch4_{name}_ppm" for name in known])
+    readings_ppm = minutes.matrix([f"ch4_{name}_ppm" for name in masts], allow_gaps=True)
+    for name, values in zip(masts, readings_ppm.T, strict=True):
+        minutes.require_ppm(f"ch4_{name}_ppm", values)
     clock_s = minutes.require_rising("time_utc", minutes.clock_s("time_utc"), longest_gap_s=LONGEST_GAP_S)
     places_m = {name: _place_m(site, "candidate_places", name) for name in site.block("candidate_places")}
     return MastNetwork(
@@ -97,7 +101,7 @@ def read_mast_network(folder: Path) -> MastNetwork:
         masts_m=np.array([_place_m(site, "masts", name) for name in masts]),
         places_m=places_m,
         clock_s=clock_s,
-        readings_ppm=minutes.matrix([f"ch4_{name}_ppm" for name in masts], allow_gaps=True),
+        readings_ppm=readings_ppm,
         wind_world_m_s=minutes.matrix(["wind_east_m_s", "wind_north_m_s"], allow_gaps=True),
         pressure_pa=_pressure_pa(site),
         releases=_read_releases(folder, places_m, clock_s, minutes.path),

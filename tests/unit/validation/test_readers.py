@@ -123,6 +123,37 @@ def test_a_column_that_is_missing_is_named(tmp_path):
         network_of(folder)
 
 
+@pytest.mark.parametrize(
+    ("file", "name", "other"),
+    [
+        ("minutes", "ch4_south_ppm", "ch4_south_ppb"),
+        ("releases", "rate_kg_h", "rate_g_s"),
+        ("minutes", "time_utc", "time_s"),
+    ],
+)
+def test_each_column_in_another_unit_is_told_with_both_names(tmp_path, file, name, other):
+    path = write_network(tmp_path / "yard") / f"{file}.csv"
+    path.write_text(path.read_text().replace(name, other))
+    with pytest.raises(MeasuredDataError, match=rf"expected a column {name}, was {other}\. Convert column {other} and"):
+        network_of(path.parent)
+
+
+def test_a_mast_without_readings_is_told(tmp_path):
+    folder = write_network(tmp_path / "yard", masts=("north",), minutes=[["2030-01-01T00:00:00Z", "1", "0", "2.0"]])
+    with pytest.raises(MeasuredDataError, match=r"yard/minutes.csv: expected a column ch4_south_ppm, was time_utc"):
+        network_of(folder)
+
+
+def test_readings_in_ppb_are_told_by_their_size(tmp_path):
+    rows = [(f"2030-01-01T00:0{minute}:00Z", "1", "0", "2.0", "1950") for minute in range(3)]
+    with pytest.raises(MeasuredDataError) as error:
+        network_of(bad_minutes(tmp_path, *rows))
+    assert str(error.value).splitlines()[0] == (
+        "yard/minutes.csv, column ch4_south_ppm: expected methane in ppm, some 2 ppm most of the time and a median "
+        "below 200, was a median of 1950. Divide by 1000 what is in ppb."
+    )
+
+
 def test_truth_of_another_site_is_refused(tmp_path):
     with pytest.raises(MeasuredDataError, match=r"expected one of tank, well, was stack\. Take the site.json of the"):
         network_of(write_network(tmp_path / "a", releases="1,2030-01-01T00:00:10Z,2030-01-01T00:00:50Z,stack,1.8"))

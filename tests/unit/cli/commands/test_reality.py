@@ -56,6 +56,15 @@ def test_data_that_no_chosen_case_can_use_is_told(tmp_path, capsys):
     assert "--data: expected what a case needs (laser-forward: laser_paths), found no set." in said
 
 
+def test_a_bad_file_is_told_before_any_case_runs(field, capsys):
+    path = field / "minutes_source_5.csv"
+    path.write_text(path.read_text().replace("pressure_pa", "pressure_hpa"))
+    assert main(["reality", "--data", str(field)]) == 2
+    said = capsys.readouterr().err
+    assert "expected a column pressure_pa, was pressure_hpa. Convert column pressure_hpa and rename it." in said
+    assert "running" not in said
+
+
 def test_an_unknown_case_is_a_wrong_call(field, capsys):
     assert main(["reality", "--data", str(field), "--only", "windmill"]) == 2
     assert ", was windmill" in capsys.readouterr().err
