@@ -31,17 +31,16 @@ from numpy.typing import NDArray
 
 from gslcosim.base.rng import stream
 from gslcosim.contract.messages import GasAmount, MountSample
-from gslcosim.environment.model import Environment, Grid, WindFrames
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.models.sensors import make_sensor_spec
-from gslcosim.validation.gas_models import build_gas_scenario
+from gslcosim.validation.gas_models import STEP_S, build_gas_scenario, open_field, record_field
 from gslcosim.validation.plume_statistics import compute_moments
 from gslcosim_services.fields.gas_builder import build_gas_field
 from gslcosim_services.sensing import SENSOR_MODELS
 from gslcosim_services.sensing.models.mox import MOX_PARAMETERS, build_mox_kernel, estimate_ppm
 
-STEP_S = 0.1
 THRESHOLD_PPM = 0.1
+FIELD_CELLS = (84, 60, 12)
 SOURCE_M = (3.0, 15.0, 2.0)
 DISTANCES_M = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 ACROSS_AT_M = 8.0
@@ -88,14 +87,9 @@ def statistics_of(ppm: NDArray[np.float64], *, step_s: float = STEP_S) -> Statis
 
 def true_series(*, seconds: float, seed: int) -> NDArray[np.float64]:
     """Return (n, n_places) true mixing ratios [ppm] over time at `PLACES_M`: down the mean wind, then across it."""
-    field = build_gas_field(_scenario(seed), _open_field())
+    field = build_gas_field(_scenario(seed), open_field(FIELD_CELLS))
     places_m = np.add(SOURCE_M, [(along_m, across_m, 0.0) for along_m, across_m in PLACES_M])
-    field.advance(round(WARM_UP_S / STEP_S))
-    series = []
-    for _ in range(round(seconds / STEP_S)):
-        field.advance(1)
-        series.append(field.mixing_ratio_ppm_at(places_m)[:, 0])
-    return np.array(series)
+    return record_field(field, places_m, warm_up_s=WARM_UP_S, seconds=seconds)
 
 
 def through_sensor(ppm: NDArray[np.float64], *, seed: int) -> NDArray[np.float64]:
@@ -192,19 +186,6 @@ def _scenario(seed: int) -> Scenario:
         "farrell": {"wind_m_s": (1.0, 0.0, 0.0), "gust_std_m_s": 0.3, "gust_period_s": 30.0},
     }
     return build_gas_scenario(gas, name="plume_statistics", seed=seed)
-
-
-def _open_field() -> Environment:
-    grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.5, shape=(84, 60, 12))
-    return Environment(
-        name="field",
-        grid=grid,
-        occupancy=np.zeros(grid.shape, np.uint8),
-        wind=WindFrames(velocity_m_s=np.zeros((1, *grid.shape, 3), np.float32)),
-        boxes=(),
-        openings=(),
-        content_hash="field",
-    )
 
 
 def main() -> None:

@@ -169,13 +169,15 @@ def _section(result: StoredResult) -> list[str]:
         lines += ["", remark]
     for drawing in result["drawings"]:
         lines += ["", f"![{drawing['caption']}]({RESULTS}/{drawing['file']})", "", f"*{drawing['caption']}*"]
-    missed = [row for row in result["rows"] if row["is_met"] is False]
-    for row in missed:
-        reason = row["if_missed"] or "No reason is known yet."
-        lines += [
-            "",
-            f"**Missed: {row['measured_set']}, {row['quantity']}** ({format_ours(row)}, goal {row['goal']}). {reason}",
-        ]
+    # Goals that are missed for the same reason share a paragraph.
+    missed: dict[str, list[str]] = {}
+    for row in result["rows"]:
+        if row["is_met"] is False:
+            goal = f"**{row['measured_set']}, {row['quantity']}** ({format_ours(row)}, goal {row['goal']})"
+            missed.setdefault(row["if_missed"] or "No reason is known yet.", []).append(goal)
+    for reason, goals in missed.items():
+        goals[0] = f"**Missed: {goals[0].removeprefix('**')}"
+        lines += ["", f"{'; '.join(goals)}. {reason}"]
     return lines
 
 

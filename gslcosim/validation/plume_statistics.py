@@ -291,7 +291,13 @@ def taylor_variance_m2(time_s: F64, *, velocity_std_m_s: float, time_scale_s: fl
 
 
 def score_absolute_dispersion(
-    displacement_m: F64, time_s: F64, *, velocity_std_m_s: float, time_scale_s: float, seed: int = SEED
+    displacement_m: F64,
+    time_s: F64,
+    *,
+    velocity_std_m_s: float,
+    time_scale_s: float,
+    histories: NDArray[np.integer] | None = None,
+    seed: int = SEED,
 ) -> tuple[Estimate, ...]:
     """Return the measured variance over Taylor's at each time, with intervals by drawing tracers with replacement.
 
@@ -300,14 +306,21 @@ def score_absolute_dispersion(
         time_s: (n_times,) times since their release [s].
         velocity_std_m_s: Standard deviation of the velocity along the axis [m/s].
         time_scale_s: Lagrangian time scale [s].
+        histories: (n_tracers,) labels; tracers of one history share its eddies and are drawn together. None: each for
+            itself.
         seed: Of the draws.
     """
     law_m2 = taylor_variance_m2(time_s, velocity_std_m_s=velocity_std_m_s, time_scale_s=time_scale_s)
-    return _bootstrap_rows(displacement_m, lambda rows: (rows**2).mean(axis=0) / law_m2, seed)
+    return _bootstrap_rows(displacement_m, lambda rows: (rows**2).mean(axis=0) / law_m2, histories, seed)
 
 
 def score_richardson_constant(
-    separation2_m2: F64, time_s: F64, *, dissipation_m2_s3: float, seed: int = SEED
+    separation2_m2: F64,
+    time_s: F64,
+    *,
+    dissipation_m2_s3: float,
+    histories: NDArray[np.integer] | None = None,
+    seed: int = SEED,
 ) -> tuple[Estimate, ...]:
     """Return g = <r^2> / (eps t^3) at each time, with intervals by drawing pairs with replacement.
 
@@ -315,20 +328,30 @@ def score_richardson_constant(
         separation2_m2: (n_pairs, n_times) squared separations, that at release subtracted [m2].
         time_s: (n_times,) times since their release [s], well below the Lagrangian time scale.
         dissipation_m2_s3: Rate of dissipation eps [m2/s3].
+        histories: (n_pairs,) labels; see `score_absolute_dispersion`.
         seed: Of the draws.
 
     Source:
         Ott and Mann 2000, Journal of Fluid Mechanics 422, 207: g = 0.5, uncertainty 0.2.
     """
     law_m2 = dissipation_m2_s3 * time_s**3
-    return _bootstrap_rows(separation2_m2, lambda rows: rows.mean(axis=0) / law_m2, seed)
+    return _bootstrap_rows(separation2_m2, lambda rows: rows.mean(axis=0) / law_m2, histories, seed)
 
 
-def _bootstrap_rows(rows: F64, figure: Callable[[F64], F64], seed: int) -> tuple[Estimate, ...]:
+def _bootstrap_rows(
+    rows: F64, figure: Callable[[F64], F64], histories: NDArray[np.integer] | None, seed: int
+) -> tuple[Estimate, ...]:
     rng = np.random.default_rng(seed)
+    labels = np.arange(len(rows)) if histories is None else histories
+    groups = [np.flatnonzero(labels == label) for label in np.unique(labels)]
     values = figure(rows)
-    draws = np.array([figure(rows[rng.integers(len(rows), size=len(rows))]) for _ in range(200)])
-    return tuple(_interval(float(value), draws[:, i].tolist(), len(rows)) for i, value in enumerate(values))
+    draws = np.array(
+        [
+            figure(rows[np.concatenate([groups[i] for i in rng.integers(len(groups), size=len(groups))])])
+            for _ in range(200)
+        ]
+    )
+    return tuple(_interval(float(value), draws[:, i].tolist(), len(groups)) for i, value in enumerate(values))
 
 
 def unevenness(counts: F64) -> float:

@@ -337,6 +337,16 @@ class PrefetchedPlume:
             self._step += n_steps
             self._plume.advance(n_steps)
 
+    def add_filaments(self, position_world_m: NDArray[np.float64]) -> None:
+        """Add filaments; see `FilamentPlume.add_filaments`.
+
+        Raises:
+            ModelError: the plume is ahead, so it is too late.
+        """
+        if self._frames or self._now is not None:
+            raise ModelError("gas: expected no frame ahead of filaments that are added.")
+        self._plume.add_filaments(position_world_m)
+
     def blow(self, jets: Jets) -> None:
         """Carry filaments down in the jets of vehicles for one step.
 

@@ -17,6 +17,7 @@ CASE_MODULES = {
     "network-forward": "network_forward",
     "network-events": "network_events",
     "room-sensors": "room_sensors",
+    "gas-models": "gas_models",
     "roof-tracer": "roof_tracer",
 }
 

@@ -24,8 +24,13 @@ MAX_UNPACKED_BYTES = 1_000_000_000
 _MAX_MEDIAN_METHANE_PPM = 200.0
 # Parts of units at the end of columns' names.
 _UNIT_WORDS = frozenset(
-    "c cm deg degc degf f ft g h hpa in k kg km kn kpa kt l lb m mbar mg mi min ml mm mph ms ng pa percent pct per pm "
-    "ppb ppbv ppm ppmv ppt psi rad s slpm t torr ug us utc v volume".split()
+    (
+        *("c", "k", "degc", "degf", "f", "deg", "rad"),
+        *("m", "mm", "cm", "km", "ft", "mi", "ms", "s", "min", "h", "utc", "mph", "kn", "kt"),
+        *("ug", "mg", "g", "kg", "t", "lb", "ml", "l", "slpm", "v", "volume"),
+        *("pa", "hpa", "kpa", "mbar", "torr", "psi"),
+        *("ppm", "ppmv", "ppb", "ppbv", "ppt", "percent", "pct", "per"),
+    )
 )
 
 

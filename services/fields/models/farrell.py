@@ -354,6 +354,10 @@ class OpenFieldPlume:
         """Go on by steps."""
         self._plume.advance(n_steps)
 
+    def add_filaments(self, position_world_m: NDArray[np.float64]) -> None:
+        """Add filaments; see `FilamentPlume.add_filaments`."""
+        self._plume.add_filaments(position_world_m)
+
     def blow(self, jets: Jets) -> None:
         """Carry filaments down in the jets of vehicles for one step."""
         self._plume.blow(jets)

@@ -45,6 +45,15 @@ def test_the_page_has_each_row_and_a_paragraph_for_each_miss():
     assert "Made with `--quick`" in page
 
 
+def test_misses_for_one_reason_share_a_paragraph():
+    rows = [make_row(value, Goal.at_least(0.5), if_missed="The wind turns.") for value in (0.3, 0.4)]
+    page = render_page([make_storable(load_case("laser-forward"), "full", CaseResult(rows=rows))])
+    assert page.count("The wind turns.") == 1
+    assert (
+        "**Missed: yard, FAC2** (0.3 [0.2, 0.4], goal ≥ 0.5); **yard, FAC2** (0.4 [0.3, 0.5], goal ≥ 0.5). The" in page
+    )
+
+
 def test_results_are_stored_with_their_figures_and_others_stay(tmp_path):
     case = load_case("laser-forward")
     drawing = Drawing(name="line", caption="A line.", draw=lambda figure: figure.subplots().plot([0, 1]))

@@ -49,6 +49,16 @@ def test_only_so_much_is_kept(plume_of):
     assert ahead.prefetch()
 
 
+def test_filaments_are_added_to_a_plume_that_is_not_ahead(plume_of):
+    ahead = PrefetchedPlume(plume_of(), step_s=0.1, steps_per_frame=1)
+    n = len(ahead.filaments.sigma_m)
+    ahead.add_filaments(np.full((3, 3), 1.0))
+    assert len(ahead.filaments.sigma_m) == n + 3
+    ahead.prefetch()
+    with pytest.raises(ModelError, match="no frame ahead of filaments"):
+        ahead.add_filaments(np.full((1, 3), 1.0))
+
+
 def test_a_reset_forgets_what_was_ahead(plume_of):
     live, ahead = plume_of(), PrefetchedPlume(plume_of(), step_s=0.1, steps_per_frame=1)
     ahead.prefetch()
