@@ -25,6 +25,9 @@ from gslcosim.flow.turbulence import KEpsilon, TurbulenceModel, Velocity, transp
 GRAVITY_M_S2 = 9.81
 AIR_KG_M3 = 1.2
 AIR_K = 293.0
+HEAT_M2_S = 2.1e-5
+# Helium in air at 294 K, 0.70 cm2/s: Fuller, Schettler and Giddings 1966, doi:10.1021/ie50677a007.
+HELIUM_M2_S = 7.0e-5
 # Of a sharp-edged hole, from 0.60 to 0.65 in handbooks; ISO 5167-2:2003 has 0.596 + corrections.
 DISCHARGE = 0.61
 # Spalding's value for jets; 0.5 to 0.9 in the literature.
@@ -120,7 +123,7 @@ class BuoyantScalar:
         return cls(buoyancy_m_s2=buoyancy_m_s2, diffusivity_m2_s=diffusivity_m2_s, density_ratio=ratio, **others)
 
     @classmethod
-    def of_heat(cls, diffusivity_m2_s: float = 2.1e-5, *, air_k: float = AIR_K, **others: Any) -> Self:
+    def of_heat(cls, diffusivity_m2_s: float = HEAT_M2_S, *, air_k: float = AIR_K, **others: Any) -> Self:
         """Return that of warm air, as temperature above the air's [K]: g' = g / T."""
         return cls(buoyancy_m_s2=GRAVITY_M_S2 / air_k, diffusivity_m2_s=diffusivity_m2_s, **others)
 

@@ -32,6 +32,9 @@ class WindReport:
         n_cut_off_cells: Air cells from which no outlet can be reached; they are still.
         history: One record per time step.
         settling: Whether and when the statistics settled; absent when an end was given.
+        scalar: (nx, ny, nz) what drives the wind at the end, of a solve with buoyancy: the volume fraction of a gas, or
+            the temperature above the air's [K].
+        scalar_by_height: (nz,) its mean over the air at each height.
         frames_m_s: (t, nx, ny, nz, 3) frames at cell centres, each free of divergence; absent unless asked for.
         frame_times_s: (t,) their times [s].
     """
@@ -48,6 +51,8 @@ class WindReport:
     n_cut_off_cells: int
     history: tuple[StepRecord, ...]
     settling: ConvergenceResult | None = None
+    scalar: F32 | None = None
+    scalar_by_height: NDArray[np.float64] | None = None
     frames_m_s: F32 | None = None
     frame_times_s: NDArray[np.float64] | None = None
 
@@ -90,6 +95,7 @@ class WindReport:
             "mean_speed_m_s": float(speed_m_s.sum(dtype=np.float64) / self.n_air_cells),
             "n_frames": 0 if self.frames_m_s is None else len(self.frames_m_s),
             "settling": None if self.settling is None else self.settling.summary(),
+            **({} if self.scalar_by_height is None else {"scalar_by_height": self.scalar_by_height.tolist()}),
         }
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import FlowError
+from gslcosim.flow.buoyancy import Buoyancy, BuoyantScalar
 from gslcosim.flow.convergence import (
     WIND_TOLERANCE_FRAC,
     ConvergenceMonitor,
@@ -42,12 +43,17 @@ class SolverNumerics:
     nu_m2_s: float
     courant: float
     max_step_s: float = math.inf
+    buoyancy: BuoyantScalar | None = None
 
     def solver(self, domain: Domain, *, initial_velocity: Velocity | None = None) -> FlowSolver:
         """Return a solver for a domain, whose air is still unless it begins with padded face velocities [m/s]."""
-        model = make_model(self.turbulence, domain, self.nu_m2_s)
         return FlowSolver(
-            domain, model, courant=self.courant, max_step_s=self.max_step_s, initial_velocity=initial_velocity
+            domain,
+            make_model(self.turbulence, domain, self.nu_m2_s),
+            courant=self.courant,
+            max_step_s=self.max_step_s,
+            initial_velocity=initial_velocity,
+            buoyancy=None if self.buoyancy is None else Buoyancy(domain, self.buoyancy),
         )
 
 
@@ -278,6 +284,7 @@ def solve_wind_report(
     save_every_s: float | None = None,
     save_from_s: float = 0.0,
     max_step_s: float | None = None,
+    buoyancy: BuoyantScalar | None = None,
 ) -> WindReport:
     """Compute the wind in a room and say how well it was solved.
 
@@ -296,6 +303,8 @@ def solve_wind_report(
         save_every_s: Keep a frame of the wind at every so many seconds [s]; absent: none.
         save_from_s: Time of the first frame [s].
         max_step_s: Largest time step, whatever the Courant number [s].
+        buoyancy: Gas or heat that the wind carries and that drives it, in a box that may have no inlet; it needs
+            `end_time_s`.
 
     Raises:
         FlowError: the case cannot be solved, or diverged; the message says what to change.
@@ -307,10 +316,16 @@ def solve_wind_report(
         raise FlowError(f"max_step_s: expected a time above 0 s, was {max_step_s}.")
     if not (np.isfinite(nu_m2_s) and nu_m2_s > 0):
         raise FlowError(f"nu_m2_s: expected a viscosity above 0 m2/s, was {nu_m2_s}; air has {AIR_NU_M2_S}.")
-    domain = build_domain(free, cell_m, patches)
+    if buoyancy is not None and end_time_s is None:
+        raise FlowError("buoyancy: expected an end_time_s beside it: a room that gas or heat fills does not settle.")
+    domain = build_domain(free, cell_m, patches, needs_openings=buoyancy is None)
     limit_s = max_time_s if end_time_s is None else end_time_s
     numerics = SolverNumerics(
-        turbulence=turbulence, nu_m2_s=nu_m2_s, courant=courant, max_step_s=max_step_s or math.inf
+        turbulence=turbulence,
+        nu_m2_s=nu_m2_s,
+        courant=courant,
+        max_step_s=max_step_s or math.inf,
+        buoyancy=buoyancy,
     )
     watch = mean = frames = coarse = None
     if end_time_s is None:
@@ -409,6 +424,8 @@ def _report(
         n_cut_off_cells=domain.n_cut_off,
         history=history,
         settling=settling,
+        scalar=None if solver.buoyancy is None else solver.buoyancy.values[inner].copy(),
+        scalar_by_height=None if solver.buoyancy is None else solver.buoyancy.column_mean(),
         frames_m_s=None if frames is None else frames.frames_m_s,
         frame_times_s=None if frames is None else frames.times_s,
     )

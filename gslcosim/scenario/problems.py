@@ -122,6 +122,8 @@ def _reading_order(located: LocatedProblem) -> tuple[bool, int, str, str]:
 UNIT_OF_ENDING = {
     "_per_s": "per second",
     "_m_s2": "metres per second squared",
+    "_kg_m3": "kilograms per cubic metre",
+    "_m3_s": "cubic metres per second",
     "_m2_s": "square metres per second",
     "_m_s": "metres per second",
     "_rad_s": "radians per second",
@@ -135,8 +137,10 @@ UNIT_OF_ENDING = {
     "_k": "kelvins",
     "_ppm": "ppm",
     "_ms": "milliseconds",
+    "_m2": "square metres",
     "_m": "metres",
     "_s": "seconds",
+    "_w": "watts",
 }
 
 # What people write behind numbers: the ending it belongs to, and the factor to that ending's unit.

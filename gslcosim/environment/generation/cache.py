@@ -58,9 +58,10 @@ def recipe(environment: EnvironmentSpec, wind: SolverSpec) -> dict[str, Any]:
     wind_values = wind.model_dump(mode="json", exclude=_OF_SOLVING if is_own and not wind.solves else None)
     if wind.solver == "auto" and environment.folder_key is None:
         wind_values["solver"] = "built_in"
-    # Rooms without it are as they were before there was such a key.
-    if not wind_values.get("keep_turbulence"):
-        wind_values.pop("keep_turbulence", None)
+    # Rooms without them are as they were before there were such keys.
+    for key in ("keep_turbulence", "buoyancy"):
+        if not wind_values.get(key):
+            wind_values.pop(key, None)
     packages = {name: version(name) for name in ("numpy", "numba")} if wind.solves or not is_own else {}
     made_from = environment.model_dump(mode="json", exclude_none=True, exclude={"doors"})
     # One that is open is not there.

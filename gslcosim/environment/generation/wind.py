@@ -18,9 +18,10 @@ from gslcosim.environment.formats.wind_files import NoWindWarning, load_wind
 from gslcosim.environment.geometry_source import load_imported_environment, wind_file
 from gslcosim.environment.grid_kernels import find_air_cells
 from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid, Opening, WindFrames
+from gslcosim.flow.buoyancy import HEAT_M2_S, HELIUM_M2_S, BuoyantScalar, FixedWall, Orifice, Release
 from gslcosim.flow.openfoam import solve_wind_openfoam
 from gslcosim.scenario.models.scenario import EnvironmentSpec
-from gslcosim.scenario.models.wind import InletScheduleSpec, SolverSpec, WindSpec
+from gslcosim.scenario.models.wind import BuoyancySpec, InletScheduleSpec, SolverSpec, WindSpec
 
 Progress = Callable[[str, float], None]
 _Solution = TypeVar("_Solution")
@@ -121,7 +122,50 @@ def build_patches(room: EnvironmentGeometry, wind: WindSpec) -> tuple[flow.Patch
 
     Coordinates start at the grid's origin.
     """
+    # A room with small holes has no other openings; gas would leave through those of the layout.
+    if wind.buoyancy is not None and wind.buoyancy.orifices:
+        return ()
     return tuple(_patch_of(opening, room.grid, wind) for opening in room.openings)
+
+
+# Warm air at constant pressure, 20 degC: W to K m3/s.
+_AIR_HEAT_J_M3_K = 1.204 * 1006.0
+
+
+def build_buoyancy(room: EnvironmentGeometry, spec: BuoyancySpec | None) -> BuoyantScalar | None:
+    """Return the gas or heat that drives a room's wind, as the solver has it; None without.
+
+    Coordinates start at the grid's origin.
+
+    Args:
+        room: Its grid.
+        spec: What the scenario says of it.
+    """
+    if spec is None:
+        return None
+    grid = room.grid
+    is_gas = spec.kind == "gas"
+    releases = [
+        Release(
+            position_m=_from_origin(each.position_m, grid),
+            scalar_m3_s=each.flow_m3_s or (each.power_w or 0.0) / _AIR_HEAT_J_M3_K,
+            volume_m3_s=each.flow_m3_s or 0.0,
+            area_m2=each.opening_m2,
+        )
+        for each in spec.releases
+    ]
+    orifices = [
+        Orifice(centre_m=_from_origin(each.centre_m, grid), height_m=each.height_m, area_m2=each.area_m2)
+        for each in spec.orifices
+    ]
+    walls = [
+        FixedWall(min_m=_from_origin(each.min_m, grid), max_m=_from_origin(each.max_m, grid), value=each.above_air_k)
+        for each in spec.walls
+    ]
+    if is_gas:
+        diffusivity_m2_s = spec.diffusivity_m2_s or HELIUM_M2_S
+        return BuoyantScalar.of_gas(spec.density_kg_m3, diffusivity_m2_s, releases=releases, orifices=orifices)
+    return BuoyantScalar.of_heat(spec.diffusivity_m2_s or HEAT_M2_S, releases=releases, orifices=orifices, walls=walls)
 
 
 def _patch_of(opening: Opening, grid: Grid, wind: WindSpec) -> flow.Patch:
@@ -195,6 +239,7 @@ def read_stored_wind(
 def _solved(room: EnvironmentGeometry, wind: WindSpec, progress: Progress) -> SolvedWind:
     solve = _posed(flow.solve_wind_report, room, wind, lambda fraction: progress("Solving the wind", fraction))
     report = solve(
+        buoyancy=build_buoyancy(room, wind.buoyancy),
         max_time_s=wind.max_time_s,
         max_step_s=wind.max_step_s,
         save_every_s=wind.save_every_s,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.flow.buoyancy import Buoyancy, BuoyantScalar, Orifice, Release
+from gslcosim.flow.buoyancy import HELIUM_M2_S, Buoyancy, BuoyantScalar, Orifice, Release
 from gslcosim.flow.domain import build_domain
 from gslcosim.flow.pressure import HIGH, LOW
 from gslcosim.flow.solve import AIR_NU_M2_S
@@ -22,8 +22,6 @@ from gslcosim.validation.results import Case, CaseResult, Comparison, Drawing, E
 CELLS: dict[Effort, int] = {"quick": 8, "full": 12}
 # With effort quick, each of so many leaks is solved.
 QUICK_EVERY = 6
-# Helium in air at 294 K, 0.70 cm2/s: Fuller, Schettler and Giddings 1966, doi:10.1021/ie50677a007.
-HELIUM_M2_S = 7.0e-5
 # Spread of our filaments without wind, half the growth of their variance and their eddy diffusivity: the defaults.
 PASSIVE_M2_S = 0.5 * 0.001 + 0.002
 PASSIVE_CELLS = 4
@@ -164,8 +162,8 @@ def _rows(name: str, leaks: Sequence[_Leak]) -> list[Comparison]:
             ours=_count(leaks, lambda x: x.at_end[-1] - x.at_end[0], LAYERS_SHARE, passive=True),
             anchor="gas of scenarios today",
             goal=Goal.at_least(goals["layers"], of=n),
-            if_missed="It has no buoyancy: the box is mixed from floor to ceiling. Gas of scenarios is passive; "
-            "that of `gslcosim.flow.buoyancy`, above, is reached from Python only.",
+            if_missed="It has no buoyancy: the box is mixed from floor to ceiling. The gas that a scenario's "
+            "sensors read is passive; what drives the wind of the built-in solver, above, is `wind.buoyancy`.",
         ),
         Comparison(
             measured_set=name,
@@ -218,7 +216,7 @@ CASE = Case(
     name="leak-box",
     title="Helium in a box with small holes",
     what="Eighteen leaks of helium into a box of 1.5 x 1.5 x 0.75 m, with density in the wind "
-    "(`gslcosim.flow.buoyancy`, an option of the solver from Python), beside seven sensors one above the other.",
+    "(`gslcosim.flow.buoyancy`, in scenarios `wind.buoyancy`), beside seven sensors one above the other.",
     formats=("leak_box",),
     run=_run,
 )

@@ -14,6 +14,7 @@ from gslcosim.scenario.problems import number_in_unit_of, read_quantity, unit_na
         ("max_acceleration_m_s2", "_m_s2", "metres per second squared"), ("tick_ms", "_ms", "milliseconds"),
         ("eddy_diffusivity_m2_s", "_m2_s", "square metres per second"), ("filaments_per_s", "_per_s", "per second"),
         ("direction_noise_std_rad", "_rad", "radians"), ("ppm", "_ppm", "ppm"), ("seed", "", ""), ("name", "", ""),
+        ("flow_m3_s", "_m3_s", "cubic metres per second"), ("power_w", "_w", "watts"),
     ],
 )  # fmt: skip
 def test_a_key_says_its_unit(key, ending, unit):

@@ -8,6 +8,10 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import FlowError
+from gslcosim.environment.generation.wind import no_progress, solve_wind_of_scenario
+from gslcosim.environment.geometry_source import build_geometry
+from gslcosim.scenario.models.geometry import LayoutSpec
+from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
 from gslcosim.validation import MeasuredDataError, read_measured
 from gslcosim.validation.cases import load_case
 from gslcosim.validation.cases.leak_box import solve_leak
@@ -99,6 +103,29 @@ def test_a_light_gas_has_layers_with_buoyancy_alone(monkeypatch):
     assert ours.at_end[1] > 1.5 * ours.at_end[0] > 0
     assert passive.at_end[1] < 1.2 * passive.at_end[0]
     assert ours.later[1] < ours.at_end[1]
+
+
+@pytest.mark.slow
+def test_a_scenario_solves_the_same_leak(monkeypatch):
+    monkeypatch.setattr("gslcosim.validation.cases.leak_box.LATER_S", 1.0)
+    box, leak = leak_box()
+    ours = solve_leak(box, leak, 8)
+    hole = leak.holes[0]
+    wind = WindSpec(
+        cell_m=0.125,
+        end_time_s=leak.release_s,
+        buoyancy={
+            "density_kg_m3": box.gas_density_kg_m3,
+            "releases": [{"position_m": leak.position_m, "flow_m3_s": leak.release_m3_s, "opening_m2": 1e-3}],
+            "orifices": [{"centre_m": (0.0, hole.y_m, hole.z_m), "height_m": hole.side_m, "area_m2": hole.side_m**2}],
+        },
+    )
+    environment = EnvironmentSpec(layout=LayoutSpec(size_m=box.size_m))
+    room = build_geometry(environment, wind, scenario_dir=None)
+    report = solve_wind_of_scenario(room, environment, wind, scenario_dir=None, progress=no_progress).report
+    at_rake = 100.0 * np.interp(box.rake_m[:, 2], (np.arange(4) + 0.5) * 0.125, report.scalar[2, 2])
+    np.testing.assert_array_equal(at_rake, ours.at_end)
+    assert report.summary()["scalar_by_height"] == pytest.approx(report.scalar.mean(axis=(0, 1)), rel=1e-5)
 
 
 def test_a_leak_that_the_geometry_does_not_have_is_refused():

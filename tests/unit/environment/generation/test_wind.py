@@ -6,11 +6,13 @@ import logging
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from gslcosim import flow
-from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.base.errors import EnvironmentDataError, FlowError
 from gslcosim.environment.formats.export import export_environment
 from gslcosim.environment.generation import generate_environment
+from gslcosim.environment.generation.cache import recipe
 from gslcosim.environment.generation.wind import build_patches, no_progress, solve_wind_of_scenario
 from gslcosim.environment.geometry_source import build_geometry
 from gslcosim.environment.layouts.layouts import build_layout
@@ -146,3 +148,51 @@ def test_openings_are_given_to_solvers_from_the_grid_s_origin():
     assert [(p.min_m, p.max_m) for p in build_patches(moved, wind())] == [
         (p.min_m, p.max_m) for p in build_patches(room, wind())
     ]
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        (
+            {"buoyancy": {"releases": [{"position_m": (1, 1, 1), "flow_m3_s": 1e-4}]}},
+            "expected a time beside buoyancy, was none",
+        ),
+        ({"end_time_s": 5, "buoyancy": {}}, "expected a release, was none"),
+        (
+            {"end_time_s": 5, "buoyancy": {"kind": "heat", "releases": [{"position_m": (1, 1, 1), "flow_m3_s": 1e-4}]}},
+            r"expected power_w with kind: heat, was flow_m3_s",
+        ),
+        (
+            {"end_time_s": 5, "buoyancy": {"walls": [{"min_m": (0, 0, 0), "max_m": (0, 1, 1), "above_air_k": 5}]}},
+            "expected no walls with kind: gas",
+        ),
+        (
+            {"solver": "uniform", "buoyancy": {"releases": [{"position_m": (1, 1, 1), "flow_m3_s": 1e-4}]}},
+            "no buoyancy",
+        ),
+    ],
+)
+def test_buoyancy_that_means_nothing_is_told(fields, said):
+    with pytest.raises(ValidationError, match=said):
+        wind(**fields)
+
+
+def test_a_room_without_buoyancy_is_made_from_what_it_was():
+    assert "buoyancy" not in recipe(ROOM, wind(end_time_s=5))["wind"]
+
+
+@pytest.mark.slow
+def test_heat_rises_and_the_folder_keeps_its_layers(tmp_path):
+    heater = {"kind": "heat", "releases": [{"position_m": (1.5, 1.0, 0.3), "power_w": 500.0}]}
+    spec = wind(inlet_velocity_m_s=(0.05, 0.0, 0.0), end_time_s=20.0, buoyancy=heater)
+    environment = generate_environment(ROOM, spec, tmp_path / "room").environment
+    kelvin = json.loads((tmp_path / "room" / "wind_report.json").read_text())["scalar_by_height"]
+    assert len(kelvin) == 8
+    assert kelvin[-1] > 2 * kelvin[0] > 0
+    assert environment.wind.velocity_m_s[0, 6, 4, 4, 2] > 0.1
+
+
+def test_a_release_in_a_wall_is_told(tmp_path):
+    spec = wind(end_time_s=5.0, buoyancy={"releases": [{"position_m": (9, 1, 1), "flow_m3_s": 1e-4}]})
+    with pytest.raises(FlowError, match=r"release at \(9.0, 1.0, 1.0\): expected three coordinates in the box"):
+        made(ROOM, spec, tmp_path)
