@@ -9,7 +9,7 @@ below 1e-6, after a number of steps, or when the searcher shuttles between two c
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 import pytest
@@ -187,12 +187,13 @@ def figures_of(world, name, n_episodes, seed=1):
     return float(steps.mean()), float(steps.std(ddof=1)) / math.sqrt(n_episodes), stuck, n_episodes
 
 
-def check(figures, published_steps, published_error, published_stuck, n_published, *, n_errors=2.0):
-    """Both are estimates: they may differ by so many standard errors of their difference; shares by three."""
+def agrees(figures, published_steps, published_error, published_stuck, n_published, *, n_errors=2.0):
+    """Whether steps and share agree: both are estimates, which may differ by errors of their difference."""
     steps, error, stuck, n = figures
-    assert abs(steps - published_steps) < n_errors * math.hypot(error, published_error), figures
+    has_steps = abs(steps - published_steps) < n_errors * math.hypot(error, published_error)
     variance = max(published_stuck * (1.0 - published_stuck), 0.01)
-    assert abs(stuck - published_stuck) < 3.0 * math.sqrt(variance / n_published + variance / n), figures
+    has_stuck = abs(stuck - published_stuck) < 3.0 * math.sqrt(variance / n_published + variance / n)
+    return has_steps, has_stuck
 
 
 @pytest.mark.parametrize(
@@ -212,18 +213,50 @@ def test_a_searcher_next_to_a_sure_source_steps_on_it():
         assert places[policy(L1, p, (9, 9), places)] == (9, 10)
 
 
+# Mean steps of the first twelve episodes of each policy. With them the policies agreed with the published rows, below;
+# a cost that is a little different decides differently within a few steps.
+FIRST_EPISODES = {
+    "infotaxis": 18.259185247612137,
+    "space_aware": 17.166669455322495,
+    "greedy": 11.219521056360207,
+    "mean_distance": 23.458412186872753,
+    "voting": 27.56452886082971,
+    "most_likely": 14.00353844694241,
+}
+
+
+@pytest.mark.parametrize("name", FIRST_EPISODES)
+def test_policies_decide_as_when_they_agreed_with_the_published_rows(name):
+    steps, *_ = figures_of(L1, name, 12)
+    assert steps == pytest.approx(FIRST_EPISODES[name], rel=1e-6)
+
+
+SMALL_GRID = {
+    "infotaxis": (13.6, 0.4, 0.005, 500),
+    "space_aware": (13.2, 0.5, 0.0, 500),
+    "greedy": (15.4, 0.6, 0.10, 500),
+}
+
+
+@cache
+def figures_of_many(name):
+    return figures_of(L1, name, 1000)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "row"),
-    [
-        ("infotaxis", (13.6, 0.4, 0.005, 500)),
-        ("space_aware", (13.2, 0.5, 0.0, 500)),
-        ("greedy", (15.4, 0.6, 0.10, 500)),
-    ],
-)
-def test_the_small_grid_is_searched_in_as_many_steps(name, row):
-    # Three errors of 300 episodes: a check for coarse faults; `make soak` flies five times as many.
-    check(figures_of(L1, name, 300), *row, n_errors=3.0)
+@pytest.mark.parametrize("name", SMALL_GRID)
+def test_the_small_grid_is_searched_in_as_many_steps(name):
+    """A thousand episodes of one seed: two errors are about 1.1 steps, most of it the published error."""
+    figures = figures_of_many(name)
+    assert agrees(figures, *SMALL_GRID[name]) == (True, True), figures
+
+
+@pytest.mark.slow
+def test_the_share_that_is_stuck_tells_greedy_from_infotaxis():
+    """Steps do not: over 3,000 episodes they are 14.5 and 14.1, each within 0.2."""
+    greedy, infotaxis = figures_of_many("greedy"), figures_of_many("infotaxis")
+    assert not agrees(greedy, *SMALL_GRID["infotaxis"])[1], greedy
+    assert not agrees(infotaxis, *SMALL_GRID["greedy"])[1], infotaxis
 
 
 @pytest.mark.soak
@@ -243,4 +276,5 @@ def test_the_small_grid_is_searched_in_as_many_steps(name, row):
 )
 def test_rows_of_both_grids(world, name, row):
     # Three errors: of eight rows, one in three times one is more than two errors off by chance.
-    check(figures_of(world, name, 1500, seed=2), *row, n_errors=3.0)
+    figures = figures_of(world, name, 1500, seed=2)
+    assert agrees(figures, *row, n_errors=3.0) == (True, True), figures
