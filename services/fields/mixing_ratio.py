@@ -145,6 +145,49 @@ def filament_contribution_ppm(strength_ppm_m3, sigma_m, distance2_m2):
     return strength_ppm_m3 / (NORMALISATION * s * s * s) * math.exp(-0.5 * distance2_m2 / (s * s))
 
 
+@numba.njit(cache=True, nogil=True, inline="always")
+def add_adjusted_filaments_inplace(
+    points_world_m, filaments, cutoff_sigma, walls, mixing_ratio_ppm, adjust_share, surroundings
+):
+    """Add to each point what every filament contributes, each share adjusted for what is around; see the callers.
+
+    It is set into its callers when they are compiled: to hand the tuples on costs several times the sum.
+
+    Args:
+        points_world_m: (m, 3) points, world frame, xyz [m].
+        filaments: `FilamentArrays`.
+        cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
+        walls: `WallCells`.
+        mixing_ratio_ppm: (m, n_gases) mixing ratios [ppm by volume]; added to.
+        adjust_share: Compiled function of a share [ppm], `surroundings`, the point, the filament's centre and its
+            standard deviation; it returns the share that counts.
+        surroundings: What it looks at.
+
+    Held by:
+        tests/unit/services/fields/test_mixing_ratio.py, tests/unit/services/fields/test_wall_images.py
+    """
+    position_world_m, sigma_m = filaments.position_world_m, filaments.sigma_m
+    for p in range(points_world_m.shape[0]):
+        x, y, z = points_world_m[p, 0], points_world_m[p, 1], points_world_m[p, 2]
+        for f in range(sigma_m.shape[0]):
+            fx, fy, fz = filament_position(position_world_m, f)
+            s = np.float64(sigma_m[f])
+            d2 = (x - fx) * (x - fx) + (y - fy) * (y - fy) + (z - fz) * (z - fz)
+            if d2 > (cutoff_sigma * s) * (cutoff_sigma * s):
+                continue
+            if walls.is_opaque and not is_visible(walls, x, y, z, fx, fy, fz):
+                continue
+            source = filaments.source_index[f]
+            share = filament_contribution_ppm(filaments.strength_ppm_m3[source], s, d2)
+            share = adjust_share(share, surroundings, x, y, z, fx, fy, fz, s)
+            mixing_ratio_ppm[p, filaments.gas_index[source]] += share
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _keep_share(share, surroundings, x, y, z, fx, fy, fz, s):
+    return share
+
+
 @numba.njit(cache=True, nogil=True)
 def add_filaments_at_points_inplace(points_world_m, filaments, cutoff_sigma, walls, mixing_ratio_ppm):
     """Add to each point what every filament contributes to its mixing ratio.
@@ -169,20 +212,7 @@ def add_filaments_at_points_inplace(points_world_m, filaments, cutoff_sigma, wal
         tests/unit/services/fields/test_mixing_ratio.py, tests/analytic/test_gas_concentration.py
         (GSL-Bench's grids)
     """
-    position_world_m, sigma_m = filaments.position_world_m, filaments.sigma_m
-    for p in range(points_world_m.shape[0]):
-        x, y, z = points_world_m[p, 0], points_world_m[p, 1], points_world_m[p, 2]
-        for f in range(sigma_m.shape[0]):
-            fx, fy, fz = filament_position(position_world_m, f)
-            s = np.float64(sigma_m[f])
-            d2 = (x - fx) * (x - fx) + (y - fy) * (y - fy) + (z - fz) * (z - fz)
-            if d2 > (cutoff_sigma * s) * (cutoff_sigma * s):
-                continue
-            if walls.is_opaque and not is_visible(walls, x, y, z, fx, fy, fz):
-                continue
-            source = filaments.source_index[f]
-            share = filament_contribution_ppm(filaments.strength_ppm_m3[source], s, d2)
-            mixing_ratio_ppm[p, filaments.gas_index[source]] += share
+    add_adjusted_filaments_inplace(points_world_m, filaments, cutoff_sigma, walls, mixing_ratio_ppm, _keep_share, None)
 
 
 @numba.njit(cache=True, nogil=True)

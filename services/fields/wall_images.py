@@ -17,12 +17,10 @@ from gslcosim_services.fields.filament.filament_step import FREE_CELL, cell_inde
 from gslcosim_services.fields.filament.plume import Filaments
 from gslcosim_services.fields.mixing_ratio import (
     Walls,
+    add_adjusted_filaments_inplace,
     build_filament_arrays,
     build_wall_cells,
     check_points,
-    filament_contribution_ppm,
-    filament_position,
-    is_visible,
     to_float3,
 )
 
@@ -104,29 +102,24 @@ def add_imaged_filaments_at_points_inplace(
     Held by:
         tests/unit/services/fields/test_wall_images.py
     """
-    position_world_m, sigma_m = filaments.position_world_m, filaments.sigma_m
+    add_adjusted_filaments_inplace(
+        points_world_m, filaments, cutoff_sigma, walls, mixing_ratio_ppm, _add_images, (counts, origin_m, cell_m)
+    )
+
+
+# The share of a filament with its images, from the air that lies around the cell of its centre.
+@numba.njit(cache=True, nogil=True, inline="always")
+def _add_images(share, surroundings, x, y, z, fx, fy, fz, s):
+    counts, origin_m, cell_m = surroundings
     nx, ny, nz, _ = counts.shape
-    for p in range(points_world_m.shape[0]):
-        x, y, z = points_world_m[p, 0], points_world_m[p, 1], points_world_m[p, 2]
-        for f in range(sigma_m.shape[0]):
-            # As in add_filaments_at_points_inplace: handing the tuples to a shared helper costs several times the sum.
-            fx, fy, fz = filament_position(position_world_m, f)
-            s = np.float64(sigma_m[f])
-            d2 = (x - fx) * (x - fx) + (y - fy) * (y - fy) + (z - fz) * (z - fz)
-            if d2 > (cutoff_sigma * s) * (cutoff_sigma * s):
-                continue
-            if walls.is_opaque and not is_visible(walls, x, y, z, fx, fy, fz):
-                continue
-            source = filaments.source_index[f]
-            share = filament_contribution_ppm(filaments.strength_ppm_m3[source], s, d2)
-            i = min(max(cell_index(fx, origin_m[0], cell_m), 0), nx - 1)
-            j = min(max(cell_index(fy, origin_m[1], cell_m), 0), ny - 1)
-            k = min(max(cell_index(fz, origin_m[2], cell_m), 0), nz - 1)
-            n = counts[i, j, k]
-            share *= _image_factor(x, fx, s, _low(origin_m[0], cell_m, i, n[0]), _high(origin_m[0], cell_m, i, n[1]))
-            share *= _image_factor(y, fy, s, _low(origin_m[1], cell_m, j, n[2]), _high(origin_m[1], cell_m, j, n[3]))
-            share *= _image_factor(z, fz, s, _low(origin_m[2], cell_m, k, n[4]), _high(origin_m[2], cell_m, k, n[5]))
-            mixing_ratio_ppm[p, filaments.gas_index[source]] += share
+    i = min(max(cell_index(fx, origin_m[0], cell_m), 0), nx - 1)
+    j = min(max(cell_index(fy, origin_m[1], cell_m), 0), ny - 1)
+    k = min(max(cell_index(fz, origin_m[2], cell_m), 0), nz - 1)
+    n = counts[i, j, k]
+    share *= _image_factor(x, fx, s, _low(origin_m[0], cell_m, i, n[0]), _high(origin_m[0], cell_m, i, n[1]))
+    share *= _image_factor(y, fy, s, _low(origin_m[1], cell_m, j, n[2]), _high(origin_m[1], cell_m, j, n[3]))
+    share *= _image_factor(z, fz, s, _low(origin_m[2], cell_m, k, n[4]), _high(origin_m[2], cell_m, k, n[5]))
+    return share
 
 
 # Position of the wall below and of the wall above along an axis, from the centre's cell i and its n cells of air.

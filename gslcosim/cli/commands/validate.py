@@ -152,7 +152,7 @@ _VALIDATORS: "dict[FileKind, Callable[[str, argparse.Namespace], _ValidFile]]" =
 }
 COMMAND = Command(
     name="validate",
-    summary="list all problems of a scenario, suite, method card or train file",
+    summary="list all problems of a scenario, suite, method card, family or train file",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,
