@@ -43,6 +43,23 @@ class Rule:
         return self.transports == "all" or (self.transports == "zenoh") == (transport == "zenoh")
 
 
+# Of agents and participants alike.
+_ENDING_RULES = (
+    Rule(
+        id="ending",
+        sentence="exits within 2 s after Ending",
+        remedy="Leave the loop when Ending comes, and end threads that would keep the process alive.",
+        stage="end",
+    ),
+    Rule(
+        id="exit-code",
+        sentence="exits with code 0 after Ending",
+        remedy="Let the program return normally; another code says that it failed.",
+        stage="end",
+        after=("ending",),
+    ),
+)
+
 # In the order in which a session meets them: the first broken rule is the one to look at first.
 _AGENT_RULES = (
     Rule(
@@ -172,19 +189,7 @@ _AGENT_RULES = (
         remedy="Read the end of its log: the agent crashed, exited, or closed its link while the run went on.",
         stops=True,
     ),
-    Rule(
-        id="ending",
-        sentence="exits within 2 s after Ending",
-        remedy="Leave the loop when Ending comes, and end threads that would keep the process alive.",
-        stage="end",
-    ),
-    Rule(
-        id="exit-code",
-        sentence="exits with code 0 after Ending",
-        remedy="Let the program return normally; another code says that it failed.",
-        stage="end",
-        after=("ending",),
-    ),
+    *_ENDING_RULES,
     Rule(
         id="leaves-nothing",
         sentence="leaves no process behind when it has ended",
@@ -320,19 +325,7 @@ _PARTICIPANT_RULES = (
         remedy="Read the end of its log: it crashed, exited, or closed its output while the run went on.",
         stops=True,
     ),
-    Rule(
-        id="ending",
-        sentence="exits within 2 s after Ending",
-        remedy="Leave the loop when Ending comes, and end threads that would keep the process alive.",
-        stage="end",
-    ),
-    Rule(
-        id="exit-code",
-        sentence="exits with code 0 after Ending",
-        remedy="Let the program return normally; another code says that it failed.",
-        stage="end",
-        after=("ending",),
-    ),
+    *_ENDING_RULES,
     Rule(
         id="leaves-nothing",
         sentence="leaves no process behind when it has ended",

@@ -152,6 +152,10 @@ class Columns:
             values[i] = (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
         return values
 
+    def rising_s(self, *, may_repeat: bool = False, longest_gap_s: float = np.inf) -> NDArray[np.float64]:
+        """Return the column `time_s` [s]; arguments and errors as of `numbers` and `require_rising`."""
+        return self.require_rising("time_s", self.numbers("time_s"), may_repeat=may_repeat, longest_gap_s=longest_gap_s)
+
     def require_rising(
         self, name: str, values: NDArray[np.float64], *, may_repeat: bool = False, longest_gap_s: float = np.inf
     ) -> NDArray[np.float64]:

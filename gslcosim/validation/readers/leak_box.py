@@ -95,6 +95,6 @@ def _read_case(folder: Path, table: Columns, i: int, geometry: Document, n_heigh
         position_m=table.point("leak", i),
         vents=vents,
         holes=tuple(SquareHole(each["y_m"], each["z_m"], each["side_m"]) for each in openings),
-        time_s=series.require_rising("time_s", series.numbers("time_s")),
+        time_s=series.rising_s(),
         volume_percent=series.matrix([f"helium_{k + 1}_volume_percent" for k in range(n_heights)], allow_gaps=True),
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.validation.readers.columns import Columns, find_table, read_columns
+from gslcosim.validation.readers.columns import find_table, read_columns
 
 
 @dataclass(frozen=True)
@@ -35,14 +35,10 @@ def read_roof_tracer(folder: Path) -> RoofTracer:
         read_columns(find_table(folder, name)) for name in ("wind_10hz", "upwind_1hz", "downwind_1hz")
     )
     return RoofTracer(
-        wind_s=_time_s(wind),
+        wind_s=wind.rising_s(may_repeat=True),
         wind_m_s=wind.matrix(["u_into_array_m_s", "v_across_m_s", "w_up_m_s"], allow_gaps=True),
-        upwind_s=_time_s(upwind),
+        upwind_s=upwind.rising_s(may_repeat=True),
         upwind_ppm=upwind.numbers("co2_ppm", allow_gaps=True),
-        downwind_s=_time_s(downwind),
+        downwind_s=downwind.rising_s(may_repeat=True),
         downwind_ppm=downwind.numbers("co2_ppm", allow_gaps=True),
     )
-
-
-def _time_s(table: Columns) -> NDArray[np.float64]:
-    return table.require_rising("time_s", table.numbers("time_s"), may_repeat=True)

@@ -94,7 +94,7 @@ def _read_experiment(folder: Path, table: Columns, i: int, sensors: tuple[str, .
         source_m=table.point("source", i),
         airflow=table.words("artificial_airflow")[i],
         is_window_open=table.words("window")[i] != "closed",
-        time_s=log.require_rising("time_s", log.numbers("time_s"), may_repeat=True, longest_gap_s=LONGEST_GAP_S),
+        time_s=log.rising_s(may_repeat=True, longest_gap_s=LONGEST_GAP_S),
         readings_ppm=log.matrix(sensors, allow_gaps=True),
         wind_m_s=log.optional_numbers("wind_speed_m_s"),
         gas_seen_s=None if np.isnan(seen_min) else 60.0 * float(seen_min),
