@@ -210,6 +210,39 @@ def parse_whole_number(text: str) -> int:
     return int(text)
 
 
+def parse_seconds(text: str) -> float:
+    """Return a number of seconds above 0 from the command line."""
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = 0.0
+    if not 0.0 < seconds < 1e6:
+        raise argparse.ArgumentTypeError(f"expected a number of seconds above 0, was '{text}'")
+    return seconds
+
+
+def add_checked_program_arguments(
+    parser: argparse.ArgumentParser, program: str, *, doors: Sequence[str], door_help: str
+) -> None:
+    """Add the command of a program that is checked, and how it is connected; the first door is the default."""
+    parser.add_argument("words", nargs="+", metavar="COMMAND", help=f"command that starts the {program}, after --")
+    parser.add_argument("--door", choices=doors, default=doors[0], help=f"{door_help} (default: {doors[0]})")
+    parser.add_argument(
+        "--format", choices=("msgpack", "json"), default="msgpack", help="frames of the gateway (default: msgpack)"
+    )
+
+
+def add_answer_timeout_option(parser: argparse.ArgumentParser, program: str, *, default_s: float) -> None:
+    """Add how long a program that is checked may take for an answer."""
+    parser.add_argument(
+        "--timeout",
+        type=parse_seconds,
+        default=default_s,
+        metavar="S",
+        help=f"how long the {program} may take for an answer, in seconds (default: {default_s:g})",
+    )
+
+
 def parse_positive_number(text: str) -> int:
     """Return a whole number of at least 1 from the command line."""
     number = parse_whole_number(text)

@@ -60,6 +60,15 @@ _ENDING_RULES = (
     ),
 )
 
+_UNKNOWN_FIELDS = Rule(
+    id="unknown-fields",
+    sentence="ignores fields and a later minor version that it does not know",
+    remedy="Read the fields you need by name and pass over the rest: later versions of the contract add some.",
+    stage="later",
+    variation="unknown fields",
+    change=", with fields of a later minor version such as x_text and x_list",
+)
+
 # In the order in which a session meets them: the first broken rule is the one to look at first.
 _AGENT_RULES = (
     Rule(
@@ -210,14 +219,7 @@ _AGENT_RULES = (
         stage="later",
         change=", as before",
     ),
-    Rule(
-        id="unknown-fields",
-        sentence="ignores fields and a later minor version that it does not know",
-        remedy="Read the fields you need by name and pass over the rest: later versions of the contract add some.",
-        stage="later",
-        variation="unknown fields",
-        change=", with fields of a later minor version such as x_text and x_list",
-    ),
+    _UNKNOWN_FIELDS,
     Rule(
         id="optional-fields",
         sentence="does without fields that have a default",
@@ -346,14 +348,7 @@ _PARTICIPANT_RULES = (
         stage="later",
         change=", as before",
     ),
-    Rule(
-        id="unknown-fields",
-        sentence="ignores fields and a later minor version that it does not know",
-        remedy="Read the fields you need by name and pass over the rest: later versions of the contract add some.",
-        stage="later",
-        variation="unknown fields",
-        change=", with fields of a later minor version such as x_text and x_list",
-    ),
+    _UNKNOWN_FIELDS,
     Rule(
         id="missing-inputs",
         sentence="does without an input where there is no message yet",

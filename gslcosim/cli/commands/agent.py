@@ -4,7 +4,13 @@ import argparse
 from pathlib import Path
 
 from gslcosim.base.errors import ExitCode
-from gslcosim.cli.arguments import Command, CommandFamily, add_template_arguments
+from gslcosim.cli.arguments import (
+    Command,
+    CommandFamily,
+    add_answer_timeout_option,
+    add_checked_program_arguments,
+    add_template_arguments,
+)
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 EXAMPLES = """  gslcosim agent new python my_agent
@@ -15,18 +21,11 @@ DEFAULT_TIMEOUT_S = 30.0
 
 
 def _add_check_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("words", nargs="+", metavar="COMMAND", help="command that starts the agent, after --")
-    parser.add_argument(
-        "--door",
-        choices=("zenoh", "stdio", "tcp", "unix"),
-        default="zenoh",
-        help="transport: Zenoh, or the gateway over stdio, tcp or unix (default: zenoh)",
-    )
-    parser.add_argument(
-        "--format",
-        choices=("msgpack", "json"),
-        default="msgpack",
-        help="frames of the gateway (default: msgpack)",
+    add_checked_program_arguments(
+        parser,
+        "agent",
+        doors=("zenoh", "stdio", "tcp", "unix"),
+        door_help="transport: Zenoh, or the gateway over stdio, tcp or unix",
     )
     parser.add_argument(
         "--observations",
@@ -34,13 +33,7 @@ def _add_check_arguments(parser: argparse.ArgumentParser) -> None:
         default="all",
         help=("observations to send through the gateway: all, or only those that require a command (default: all)"),
     )
-    parser.add_argument(
-        "--timeout",
-        type=_seconds,
-        default=DEFAULT_TIMEOUT_S,
-        metavar="S",
-        help=f"how long the agent may take for an answer, in seconds (default: {DEFAULT_TIMEOUT_S:g})",
-    )
+    add_answer_timeout_option(parser, "agent", default_s=DEFAULT_TIMEOUT_S)
     add_json_option(parser)
 
 
@@ -68,16 +61,6 @@ def _new(arguments: argparse.Namespace) -> int:
     created = create_agent(arguments.language, arguments.name, arguments.dir or Path(arguments.name))
     write(created.as_text())
     return 0
-
-
-def _seconds(text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = 0.0
-    if not 0.0 < seconds < 1e6:
-        raise argparse.ArgumentTypeError(f"expected a number of seconds above 0, was '{text}'")
-    return seconds
 
 
 COMMAND = CommandFamily(

@@ -5,7 +5,13 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.base.errors import ExitCode, UsageError
-from gslcosim.cli.arguments import Command, CommandFamily, add_template_arguments
+from gslcosim.cli.arguments import (
+    Command,
+    CommandFamily,
+    add_answer_timeout_option,
+    add_checked_program_arguments,
+    add_template_arguments,
+)
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 EXAMPLES = """  gslcosim participant new c my_model
@@ -16,24 +22,11 @@ DEFAULT_TIMEOUT_S = 10.0
 
 
 def _add_check_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("words", nargs="+", metavar="COMMAND", help="command that starts the program, after --")
-    parser.add_argument(
-        "--door",
-        choices=("stdio", "tcp", "unix"),
-        default="stdio",
-        help="transport of the gateway (default: stdio)",
-    )
-    parser.add_argument(
-        "--format", choices=("msgpack", "json"), default="msgpack", help="frames of the gateway (default: msgpack)"
+    add_checked_program_arguments(
+        parser, "program", doors=("stdio", "tcp", "unix"), door_help="transport of the gateway"
     )
     parser.add_argument("--parameters", default="{}", metavar="YAML", help="settings in its briefing, as in a scenario")
-    parser.add_argument(
-        "--timeout",
-        type=float,
-        default=DEFAULT_TIMEOUT_S,
-        metavar="S",
-        help=f"how long the program may take for an answer, in seconds (default: {DEFAULT_TIMEOUT_S:g})",
-    )
+    add_answer_timeout_option(parser, "program", default_s=DEFAULT_TIMEOUT_S)
     add_json_option(parser)
 
 
@@ -41,8 +34,6 @@ def _check(arguments: argparse.Namespace) -> int:
     from gslcosim.conformance import ConnectionSpec, SessionLimits
     from gslcosim.conformance.participant_check import check_participant
 
-    if not 0.0 < arguments.timeout < 1e6:
-        raise UsageError(f"--timeout: expected a number of seconds above 0, was {arguments.timeout:g}.")
     connection = ConnectionSpec(command=tuple(arguments.words), transport=arguments.door, format=arguments.format)
     limits = SessionLimits(answer_s=arguments.timeout, join_s=max(arguments.timeout, 30.0))
     parameters = _parameters(arguments.parameters)

@@ -36,6 +36,7 @@ def test_the_report_for_people_names_rule_and_remedy(capsys):
         (["agent", "check"], "the following arguments are required: COMMAND"),
         (["agent", "check", "--door", "window", "--", "true"], "invalid choice: 'window'"),
         (["agent", "check", "--timeout", "0", "--", "true"], "expected a number of seconds above 0, was '0'"),
+        (["participant", "check", "--timeout", "0", "--", "true"], "expected a number of seconds above 0, was '0'"),
         (["agent"], "the following arguments are required: ACTION"),
         (["agent", "new", "cobol", "x"], "expected one of the languages python"),
         (["agent", "chekc", "--", "true"], "invalid choice: 'chekc'"),
