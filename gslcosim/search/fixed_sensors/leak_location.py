@@ -115,6 +115,43 @@ def locate_in_plane(
     return search_place(goodness, *corners, coarse_m=coarse_m, fine_m=fine_m)
 
 
+@dataclass(frozen=True)
+class LeakPosition:
+    """Where an event comes from: the candidate place, None without candidates; x, y [m]; pure gas [m3/s]."""
+
+    place: str | None
+    position_m: tuple[float, float]
+    rate_m3_s: float
+
+
+def locate_event(
+    event: LeakEvent,
+    excess: Excess,
+    wind: WindRecord,
+    sensors_m: Floats,
+    places_m: Mapping[str, Floats],
+    *,
+    source_height_m: float,
+) -> LeakPosition:
+    """Return place and rate of an event: among candidate places, or where there are none anywhere in the plane.
+
+    Args:
+        event: Of `detect_events`.
+        excess: Of `find_excess`.
+        wind: Of the same rows.
+        sensors_m: (k, 3) places of the sensors [m].
+        places_m: Candidate places by name, (3,) each [m]; may be empty.
+        source_height_m: Height of the source where there are none [m].
+    """
+    if places_m:
+        found = locate_among(event, excess, wind, sensors_m, places_m)
+        x_m, y_m = (float(x) for x in places_m[found.place][:2])
+        return LeakPosition(found.place, (x_m, y_m), found.rate_m3_s)
+    x_m, y_m = locate_in_plane(event, excess, wind, sensors_m, height_m=source_height_m)
+    response = _responses(event, wind, sensors_m, np.array([x_m, y_m, source_height_m]))
+    return LeakPosition(None, (x_m, y_m), mean_rate_m3_s(response, excess.above_ppm[event.first : event.last + 1]))
+
+
 # Of the event's rows, with puffs from a little before.
 def _responses(event: LeakEvent, wind: WindRecord, sensors_m: Floats, source_m: Floats) -> Floats:
     first = max(event.first - _ROWS_BEFORE, 0)

@@ -14,9 +14,9 @@ from gslcosim.search.bayes.source_terms import PlumeSensor, SourcePrior, SourceT
 from gslcosim.search.beliefs import CellGrid
 from gslcosim.search.fixed_sensors.events import Excess, LeakEvent, detect_events, find_excess
 from gslcosim.search.fixed_sensors.laser_sources import PathRecord, build_searches, find_rates_kg_s
-from gslcosim.search.fixed_sensors.leak_location import locate_among, locate_in_plane, mean_rate_m3_s
+from gslcosim.search.fixed_sensors.leak_location import locate_event
 from gslcosim.search.fixed_sensors.plume_response import WindStatistics
-from gslcosim.search.fixed_sensors.puff_response import WindRecord, puff_responses
+from gslcosim.search.fixed_sensors.puff_response import WindRecord
 from gslcosim.search.maps.kernel_dm import KernelMap, KernelWidths
 from gslcosim.validation.measured_suite.logs import LogRow, LogSite, MeasuredLog
 
@@ -27,8 +27,6 @@ AVERAGE_S = 1800.0
 
 _DAY_S = 86_400.0
 _AREA_MARGIN_M = 20.0
-# Of the air that masts see, for the puffs that left before an event.
-_ROWS_BEFORE = 10
 _PARTICLES = 700
 _THRESHOLD_PPM = 0.2
 _RATE_PPM_M3_S = (1.0, 1e6)
@@ -144,21 +142,14 @@ class LeakNetwork(EventEstimator):
     def claim(self, event: LeakEvent, excess: Excess, wind: WindRecord, gas_m3_per_kg: float) -> Claim:
         """Return the place whose puffs go best with the readings, and the rate that carries their mean."""
         site = self.site
-        if site.places_m:
-            found = locate_among(event, excess, wind, site.sensors_m, site.places_m)
-            return Claim(
-                start_s=event.start_s,
-                end_s=event.end_s,
-                place=found.place,
-                position_m=(float(site.places_m[found.place][0]), float(site.places_m[found.place][1])),
-                rate_kg_s=found.rate_m3_s / gas_m3_per_kg,
-            )
-        x_m, y_m = locate_in_plane(event, excess, wind, site.sensors_m, height_m=self.source_height_m)
-        first = max(event.first - _ROWS_BEFORE, 0)
-        source_m = np.array([x_m, y_m, self.source_height_m])
-        response = puff_responses(site.sensors_m, wind.rows(first, event.last + 1), source_m)[event.first - first :]
-        rate_m3_s = mean_rate_m3_s(response, excess.above_ppm[event.first : event.last + 1])
-        return self.claim_at(event, (x_m, y_m), rate_m3_s / gas_m3_per_kg)
+        found = locate_event(event, excess, wind, site.sensors_m, site.places_m, source_height_m=self.source_height_m)
+        return Claim(
+            start_s=event.start_s,
+            end_s=event.end_s,
+            place=found.place,
+            position_m=found.position_m,
+            rate_kg_s=found.rate_m3_s / gas_m3_per_kg,
+        )
 
 
 class NearestSensor(EventEstimator):

@@ -1,6 +1,7 @@
 """Agents on logs: what they are shown, how their answers become claims, and what they cannot see."""
 
 import json
+from pathlib import Path
 
 import pytest
 from mast_campaigns import PLACES_M, write_campaign
@@ -41,6 +42,7 @@ class Largest(Agent):
 if __name__ == "__main__":
     run(Largest)
 """
+EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "leak_alarm" / "agent.py"
 SUITE = """
 schema: gslcosim/suite/1
 name: ours
@@ -164,6 +166,16 @@ def test_an_agent_with_several_noses_hears_the_whole_log_and_finds_events(yard, 
     assert scored.is_touched
     assert scored.rate_ratio > 0.0
     assert scored.overlap_frac > 0.5
+
+
+@pytest.mark.slow
+def test_the_leak_alarm_declares_the_place_while_the_log_goes_on(yard):
+    result = run_on(find_entry("leak_alarm", yard, str(EXAMPLE)), yard)
+    assert result.fault == ""
+    (scored,) = result.score.releases
+    assert scored.outcome == "exact"
+    assert scored.rate_ratio == pytest.approx(1.0, abs=0.3)
+    assert result.score.false_claims == ()
 
 
 @pytest.mark.slow
