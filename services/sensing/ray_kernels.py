@@ -5,11 +5,55 @@ import math
 
 import numba
 import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
 
 from gslcosim.environment.grid_kernels import to_next_border
 
 # How far rays may seem to miss by rounding alone; the bins' boxes are sorted in with as much.
 _ROUNDING_BINS = 1e-9
+
+
+@intrinsic
+def _fused_multiply_add(typingctx, a, b, c):
+    # a b + c, rounded once.
+    def codegen(context, builder: ir.IRBuilder, _signature, arguments):
+        return builder.fma(*arguments)
+
+    return types.float64(types.float64, types.float64, types.float64), codegen
+
+
+@numba.njit(cache=True, nogil=True)
+def turn_ray(rotation, x, y, z):
+    """Return the direction of a ray in the world frame.
+
+    Its sums are rounded as matrix products are where the processor multiplies and adds at once, and so on any.
+
+    Args:
+        rotation: (9,) rows of the matrix that turns body-frame into world-frame vectors.
+        x: Direction of length 1, body frame; y and z likewise.
+        y: See x.
+        z: See x.
+
+    Held by:
+        tests/unit/services/sensing/test_ray_kernels.py
+    """
+    return (
+        _fused_multiply_add(rotation[2], z, _fused_multiply_add(rotation[1], y, rotation[0] * x)),
+        _fused_multiply_add(rotation[5], z, _fused_multiply_add(rotation[4], y, rotation[3] * x)),
+        _fused_multiply_add(rotation[8], z, _fused_multiply_add(rotation[7], y, rotation[6] * x)),
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def turn_rays(rotation, directions):
+    """Return directions (n, 3) in the world frame; see `turn_ray`."""
+    turned = np.empty(directions.shape)
+    for n in range(directions.shape[0]):
+        x, y, z = directions[n, 0], directions[n, 1], directions[n, 2]
+        turned[n, 0], turned[n, 1], turned[n, 2] = turn_ray(rotation, x, y, z)
+    return turned
 
 
 @numba.njit(cache=True, nogil=True)

@@ -121,6 +121,12 @@ def encode_ranges(values: Sequence[float], numbers: MutableSequence[float]) -> N
         numbers[i] = closeness(values[i])
 
 
+@scalar_kernel
+def first_azimuth(i_sector: int, n_azimuths: int, n_sectors: int) -> int:
+    """Return where a sector of a lidar begins; sectors are equal, but for the first ones, which share what is left."""
+    return i_sector * (n_azimuths // n_sectors) + min(i_sector, n_azimuths % n_sectors)
+
+
 # By quantity and unit of the sensor's description. Pictures have no numbers, and positions no scale without the room.
 CHANNELS: dict[tuple[str, str], Channel] = {
     ("resistance", "ohm"): Channel(("log_resistance",), _encode_resistance),
@@ -205,8 +211,9 @@ class ObservationVector:
             return [closeness(range_m) for range_m in reading.values]
         if reading.array is not None:
             by_azimuth = np.min(reading.array.to_array(), axis=0)
-            sectors = np.array_split(by_azimuth, n_numbers)
-            self._ranges[reading.sensor] = [closeness(float(np.min(sector))) for sector in sectors]
+            starts = [first_azimuth(i, len(by_azimuth), n_numbers) for i in range(n_numbers)]
+            nearest_m = np.minimum.reduceat(by_azimuth, starts)
+            self._ranges[reading.sensor] = [closeness(range_m) for range_m in nearest_m.tolist()]
         return self._ranges.get(reading.sensor, [0.0] * n_numbers)
 
 

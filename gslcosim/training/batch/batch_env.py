@@ -398,9 +398,11 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
             rotation = world_from_body_rotation((w, x, y, z))
             mounts_m = self._prepared.cases.places_m[i_case]
             self._touch.is_touched[0], self._touch.rotation[:] = touched.is_touched, rotation.ravel()
-            self._touch.places_m[:] = search["position_m"] + mounts_m @ rotation.T
-            swings_m_s = _turned_by(touched.motion[3:], mounts_m) @ rotation.T
-            self._touch.velocity_m_s[:] = search["velocity_m_s"] + swings_m_s
+            swings_m_s = _turned_by(touched.motion[3:], mounts_m)
+            # One by one, as single runs do: a product of matrices rounds otherwise.
+            for k in range(len(mounts_m)):
+                self._touch.places_m[k] = search["position_m"] + rotation @ mounts_m[k]
+                self._touch.velocity_m_s[k] = search["velocity_m_s"] + rotation @ swings_m_s[k]
             self._fly_part(np.array([i]), batch_records.FINISH, self._work[0])
 
     # What the case of each search says.

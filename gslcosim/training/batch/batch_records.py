@@ -71,6 +71,7 @@ CASE = np.dtype(
         ("first_distance_m", np.float64),  # of the start as the scenario has it
         ("first_place_m", np.float64, (3,)),  # that start
         ("diagonal_m", np.float64),
+        ("n_sampled", np.int64),  # how many places are sampled for gas and wind, the first ones
         ("gas", np.int64),  # STEADY_PLUMES, FILAMENTS or MEANDERING_PLUMES
         ("first_plume", np.int64),  # of the plumes, or of the sources of filaments
         ("n_plumes", np.int64),
@@ -116,7 +117,7 @@ TAPE = np.dtype(
 
 # What a sensor looks at: gas and wind, by a kernel of its own, or what is around it.
 KERNEL, RANGES, BUMP = range(3)
-MOST_GASES, MOST_VALUES, MOST_NUMBERS = 8, 4, 6
+MOST_GASES, MOST_VALUES, MOST_NUMBERS = 8, 4, 16
 # Gas, wind and velocity of a sample that is seen later.
 SAMPLE_LENGTH = MOST_GASES + 6
 
@@ -159,8 +160,10 @@ INSTRUMENT = np.dtype(
         ("delay_ticks", np.int64),
         ("own_noise", np.float64),  # what follows is for ranges
         ("max_range_m", np.float64),
-        ("mount_m", np.float64, (3,)),
-        ("directions", np.float64, (MOST_VALUES, 3)),
+        ("directions", np.int64),  # address of (n_rays, 3) float64, body frame
+        ("n_rays", np.int64),
+        ("n_azimuths", np.int64),  # of a lidar, whose rays are in order of elevations; 0: it is none
+        ("n_sectors", np.int64),  # whose least ranges it keeps as its state
     ]
 )
 

@@ -160,7 +160,7 @@ class _Preparing:
         instruments = BatchInstruments(agent, scenario, gases, names, self.n_name)
         self.n_name += len(instruments.names)
         self.instruments.append(instruments)
-        self._add_case(scenario, agent, environment, len(instruments.places_m))
+        self._add_case(scenario, agent, environment, instruments.n_sampled)
         self.lengths.add(scenario, agent, environment)
         self._add_wandering(self.cases[-1], scenario, instruments)
 
@@ -196,7 +196,7 @@ class _Preparing:
             )
         return names
 
-    def _add_case(self, scenario: Scenario, agent: AgentSpec, environment: Environment, n_places: int) -> None:
+    def _add_case(self, scenario: Scenario, agent: AgentSpec, environment: Environment, n_sampled: int) -> None:
         case = np.zeros((), batch_records.CASE)
         spec, model, stop = agent.vehicle, get_vehicle(agent.vehicle.model), scenario.referee.stop
         tick_ns = scenario.tick_ns
@@ -219,7 +219,8 @@ class _Preparing:
         case["asks_every_tick"] = agent.is_asked_every_tick
         case["time_limit_s"], case["ends_on_collision"] = stop.time_limit_s, stop.on_collision
         self._add_sources(case, scenario, spec.start_m)
-        self.gas.add(case, scenario, environment, n_places)
+        case["n_sampled"] = n_sampled
+        self.gas.add(case, scenario, environment)
         low, high = np.array(environment.grid.origin_m), np.array(environment.grid.max_m)
         case["centre_m"], case["half_m"] = (low + high) / 2, np.maximum((high - low) / 2, 1e-9)
         case["least_m"], case["most_m"] = low + MARGIN_M, np.maximum(high - MARGIN_M, low + MARGIN_M)
@@ -289,7 +290,8 @@ def prepare_cases(
         if report is not None:
             report(n_done, len(loaded))
     assert preparing.briefing is not None, "there is a case"
-    n_places = max(len(instruments.places_m) for instruments in preparing.instruments)
+    # There is a place for the wind at a vehicle without sensors too.
+    n_places = max(1, *(len(instruments.places_m) for instruments in preparing.instruments))
     places_m = np.zeros((len(loaded), n_places, 3))
     for i, instruments in enumerate(preparing.instruments):
         places_m[i, : len(instruments.places_m)] = instruments.places_m

@@ -17,8 +17,14 @@ from gslcosim.environment.openings import solid_boxes
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.gas import FilamentGasSpec, GaussianPlumeGasSpec, MeanderingPlumeGasSpec
 from gslcosim.scenario.models.scenario import AgentSpec
-from gslcosim.scenario.models.sensors import BumpSensorSpec, FourRangeFindersSpec, RangeFinderSpec, SensorSpec
-from gslcosim.search.learned.encoding import CHANNELS, Channel, encode_ranges
+from gslcosim.scenario.models.sensors import (
+    BumpSensorSpec,
+    LidarSensorSpec,
+    OnBoardSensorSpec,
+    RaySensorSpec,
+    SensorSpec,
+)
+from gslcosim.search.learned.encoding import CHANNELS, N_SECTORS, Channel, encode_ranges
 from gslcosim.training.batch import batch_records as records
 from gslcosim.training.batch.gas_readings import sort_frames_inplace
 from gslcosim.training.batch.scalar_compilation import (
@@ -134,7 +140,7 @@ class BatchInstruments:
     """The sensors of one agent as records of `INSTRUMENT`, the places where they are, and their streams' names.
 
     `n_memory` is how many numbers a search keeps of their states and samples of late, `kept` holds the arrays that the
-    records point into.
+    records point into. Gas and wind are sampled at the first `n_sampled` places, rays begin at any.
 
     Args:
         agent: The agent.
@@ -155,7 +161,9 @@ class BatchInstruments:
         self.kept: list[NDArray[np.float64]] = []
         self.rows = np.zeros(len(agent.sensors), records.INSTRUMENT)
         self.names = b""
-        places: dict[Vec3, int] = {}
+        sampled = [sensor.mount_m for sensor in agent.sensors if not isinstance(sensor, OnBoardSensorSpec)]
+        places: dict[Vec3, int] = {place_m: i for i, place_m in enumerate(dict.fromkeys(sampled))}
+        self.n_sampled = len(places)
         for row, sensor in zip(self.rows, agent.sensors, strict=True):
             name = f"sensing.{agent.name}.{sensor.name}".encode()
             row["first_name"], row["n_name"] = first_name + len(self.names), len(name)
@@ -165,16 +173,10 @@ class BatchInstruments:
         self.places_m: NDArray[np.float64] = np.array(list(places), np.float64).reshape(-1, 3)
 
     def _fill(self, row: Any, sensor: SensorSpec, kind: SensorKind) -> None:
-        row["mount_m"] = sensor.mount_m
         row["first_memory"] = self.n_memory
         match sensor:
-            case RangeFinderSpec() | FourRangeFindersSpec():
-                directions = ray_directions_body(sensor)
-                row["kind"], row["n_values"] = records.RANGES, len(directions)
-                row["directions"][: len(directions)] = directions
-                row["max_range_m"], row["own_noise"] = sensor.max_range_m, sensor.noise_std
-                names = tuple(f"closeness_{i}" for i in range(len(directions)))
-                self._encode(row, sensor, Channel(names, encode_ranges))
+            case RaySensorSpec():
+                self._fill_rays(row, sensor)
             case BumpSensorSpec():
                 row["kind"], row["n_values"] = records.BUMP, 1
                 self._keep(row, "new_state", "n_state", new_contacts(sensor, self._tick_s))
@@ -190,6 +192,20 @@ class BatchInstruments:
         self._fill_errors(row, sensor, kind)
         if sensor.delay_s:
             self._delay(row, sensor, kind)
+
+    def _fill_rays(self, row: Any, sensor: RaySensorSpec) -> None:
+        directions = ray_directions_body(sensor)
+        row["kind"], row["max_range_m"], row["own_noise"] = records.RANGES, sensor.max_range_m, sensor.noise_std
+        self._keep(row, "directions", "n_rays", directions.reshape(-1, 3))
+        n_numbers = len(directions)
+        if isinstance(sensor, LidarSensorSpec):
+            row["n_azimuths"], n_numbers = directions.shape[1], min(directions.shape[1], N_SECTORS)
+            row["n_sectors"] = n_numbers
+            self._keep(row, "new_state", "n_state", (0.0,) * n_numbers)
+        else:
+            row["n_values"] = n_numbers
+        names = tuple(f"closeness_{i}" for i in range(n_numbers))
+        self._encode(row, sensor, Channel(names, encode_ranges))
 
     def _fill_kernel(self, row: Any, sensor: SensorSpec, kind: KernelSensorKind) -> None:
         kernel = kind.kernel(sensor, self._gases, self._tick_s)
@@ -224,7 +240,7 @@ class BatchInstruments:
             row["encode"], row["n_numbers"] = find_encode_address(channel.encode), len(channel.names)
             row["first_number"] = self._numbers.index(f"{sensor.name}.{channel.names[0]}")
 
-    def _keep(self, row: Any, name: str, n_name: str, numbers: tuple[float, ...]) -> None:
+    def _keep(self, row: Any, name: str, n_name: str, numbers: tuple[float, ...] | NDArray[np.float64]) -> None:
         array = np.array(numbers, np.float64)
         self.kept.append(array)
         row[name], row[n_name] = array.ctypes.data, len(array)
@@ -290,7 +306,7 @@ class BatchGas:
         """Return the (n,) records of `PLUME_RECORD`."""
         return np.concatenate([np.zeros(1, PLUME_RECORD), *self.plumes])
 
-    def add(self, case: Any, scenario: Scenario, environment: Environment, n_places: int) -> None:
+    def add(self, case: Any, scenario: Scenario, environment: Environment) -> None:
         """Write the gas of a case into its record, but for where names and knots of meandering plumes are.
 
         Raises:
@@ -308,7 +324,7 @@ class BatchGas:
             if isinstance(gas, MeanderingPlumeGasSpec):
                 _fill_wandering(case, gas, timing, environment, float(plumes["speed_m_s"].min()))
             return
-        n_readings = n_places * timing.ticks_per_step
+        n_readings = int(case["n_sampled"]) * timing.ticks_per_step
         if n_readings >= MIN_READINGS_FOR_INDEX:
             raise UsageError(
                 f"{scenario.name}: gas.step_s: expected fewer than {MIN_READINGS_FOR_INDEX} readings of filaments in "

@@ -1,11 +1,11 @@
 """Sensors of one search: instrument readings, and the observation vector made of them."""
 
-# ruff: noqa: ANN001, ANN201, ANN202, N806 - kernels have no types, and symbols of equations
+# ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 # pyright: basic, reportCallIssue=false
 
 import numpy as np
 
-from gslcosim.search.learned.encoding import scaled_speed
+from gslcosim.search.learned.encoding import first_azimuth, scaled_speed
 from gslcosim.training.batch.batch_records import BUMP, MOST_GASES, RANGES, SAMPLE_LENGTH
 from gslcosim.training.batch.free_space import array_at, copy_inplace
 from gslcosim.training.batch.pcg64 import next_normal_inplace, seed_inplace
@@ -13,7 +13,7 @@ from gslcosim.training.batch.reference_free_kernels import reference_free_njit
 from gslcosim.training.batch.scalar_compilation import address_of, call_kernel
 from gslcosim_services.sensing.models.base import add_errors, draw_drift, draw_gain, limit_value, quantize
 from gslcosim_services.sensing.models.range_finders import note_contact
-from gslcosim_services.sensing.ray_kernels import distance_among_boxes, noisy_range_m
+from gslcosim_services.sensing.ray_kernels import distance_among_boxes, noisy_range_m, turn_ray
 
 
 @reference_free_njit()
@@ -36,26 +36,52 @@ def switch_on_inplace(instrument, gauge, memory, name, seed):
 
 
 @reference_free_njit()
-def _read_ranges_inplace(instrument, gauge, room, position_m, rotation, raw):
+def _skip_ranges(instrument, gauge):
+    # Ranges that nobody sees draw what others draw.
+    if instrument.own_noise != 0.0:
+        for _ in range(instrument.n_rays):
+            next_normal_inplace(gauge.stream)
+
+
+@reference_free_njit()
+def _range_at(instrument, gauge, room, work, n):
+    # Along one ray, of which the next has to follow: each draws a number.
     boxes_m = array_at(room.ray_boxes_m, (room.n_ray_boxes, 6), np.float64)
     n_bins = room.ray_shape[0] * room.ray_shape[1] * room.ray_shape[2]
     first = array_at(room.ray_first, n_bins + 1, np.int64)
     members = array_at(room.ray_members, first[n_bins], np.int64)
-    R, mount_m, limit_m = rotation, instrument.mount_m, instrument.max_range_m
-    x_m = position_m[0] + (R[0] * mount_m[0] + R[1] * mount_m[1] + R[2] * mount_m[2])
-    y_m = position_m[1] + (R[3] * mount_m[0] + R[4] * mount_m[1] + R[5] * mount_m[2])
-    z_m = position_m[2] + (R[6] * mount_m[0] + R[7] * mount_m[1] + R[8] * mount_m[2])
-    for n in range(instrument.n_values):
-        a, b, c = instrument.directions[n, 0], instrument.directions[n, 1], instrument.directions[n, 2]
-        dx, dy = R[0] * a + R[1] * b + R[2] * c, R[3] * a + R[4] * b + R[5] * c
-        dz = R[6] * a + R[7] * b + R[8] * c
-        raw[n] = distance_among_boxes(
-            boxes_m, first, members, room.ray_origin_m, room.ray_bin_m, room.ray_shape,
-            x_m, y_m, z_m, dx, dy, dz, limit_m,
-        )  # fmt: skip
-    if instrument.own_noise != 0.0:
-        for n in range(instrument.n_values):
-            raw[n] = noisy_range_m(raw[n], limit_m, instrument.own_noise * next_normal_inplace(gauge.stream))
+    place_m = array_at(work.places_m, (work.n_places, 3), np.float64)[instrument.place]
+    directions = array_at(instrument.directions, (instrument.n_rays, 3), np.float64)
+    limit_m = instrument.max_range_m
+    dx, dy, dz = turn_ray(work.rotation, directions[n, 0], directions[n, 1], directions[n, 2])
+    range_m = distance_among_boxes(
+        boxes_m, first, members, room.ray_origin_m, room.ray_bin_m, room.ray_shape,
+        place_m[0], place_m[1], place_m[2], dx, dy, dz, limit_m,
+    )  # fmt: skip
+    if instrument.own_noise == 0.0:
+        return range_m
+    return noisy_range_m(range_m, limit_m, instrument.own_noise * next_normal_inplace(gauge.stream))
+
+
+@reference_free_njit()
+def _read_ranges_inplace(instrument, gauge, room, work, raw):
+    for n in range(instrument.n_rays):
+        raw[n] = _range_at(instrument, gauge, room, work, n)
+
+
+@reference_free_njit()
+def _scan_inplace(instrument, gauge, room, work, nearest_m):
+    # The least range of each sector, in single precision as lidars send them.
+    n_azimuths, n_sectors = instrument.n_azimuths, instrument.n_sectors
+    for i in range(n_sectors):
+        nearest_m[i] = np.inf
+    for first in range(0, instrument.n_rays, n_azimuths):
+        i = 0
+        for n in range(n_azimuths):
+            if n == first_azimuth(i + 1, n_azimuths, n_sectors):
+                i += 1
+            range_m = _range_at(instrument, gauge, room, work, first + n)
+            nearest_m[i] = min(nearest_m[i], np.float64(np.float32(range_m)))
 
 
 @reference_free_njit()
@@ -80,7 +106,7 @@ def _sample_inplace(instrument, memory, tick, n_gases, work):
 
 
 @reference_free_njit()
-def read_inplace(instrument, gauge, memory, search, room, tick, tick_s, n_gases, work):
+def read_inplace(instrument, gauge, memory, search, room, tick, tick_s, n_gases, work, is_shown):
     """Read an instrument at the end of a tick.
 
     Args:
@@ -93,13 +119,21 @@ def read_inplace(instrument, gauge, memory, search, room, tick, tick_s, n_gases,
         tick_s: Length of a tick [s].
         n_gases: How many gases there are.
         work: Record of `WORK`, with what is true at the sensors' places.
+        is_shown: Whether the agent sees the tick.
 
     Held by:
         tests/integration/training/test_batch_equals_flight.py
     """
     raw, first, n_state = work.raw, instrument.first_memory, instrument.n_state
+    is_due = not gauge.has_begun or tick % instrument.period_ticks == 0
+    gauge.has_begun = 1
     if instrument.kind == RANGES:
-        _read_ranges_inplace(instrument, gauge, room, search.position_m, work.rotation, raw)
+        if not (is_due if instrument.has_errors else is_shown):
+            _skip_ranges(instrument, gauge)
+        elif instrument.n_sectors:
+            _scan_inplace(instrument, gauge, room, work, memory[first : first + n_state])
+        else:
+            _read_ranges_inplace(instrument, gauge, room, work, raw)
     elif instrument.kind == BUMP:
         raw[0] = note_contact(memory[first : first + n_state], search.is_bumped != 0)
     else:
@@ -113,13 +147,11 @@ def read_inplace(instrument, gauge, memory, search, room, tick, tick_s, n_gases,
                 address_of(raw), instrument.n_values,
             ),
         )  # fmt: skip
-    is_first = not gauge.has_begun
-    gauge.has_begun = 1
     if not instrument.has_errors:
         for k in range(instrument.n_values):
             gauge.values[k] = raw[k]
         return
-    if is_first or tick % instrument.period_ticks == 0:
+    if is_due:
         _disturb_inplace(instrument, gauge, tick, tick_s, raw)
     gauge.is_warming_up = tick < instrument.warm_up_ticks
 
@@ -141,21 +173,27 @@ def _show(numbers, i, value):
 
 
 @reference_free_njit()
-def write_reading_inplace(numbers, instrument, gauge, work):
+def write_reading_inplace(numbers, instrument, gauge, memory, search, work):
     """Write the numbers of a reading into an observation; see `gslcosim.search.learned.encoding`.
 
     Args:
         numbers: (n,) float32, written where the instrument's stand.
         instrument: Record of `INSTRUMENT`.
         gauge: Record of `GAUGE`.
+        memory: (n,) numbers of the search, with its state.
+        search: Record of `SEARCH`.
         work: Record of `WORK`.
     """
+    if instrument.n_sectors and not _is_scan_sent(instrument, search):
+        return
     first, n, shown = instrument.first_number, instrument.n_numbers, work.numbers
     if instrument.encode != 0:
         shown[:] = 0.0
         if not gauge.is_warming_up:
-            values = address_of(gauge.values)
-            call_kernel(instrument.encode, (values, instrument.n_values, address_of(shown), n))
+            values, n_values = address_of(gauge.values), instrument.n_values
+            if instrument.n_sectors:
+                values, n_values = address_of(memory) + 8 * instrument.first_memory, instrument.n_sectors
+            call_kernel(instrument.encode, (values, n_values, address_of(shown), n))
         for k in range(n):
             _show(numbers, first + k, shown[k])
     if instrument.encode_estimate != 0:
@@ -164,6 +202,14 @@ def write_reading_inplace(numbers, instrument, gauge, work):
             _estimate_inplace(instrument, gauge, work.raw)
             call_kernel(instrument.encode_estimate, (address_of(work.raw), 1, address_of(shown), 1))
         _show(numbers, instrument.estimate_number, shown[0])
+
+
+# The ranges of a lidar come when they are new, and with each question; until then what the agent has seen stands.
+@reference_free_njit()
+def _is_scan_sent(instrument, search):
+    tick = search.tick
+    is_new = tick % instrument.period_ticks == 0 or tick == instrument.warm_up_ticks
+    return search.is_asked or not instrument.has_errors or is_new
 
 
 @reference_free_njit()

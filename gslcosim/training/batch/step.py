@@ -174,18 +174,22 @@ def _sample_gas(cases, case, room, wanders, memory, work, tick, n, place_m):
 
 
 @reference_free_njit()
-def _sense(search, gauges, memory, wanders, cases, case, i_case, room, work, tick):
+def _judge_and_sense(search, gauges, memory, wanders, cases, case, i_case, room, work, tick):
+    # The end of a tick; returns whether the agent sees it. It is judged first: ranges that nobody sees are left out.
+    sources_m = array_at(cases.sources_m, (cases.n_sources, 3), np.float64)
+    is_shown = search.is_asked != 0 or judge_inplace(search, case, room, sources_m, tick)
     time_s = case.warm_up_s + seconds_from_ticks(tick, case.tick_ns)
     places_m = array_at(work.places_m, (work.n_places, 3), np.float64)
     wind_m_s = array_at(work.wind_m_s, (work.n_places, 3), np.float64)
-    for n in range(work.n_places):
+    for n in range(case.n_sampled):
         place_m = places_m[n]
         _sample_gas(cases, case, room, wanders, memory, work, tick, n, place_m)
         wind_at_inplace(wind_m_s[n], room, time_s, place_m[0], place_m[1], place_m[2])
     instruments = array_at(cases.instruments, (cases.n_cases, cases.n_sensors), INSTRUMENT)
     for k in range(gauges.shape[0]):
         instrument = instruments[i_case, k]
-        read_inplace(instrument, gauges[k], memory, search, room, tick, case.tick_s, case.n_gases, work)
+        read_inplace(instrument, gauges[k], memory, search, room, tick, case.tick_s, case.n_gases, work, is_shown)
+    return is_shown
 
 
 @reference_free_njit()
@@ -196,7 +200,6 @@ def _go_on(search, path, gauges, memory, wanders, cases, work, tick, task, vecto
     vehicle = array_at(cases.vehicles, cases.n_cases, CONSTANTS)[i_case]
     room = array_at(cases.rooms, cases.n_rooms, ROOM)[case.room]
     start_rows = array_at(cases.start_rows, (cases.n_start_rows, 8), np.float64)
-    sources_m = array_at(cases.sources_m, (cases.n_sources, 3), np.float64)
     places_m = array_at(cases.places_m, (cases.n_cases, cases.n_places, 3), np.float64)[i_case]
     while True:
         tick += 1
@@ -222,19 +225,18 @@ def _go_on(search, path, gauges, memory, wanders, cases, work, tick, task, vecto
             _note_path(search)
             end_tick(search, path, case, room, work, tick)
         _place_sensors(search, places_m, work)
-        _sense(search, gauges, memory, wanders, cases, case, i_case, room, work, tick)
-        if search.is_asked or judge_inplace(search, case, room, sources_m, tick):
+        if _judge_and_sense(search, gauges, memory, wanders, cases, case, i_case, room, work, tick):
             return
 
 
 @reference_free_njit()
-def _write_observation(numbers, search, gauges, cases, work):
+def _write_observation(numbers, search, gauges, memory, cases, work):
     i_case = search.case
     case = array_at(cases.cases, cases.n_cases, CASE)[i_case]
     instruments = array_at(cases.instruments, (cases.n_cases, cases.n_sensors), INSTRUMENT)
     write_pose_inplace(numbers, search, case, seconds_from_ticks(search.tick, case.tick_ns))
     for k in range(gauges.shape[0]):
-        write_reading_inplace(numbers, instruments[i_case, k], gauges[k], work)
+        write_reading_inplace(numbers, instruments[i_case, k], gauges[k], memory, search, work)
 
 
 @reference_free_njit()
@@ -320,10 +322,11 @@ def fly(rows, how, case_of, seed_of, tasks, vectors, touch, all_cases, searches,
         i_case = search.case
         case = array_at(cases.cases, cases.n_cases, CASE)[i_case]
         room, tick = array_at(cases.rooms, cases.n_rooms, ROOM)[case.room], search.tick
-        task = NO_TASK
+        task, goes_on = NO_TASK, True
         if how == STEP:
             task = tasks[i]
             search.is_asked = 0
+            goes_on = not judge_inplace(search, case, room, sources_m, tick)
         elif how == FINISH:
             search.touched_at = -1
             search.is_touching = search.is_bumped = touch.is_touched[0]
@@ -333,11 +336,11 @@ def fly(rows, how, case_of, seed_of, tasks, vectors, touch, all_cases, searches,
             for k in range(work.n_places):
                 copy_inplace(places_m[k], touch.places_m[k])
                 copy_inplace(velocity_m_s[k], touch.velocity_m_s[k])
-            _sense(search, gauges, memory, wanders, cases, case, i_case, room, work, tick)
-        if how == BEGIN or not (search.is_asked or judge_inplace(search, case, room, sources_m, tick)):
+            goes_on = not _judge_and_sense(search, gauges, memory, wanders, cases, case, i_case, room, work, tick)
+        if goes_on:
             if how == STEP:
                 search.command_tick = tick + 1
             _go_on(search, path, gauges, memory, wanders, cases, work, tick, task, vectors[i])
-        _write_observation(observations[i], search, gauges, cases, work)
+        _write_observation(observations[i], search, gauges, memory, cases, work)
         n_touched += search.touched_at >= 0
     return n_touched

@@ -145,14 +145,14 @@ class RangeSensor:
     def read(self, sample: Surroundings, mount_velocity_world_m_s: Vec3) -> Reading:
         """Return the ranges at the end of the tick; see `SensorModel.read`."""
         del mount_velocity_world_m_s
+        from gslcosim_services.sensing.ray_kernels import disturb_ranges_inplace, turn_rays  # see `Imu.read`
+
         limit_m, noise_m = self._spec.max_range_m, self._spec.noise_std
-        rays_world = self._rays_body @ sample.world_from_body.T
+        rays_world = turn_rays(sample.world_from_body.ravel(), self._rays_body)
         start_m = np.array(sample.place_world_m(self._spec.mount_m))
         ranges_m = sample.scene.ranges_m(start_m, rays_world, sample.others, limit_m)
         is_hit = ranges_m < limit_m
         if noise_m:
-            from gslcosim_services.sensing.ray_kernels import disturb_ranges_inplace  # see `Imu.read`
-
             disturb_ranges_inplace(ranges_m, limit_m, noise_m * self._rng.standard_normal(len(ranges_m)))
         shape = self._directions_body.shape[:-1]
         return Reading(

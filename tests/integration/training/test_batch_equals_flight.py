@@ -35,6 +35,15 @@ EVERY_SENSOR = (
     "{model: range_finder, name: one, beam_body: [1, 0.3, 0.1], max_range_m: 3},"
     "{model: bump, name: bump, period_s: 0.5}, {model: tgs2602, name: nose2}]"
 )
+# What is around is seen by lidars of one level and of several, whose rays are no whole number of sectors.
+LIDARS = (
+    "agents[0].sensors=[{model: pid, name: nose, mount_m: [0.1, 0.05, 0]},"
+    "{model: lidar_2d, name: scan, period_s: 0.7, lidar: {n_azimuths: 50}, max_range_m: 6},"
+    "{model: lidar_3d, name: cloud, noise_std: 0.02, mount_m: [0.02, 0.1, 0.1], mount_rpy_rad: [0.1, 0.2, 0.3],"
+    " lidar: {n_azimuths: 37, n_elevations: 3}},"
+    "{model: lidar_2d, name: few, warm_up_s: 1.1, period_s: 0.4, noise_std: 0.1, lidar: {n_azimuths: 5}},"
+    "{model: range_finder, name: one, beam_body: [1, 0.3, 0.1], max_range_m: 3, noise_std: 0.02}]"
+)
 TWO_GASES = (
     "gas.sources=[{position_m: [1.5, 2, 1], filaments_per_s: 10},"
     "{position_m: [2.5, 4, 1.2], filaments_per_s: 5, gas: methane}]"
@@ -111,6 +120,8 @@ def test_velocities_on_request_are_those_of_single_runs():
         ((*BALL, *MEANDERS, LIMIT), {"hold_s": 0.5}),
         ((*BALL, *MEANDERS, LIMIT, TWO_GASES, "gas.seed=9", "gas.step_s=0.2"), {"hold_s": 0.5}),
         ((*PUFFS, LIMIT, EVERY_SENSOR), {"hold_s": 0.5}),
+        ((*PUFFS, LIMIT, LIDARS), {"hold_s": 0.5}),
+        ((*BALL, LIMIT, LIDARS, "agents[0].mode=lockstep"), {}),
         ((*PUFFS, LIMIT, TWO_GASES, "referee.success.of=all_sources"), {"hold_s": 0.5}),
         ((*BALL, LIMIT, "agents[0].vehicle.start_m=[4.5,2.5,1.5]"), {"hold_s": 0.5, "action": "waypoint_3d"}),
     ],
@@ -123,6 +134,14 @@ def test_runs_are_those_of_single_runs(overrides, settings):
 @pytest.mark.slow
 def test_collisions_are_those_of_single_runs_to_the_last_observation():
     overrides = (*BALL, "referee.stop.time_limit_s=60", "agents[0].vehicle.search_height_m=1")
+    outcomes = assert_equal_flights("warehouse_racks", overrides, [1, 4], hold_s=1.0)
+    assert outcomes == ["collision"] * 2
+
+
+@pytest.mark.slow
+def test_what_lidars_show_at_a_collision_is_what_a_single_run_shows():
+    """Turned by the contact, between two scans, and in a batch with a search that goes on."""
+    overrides = (*BALL, LIDARS, "referee.stop.time_limit_s=60", "agents[0].vehicle.search_height_m=1")
     outcomes = assert_equal_flights("warehouse_racks", overrides, [1, 4], hold_s=1.0)
     assert outcomes == ["collision"] * 2
 

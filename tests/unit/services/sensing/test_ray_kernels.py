@@ -2,13 +2,15 @@
 
 import math
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
 from surroundings import body, scenario_of
 
+from gslcosim.base.frames import world_from_body_rotation
 from gslcosim.environment.model import Box
-from gslcosim_services.sensing.ray_kernels import distance_to_box, distance_to_cylinder
+from gslcosim_services.sensing.ray_kernels import distance_to_box, distance_to_cylinder, turn_rays
 from gslcosim_services.sensing.ray_scene import RayScene
 
 BOX = np.array([1.0, 2.0, 3.0, 2.0, 4.0, 6.0])
@@ -49,6 +51,22 @@ def test_a_box_is_where_its_faces_are(start, direction, distance):
 )
 def test_a_cylinder_is_where_its_wall_and_lids_are(start, direction, distance):
     assert distance_to_cylinder(CYLINDER, *start, *direction) == pytest.approx(distance)
+
+
+def test_rays_turn_with_sums_that_are_rounded_once_on_any_processor():
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        quaternion = rng.normal(size=4)
+        rotation = world_from_body_rotation(tuple((quaternion / np.linalg.norm(quaternion)).tolist()))
+        rays = rng.normal(size=(5, 3))
+        turned = turn_rays(rotation.ravel(), rays)
+        assert np.allclose(turned, rays @ rotation.T, rtol=0.0, atol=1e-15 * np.abs(rays).max() * 9)
+        for ray, expected in zip(rays.tolist(), turned.tolist(), strict=True):
+            for row, component in zip(rotation.tolist(), expected, strict=True):
+                total = row[0] * ray[0]
+                for a, b in zip(row[1:], ray[1:], strict=True):
+                    total = float(Fraction(a) * Fraction(b) + Fraction(total))
+                assert component == total
 
 
 def test_bins_change_no_distance(make_room):
