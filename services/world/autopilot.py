@@ -8,6 +8,7 @@ from gslcosim.base.quantities import Vec3
 from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.contract.messages import Command, DriveSetpoint
 from gslcosim.scenario.models.scenario import AgentSpec, VehicleSpec
+from gslcosim_services.world import task_order
 from gslcosim_services.world.flight_space import FlightSpace, clear_height_m
 from gslcosim_services.world.leg_planners import Leg
 from gslcosim_services.world.obstacle_avoidance import BrakingMonitor, ObstacleAvoidance
@@ -19,6 +20,7 @@ from gslcosim_services.world.path_follower import (
     check_arrival,
 )
 from gslcosim_services.world.separation import MAX_EVASION_S, Evasion, Neighbours
+from gslcosim_services.world.task_order import find_answer, find_deferred_answer, find_watch, is_command_due
 from gslcosim_services.world.tasks import (
     Abort,
     Cruise,
@@ -203,12 +205,16 @@ class FlightStateMachine:
         """Detect arrivals and faults, and start the next leg; the path follower has the true state already."""
         self.has_taken_off = self.has_taken_off or self.follower.is_over(tick)
         notice = self._check_overturn(tick, uprightness)
-        if self.follower.is_preparing:
-            notice = self._prepare(tick) or notice
-        elif self.follower.is_continuous:
-            notice = self._brake_before_edge(tick) or notice
-        elif self.phase in ("taking_off", self.under_way, "landing") and not self._evasion.is_under_way:
-            notice = self._notice_arrival(tick) or notice
+        goes_to_place = self.phase in ("taking_off", self.under_way, "landing") and not self._evasion.is_under_way
+        match find_watch(self.follower.is_preparing, self.follower.is_continuous, goes_to_place):
+            case task_order.PREPARATION:
+                notice = self._prepare(tick) or notice
+            case task_order.EDGE:
+                notice = self._brake_before_edge(tick) or notice
+            case task_order.ARRIVAL:
+                notice = self._notice_arrival(tick) or notice
+            case _:
+                pass
         if self.follower.ahead and self.phase == "holding" and tick >= self.hold_until_tick:
             self._begin_leg(tick)
         return notice
@@ -428,20 +434,25 @@ class Autopilot:
         """
         self._path_follower.update_state(position_world_m, velocity_world_m_s, yaw_rad)
         self.notice = self._state_machine.end_tick(tick, uprightness) or self.notice
-        if self._pending_task is not None and self.phase != "taking_off":
-            kept, self._pending_task = self._pending_task, None
-            if self.phase == "holding":
-                self._receive_task(tick, kept)
+        if (deferred := self._pending_task) is not None:
+            answer = find_deferred_answer(self.phase == "taking_off", self.phase == "holding")
+            if answer != task_order.DEFER:
+                self._pending_task = None
+            if answer == task_order.ACCEPT:
+                self._receive_task(tick, deferred)
         self._decide_whether_to_ask(tick)
         return self.reference
 
     def _decide_whether_to_ask(self, tick: int) -> None:
-        if self._agent.is_asked_every_tick:
-            self.awaiting_command = self.phase != "failed"
-            return
-        has_nothing_to_do = self.phase in ("holding", "on_ground") and not self._path_follower.ahead
-        is_over = tick >= self._state_machine.hold_until_tick
-        self.awaiting_command = (has_nothing_to_do or self._path_follower.is_continuous) and is_over
+        is_idle = self.phase in ("holding", "on_ground") and not self._path_follower.ahead
+        self.awaiting_command = is_command_due(
+            self._agent.is_asked_every_tick,
+            self.phase == "failed",
+            is_idle,
+            self._path_follower.is_continuous,
+            tick,
+            self._state_machine.hold_until_tick,
+        )
         if self._agent.is_free and self.awaiting_command:
             self._ask_once(tick)
 
@@ -467,18 +478,22 @@ class Autopilot:
             self.notice = self._goal_notice
             return
         self.notice = self._refusal(tick, task)
-        if self.notice is not None:
-            self._pending_task = None
-            self._state_machine.hold(tick, self._usual_hold_s)
-        elif isinstance(task, Hold):
-            self._pending_task = None
-            self._state_machine.hold(tick, self._hold_s(task.hold_s), task.heading)
-        elif self.phase == "taking_off":
-            self._pending_task = task
-        elif self.phase == "on_ground" and not _is_controlled_by_agent(task):
-            self._rise_for(tick, task)
-        else:
-            self._begin(tick, task)
+        has_to_rise = self.phase == "on_ground" and not _is_controlled_by_agent(task)
+        is_hold, is_taking_off = isinstance(task, Hold), self.phase == "taking_off"
+        match find_answer(self.notice is not None, is_hold, is_taking_off, has_to_rise):
+            case task_order.REFUSE:
+                self._pending_task = None
+                self._state_machine.hold(tick, self._usual_hold_s)
+            case task_order.STOP:
+                assert isinstance(task, Hold)
+                self._pending_task = None
+                self._state_machine.hold(tick, self._hold_s(task.hold_s), task.heading)
+            case task_order.DEFER:
+                self._pending_task = task
+            case task_order.RISE:
+                self._rise_for(tick, task)
+            case _:
+                self._begin(tick, task)
 
     def _rise_for(self, tick: int, task: Task) -> None:
         is_all = isinstance(task, TakeOff)

@@ -16,8 +16,8 @@ from gslcosim_services.world.trajectory import (
     Heading,
     Limits,
     Trajectory,
-    allowed_lateral_deviation_m,
-    max_lateral_deviation_m,
+    deviates_too_far,
+    is_beyond_limit,
     plan_rest,
     plan_to_point,
     plan_to_state,
@@ -64,7 +64,7 @@ def find_motion_refusal(leg: Leg, limits: Limits) -> str | None:
         ("acceleration", leg.acceleration_world_m_s2, limits.max_acceleration_m_s2, "m/s^2"),
     ):
         size = math.hypot(*vector)
-        if size > most * (1 + 1e-9):
+        if is_beyond_limit(size, most):
             return f"{leg.name}.{name}: expected at most {most:g} {unit}, was {size:g} {unit}."
     if leg.hold_s and leg.is_passed:
         return f"{leg.name}.hold_s: expected 0 where the vehicle passes with a velocity, was {leg.hold_s:g} s."
@@ -158,17 +158,15 @@ def deviates_from_line(leg: Leg, path: Trajectory, state: NDArray[np.float64], l
     Held by:
         tests/unit/services/world/test_mission.py
     """
-    speed_m_s = float(np.linalg.norm(state[1]))
-    if leg.is_passed or leg.after_s is not None or speed_m_s == 0.0:
+    if leg.is_passed or leg.after_s is not None:
         return False
-    aside_m = max_lateral_deviation_m(path.coefficients, path.duration_s, np.array(leg.place_world_m))
-    return bool(aside_m > allowed_lateral_deviation_m(speed_m_s, limits.max_acceleration_m_s2))
+    place_m = np.array(leg.place_world_m)
+    return bool(deviates_too_far(path.coefficients, path.duration_s, place_m, state[1], limits.max_acceleration_m_s2))
 
 
 def warm_up_leg_planning() -> None:
     """Plan an invented path once, so that no kernel is compiled or loaded while simulated time passes."""
-    allowed_lateral_deviation_m(1.0, 1.0)
-    max_lateral_deviation_m(np.zeros((3, 6)), 1.0, np.zeros(3))
+    deviates_too_far(np.zeros((3, 6)), 1.0, np.zeros(3), np.ones(3), 1.0)
 
 
 # A standing vehicle turns on the spot before it drives off in a direction further from its nose than this [rad]; one

@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -149,9 +149,8 @@ class PathFollower:
 
         A stop under way is kept: planned again at every tick it would never end.
         """
-        is_stopping = (
-            self.target_world_m is None and self.trajectory.end_velocity_world_m_s == AT_REST and self.setpoint is None
-        )
+        has_target, has_setpoint = self.target_world_m is not None, self.setpoint is not None
+        is_stopping = is_stop_under_way(has_target, has_setpoint, self.trajectory.end_velocity_world_m_s)
         motion = self.motion(tick)
         self._forget_goal()
         if not is_stopping:
@@ -213,6 +212,17 @@ def check_arrival(tick: int, follower: PathFollower) -> Literal["under_way", "pa
     if has_arrived(distance_m, math.hypot(*follower.velocity_m_s)):
         return "there"
     return "late" if is_too_late(follower.late_s(tick)) else "under_way"
+
+
+@scalar_kernel
+def is_stop_under_way(
+    has_target: bool,  # noqa: FBT001 - a kernel
+    has_setpoint: bool,  # noqa: FBT001
+    end_velocity_m_s: Sequence[float],
+) -> bool:
+    """Return whether a vehicle comes to rest already: without a place or a setpoint, on a path (3,) to rest [m/s]."""
+    is_to_rest = end_velocity_m_s[0] == 0.0 and end_velocity_m_s[1] == 0.0 and end_velocity_m_s[2] == 0.0
+    return is_to_rest and not has_target and not has_setpoint
 
 
 @scalar_kernel

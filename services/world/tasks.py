@@ -12,7 +12,7 @@ from gslcosim_services.world.flight_space import FlightSpace, is_descent_clear
 from gslcosim_services.world.leg_planners import AT_REST, Leg, find_curve_refusal, find_motion_refusal
 from gslcosim_services.world.obstacle_avoidance import BrakingMonitor
 from gslcosim_services.world.path_follower import PathFollower
-from gslcosim_services.world.trajectory import UNCHANGED_HEADING, Heading
+from gslcosim_services.world.trajectory import UNCHANGED_HEADING, Heading, is_beyond_limit
 from gslcosim_services.world.vehicle_records import Setpoint, VehicleCapabilities
 
 # Tasks that differ only in how long to hold are the same: the time counts from when a task is taken up.
@@ -208,7 +208,7 @@ def _find_waypoint_refusal(legs: Sequence[Leg], abilities: VehicleCapabilities, 
 
 def _find_speed_refusal(name: str, velocity_m_s: tuple[float, ...], abilities: VehicleCapabilities) -> str | None:
     speed_m_s, most_m_s = math.hypot(*velocity_m_s), abilities.limits.max_speed_m_s
-    if speed_m_s > most_m_s * (1 + 1e-9):
+    if is_beyond_limit(speed_m_s, most_m_s):
         return f"{name}: expected at most {most_m_s:g} m/s, was {speed_m_s:g} m/s."
     return None
 

@@ -174,6 +174,11 @@ def write_polynomial_state_inplace(state, coefficients, t_s):
 
 
 @numba.njit(cache=True, nogil=True)
+def _norm(vector):
+    return math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+
+
+@numba.njit(cache=True, nogil=True)
 def max_lateral_deviation_m(coefficients, duration_s, place_m):
     """Return how far a path to rest leaves the straight line to its end [m], from ten looks at it.
 
@@ -214,6 +219,27 @@ def allowed_lateral_deviation_m(speed_m_s, max_acceleration_m_s2):
         tests/unit/services/world/test_mission.py
     """
     return _ALLOWED_BRAKING_DISTANCES * 0.75 * speed_m_s**2 / max_acceleration_m_s2 + _ALLOWED_DEVIATION_M
+
+
+@numba.njit(cache=True, nogil=True)
+def deviates_too_far(coefficients, duration_s, place_m, velocity_m_s, max_acceleration_m_s2):
+    """Return whether a path to rest leaves the straight line so far that the vehicle had better stop first.
+
+    Args:
+        coefficients: (3, 6) axis xyz, power 0 to 5 [m/s^i].
+        duration_s: Length of the polynomial [s], > 0.
+        place_m: (3,) where it ends, world frame [m].
+        velocity_m_s: (3,) velocity at its start, world frame [m/s].
+        max_acceleration_m_s2: Greatest acceleration [m/s^2].
+
+    Held by:
+        tests/unit/services/world/test_mission.py
+    """
+    speed_m_s = _norm(velocity_m_s)
+    if speed_m_s == 0.0:
+        return False
+    allowed_m = allowed_lateral_deviation_m(speed_m_s, max_acceleration_m_s2)
+    return max_lateral_deviation_m(coefficients, duration_s, place_m) > allowed_m
 
 
 @numba.njit(cache=True, nogil=True)
@@ -305,11 +331,6 @@ def _set_polynomial(coefficients, start, end, is_velocity, duration_s):
 
 
 @numba.njit(cache=True, nogil=True)
-def _norm(vector):
-    return math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
-
-
-@numba.njit(cache=True, nogil=True)
 def plan_quickest_inplace(coefficients, start, end, is_velocity, max_speed_m_s, max_acceleration_m_s2, least_s, step_s):
     """Write the quickest minimum-jerk polynomial within the limits and return its duration [s].
 
@@ -396,6 +417,12 @@ _TIME_TOLERANCE_S = 1e-9
 def is_path_over(elapsed_s: float, duration_s: float) -> bool:
     """Return whether a path of a duration [s] has ended, a time after its start [s]."""
     return elapsed_s >= duration_s - _TIME_TOLERANCE_S
+
+
+@scalar_kernel
+def is_beyond_limit(value: float, limit: float) -> bool:
+    """Return whether a value is above a limit by more than rounding."""
+    return value > limit * (1 + 1e-9)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,10 +2,9 @@
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 """Autopilot of a point robot: obeys velocities and holds as the world's autopilot does, with a force that lags.
 
-Paths are planned by the kernels of `gslcosim_services.world`; what is here is the order in which things happen.
+Paths are planned by the kernels of `gslcosim_services.world`, and so is the order in which things happen
+(`task_order`); what is here is the state of a search that they change.
 """
-
-import math
 
 import numpy as np
 
@@ -32,12 +31,25 @@ from gslcosim.training.batch.free_space import (
 )
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
 from gslcosim_services.world.multirotor_control import drag_force
-from gslcosim_services.world.path_follower import back_off_frac, has_arrived, is_too_late
+from gslcosim_services.world.path_follower import back_off_frac, has_arrived, is_stop_under_way, is_too_late
 from gslcosim_services.world.simulation_loop import advance_point_inplace, path_force_inplace, path_time_s
+from gslcosim_services.world.task_order import (
+    ACCEPT,
+    ARRIVAL,
+    DEFER,
+    EDGE,
+    PREPARATION,
+    REFUSE,
+    STOP,
+    find_answer,
+    find_deferred_answer,
+    find_watch,
+    is_command_due,
+)
 from gslcosim_services.world.trajectory import (
-    allowed_lateral_deviation_m,
+    deviates_too_far,
+    is_beyond_limit,
     is_path_over,
-    max_lateral_deviation_m,
     plan_quickest_inplace,
 )
 from gslcosim_services.world.vehicle_records import STATE
@@ -92,6 +104,8 @@ def fly_lagged_tick(search, path, vehicle, case, room, work, tick, time_s):
 
 
 _TO_POINT = False
+# Vehicles of a batch have no setpoints, do not fail, and have left the ground when they get their first task.
+_NEVER = False
 
 
 @reference_free_njit()
@@ -116,12 +130,7 @@ def _forget_legs(search):
 
 @reference_free_njit()
 def _stop(search, path, case, work, tick):
-    resting = (
-        path.end_velocity_world_m_s[0] == 0.0
-        and path.end_velocity_world_m_s[1] == 0.0
-        and path.end_velocity_world_m_s[2] == 0.0
-    )
-    is_stopping = not search.has_target and resting
+    is_stopping = is_stop_under_way(search.has_target != 0, _NEVER, path.end_velocity_world_m_s)
     _forget_legs(search)
     search.keeps_velocity = 0
     search.is_preparing = 0
@@ -152,15 +161,6 @@ def _begin_leg(search, path, case, work, tick, x_m, y_m, z_m, hold_ticks):
 
 
 @reference_free_njit()
-def _swings_out(path, case, state):
-    speed2 = state[1, 0] ** 2 + state[1, 1] ** 2 + state[1, 2] ** 2
-    if speed2 == 0.0:
-        return False
-    allowed_m = allowed_lateral_deviation_m(math.sqrt(speed2), case.max_acceleration_m_s2)
-    return max_lateral_deviation_m(path.coefficients, path.duration_s, path.end_world_m) > allowed_m
-
-
-@reference_free_njit()
 def _follow_leg(search, path, case, work, tick):
     if not search.is_preparing:
         search.prepares_since_tick = tick
@@ -168,7 +168,8 @@ def _follow_leg(search, path, case, work, tick):
     motion_inplace(state, path, case, tick)
     _fly_to_inplace(path, case, state, end, search.leg_end_m, tick)
     search.is_preparing = 0
-    if _swings_out(path, case, state):
+    limit_m_s2 = case.max_acceleration_m_s2
+    if deviates_too_far(path.coefficients, path.duration_s, path.end_world_m, state[1], limit_m_s2):
         # It had better stop first.
         plan_to_velocity_inplace(path, case, state, end, 0.0, 0.0, 0.0, tick)
         search.is_preparing = 1
@@ -197,7 +198,7 @@ def _is_refused(search, path, case, room, work, tick, task, vector):
         return is_place_refused(room, case.radius_m, vector)
     if task != CRUISE:
         return False
-    if norm3(vector[0], vector[1], vector[2]) > case.max_speed_m_s * (1 + 1e-9):
+    if is_beyond_limit(norm3(vector[0], vector[1], vector[2]), case.max_speed_m_s):
         return True
     if search.phase == TAKING_OFF or (search.keeps_velocity and _is_equal(vector, search.kept_velocity_m_s)):
         return False
@@ -236,14 +237,16 @@ def receive_task(search, path, case, room, work, tick, task, vector):
     is_said_again = case.asks_every_tick and task != HOLD and search.goal == task
     if is_said_again and _is_equal(search.goal_vector, vector):
         return
-    if _is_refused(search, path, case, room, work, tick, task, vector):
+    is_refused = _is_refused(search, path, case, room, work, tick, task, vector)
+    answer = find_answer(is_refused, task == HOLD, search.phase == TAKING_OFF, _NEVER)
+    if answer == REFUSE:
         search.notice = 1
         search.kept_task = NO_TASK
         _hold(search, path, case, work, tick, case.usual_hold_ticks)
-    elif task == HOLD:
+    elif answer == STOP:
         search.kept_task = NO_TASK
         _hold(search, path, case, work, tick, case.hold_ticks)
-    elif search.phase == TAKING_OFF:
+    elif answer == DEFER:
         search.kept_task = task
         copy_inplace(search.kept_vector, vector)
     else:
@@ -321,21 +324,24 @@ def end_tick(search, path, case, room, work, tick):
         work: Record of `WORK`.
         tick: The tick that ends.
     """
-    if search.is_preparing:
+    goes_to_place = search.phase == TAKING_OFF or search.phase == FLYING
+    watch = find_watch(search.is_preparing != 0, search.keeps_velocity != 0, goes_to_place)
+    if watch == PREPARATION:
         if _is_over(path, case, tick):
             _follow_leg(search, path, case, work, tick)
-    elif search.keeps_velocity:
+    elif watch == EDGE:
         if must_brake(path, case, room, work, tick):
             _hold(search, path, case, work, tick, case.usual_hold_ticks)
             search.notice = 1
-    elif search.phase == TAKING_OFF or search.phase == FLYING:
+    elif watch == ARRIVAL:
         _notice_arrival(search, path, case, room, tick)
-    if search.kept_task != NO_TASK and search.phase != TAKING_OFF:
-        task = search.kept_task
-        search.kept_task = NO_TASK
-        if search.phase == HOLDING:
+    if search.kept_task != NO_TASK:
+        task, answer = search.kept_task, find_deferred_answer(search.phase == TAKING_OFF, search.phase == HOLDING)
+        if answer != DEFER:
+            search.kept_task = NO_TASK
+        if answer == ACCEPT:
             receive_task(search, path, case, room, work, tick, task, search.kept_vector)
-    if case.asks_every_tick:
-        search.is_asked = 1
-    else:
-        search.is_asked = (search.phase == HOLDING or search.keeps_velocity) and tick >= search.hold_until_tick
+    search.is_asked = is_command_due(
+        case.asks_every_tick != 0, _NEVER, search.phase == HOLDING, search.keeps_velocity != 0, tick,
+        search.hold_until_tick,
+    )  # fmt: skip
