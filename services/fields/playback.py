@@ -11,14 +11,22 @@ The file is numpy's `.npz` with
 import re
 from pathlib import Path
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.files import open_regular_file
 from gslcosim.environment.model import Grid
+from gslcosim_services.fields.filament.filament_step import cell_index
 from gslcosim_services.fields.frame_formats import MAX_CENTRE_PPM, GasFrame, read_gaden_frame, read_gsl_bench_frame
-from gslcosim_services.fields.mixing_ratio import CUTOFF_SIGMA, Walls, check_points, mixing_ratio_ppm_at
+from gslcosim_services.fields.mixing_ratio import (
+    CUTOFF_SIGMA,
+    Walls,
+    check_points,
+    mixing_ratio_ppm_at,
+    to_float3,
+)
 
 GSL_BENCH_PERIOD_S = 1.0
 GADEN_PERIOD_S = 0.5
@@ -124,15 +132,43 @@ class GasPlayback:
         return values_in_cells(frame, points)
 
 
+@numba.njit(cache=True, nogil=True)
+def value_in_cell(ppm, origin_m, cell_m, is_plane, x, y, z):  # noqa: ANN001, ANN201 - a kernel
+    """Return the value of the cell of a stored grid that holds a point; 0 outside.
+
+    Args:
+        ppm: (nx, ny, nz) values.
+        origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
+        cell_m: Edge of the cells [m].
+        is_plane: Whether the grid's one layer holds at all heights.
+        x: Point, world frame [m]; y and z likewise.
+        y: See x.
+        z: See x.
+
+    Held by:
+        tests/unit/services/fields/test_movie.py
+    """
+    i, j = cell_index(x, origin_m[0], cell_m), cell_index(y, origin_m[1], cell_m)
+    k = 0 if is_plane else cell_index(z, origin_m[2], cell_m)
+    nx, ny, nz = ppm.shape
+    if i < 0 or j < 0 or k < 0 or i >= nx or j >= ny or k >= nz:
+        return 0.0
+    return np.float64(ppm[i, j, k])
+
+
+@numba.njit(cache=True, nogil=True)
+def _write_values_inplace(values, ppm, origin_m, cell_m, is_plane, points):  # noqa: ANN001, ANN202 - a kernel
+    for n in range(len(values)):
+        values[n] = value_in_cell(ppm, origin_m, cell_m, is_plane, points[n, 0], points[n, 1], points[n, 2])
+
+
 def values_in_cells(frame: GasFrame, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the (m,) values of the cells of a stored grid that hold (m, 3) points, world frame [m]; 0 outside."""
     values = np.zeros(len(points))
-    cells = frame.grid.cell_of(points)
-    if frame.is_plane:
-        cells[:, 2] = 0
-    is_inside = frame.grid.contains_cell(cells)
     if frame.mixing_ratio_ppm is not None:
-        values[is_inside] = frame.mixing_ratio_ppm[tuple(cells[is_inside].T)]
+        grid = frame.grid
+        origin_m, cell_m = to_float3(grid.origin_m), float(grid.cell_m)
+        _write_values_inplace(values, frame.mixing_ratio_ppm, origin_m, cell_m, frame.is_plane, points)
     return values
 
 
@@ -206,13 +242,20 @@ class GasMovie:
         last_s = float(self._times_s[-1] - self._times_s[-2]) if len(self._times_s) > 1 else 0.0
         return float(self._times_s[-1] - self._times_s[0]) + last_s
 
-    def frame_at(self, time_s: float) -> GasFrame | None:
-        """Return the picture that holds at a time [s]; none before the first."""
+    def number_at(self, time_s: float) -> int | None:
+        """Return the number of the picture that holds at a time [s]; none before the first."""
         if self._is_looping and self.duration_s > 0.0 and time_s >= self._times_s[0]:
             time_s = float(self._times_s[0]) + (time_s - float(self._times_s[0])) % self.duration_s
         i = int(np.searchsorted(self._times_s, time_s + 1e-9, side="right")) - 1
-        if i < 0:
-            return None
+        return i if i >= 0 else None
+
+    def frame_at(self, time_s: float) -> GasFrame | None:
+        """Return the picture that holds at a time [s]; none before the first."""
+        number = self.number_at(time_s)
+        return None if number is None else self.frame(number)
+
+    def frame(self, number: int) -> GasFrame:
+        """Return a picture by its number, from 0."""
         return GasFrame(
             version="movie",
             grid=self._grid,
@@ -220,7 +263,7 @@ class GasMovie:
             source_position_m=None,
             wind_index=0,
             filaments=None,
-            mixing_ratio_ppm=self._ppm[i],
+            mixing_ratio_ppm=self._ppm[number],
             is_plane=self._is_plane,
         )
 

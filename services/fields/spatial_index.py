@@ -304,6 +304,11 @@ class FilamentIndex:
         self._n_gases = filaments.n_gases
         sort_into_blocks_inplace(build_filament_arrays(filaments, air_mol_m3), self._blocks, self._rows)
 
+    @property
+    def tables(self) -> tuple[Blocks, SortedFilaments]:
+        """The blocks, and the filaments by block; overwritten when the next instant is sorted."""
+        return self._blocks, self._rows
+
     def mixing_ratio_ppm_at(
         self, points_world_m: NDArray[np.float64], *, walls: Walls | None = None, cutoff_sigma: float = CUTOFF_SIGMA
     ) -> NDArray[np.float64]:

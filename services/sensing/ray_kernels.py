@@ -1,5 +1,5 @@
 """Ray casting among boxes and upright cylinders."""
-# pyright: basic
+# pyright: basic, reportCallIssue=false, reportGeneralTypeIssues=false
 
 import math
 

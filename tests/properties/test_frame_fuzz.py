@@ -5,12 +5,12 @@ what is read must be possible: finite, inside the room, not negative.
 """
 
 import struct
-import sys
 import time
 import warnings
 import zlib
-from pathlib import Path
 
+import gaden_writers as gaden
+import gsl_bench_writers as gsl_bench
 import numpy as np
 import pytest
 
@@ -21,10 +21,6 @@ from gslcosim_services.fields.frame_formats import read_gaden_frame, read_gsl_be
 from gslcosim_services.fields.mixing_ratio import mixing_ratio_ppm_at
 from gslcosim_services.fields.playback import GasMovie
 from gslcosim_services.fields.spatial_index import FilamentIndex
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "unit" / "services" / "fields"))
-import gaden_writers as gaden
-import gsl_bench_writers as gsl_bench
 
 CONTENTS = {
     "version_1": gaden.version_1(),

@@ -35,7 +35,7 @@ ROOM = np.dtype(
     ]
 )
 
-STEADY_PLUMES, FILAMENTS, MEANDERING_PLUMES = 0, 1, 2
+STEADY_PLUMES, FILAMENTS, MEANDERING_PLUMES, STORED_GAS = range(4)
 # What the referee asks for.
 NEAREST_SOURCE, ALL_SOURCES = 0, 1
 
@@ -72,13 +72,15 @@ CASE = np.dtype(
         ("first_place_m", np.float64, (3,)),  # that start
         ("diagonal_m", np.float64),
         ("n_sampled", np.int64),  # how many places are sampled for gas and wind, the first ones
-        ("gas", np.int64),  # STEADY_PLUMES, FILAMENTS or MEANDERING_PLUMES
+        ("gas", np.int64),  # STEADY_PLUMES, FILAMENTS, MEANDERING_PLUMES or STORED_GAS
         ("first_plume", np.int64),  # of the plumes, or of the sources of filaments
         ("n_plumes", np.int64),
         ("tape", np.int64),
         ("cutoff_sigma", np.float64),
         ("n_gases", np.int64),
         ("gas_ticks_per_step", np.int64),
+        ("first_update", np.int64),  # of stored gas, see `Cases.frame_of_update`
+        ("n_updates", np.int64),
         ("gas_steps_per_tick", np.int64),  # what follows is for meandering plumes, see `gas_readings`
         ("gas_step_s", np.float64),
         ("warm_up_steps", np.int64),
@@ -112,6 +114,30 @@ TAPE = np.dtype(
         ("starts", np.int64),  # address of (n_frames, n_columns + 1) int32
         ("members", np.int64),  # address of (n,) int32: which of the frame's filaments they are, in order by column
         ("largest_sigma_m", np.int64),  # address of (n_frames,) float32
+    ]
+)
+
+# A frame of stored gas: a grid, or filaments in the order of `spatial_index`.
+FRAME = np.dtype(
+    [
+        ("ppm", np.int64),  # address of (nx, ny, nz) float32; 0: filaments
+        ("shape", np.int64, (3,)),
+        ("origin_m", np.float64, (3,)),
+        ("cell_m", np.float64),
+        ("is_plane", np.int64),
+        ("n_filaments", np.int64),
+        ("x", np.int64),  # addresses of the columns of `SortedFilaments`, (n_filaments,) each
+        ("y", np.int64),
+        ("z", np.int64),
+        ("exponent_per_m2", np.int64),
+        ("centre_ppm", np.int64),
+        ("gas", np.int64),
+        ("first", np.int64),  # and of the arrays of `Blocks`
+        ("largest_sigma_m", np.int64),
+        ("n_blocks", np.int64, (3,)),
+        ("block_m", np.float64),
+        ("block_origin_m", np.float64, (3,)),
+        ("largest_of_all_m", np.float64),
     ]
 )
 
@@ -249,6 +275,10 @@ CASES = np.dtype(
         ("n_plumes", np.int64),
         ("tapes", np.int64),
         ("n_tapes", np.int64),
+        ("frames", np.int64),
+        ("n_frames", np.int64),
+        ("frame_of_update", np.int64),
+        ("n_frame_of_update", np.int64),
         ("strengths", np.int64),
         ("gas_of_source", np.int64),
         ("n_strengths", np.int64),
@@ -281,15 +311,17 @@ WORK = np.dtype(
         ("slots", np.int64),  # address of int32
         ("marks", np.int64),  # address of (most_filaments // 64 + 1,) uint64
         ("is_nearby", np.int64),  # address of uint8
+        ("shares", np.int64),  # address of float64, work space of `spatial_index`
     ]
 )
 
 
 class Cases(NamedTuple):
-    """All cases, read-only: (n,) records of `ROOM`, `CASE`, `records.CONSTANTS`, `PLUME` and `TAPE`, and their arrays.
+    """All cases, read-only: (n,) records of `ROOM`, `CASE`, `records.CONSTANTS`, `PLUME`, `TAPE` and `FRAME`.
 
-    `strengths` [ppm m3] and `gas_of_source` (n,) of the sources of filaments; `instruments` (n_cases, n_sensors)
-    records of `INSTRUMENT`; `names` bytes of their random streams; `start_rows` (n, 8) place, velocity, whether
+    `frame_of_update` says which frame of stored gas holds from each of a case's updates on, -1 for none; `strengths`
+    [ppm m3] and `gas_of_source` (n,) of the sources of filaments; `instruments` (n_cases, n_sensors) records of
+    `INSTRUMENT`; `names` bytes of their random streams; `start_rows` (n, 8) place, velocity, whether
     something forbidden and whether anything touches it at the end of each tick in which a vehicle leaves what it stands
     on; `sources_m` (n, 3); `places_m` (n_cases, n_places, 3) of the sensors in the body frame [m].
     """
@@ -299,6 +331,8 @@ class Cases(NamedTuple):
     vehicles: Any
     plumes: Any
     tapes: Any
+    frames: Any
+    frame_of_update: Any
     strengths: Any
     gas_of_source: Any
     instruments: Any
@@ -369,6 +403,7 @@ def build_scratch(n_places: int, most_filaments: int, state_dtype: np.dtype[Any]
         "slots": np.zeros(most_filaments, np.int32),
         "marks": np.zeros(most_filaments // 64 + 1, np.uint64),
         "is_nearby": np.zeros(most_filaments, np.uint8),
+        "shares": np.zeros(most_filaments),
     }
     record["n_places"], record["most_filaments"] = n_places, most_filaments
     for name, array in arrays.items():

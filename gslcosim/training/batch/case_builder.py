@@ -106,7 +106,7 @@ def list_batch_misfits(scenario: Scenario, flying: str) -> Iterable[tuple[str, s
     if vehicle.avoidance != "none":
         yield "agents[0].vehicle.avoidance", "none in a batch", vehicle.avoidance
     if not is_gas_supported(scenario):
-        expected = "gaussian_plume, meandering_plume, or filament without rotor_downwash, in a batch"
+        expected = "gaussian_plume, meandering_plume, playback, or filament without rotor_downwash, in a batch"
         yield "gas.model", expected, f"{scenario.gas.model}{' with it' if scenario.gas.rotor_downwash else ''}"
     if isinstance(scenario.gas, MeanderingPlumeGasSpec) and len(scenario.gas.sources) > _MOST_MEANDERING:
         yield "gas.sources", f"at most {_MOST_MEANDERING} that meander in a batch", len(scenario.gas.sources)
@@ -302,6 +302,8 @@ def prepare_cases(
         vehicles=np.array(preparing.vehicles, vehicle_records.CONSTANTS),
         plumes=gas.plume_array(),
         tapes=np.array(gas.tapes, batch_records.TAPE),
+        frames=np.array(gas.frames, batch_records.FRAME),
+        frame_of_update=np.array(gas.frame_of_update, np.int64),
         strengths=np.array(gas.strengths, np.float64),
         gas_of_source=np.array(gas.gas_of_source, np.int64),
         instruments=np.array([instruments.rows for instruments in preparing.instruments]),

@@ -15,7 +15,12 @@ from gslcosim.base.ticks import NS_PER_S, ticks_from_seconds
 from gslcosim.environment.model import Environment
 from gslcosim.environment.openings import solid_boxes
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.gas import FilamentGasSpec, GaussianPlumeGasSpec, MeanderingPlumeGasSpec
+from gslcosim.scenario.models.gas import (
+    FilamentGasSpec,
+    GaussianPlumeGasSpec,
+    MeanderingPlumeGasSpec,
+    PlaybackGasSpec,
+)
 from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.models.sensors import (
     BumpSensorSpec,
@@ -33,15 +38,18 @@ from gslcosim.training.batch.scalar_compilation import (
     find_estimate_address,
 )
 from gslcosim_services.fields.filament_field import MIN_READINGS_FOR_INDEX
+from gslcosim_services.fields.frame_formats import GasFrame
 from gslcosim_services.fields.gas_setup import GasSetup, GasTiming, gas_seed, gas_timing, list_gas_names
-from gslcosim_services.fields.mixing_ratio import build_solid_sums, strength_ppm_m3
+from gslcosim_services.fields.mixing_ratio import CUTOFF_SIGMA, build_solid_sums, strength_ppm_m3
 from gslcosim_services.fields.models.filament_gas import build_cached_plume, build_gas_model
+from gslcosim_services.fields.models.formula_fields import load_stored_gas
 from gslcosim_services.fields.models.gaussian_plume import (
     KNOT_CORRELATION,
     KNOTS_PER_CORRELATION_TIME,
     PLUME_RECORD,
     build_plume_records,
 )
+from gslcosim_services.fields.spatial_index import FilamentIndex
 from gslcosim_services.fields.tape import GasTape, tape_hash
 from gslcosim_services.sensing.briefing import find_sensor_kind
 from gslcosim_services.sensing.models.base import (
@@ -281,7 +289,7 @@ _COLUMN_M = 1.0
 
 
 class BatchGas:
-    """Gathers the gas of cases; `kept` holds the arrays that the records of tapes point into.
+    """Gathers the gas of cases; `kept` holds the arrays that the records of tapes and frames point into.
 
     `strengths` and `gas_of_source` have the sources of filaments of all cases, `most_filaments` is how many the largest
     frame of all tapes has.
@@ -294,12 +302,15 @@ class BatchGas:
         self.gas_of_source: list[int] = []
         self.kept: list[object] = []
         self.most_filaments = 1
+        self.frames: list[NDArray[np.void]] = []
+        self.frame_of_update: list[int] = []
         self._known: dict[str, int] = {}
+        self._known_frames: dict[tuple[str, str, int], int] = {}
         self._n_plumes = 0
 
     @property
     def tape_bytes(self) -> int:
-        """Bytes that tapes take on disk, mapped into memory, and their order beside them in memory."""
+        """Bytes that tapes take on disk, mapped into memory, their order beside them, and stored gas."""
         return sum(int(array.nbytes) for array in self.kept if isinstance(array, np.ndarray))
 
     def plume_array(self) -> NDArray[np.void]:
@@ -324,6 +335,9 @@ class BatchGas:
             if isinstance(gas, MeanderingPlumeGasSpec):
                 _fill_wandering(case, gas, timing, environment, float(plumes["speed_m_s"].min()))
             return
+        if isinstance(gas, PlaybackGasSpec):
+            self._add_stored(case, gas, timing, environment)
+            return
         n_readings = int(case["n_sampled"]) * timing.ticks_per_step
         if n_readings >= MIN_READINGS_FOR_INDEX:
             raise UsageError(
@@ -331,6 +345,53 @@ class BatchGas:
                 f"a step (places of sensors times ticks), was {n_readings}. {ELSE}"
             )
         self._add_tape(case, scenario, environment)
+
+    # The seed has no meaning for it: which frame holds when is known beforehand.
+    def _add_stored(self, case: Any, gas: PlaybackGasSpec, timing: GasTiming, environment: Environment) -> None:
+        stored, grid = load_stored_gas(gas), environment.grid
+        index = FilamentIndex(min_m=grid.origin_m, max_m=grid.max_m)
+        n_ticks = ticks_from_seconds(float(case["time_limit_s"]), int(case["tick_ns"])) + 1
+        n_updates = n_ticks // timing.ticks_per_step + 1
+        case["gas"], case["first_update"], case["n_updates"] = (
+            records.STORED_GAS, len(self.frame_of_update), n_updates,
+        )  # fmt: skip
+        case["cutoff_sigma"] = CUTOFF_SIGMA
+        for update in range(n_updates):
+            time_s = (timing.warm_up_steps + update * timing.steps_per_tick) * timing.step_s
+            number = stored.number_at(time_s)
+            if number is None:
+                self.frame_of_update.append(-1)
+                continue
+            key = (environment.content_hash, repr(gas.playback), number)
+            if key not in self._known_frames:
+                self._known_frames[key] = len(self.frames)
+                self.frames.append(self._frame_row(stored.frame(number), index))
+            self.frame_of_update.append(self._known_frames[key])
+
+    def _frame_row(self, frame: GasFrame, index: FilamentIndex) -> NDArray[np.void]:
+        row, grid = np.zeros((), records.FRAME), frame.grid
+        if frame.filaments is None:
+            ppm = frame.mixing_ratio_ppm
+            assert ppm is not None, "a frame has one or the other"
+            row["shape"], row["origin_m"], row["cell_m"] = ppm.shape, grid.origin_m, grid.cell_m
+            row["is_plane"] = frame.is_plane
+            self._keep(row, "ppm", np.ascontiguousarray(ppm, np.float32))
+            return row
+        index.build(frame.filaments)
+        blocks, columns = index.tables
+        n = len(frame.filaments.sigma_m)
+        row["n_filaments"], row["largest_of_all_m"] = n, blocks.largest_sigma_m.max()
+        row["n_blocks"], row["block_m"], row["block_origin_m"] = blocks.n_blocks, blocks.block_m, blocks.origin_m
+        for name in ("x", "y", "z", "exponent_per_m2", "centre_ppm", "gas"):
+            self._keep(row, name, getattr(columns, name)[:n].copy())
+        self._keep(row, "first", blocks.first.copy())
+        self._keep(row, "largest_sigma_m", blocks.largest_sigma_m.copy())
+        self.most_filaments = max(self.most_filaments, n)
+        return row
+
+    def _keep(self, row: Any, name: str, array: NDArray[Any]) -> None:
+        row[name] = array.ctypes.data
+        self.kept.append(array)
 
     def _add_tape(self, case: Any, scenario: Scenario, environment: Environment) -> None:
         seed = gas_seed(scenario, scenario.seed)
@@ -369,14 +430,13 @@ class BatchGas:
         if sources is not None:
             arrays["sources"] = sources
         for name, array in arrays.items():
-            row[name] = array.ctypes.data
-            self.kept.append(array)
+            self._keep(row, name, array)
         return row
 
 
 def is_gas_supported(scenario: Scenario) -> bool:
     """Return True if a scenario's gas can be batched."""
-    models = GaussianPlumeGasSpec | MeanderingPlumeGasSpec | FilamentGasSpec
+    models = GaussianPlumeGasSpec | MeanderingPlumeGasSpec | FilamentGasSpec | PlaybackGasSpec
     return isinstance(scenario.gas, models) and not scenario.gas.rotor_downwash
 
 

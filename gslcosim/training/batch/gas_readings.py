@@ -1,6 +1,6 @@
 # pyright: basic, reportCallIssue=false
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
-"""Gas readings of a search: tapes of filaments, and plumes that meander."""
+"""Gas readings of a search: tapes of filaments, plumes that meander, and stored gas."""
 
 import math
 from typing import Any
@@ -14,6 +14,8 @@ from gslcosim.training.batch.pcg64 import next_normal_inplace, seed_inplace
 from gslcosim.training.batch.reference_free_kernels import reference_free_njit
 from gslcosim_services.fields.mixing_ratio import filament_contribution_ppm, is_box_of_air, is_visible
 from gslcosim_services.fields.models.gaussian_plume import distances_along_and_across, plume_ppm, spreads_at
+from gslcosim_services.fields.playback import value_in_cell
+from gslcosim_services.fields.spatial_index import Blocks, SortedFilaments, add_indexed_filaments_at_points_inplace
 
 
 @reference_free_njit()
@@ -287,3 +289,46 @@ def add_tape_inplace(tape, frame, room, x_m, y_m, z_m, cutoff_sigma, strengths, 
             source = sources[members[m]]
         d2 = (x_m - fx) * (x_m - fx) + (y_m - fy) * (y_m - fy) + (z_m - fz) * (z_m - fz)
         ppm[gas_of_source[source]] += filament_contribution_ppm(strengths[source], s, d2)
+
+
+@reference_free_njit()
+def add_stored_inplace(frame, room, place_m, cutoff_sigma, work, ppm):
+    """Add what a frame of stored gas contributes at a place; see `PlaybackField`.
+
+    Args:
+        frame: Record of `FRAME`.
+        room: Record of `ROOM`; its walls hide filaments.
+        place_m: (1, 3) place, world frame [m].
+        cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
+        work: Record of `WORK`.
+        ppm: (1, 1) mixing ratio [ppm]; added to.
+
+    Held by:
+        tests/integration/training/test_batch_equals_flight.py
+    """
+    if frame.ppm != 0:
+        shape = (frame.shape[0], frame.shape[1], frame.shape[2])
+        values = array_at(frame.ppm, shape, np.float32)
+        x, y, z = place_m[0, 0], place_m[0, 1], place_m[0, 2]
+        ppm[0, 0] += value_in_cell(values, frame.origin_m, frame.cell_m, frame.is_plane != 0, x, y, z)
+        return
+    n, (nx, ny, nz) = frame.n_filaments, (frame.n_blocks[0], frame.n_blocks[1], frame.n_blocks[2])
+    blocks = Blocks(
+        (frame.block_origin_m[0], frame.block_origin_m[1], frame.block_origin_m[2]),
+        frame.block_m,
+        (nx, ny, nz),
+        array_at(frame.first, nx * ny * nz + 1, np.int32),
+        array_at(frame.largest_sigma_m, nx * ny, np.float64),
+    )
+    rows = SortedFilaments(
+        array_at(frame.x, n, np.float64),
+        array_at(frame.y, n, np.float64),
+        array_at(frame.z, n, np.float64),
+        array_at(frame.exponent_per_m2, n, np.float64),
+        array_at(frame.centre_ppm, n, np.float64),
+        array_at(frame.gas, n, np.int32),
+        array_at(frame.gas, n, np.int32),
+        array_at(work.shares, work.most_filaments, np.float64),
+    )
+    largest_m, walls = frame.largest_of_all_m, walls_of(room)
+    add_indexed_filaments_at_points_inplace(place_m, blocks, rows, largest_m, cutoff_sigma, walls, ppm)

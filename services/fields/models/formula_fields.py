@@ -193,13 +193,7 @@ _SOURCE_TOLERANCE_M = 1.0
 
 @build_gas_field_from_block.register
 def _build_playback_field(gas: PlaybackGasSpec, setup: GasSetup) -> GasField:
-    spec = gas.playback
-    assert spec is not None, "a GasSpec has it with this model"
-    path = Path(spec.folder)
-    stored = _open_stored_gas(path, spec)
-    if problems := _find_first_frame_problems(stored, gas):
-        lines = map(str, problems)
-        raise ScenarioError("\n".join(lines))
+    stored = load_stored_gas(gas)
     gases = list_gas_names(gas)
     return PlaybackField(
         stored,
@@ -209,6 +203,22 @@ def _build_playback_field(gas: PlaybackGasSpec, setup: GasSetup) -> GasField:
         sight=setup.sight or Visibility(walls=Walls.of(setup.environment)),
         other_gases=gases[1:],
     )
+
+
+def load_stored_gas(gas: PlaybackGasSpec) -> GasMovie | GasPlayback:
+    """Return the stored gas of a block.
+
+    Raises:
+        ScenarioError: it cannot be the scenario's gas.
+        EnvironmentDataError: it cannot be read.
+    """
+    spec = gas.playback
+    assert spec is not None, "a GasSpec has it with this model"
+    stored = _open_stored_gas(Path(spec.folder), spec)
+    if problems := _find_first_frame_problems(stored, gas):
+        lines = map(str, problems)
+        raise ScenarioError("\n".join(lines))
+    return stored
 
 
 def find_stored_gas_problems(scenario: Scenario, directory: Path) -> list[Problem]:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import gsl_bench_writers as gsl_bench
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -131,6 +132,50 @@ def test_runs_are_those_of_single_runs(overrides, settings):
     assert assert_equal_flights("tiny_room", overrides, [4, 5], **settings) == ["time_limit"] * 2
 
 
+def _write_movie(folder, rng, shape):
+    ppm = rng.exponential(20.0, (7, *shape)).astype(np.float32)
+    np.savez(
+        folder / "film.npz", time_s=0.9 * np.arange(1, 8), mixing_ratio_ppm=ppm, origin_m=np.array([0.4, 0.3, 0.1]),
+        cell_m=np.array(0.35),
+    )  # fmt: skip
+    return folder / "film.npz"
+
+
+# Frame 2 is missing: frame 1 stays. Some are behind the walls of the room.
+def _write_filaments(folder, rng, _shape):
+    for number in (1, 3, 4):
+        positions_m = rng.uniform((-1.4, 1.6, 0.1), (2.9, 4.9, 2.9), (1000, 3))
+        sigmas_cm = rng.uniform(8, 40, 1000)
+        source_m = (1.5, 2.0, 1.0)
+        gsl_bench.write_frame(
+            folder, number=number, positions_m=positions_m, sigmas_cm=sigmas_cm, source_m=source_m, gas_code=0
+        )
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("write", "shape"), [(_write_movie, (14, 12, 6)), (_write_movie, (14, 12)), (_write_filaments, None)]
+)
+def test_stored_gas_is_that_of_single_runs(write, shape, tmp_path):
+    """Grids, planes and filaments, from before the first frame until time loops."""
+    path = write(tmp_path, np.random.default_rng(6), shape)
+    overrides = (
+        *PUFFS, LIMIT, "gas.model=playback", f"gas.playback={{folder: {path}, loop: true}}",
+        "gas.sources=[{position_m: [1.5, 2, 1]}]", "gas.warm_up_s=0", "gas.step_s=0.2",
+        "agents[0].vehicle.start_m=[3, 2.5, 0.2]",
+        "agents[0].sensors=[{model: pid_ideal, name: nose}, {model: pid, name: arm, mount_m: [0.3, 0.2, 0.1]},"
+        "{model: tgs2600, name: mox, mount_m: [-0.2, 0, 0]}]",
+    )  # fmt: skip
+    assert assert_equal_flights("tiny_room", overrides, [4, 5], hold_s=0.5) == ["time_limit"] * 2
+    batch = BatchSearchEnv([LearningTask(scenario="tiny_room", overrides=overrides).loaded(1)], 2, hold_s=0.5)
+    i = batch.observation_names.index("nose.amount")
+    amounts = [batch.reset(seed=1)[0][0, i]]
+    amounts += [batch.step(np.zeros((2, 2), np.float32))[0][0, i] for _ in range(10)]
+    batch.close()
+    assert max(amounts) > 0.1
+
+
 @pytest.mark.slow
 def test_collisions_are_those_of_single_runs_to_the_last_observation():
     overrides = (*BALL, "referee.stop.time_limit_s=60", "agents[0].vehicle.search_height_m=1")
@@ -170,7 +215,7 @@ def test_a_search_is_run_again_alone_from_the_scenario_that_it_shows():
             "agents[0].vehicle.model: expected holonomic in a batch, or flying first_order, was iris.",
         ),
         ("agents[0].vehicle.avoidance=2d", "agents[0].vehicle.avoidance: expected none in a batch, was 2d."),
-        ("gas.model=farrell", "gas.model: expected gaussian_plume, meandering_plume, or filament without rotor_down"),
+        ("gas.model=farrell", "gas.model: expected gaussian_plume, meandering_plume, playback, or filament without "),
         (
             "agents[0].sensors[0]={model: camera, name: eye}",
             "model: expected a sensor of gas, wind or ranges in",

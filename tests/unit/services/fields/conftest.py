@@ -1,4 +1,3 @@
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,9 +7,6 @@ import pytest
 from gslcosim.environment.model import Environment, Grid, WindFrames
 from gslcosim_services.fields.filament.plume import FilamentPlume, GasSource, filament_amount_mol
 from gslcosim_services.fields.filament.release import ConstantRelease
-
-# Importlib mode puts no test folder on the path; the frame writers are shared by the tests of this folder.
-sys.path.insert(0, str(Path(__file__).parent))
 
 
 @pytest.fixture

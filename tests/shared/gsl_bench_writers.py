@@ -19,12 +19,20 @@ HEAD = np.dtype(
 RECORD = np.dtype([("id", "<u4"), ("pose_x", "<f8"), ("pose_y", "<f8"), ("pose_z", "<f8"), ("sigma", "<f8")])
 
 
-def write_frame(folder):
-    """Write frame 0, with what GADEN's writers have, into a folder."""
+def write_frame(
+    folder,
+    *,
+    number=0,
+    positions_m=gaden.POSITIONS_M,
+    sigmas_cm=gaden.SIGMAS_CM,
+    source_m=gaden.SOURCE_M,
+    gas_code=gaden.GAS_CODE,
+):
+    """Write a frame into a folder; by default frame 0, with what GADEN's writers have."""
     head = (
-        1, *gaden.MIN_M, *gaden.MAX_M, *gaden.CELLS, *(gaden.CELL_M,) * 3, *gaden.SOURCE_M, gaden.GAS_CODE,
-        gaden.MOLES, gaden.AIR, 0,
+        1, *gaden.MIN_M, *gaden.MAX_M, *gaden.CELLS, *(gaden.CELL_M,) * 3, *source_m, gas_code, gaden.MOLES,
+        gaden.AIR, 0,
     )  # fmt: skip
-    rows = [(i, *p, s) for i, (p, s) in enumerate(zip(gaden.POSITIONS_M.tolist(), gaden.SIGMAS_CM, strict=True))]
-    np.save(folder / "iteration_0_head.npy", np.array([head], HEAD))
-    np.save(folder / "iteration_0_fil.npy", np.array(rows, RECORD))
+    rows = [(i, *p, s) for i, (p, s) in enumerate(zip(positions_m.tolist(), sigmas_cm, strict=True))]
+    np.save(folder / f"iteration_{number}_head.npy", np.array([head], HEAD))
+    np.save(folder / f"iteration_{number}_fil.npy", np.array(rows, RECORD))
