@@ -18,7 +18,7 @@ from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.loader import LoadedScenario
-from gslcosim.scenario.models.gas import MeanderingPlumeGasSpec
+from gslcosim.scenario.models.gas import FilamentsSpec, MeanderingPlumeGasSpec
 from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.models.success import AllSourcesSuccess, SourceSuccess
 from gslcosim.search.learned.encoding import MARGIN_M, ObservationVector
@@ -108,6 +108,10 @@ def list_batch_misfits(scenario: Scenario, flying: str) -> Iterable[tuple[str, s
     if not is_gas_supported(scenario):
         expected = "gaussian_plume, meandering_plume, playback, or filament without rotor_downwash, in a batch"
         yield "gas.model", expected, f"{scenario.gas.model}{' with it' if scenario.gas.rotor_downwash else ''}"
+    if isinstance(scenario.gas, FilamentsSpec) and scenario.gas.turbulence is not None:
+        yield "gas.turbulence", "none in a batch", scenario.gas.turbulence.kind
+    if isinstance(scenario.gas, FilamentsSpec) and scenario.gas.wall_images:
+        yield "gas.wall_images", "false in a batch", "true"
     if isinstance(scenario.gas, MeanderingPlumeGasSpec) and len(scenario.gas.sources) > _MOST_MEANDERING:
         yield "gas.sources", f"at most {_MOST_MEANDERING} that meander in a batch", len(scenario.gas.sources)
     if not isinstance(scenario.referee.success, SourceSuccess | AllSourcesSuccess):
