@@ -227,7 +227,11 @@ class CachedPlume:
         Raises:
             ModelError: no run looks at the gas at this step, so it is not on tape.
         """
-        rows, sources = self.tape.frame(self._schedule.frame_at(self._step))
+        return self.filaments_of_frame(self._schedule.frame_at(self._step))
+
+    def filaments_of_frame(self, number: int) -> Filaments:
+        """Return the filaments of a frame of the tape."""
+        rows, sources = self.tape.frame(number)
         return Filaments(
             position_world_m=rows[:, :3],
             sigma_m=rows[:, 3],

@@ -35,7 +35,7 @@ ROOM = np.dtype(
     ]
 )
 
-STEADY_PLUMES, FILAMENTS, MEANDERING_PLUMES, STORED_GAS = range(4)
+STEADY_PLUMES, FILAMENTS, MEANDERING_PLUMES, FRAMES = range(4)
 # What the referee asks for.
 NEAREST_SOURCE, ALL_SOURCES = 0, 1
 
@@ -72,14 +72,14 @@ CASE = np.dtype(
         ("first_place_m", np.float64, (3,)),  # that start
         ("diagonal_m", np.float64),
         ("n_sampled", np.int64),  # how many places are sampled for gas and wind, the first ones
-        ("gas", np.int64),  # STEADY_PLUMES, FILAMENTS, MEANDERING_PLUMES or STORED_GAS
+        ("gas", np.int64),  # STEADY_PLUMES, FILAMENTS, MEANDERING_PLUMES or FRAMES
         ("first_plume", np.int64),  # of the plumes, or of the sources of filaments
         ("n_plumes", np.int64),
         ("tape", np.int64),
         ("cutoff_sigma", np.float64),
         ("n_gases", np.int64),
         ("gas_ticks_per_step", np.int64),
-        ("first_update", np.int64),  # of stored gas, see `Cases.frame_of_update`
+        ("first_update", np.int64),  # of frames, see `Cases.frame_of_update`
         ("n_updates", np.int64),
         ("gas_steps_per_tick", np.int64),  # what follows is for meandering plumes, see `gas_readings`
         ("gas_step_s", np.float64),
@@ -117,7 +117,7 @@ TAPE = np.dtype(
     ]
 )
 
-# A frame of stored gas: a grid, or filaments in the order of `spatial_index`.
+# A frame of gas that is known beforehand: a grid, or filaments in the order of `spatial_index`.
 FRAME = np.dtype(
     [
         ("ppm", np.int64),  # address of (nx, ny, nz) float32; 0: filaments
@@ -125,6 +125,7 @@ FRAME = np.dtype(
         ("origin_m", np.float64, (3,)),
         ("cell_m", np.float64),
         ("is_plane", np.int64),
+        ("n_gases", np.int64),  # which are released, the first ones of the case's
         ("n_filaments", np.int64),
         ("x", np.int64),  # addresses of the columns of `SortedFilaments`, (n_filaments,) each
         ("y", np.int64),
@@ -319,7 +320,7 @@ WORK = np.dtype(
 class Cases(NamedTuple):
     """All cases, read-only: (n,) records of `ROOM`, `CASE`, `records.CONSTANTS`, `PLUME`, `TAPE` and `FRAME`.
 
-    `frame_of_update` says which frame of stored gas holds from each of a case's updates on, -1 for none; `strengths`
+    `frame_of_update` says which frame holds from each of a case's updates on, -1 for none; `strengths`
     [ppm m3] and `gas_of_source` (n,) of the sources of filaments; `instruments` (n_cases, n_sensors) records of
     `INSTRUMENT`; `names` bytes of their random streams; `start_rows` (n, 8) place, velocity, whether
     something forbidden and whether anything touches it at the end of each tick in which a vehicle leaves what it stands

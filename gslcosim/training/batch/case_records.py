@@ -37,6 +37,7 @@ from gslcosim.training.batch.scalar_compilation import (
     find_encode_address,
     find_estimate_address,
 )
+from gslcosim_services.fields.filament.plume import Filaments
 from gslcosim_services.fields.filament_field import MIN_READINGS_FOR_INDEX
 from gslcosim_services.fields.frame_formats import GasFrame
 from gslcosim_services.fields.gas_setup import GasSetup, GasTiming, gas_seed, gas_timing, list_gas_names
@@ -50,7 +51,7 @@ from gslcosim_services.fields.models.gaussian_plume import (
     build_plume_records,
 )
 from gslcosim_services.fields.spatial_index import FilamentIndex
-from gslcosim_services.fields.tape import GasTape, tape_hash
+from gslcosim_services.fields.tape import CachedPlume, GasTape, tape_hash
 from gslcosim_services.sensing.briefing import find_sensor_kind
 from gslcosim_services.sensing.models.base import (
     KernelEstimator,
@@ -306,6 +307,7 @@ class BatchGas:
         self.frame_of_update: list[int] = []
         self._known: dict[str, int] = {}
         self._known_frames: dict[tuple[str, str, int], int] = {}
+        self._known_updates: dict[str, int] = {}
         self._n_plumes = 0
 
     @property
@@ -318,11 +320,7 @@ class BatchGas:
         return np.concatenate([np.zeros(1, PLUME_RECORD), *self.plumes])
 
     def add(self, case: Any, scenario: Scenario, environment: Environment) -> None:
-        """Write the gas of a case into its record, but for where names and knots of meandering plumes are.
-
-        Raises:
-            UsageError: the gas would be read in another order in a single flight.
-        """
+        """Write the gas of a case into its record, but for where names and knots of meandering plumes are."""
         gas, timing = scenario.gas, gas_timing(scenario)
         case["n_gases"], case["warm_up_s"] = len(list_gas_names(gas)), gas.warm_up_s
         case["gas_ticks_per_step"] = timing.ticks_per_step
@@ -339,12 +337,7 @@ class BatchGas:
             self._add_stored(case, gas, timing, environment)
             return
         n_readings = int(case["n_sampled"]) * timing.ticks_per_step
-        if n_readings >= MIN_READINGS_FOR_INDEX:
-            raise UsageError(
-                f"{scenario.name}: gas.step_s: expected fewer than {MIN_READINGS_FOR_INDEX} readings of filaments in "
-                f"a step (places of sensors times ticks), was {n_readings}. {ELSE}"
-            )
-        self._add_tape(case, scenario, environment)
+        self._add_tape(case, scenario, environment, is_indexed=n_readings >= MIN_READINGS_FOR_INDEX)
 
     # The seed has no meaning for it: which frame holds when is known beforehand.
     def _add_stored(self, case: Any, gas: PlaybackGasSpec, timing: GasTiming, environment: Environment) -> None:
@@ -353,7 +346,7 @@ class BatchGas:
         n_ticks = ticks_from_seconds(float(case["time_limit_s"]), int(case["tick_ns"])) + 1
         n_updates = n_ticks // timing.ticks_per_step + 1
         case["gas"], case["first_update"], case["n_updates"] = (
-            records.STORED_GAS, len(self.frame_of_update), n_updates,
+            records.FRAMES, len(self.frame_of_update), n_updates,
         )  # fmt: skip
         case["cutoff_sigma"] = CUTOFF_SIGMA
         for update in range(n_updates):
@@ -374,12 +367,17 @@ class BatchGas:
             ppm = frame.mixing_ratio_ppm
             assert ppm is not None, "a frame has one or the other"
             row["shape"], row["origin_m"], row["cell_m"] = ppm.shape, grid.origin_m, grid.cell_m
-            row["is_plane"] = frame.is_plane
+            row["is_plane"], row["n_gases"] = frame.is_plane, 1
             self._keep(row, "ppm", np.ascontiguousarray(ppm, np.float32))
             return row
-        index.build(frame.filaments)
+        return self._filaments_row(frame.filaments, index)
+
+    def _filaments_row(self, filaments: Filaments, index: FilamentIndex) -> NDArray[np.void]:
+        row = np.zeros((), records.FRAME)
+        index.build(filaments)
         blocks, columns = index.tables
-        n = len(frame.filaments.sigma_m)
+        n = len(filaments.sigma_m)
+        row["n_gases"] = filaments.n_gases
         row["n_filaments"], row["largest_of_all_m"] = n, blocks.largest_sigma_m.max()
         row["n_blocks"], row["block_m"], row["block_origin_m"] = blocks.n_blocks, blocks.block_m, blocks.origin_m
         for name in ("x", "y", "z", "exponent_per_m2", "centre_ppm", "gas"):
@@ -393,20 +391,35 @@ class BatchGas:
         row[name] = array.ctypes.data
         self.kept.append(array)
 
-    def _add_tape(self, case: Any, scenario: Scenario, environment: Environment) -> None:
+    # A single run sums few readings of a step as they are on tape, and sorts the filaments by place for many.
+    def _add_tape(self, case: Any, scenario: Scenario, environment: Environment, *, is_indexed: bool) -> None:
         seed = gas_seed(scenario, scenario.seed)
         plume = build_cached_plume(scenario, environment)
         plume.reset(seed)
+        case["cutoff_sigma"] = build_gas_model(scenario, environment).cutoff_sigma
+        key = tape_hash(scenario, environment, seed)
+        if is_indexed:
+            case["gas"], case["n_updates"] = records.FRAMES, plume.tape.n_frames
+            if key not in self._known_updates:
+                self._known_updates[key] = len(self.frame_of_update)
+                self._add_sorted_frames(plume, environment)
+            case["first_update"] = self._known_updates[key]
+            return
         amount_mol, gas_index = plume.sources
         case["gas"], case["first_plume"], case["n_plumes"] = records.FILAMENTS, len(self.strengths), len(amount_mol)
         self.strengths += strength_ppm_m3(amount_mol).tolist()
         self.gas_of_source += gas_index.tolist()
-        case["cutoff_sigma"] = build_gas_model(scenario, environment).cutoff_sigma
-        key = tape_hash(scenario, environment, seed)
         if key not in self._known:
             self._known[key] = len(self.tapes)
             self.tapes.append(self._tape_row(plume.tape, environment))
         case["tape"] = self._known[key]
+
+    def _add_sorted_frames(self, plume: CachedPlume, environment: Environment) -> None:
+        grid = environment.grid
+        index = FilamentIndex(min_m=grid.origin_m, max_m=grid.max_m)
+        for number in range(plume.tape.n_frames):
+            self.frame_of_update.append(len(self.frames))
+            self.frames.append(self._filaments_row(plume.filaments_of_frame(number), index))
 
     def _tape_row(self, tape: GasTape, environment: Environment) -> NDArray[np.void]:
         first, rows, sources = tape.arrays

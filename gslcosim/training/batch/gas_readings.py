@@ -292,8 +292,8 @@ def add_tape_inplace(tape, frame, room, x_m, y_m, z_m, cutoff_sigma, strengths, 
 
 
 @reference_free_njit()
-def add_stored_inplace(frame, room, place_m, cutoff_sigma, work, ppm):
-    """Add what a frame of stored gas contributes at a place; see `PlaybackField`.
+def add_frame_inplace(frame, room, place_m, cutoff_sigma, work, ppm):
+    """Add what a frame contributes at a place; see `PlaybackField`, and `FilamentField` where it uses its index.
 
     Args:
         frame: Record of `FRAME`.
@@ -301,7 +301,7 @@ def add_stored_inplace(frame, room, place_m, cutoff_sigma, work, ppm):
         place_m: (1, 3) place, world frame [m].
         cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
         work: Record of `WORK`.
-        ppm: (1, 1) mixing ratio [ppm]; added to.
+        ppm: (1, n_gases) mixing ratios of those that are released [ppm]; added to.
 
     Held by:
         tests/integration/training/test_batch_equals_flight.py

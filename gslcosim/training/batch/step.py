@@ -14,6 +14,7 @@ from gslcosim.training.batch.batch_records import (
     COLLISION,
     FINISH,
     FRAME,
+    FRAMES,
     INSTRUMENT,
     MEANDERING_PLUMES,
     MOST_GASES,
@@ -25,7 +26,6 @@ from gslcosim.training.batch.batch_records import (
     SEARCHES_ON,
     STEADY_PLUMES,
     STEP,
-    STORED_GAS,
     SUCCESS,
     TAPE,
     TIME_LIMIT,
@@ -38,7 +38,7 @@ from gslcosim.training.batch.free_space import (
     wind_at_inplace,
 )
 from gslcosim.training.batch.gas_readings import (
-    add_stored_inplace,
+    add_frame_inplace,
     add_tape_inplace,
     begin_paths_inplace,
     meandering_ppm,
@@ -169,15 +169,15 @@ def _sample_gas(cases, case, room, wanders, memory, work, tick, n, place_m):
         for k in range(case.n_plumes):
             plume = plumes[first + k]
             ppm[plume.gas] += meandering_ppm(plume, k, wanders, memory, case, tick, x_m, y_m, z_m)
-    elif case.gas == STORED_GAS:
+    elif case.gas == FRAMES:
         updates = array_at(cases.frame_of_update, cases.n_frame_of_update, np.int64)
         update = min(tick // case.gas_ticks_per_step, case.n_updates - 1)
         i_frame = updates[case.first_update + update]
         if i_frame >= 0:
             frame = array_at(cases.frames, cases.n_frames, FRAME)[i_frame]
             point_m = array_at(work.places_m + 24 * n, (1, 3), np.float64)
-            first_ppm = array_at(work.ppm + 8 * MOST_GASES * n, (1, 1), np.float64)
-            add_stored_inplace(frame, room, point_m, case.cutoff_sigma, work, first_ppm)
+            released_ppm = array_at(work.ppm + 8 * MOST_GASES * n, (1, frame.n_gases), np.float64)
+            add_frame_inplace(frame, room, point_m, case.cutoff_sigma, work, released_ppm)
     else:
         tape = array_at(cases.tapes, cases.n_tapes, TAPE)[case.tape]
         strengths = array_at(cases.strengths, cases.n_strengths, np.float64)

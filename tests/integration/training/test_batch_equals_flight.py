@@ -121,6 +121,8 @@ def test_velocities_on_request_are_those_of_single_runs():
         ((*BALL, *MEANDERS, LIMIT), {"hold_s": 0.5}),
         ((*BALL, *MEANDERS, LIMIT, TWO_GASES, "gas.seed=9", "gas.step_s=0.2"), {"hold_s": 0.5}),
         ((*PUFFS, LIMIT, EVERY_SENSOR), {"hold_s": 0.5}),
+        ((*PUFFS, LIMIT, "gas.step_s=0.4"), {"hold_s": 0.5}),
+        ((*PUFFS, LIMIT, EVERY_SENSOR, TWO_GASES, "gas.step_s=0.5"), {"hold_s": 0.5}),
         ((*PUFFS, LIMIT, LIDARS), {"hold_s": 0.5}),
         ((*BALL, LIMIT, LIDARS, "agents[0].mode=lockstep"), {}),
         ((*PUFFS, LIMIT, TWO_GASES, "referee.success.of=all_sources"), {"hold_s": 0.5}),
