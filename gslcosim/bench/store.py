@@ -332,6 +332,7 @@ class ManifestEntry(TypedDict, total=False):
     name: Required[str]
     title: str | None
     family: str | None
+    blind: bool | None
     language: str | None
     knows: object
     parameters: dict[str, object] | None

@@ -213,6 +213,12 @@ class MethodCard(_CardPart):
         default_factory=dict[str, Parameter]
     )
 
+    @property
+    def is_blind(self) -> bool:
+        """Whether the card says that the method needs no sensor, knows nothing and hears nobody."""
+        is_said = "needs" in self.model_fields_set and "sensors" in self.needs.model_fields_set
+        return is_said and not (self.needs.sensors or self.needs.knows or self.needs.radio)
+
     def defaults(self) -> dict[str, Any]:
         """Return the value of each parameter that the scenario leaves out."""
         return {name: parameter.parsed(parameter.default) for name, parameter in self.parameters.items()}

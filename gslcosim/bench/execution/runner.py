@@ -72,6 +72,7 @@ def build_manifest(plan: Plan, sessions: list[dict[str, Any]], *, recorded: Sequ
                 "name": entry.spec.name,
                 "title": entry.card.title if entry.card else entry.spec.name,
                 "family": entry.card.family if entry.card else "",
+                "blind": entry.card is not None and entry.card.is_blind,
                 "agent_hash": entry.agent_hash,
                 "language": "python" if entry.spec.start.python else "command",
                 "parameters": json.loads(entry.spec.model_dump_json())["parameters"],

@@ -33,6 +33,7 @@ class ReportEntry:
     """A method under a name.
 
     Attributes:
+        is_blind: Whether its method needs no sensor.
         anchor: `lower` (the oracle), `upper` (the walker) or empty.
         submission: Of merged results, the folder that its runs are of; else empty.
         is_verified: Of merged results, whether a sample of its runs came out the same here; None where that is
@@ -43,6 +44,7 @@ class ReportEntry:
     name: str
     title: str
     family: str
+    is_blind: bool
     language: str
     knows: str
     parameters: Mapping[str, Any]
@@ -219,6 +221,7 @@ def _entry(name: str, listed: Mapping[str, Any], anchor: str, is_verified: bool 
         name=name,
         title=str(listed.get("title") or name),
         family=str(listed.get("family") or ""),
+        is_blind=bool(listed.get("blind")),
         language=str(listed.get("language") or ""),
         knows=_text(listed.get("knows")),
         parameters=listed.get("parameters") or {},

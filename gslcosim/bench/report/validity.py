@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gslcosim.bench.report.analysis import BLIND, SWEEP, Analysis, ReportView
+from gslcosim.bench.report.analysis import Analysis, ReportView
 from gslcosim.bench.statistics.estimates import Estimate
 
 # What is blind finds the source in at least so many runs where that tells something of the criterion; chosen.
@@ -21,7 +21,7 @@ def describe_validity(analysis: Analysis) -> list[str]:
 
 def _describe_blind_success(analysis: Analysis) -> list[str]:
     names = [entry.name for entry in analysis.material.entries]
-    blind = [names.index(name) for name in (SWEEP, BLIND) if name in names]
+    blind = [i for i, entry in enumerate(analysis.material.entries) if entry.is_blind]
     anchors = {i for i, entry in enumerate(analysis.material.entries) if entry.anchor == "lower"}
     found: list[str] = []
     for view in [view for view in analysis.views if len(view.scenarios) == 1] or [analysis.everything]:

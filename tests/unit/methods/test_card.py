@@ -152,3 +152,16 @@ def test_a_card_has_its_own_parameters_first_then_included_ones_that_it_does_not
 def test_an_unknown_inclusion_is_named(card, included):
     with pytest.raises(MethodError, match=r"includes: expected a list of .*\binformation\b.*, was "):
         card(includes=included)
+
+
+@pytest.mark.parametrize(
+    ("needs", "is_blind"),
+    [
+        ({"sensors": []}, True),
+        ({}, False),
+        ({"sensors": ["gas"]}, False),
+        ({"sensors": [], "knows": ["source"]}, False),
+    ],
+)
+def test_a_method_that_says_it_needs_no_sensor_is_blind(card, needs, is_blind):
+    assert card(needs=needs).is_blind is is_blind

@@ -246,6 +246,7 @@ def _manifest(plan: Plan, n_planned: int) -> dict:
         "machine": {"cpu": "a processor", "cores": 2, "platform": "Linux", "reference_loop_s": 0.5},
         "entries": [
             {"name": name, "title": name.replace("_", " "), "family": "bundled", "agent_hash": "ef" * 32,
+             "blind": name in ("sweep", "random_walker"),
              "language": "python", "parameters": {"step_m": 0.5}, "knows": "source" if name == "oracle" else ""}
             for name in names
         ],
