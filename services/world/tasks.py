@@ -44,8 +44,15 @@ class GoTo:
     is_mission: bool
     hold_s: float | None = field(default=None, compare=False)
 
-    def legs_with_hold(self, usual_s: float) -> tuple[Leg, ...]:
-        """Return the legs with their hold times [s]: `usual_s` where a waypoint has none of its own."""
+    def legs_with_hold(self, usual_s: float, *, is_fixed: bool = False) -> tuple[Leg, ...]:
+        """Return the legs with their hold times.
+
+        Args:
+            usual_s: The vehicle's hold [s], where a waypoint has none of its own.
+            is_fixed: Whether the last leg ends with it in any case; one that is passed has no end to hold at.
+        """
+        if is_fixed and self.legs and not self.legs[-1].is_passed:
+            return (*self.legs[:-1], replace(self.legs[-1], hold_s=usual_s))
         if self.is_mission:
             return self.legs
         hold_s = usual_s if self.hold_s is None else self.hold_s

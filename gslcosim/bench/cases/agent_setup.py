@@ -8,6 +8,7 @@ from typing import Any
 from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.problems import Problem
 from gslcosim.bench.cases.models import EntrySpec
+from gslcosim.bench.cases.sensor_holds import derive_hold_s
 from gslcosim.environment.geometry_source import build_geometry, find_folder
 from gslcosim.environment.model import EnvironmentGeometry
 from gslcosim.environment.positions import can_start_at
@@ -63,6 +64,7 @@ def apply_entry(
     directory: Path,
     scenario_dir: Path,
     is_sandboxed: bool = False,
+    has_sensor_holds: bool = False,
 ) -> dict[str, Any]:
     """Return the values of a scenario that an entry flies in place of the scenario's own agents.
 
@@ -74,6 +76,7 @@ def apply_entry(
         directory: Where the entry's relative paths start.
         scenario_dir: Where the scenario's do.
         is_sandboxed: Whether its program has to be a process in a sandbox.
+        has_sensor_holds: Whether its vehicle holds as long as its slowest gas sensor takes to respond.
 
     Raises:
         ProblemsError: there is no room for its robots, or time follows a clock for one of them.
@@ -93,6 +96,8 @@ def apply_entry(
     _take_off_the_clock(values, name)
     if entry.sensors is not None:
         first["sensors"] = _sensors(entry, card)
+        if has_sensor_holds:
+            first["vehicle"]["hold_s"] = derive_hold_s(first["sensors"])
     values["agents"] = [first, *_others(first, entry, scenario, scenario_dir)]
     if not values.get("channels") and (entry.radio or (entry.radio is None and card is not None and card.needs.radio)):
         values["channels"] = [{"name": RADIO}]

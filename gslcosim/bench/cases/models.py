@@ -218,6 +218,8 @@ class Suite(Spec):
     `when: places_are_free` leaves out cases in which a vehicle or a source would stand in something solid; otherwise
     they are errors. `gas_seeds` is how many plumes each scenario has, as many as repetitions if absent. `include` takes
     the cases of other suites, and their entries where this one has none. `anchors` are run beside the entries.
+    `hold_s` makes every vehicle hold so long after each leg, whatever its method asks for; `by_sensor` takes the T90 of
+    the slowest gas sensor on board.
     `sandbox: required` flies every agent of these cases as a process in a sandbox, Python agents too, wherever the
     suite is included; `optional` flies Python agents as objects in the worker, which is quicker and for agents one
     trusts.
@@ -236,6 +238,7 @@ class Suite(Spec):
     move_starts_up_to_m: NonNegative = 0.0
     repetitions: Annotated[int, Field(ge=1, le=100_000)] = 1
     gas_seeds: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    hold_s: NonNegative | Literal["by_sensor"] | None = None
     entries: tuple[EntrySpec, ...] = ()
     anchors: tuple[Literal["oracle", "random_walker"], ...] = (LOWER_ANCHOR, UPPER_ANCHOR)
     controls: ControlsSpec = ControlsSpec()
@@ -272,6 +275,20 @@ class Suite(Spec):
                 expected="scenarios that it is about: cases of included suites stay as they are",
                 found="none",
                 remedy="Leave it out, or list the scenarios.",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_hold(self) -> Self:
+        values = (self.set, *self.vary, *(spec.set for spec in self.scenarios))
+        places = (path for block in values for path in block)
+        twice = next((path for path in places if path.startswith("agents[0].vehicle.hold_")), None)
+        if self.hold_s is not None and twice is not None:
+            raise broken_rule_error(
+                key="hold_s",
+                expected=f"one place that says how long vehicles hold: hold_s, or {twice}",
+                found="both",
+                remedy=f"Leave {twice} out; hold_s holds for all entries.",
             )
         return self
 
@@ -325,6 +342,8 @@ class Case:
     set_in: str
     seed: int | None = None
     """That of its family, for cases of one."""
+    has_sensor_holds: bool = False
+    """Whether vehicles hold as long as their slowest gas sensor takes to respond."""
 
     def run_seed(self, repetition: int) -> int:
         """Return the seed of its runs of a repetition."""

@@ -24,12 +24,14 @@ from gslcosim.bench.cases.models import (
     EntrySpec,
     MovedStart,
     ScenarioSpec,
+    Suite,
     Trial,
     Values,
     as_overrides,
     derive_seed,
     n_values,
 )
+from gslcosim.bench.cases.sensor_holds import with_sensor_holds
 from gslcosim.bench.cases.suite_files import LoadedSuite, agent_hash, case_hash, software_hash, trial_id
 from gslcosim.environment.generation.cache import recipe_hash
 from gslcosim.environment.geometry_source import find_folder
@@ -136,7 +138,7 @@ def _cases(loaded: LoadedSuite, *, is_sandboxed: bool) -> Iterator[tuple[LoadedS
                         family=spec.family or name,
                         source=source,
                         varied={**drawn, **varied},
-                        overrides=as_overrides({**suite.set, **drawn, **spec.set, **varied}),
+                        overrides=as_overrides({**suite.set, **drawn, **spec.set, **varied, **_holds(suite)}),
                         suite_seed=suite.seed,
                         repetitions=suite.repetitions,
                         gas_seeds=suite.gas_seeds or suite.repetitions,
@@ -144,8 +146,17 @@ def _cases(loaded: LoadedSuite, *, is_sandboxed: bool) -> Iterator[tuple[LoadedS
                         is_sandboxed=is_sandboxed,
                         set_in=f"{loaded.shown_path}: scenarios[{i}] {name}",
                         seed=seed,
+                        has_sensor_holds=suite.hold_s == "by_sensor",
                     ),
                 )
+
+
+# One hold for all vehicles of a suite; that of sensors follows when an entry has its own.
+def _holds(suite: Suite) -> Values:
+    if suite.hold_s is None:
+        return {}
+    fixed = {"agents[0].vehicle.hold_rule": "fixed"}
+    return fixed if suite.hold_s == "by_sensor" else {"agents[0].vehicle.hold_s": suite.hold_s, **fixed}
 
 
 # A scenario, or each case of a family: name, beginning of the case's name, file, seed, and the values that it draws.
@@ -497,6 +508,7 @@ class _Resolved:
                 directory=entry.directory,
                 scenario_dir=self.directory,
                 is_sandboxed=self.case.is_sandboxed,
+                has_sensor_holds=self.case.has_sensor_holds,
             )
             if is_control:
                 close_sources(values)
@@ -516,7 +528,8 @@ def _text_of(problem: Problem) -> str:
 
 def _load(case: Case, seed: int) -> tuple[Scenario, Path]:
     loaded = load_scenario(case.source, overrides=case.overrides, seed=seed, placer=draw_positions, set_in=case.set_in)
-    return loaded.scenario, loaded.directory
+    scenario = with_sensor_holds(loaded.scenario) if case.has_sensor_holds else loaded.scenario
+    return scenario, loaded.directory
 
 
 # Drawn places differ from seed to seed.

@@ -188,6 +188,7 @@ class VehicleSpec(Spec):
     """Vehicle: model, start position on the ground, search height, limits and hold time at each waypoint.
 
     - `search_height_m`: 2 m by default; ground vehicles have none.
+    - `hold_rule`: `fixed` ends every waypoint and mission with `hold_s`, whatever the agent asks for.
     - `avoidance`: `none` goes straight to waypoints; `2d` plans around obstacles at the search height, or on the floor;
       `3d` also plans over and under them.
     - `separation_m`: distance that it keeps from other vehicles, centre to centre, on the way to waypoints and at a
@@ -203,6 +204,10 @@ class VehicleSpec(Spec):
         description="search height (absent: 2; none for ground vehicles)",
     )
     hold_s: NonNegative = Field(default=2.0, description="hold time at a waypoint before the agent decides")
+    hold_rule: Literal["fixed"] | None = Field(
+        default=None,
+        description="fixed: each waypoint and mission ends with a hold of hold_s (absent: as long as the agent asks)",
+    )
     max_speed_m_s: Positive = Field(default=1.0, description="maximum speed")
     max_acceleration_m_s2: Positive = Field(default=2.0, description="maximum acceleration")
     avoidance: Literal["none", "2d", "3d"] = Field(
@@ -335,6 +340,17 @@ class AgentSpec(Spec):
     environment: EnvironmentVariables | None = Field(
         default=None, description="environment variables; a variable without a value is inherited"
     )
+
+    @model_validator(mode="after")
+    def _check_hold_rule(self) -> Self:
+        if self.vehicle.hold_rule == "fixed" and self.mode != "on_request":
+            raise broken_rule_error(
+                key="vehicle.hold_rule",
+                expected="mode: on_request, in which the vehicle asks when its hold is over",
+                found=f"mode: {self.mode_name}",
+                remedy="Leave hold_rule out, or take mode: on_request.",
+            )
+        return self
 
     @property
     def place(self) -> str:

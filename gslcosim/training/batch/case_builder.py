@@ -103,6 +103,8 @@ def list_batch_misfits(scenario: Scenario, flying: str) -> Iterable[tuple[str, s
         yield "agents[0].vehicle.model", "holonomic or a rotorcraft in a batch", vehicle.model
     if agent.mode_name not in ("on_request", "lockstep"):
         yield "agents[0].mode", "on_request or lockstep in a batch", agent.mode_name
+    if vehicle.hold_rule is not None:
+        yield "agents[0].vehicle.hold_rule", "none in a batch", vehicle.hold_rule
     if vehicle.avoidance != "none":
         yield "agents[0].vehicle.avoidance", "none in a batch", vehicle.avoidance
     if not is_gas_supported(scenario):
