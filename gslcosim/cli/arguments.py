@@ -2,6 +2,7 @@
 
 import argparse
 import difflib
+import math
 import shutil
 import sys
 import textwrap
@@ -210,15 +211,24 @@ def parse_whole_number(text: str) -> int:
     return int(text)
 
 
-def parse_seconds(text: str) -> float:
-    """Return a number of seconds above 0 from the command line."""
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = 0.0
-    if not 0.0 < seconds < 1e6:
-        raise argparse.ArgumentTypeError(f"expected a number of seconds above 0, was '{text}'")
-    return seconds
+def build_number_parser(expected: str, is_allowed: Callable[[float], bool]) -> Callable[[str], float]:
+    """Return what reads a finite number from the command line.
+
+    Args:
+        expected: What an error says should be there.
+        is_allowed: Whether a finite number is.
+    """
+
+    def parse_number(text: str) -> float:
+        try:
+            number = float(text)
+        except ValueError:
+            number = math.nan
+        if not (math.isfinite(number) and is_allowed(number)):
+            raise argparse.ArgumentTypeError(f"expected {expected}, was '{text}'")
+        return number
+
+    return parse_number
 
 
 def add_checked_program_arguments(
@@ -236,7 +246,7 @@ def add_answer_timeout_option(parser: argparse.ArgumentParser, program: str, *, 
     """Add how long a program that is checked may take for an answer."""
     parser.add_argument(
         "--timeout",
-        type=parse_seconds,
+        type=build_number_parser("a number of seconds above 0", lambda seconds: 0.0 < seconds < 1e6),
         default=default_s,
         metavar="S",
         help=f"how long the {program} may take for an answer, in seconds (default: {default_s:g})",

@@ -1,13 +1,12 @@
 """`gslcosim environment import`: a room of another program, with its wind, as an environment folder of ours."""
 
 import argparse
-import math
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import EnvironmentDataError, UsageError
-from gslcosim.cli.arguments import Command
+from gslcosim.cli.arguments import Command, build_number_parser
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
@@ -36,20 +35,13 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a file, folder or series of wind (default: the usual place of the format)",
     )
     parser.add_argument(
-        "--period", type=_seconds, metavar="S", help="seconds between wind frames (default: from the format, or 1)"
+        "--period",
+        type=build_number_parser("a number of seconds greater than 0", lambda seconds: seconds > 0.0),
+        metavar="S",
+        help="seconds between wind frames (default: from the format, or 1)",
     )
     parser.add_argument("--no-loop", action="store_true", help="hold the last wind frame instead of restarting")
     add_json_option(parser)
-
-
-def _seconds(text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not 0.0 < number < math.inf:
-        raise argparse.ArgumentTypeError(f"expected a number of seconds greater than 0, was '{text}'")
-    return number
 
 
 def _run(arguments: argparse.Namespace) -> int:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from gslcosim.cli.arguments import Command
+from gslcosim.cli.arguments import Command, build_number_parser
 from gslcosim.cli.progress import draw_pages
 from gslcosim.cli.terminal import add_json_option, drawn_table, plain_text, table, write, write_json, write_note
 
@@ -31,7 +31,11 @@ def _add_top_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("run", nargs="?", metavar="RUN", help=_RUN_HELP)
     parser.add_argument("--once", action="store_true", help="observe one interval and end")
     parser.add_argument(
-        "--every", type=_interval_s, default=1.0, metavar="S", help="update every S seconds (default: 1)"
+        "--every",
+        type=build_number_parser("seconds from 0.1 to 3600", lambda interval_s: 0.1 <= interval_s <= 3600),
+        default=1.0,
+        metavar="S",
+        help="update every S seconds (default: 1)",
     )
     add_json_option(parser)
 
@@ -39,16 +43,6 @@ def _add_top_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_stop_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("run", nargs="?", metavar="RUN", help=_RUN_HELP)
     parser.add_argument("--all", action="store_true", help="all active runs of this user")
-
-
-def _interval_s(text: str) -> float:
-    try:
-        interval_s = float(text)
-    except ValueError:
-        interval_s = 0.0
-    if not 0.1 <= interval_s <= 3600:
-        raise argparse.ArgumentTypeError(f"expected seconds from 0.1 to 3600, was '{text}'")
-    return interval_s
 
 
 def _list(arguments: argparse.Namespace) -> int:

@@ -1,14 +1,13 @@
 """`gslcosim environment sample`: gas or wind at any points, into a file."""
 
 import argparse
-import math
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.base.errors import EnvironmentDataError, UsageError, build_path_error
-from gslcosim.cli.arguments import Command, add_runs_dir_option, parse_whole_number
+from gslcosim.cli.arguments import Command, add_runs_dir_option, build_number_parser, parse_whole_number
 from gslcosim.cli.terminal import add_json_option, write, write_json
 
 if TYPE_CHECKING:
@@ -28,6 +27,8 @@ EXAMPLES = """  gslcosim environment sample environments/001 --frame 400 --point
 GAS_COLUMNS = ("mixing_ratio_ppm",)
 WIND_COLUMNS = ("wind_x_m_s", "wind_y_m_s", "wind_z_m_s", "wind_speed_m_s")
 
+_parse_positive = build_number_parser("a number greater than 0", lambda number: number >= 1e-9)
+
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
@@ -36,27 +37,38 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help=("an environment folder, a GSL-Bench environment, a GADEN result folder, a run, or a scenario"),
     )
     when = parser.add_mutually_exclusive_group(required=True)
-    when.add_argument("--time", type=_seconds, metavar="T", help="time in seconds; in a run, since its start")
+    when.add_argument(
+        "--time",
+        type=build_number_parser("a number of seconds, at least 0", lambda seconds: seconds >= 0.0),
+        metavar="T",
+        help="time in seconds; in a run, since its start",
+    )
     when.add_argument(
         "--frame", type=parse_whole_number, metavar="N", help="number of a stored frame; in a run, of a tick"
     )
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--points", type=Path, metavar="CSV", help="a csv file with the header x_m,y_m,z_m")
     where.add_argument(
-        "--grid", type=_length, metavar="M", help="all points (i + 0.5) * M in the room, for example 0.25"
+        "--grid",
+        type=_parse_positive,
+        metavar="M",
+        help="all points (i + 0.5) * M in the room, for example 0.25",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="a csv file; with --grid csv or npz")
     parser.add_argument("--quantity", choices=("gas", "wind"), default="gas", help="quantity (default: gas)")
     parser.add_argument("--gas", metavar="NAME", help="gas of a run (default: the gas to find)")
     parser.add_argument(
         "--cutoff-sigma",
-        type=_length,
+        type=_parse_positive,
         metavar="S",
         help="range of a filament in sigma (default: that of the model, 5)",
     )
     parser.add_argument("--no-line-of-sight", action="store_true", help="include gas behind walls")
     parser.add_argument(
-        "--period", type=_length, metavar="S", help="seconds between stored frames (default: GSL-Bench 1, GADEN 0.5)"
+        "--period",
+        type=_parse_positive,
+        metavar="S",
+        help="seconds between stored frames (default: GSL-Bench 1, GADEN 0.5)",
     )
     parser.add_argument("--scenario", metavar="SCENARIO", help="scenario whose gas to release in an environment folder")
     add_runs_dir_option(parser)
@@ -252,24 +264,6 @@ def _write_summary(arguments: argparse.Namespace, values: "NDArray[np.float64]")
         write_json({"out": str(arguments.out), "points": int(values.size), "value": name, "min": low, "max": high})
     else:
         write(f"{arguments.out}: {values.size} points, {name} from {low:.6g} to {high:.6g}.")
-
-
-def _seconds(text: str) -> float:
-    return _number(text, least=0.0, expected="a number of seconds, at least 0")
-
-
-def _length(text: str) -> float:
-    return _number(text, least=1e-9, expected="a number greater than 0")
-
-
-def _number(text: str, *, least: float, expected: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not (least <= number < math.inf):
-        raise argparse.ArgumentTypeError(f"expected {expected}, was '{text}'")
-    return number
 
 
 COMMAND = Command(

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import ExitCode, RecordingError, UsageError
-from gslcosim.cli.arguments import RECORDING, Command, add_runs_dir_option, find_in_run
+from gslcosim.cli.arguments import RECORDING, Command, add_runs_dir_option, build_number_parser, find_in_run
 from gslcosim.cli.terminal import write, write_note
 
 if TYPE_CHECKING:
@@ -161,7 +161,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--at",
-        type=_time_s,
+        type=build_number_parser("a simulated time in seconds", lambda time_s: 0 <= time_s < 1e9),
         metavar="S",
         help="open one run at a simulated time and play from there; an image shows that time",
     )
@@ -171,16 +171,6 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help=("common time axis of several runs: simulated time (default), or time since the first contact with gas"),
     )
     add_runs_dir_option(parser)
-
-
-def _time_s(text: str) -> float:
-    try:
-        time_s = float(text)
-    except ValueError:
-        time_s = -1.0
-    if not 0 <= time_s < 1e9:
-        raise argparse.ArgumentTypeError(f"expected a simulated time in seconds, was '{text}'")
-    return time_s
 
 
 def _size(text: str) -> tuple[int, int]:
