@@ -14,7 +14,15 @@ from gslcosim.base.quantities import Vec3
 from gslcosim.environment.formats.picture import PlanPainter
 from gslcosim.environment.model import Environment
 from gslcosim.environment.plan_view import PixelScale, PlanView
-from gslcosim.search.learned.encoding import ActionKind, ObservationVector, action_kind
+from gslcosim.search.learned.encoding import (
+    WIND,
+    WORLD,
+    ActionKind,
+    ObservationVector,
+    action_kind,
+    find_frame_problem,
+    turn_actions,
+)
 from gslcosim.training import REMEDY
 from gslcosim.training.path_lengths import PathLengths
 from gslcosim.training.rewards import TIME_LIMIT, AgentState, Reward, TaskScale, reward_function
@@ -98,6 +106,8 @@ class SearchEnv(gymnasium.Env[NDArray[np.float32], Any]):
         hold_s: How long a waypoint is held and a velocity kept [s]; absent: as the scenario says.
         reward: `sparse`, `potential`, or a function of the moments before and after a step and their scale.
         discount: Of the shaping of `potential`.
+        frame: `world`, or `wind`: velocities and waypoints are then upwind and to the left of it.
+        has_wind_frame: Whether observations have the numbers of `wind_frame` too.
         render_mode: `rgb_array` for a picture of the map.
 
     Raises:
@@ -118,11 +128,16 @@ class SearchEnv(gymnasium.Env[NDArray[np.float32], Any]):
         hold_s: float | None = None,
         reward: str | Reward = "potential",
         discount: float = 0.99,
+        frame: str = WORLD,
+        has_wind_frame: bool = False,
         render_mode: str | None = None,
     ) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise UsageError(f"render_mode: expected rgb_array or None, was {render_mode!r}.")
+        if (problem := find_frame_problem(action, frame)) is not None:
+            raise UsageError(f"frame: {problem}")
         self.render_mode = render_mode
+        self._is_turned, self._has_wind_frame = frame == WIND, has_wind_frame or frame == WIND
         self._task = LearningTask(scenario=scenario, overrides=tuple(overrides))
         self._action_settings = {"step_m": step_m, "speed_m_s": speed_m_s, "hold_s": hold_s}
         self._action_name = action
@@ -190,7 +205,8 @@ class SearchEnv(gymnasium.Env[NDArray[np.float32], Any]):
         return _Search(
             agent=briefing.agent,
             flight=flight,
-            vector=ObservationVector(briefing),
+            vector=ObservationVector(briefing, has_wind_frame=self._has_wind_frame),
+            is_turned=self._is_turned,
             actions=action_kind(self._action_name, briefing, **self._action_settings),
             scale=flight.scale(self._discount),
             drawing=MapImage(flight.environment, briefing.search_height_m, sources_m),
@@ -209,8 +225,11 @@ class _Search:
     scale: TaskScale
     drawing: MapImage
     lengths: PathLengths
+    is_turned: bool
 
     def act(self, action: Any) -> None:
+        if self.is_turned:
+            action = turn_actions(np.asarray(action)[None, :], [self.vector.upwind])[0]
         self.flight.answer(self.agent, self.actions.command(self.flight.seen_by(self.agent), action))
         self.flight.go_on()
 

@@ -14,6 +14,7 @@ from gslcosim.scenario.checks.registry import find_problems
 from gslcosim.scenario.loader import raise_located, read_spec_file
 from gslcosim.scenario.models.base import Name, NonNegative, Positive, Spec
 from gslcosim.scenario.problems import did_you_mean
+from gslcosim.search.learned.encoding import find_frame_problem
 from gslcosim.search.learned.policy import ActionSettings
 from gslcosim.training.family import Family, load_family
 from gslcosim.training.trainers.trainer import CtrnnSettings, MethodSettings, TableSettings
@@ -50,6 +51,15 @@ class ActionSpec(Spec):
     step_m: Positive = 1.0
     speed_m_s: Positive = 1.0
     hold_s: NonNegative | None = None
+    frame: Literal["world", "wind"] = "world"
+
+    @model_validator(mode="after")
+    def _check_frame(self) -> Self:
+        if find_frame_problem(self.kind, self.frame) is not None:
+            raise broken_rule_error(
+                key="frame", expected=f"world for {self.kind}", found=self.frame, remedy="Leave it out."
+            )
+        return self
 
     @property
     def settings(self) -> ActionSettings:
@@ -83,6 +93,13 @@ class TrainSpec(Spec):
     checkpoint_every: _Count = 10
     doping: bool = True
     flying: Literal["exact", "first_order"] = "exact"
+
+    @property
+    def observations(self) -> tuple[str, ...]:
+        """Names of observations that the file lists; none where the trainer takes what there is."""
+        if isinstance(self.trainer, PpoFileSettings):
+            return tuple(map(str, self.trainer.settings.get("observations") or ()))
+        return self.trainer.observations if isinstance(self.trainer, CtrnnSettings) else ()
 
     @model_validator(mode="after")
     def _check_flying(self) -> Self:

@@ -27,6 +27,7 @@ from gslcosim.scenario.models.scenario import StartSpec
 from gslcosim.search.learned.policy import Policy
 from gslcosim.search.learned.policy_agent import POLICY_FILE
 from gslcosim.search.learned.policy_files import KINDS, save_parameters, save_policy
+from gslcosim.search.learned.wind_frame import asks_wind_frame
 from gslcosim.training.batch.case_builder import find_batch_refusal
 from gslcosim.training.family import Split
 from gslcosim.training.train_file import PpoFileSettings, TrainFile
@@ -348,7 +349,7 @@ class Training:
         spec = self._file.spec
         pool = SearchPool(
             cases, n_envs, action=spec.action.settings, discount=discount, flying=spec.flying,
-            report=partial(self._tell, what),
+            has_wind_frame=asks_wind_frame(spec.observations), report=partial(self._tell, what),
         )  # fmt: skip
         self._pools.append(pool)
         return pool

@@ -13,6 +13,7 @@ from gslcosim.agent_kit import Briefing, Command, DriveSetpoint, Observation, Re
 from gslcosim.base.errors import UsageError
 from gslcosim.base.scalar_kernels import scalar_kernel
 from gslcosim.contract.messages import SensorDescription
+from gslcosim.search.learned.wind_frame import WIND_FRAME_NAMES, WindFrame
 
 # Rays of a lidar are reported as the nearest range in so many sectors of the same width.
 N_SECTORS = 16
@@ -156,9 +157,13 @@ class ObservationVector:
 
     Args:
         briefing: Of the agent.
+        has_wind_frame: Whether the numbers of the egocentric wind frame follow, see `wind_frame`.
+
+    Raises:
+        UsageError: the agent has no gas sensor or no anemometer, of which the wind frame is made.
     """
 
-    def __init__(self, briefing: Briefing) -> None:
+    def __init__(self, briefing: Briefing, *, has_wind_frame: bool = False) -> None:
         low, high = np.array(briefing.bounds.min_m), np.array(briefing.bounds.max_m)
         self._centre_m, self._half_m = (low + high) / 2, np.maximum((high - low) / 2, 1e-9)
         self._time_limit_s = briefing.time_limit_s
@@ -172,6 +177,11 @@ class ObservationVector:
                 continue
             names += [f"{sensor.name}.{name}" for name in channels]
             self._sensors.append((sensor.name, CHANNELS.get((sensor.quantity, sensor.unit)), len(channels)))
+        self._frame: WindFrame | None = None
+        if has_wind_frame:
+            half_x_m, half_y_m, _ = self._half_m.tolist()
+            self._frame = WindFrame(names, half_x_m=half_x_m, half_y_m=half_y_m, time_limit_s=self._time_limit_s)
+            names += WIND_FRAME_NAMES
         self.names: tuple[str, ...] = tuple(names)
         self.left_out: tuple[str, ...] = tuple(left_out)
         self._ranges: dict[str, list[float]] = {}
@@ -181,8 +191,13 @@ class ObservationVector:
         """Number of numbers."""
         return len(self.names)
 
+    @property
+    def upwind(self) -> tuple[float, float]:
+        """Upwind of the last observation: a unit vector, world frame; along x without a wind frame."""
+        return (1.0, 0.0) if self._frame is None else self._frame.upwind
+
     def of(self, observation: Observation) -> NDArray[np.float32]:
-        """Return the vector of an observation, (size,)."""
+        """Return the vector of an observation, (size,); each once, in order, where there is a wind frame."""
         place = (np.array(observation.position_world_m) - self._centre_m) / self._half_m
         numbers = [
             *place,
@@ -203,7 +218,11 @@ class ObservationVector:
                 encoded = [0.0] * n_numbers
                 channel.encode(reading.values, encoded)
                 numbers += encoded
-        return np.clip(np.array(numbers, dtype=np.float32), -1.0, 1.0)
+        vector = np.zeros(self.size, np.float32)
+        vector[: len(numbers)] = np.clip(np.array(numbers, dtype=np.float32), -1.0, 1.0)
+        if self._frame is not None:
+            self._frame.advance(vector)
+        return vector
 
     # A lidar's ranges come when they are new; until the next they stand.
     def _sectors(self, reading: Reading, n_numbers: int) -> list[float]:
@@ -343,6 +362,34 @@ ACTIONS: dict[str, Callable[..., ActionKind]] = {
     "velocity_3d": SpaceVelocities,
     "drive": Drives,
 }
+
+
+# In which frame the numbers of an action are: along world x and y, or upwind and to its left.
+WORLD, WIND = "world", "wind"
+FRAMES = (WORLD, WIND)
+_TURNED_KINDS = ("velocity", "velocity_3d", "waypoint", "waypoint_3d")
+
+
+def find_frame_problem(kind: str, frame: object) -> str | None:
+    """Return what is wrong with the frame of a kind of actions, as a sentence without its place; nothing if it fits."""
+    if frame not in FRAMES:
+        return f"expected one of {', '.join(FRAMES)}, was {frame!r}."
+    if frame == WIND and kind not in _TURNED_KINDS:
+        return f"expected {WORLD} for {kind}, was {frame}. Take {', '.join(_TURNED_KINDS)}, or leave it out."
+    return None
+
+
+def turn_actions(actions: Any, upwind: Any) -> NDArray[np.float64]:
+    """Return actions with their first two numbers turned from the wind frame into the world frame.
+
+    Args:
+        actions: (n, k) numbers; the first is upwind, the second to its left.
+        upwind: (n, 2) unit vectors, world frame.
+    """
+    turned, (x, y) = np.array(actions, np.float64), np.asarray(upwind, np.float64).T
+    a, b = turned[:, 0].copy(), turned[:, 1].copy()
+    turned[:, 0], turned[:, 1] = a * x - b * y, a * y + b * x
+    return turned
 
 
 def action_kind(

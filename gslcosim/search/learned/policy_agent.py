@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation
-from gslcosim.search.learned.encoding import ObservationVector, action_kind
+from gslcosim.search.learned.encoding import WIND, ObservationVector, action_kind, turn_actions
 from gslcosim.search.learned.policy import Policy, PolicyError
 from gslcosim.search.learned.policy_files import load_policy
+from gslcosim.search.learned.wind_frame import asks_wind_frame
 from gslcosim.search.method_settings import load_settings
 
 
@@ -63,7 +64,9 @@ class PolicyRunner:
 
     def __init__(self, briefing: Briefing, policy: Policy) -> None:
         self.policy = policy
-        self._vector = ObservationVector(briefing)
+        self._is_turned = policy.action.frame == WIND
+        needs_frame = self._is_turned or asks_wind_frame(policy.observation_names)
+        self._vector = ObservationVector(briefing, has_wind_frame=needs_frame)
         self._places = np.array(match_observations(policy, self._vector.names))
         settings = policy.action
         self._actions = action_kind(
@@ -75,6 +78,8 @@ class PolicyRunner:
         """Return the command that the policy chooses."""
         seen = self._vector.of(observation)[self._places][None, :]
         actions, self._memory = self.policy.act(seen, self._memory)
+        if self._is_turned:
+            actions = turn_actions(actions, [self._vector.upwind])
         return self._actions.command(observation, actions[0])
 
 

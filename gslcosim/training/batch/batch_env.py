@@ -15,7 +15,8 @@ from gslcosim.base.frames import world_from_body_rotation, yaw_from_quaternion
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim.scenario.loader import LoadedScenario
 from gslcosim.scenario.models.gas import FormulaGasSpec
-from gslcosim.search.learned.encoding import N_HEADINGS, action_kind
+from gslcosim.search.learned.encoding import N_HEADINGS, WIND, WORLD, action_kind, find_frame_problem, turn_actions
+from gslcosim.search.learned.wind_frame import WIND_FRAME_NAMES
 from gslcosim.training import REMEDY
 from gslcosim.training.batch import batch_records
 from gslcosim.training.batch.batch_records import (
@@ -31,6 +32,7 @@ from gslcosim.training.batch.batch_records import (
 from gslcosim.training.batch.case_builder import EXACT, FLYING, prepare_cases
 from gslcosim.training.batch.pcg64 import scrambled
 from gslcosim.training.batch.step import fly
+from gslcosim.training.batch.wind_frames import BatchWindFrames
 from gslcosim.training.rewards import REWARDS, SUCCESS
 from gslcosim.training.search_env import build_action_space
 from gslcosim_services.fields.gas_setup import gas_seed
@@ -61,13 +63,20 @@ class BatchActions:
         rad = [2 * math.pi * choice / N_HEADINGS for choice in range(N_HEADINGS + 1)]
         self._legs = np.array([[math.cos(heading_rad), math.sin(heading_rad)] for heading_rad in rad])
 
-    def take(self, actions: NDArray[Any], searches: NDArray[np.void], cases: NDArray[np.void]) -> None:
+    def take(
+        self,
+        actions: NDArray[Any],
+        searches: NDArray[np.void],
+        cases: NDArray[np.void],
+        upwind: NDArray[np.float64] | None = None,
+    ) -> None:
         """Take the next actions.
 
         Args:
             actions: Of all searches.
             searches: (n,) records of `SEARCH`.
             cases: Records of `CASE`, to which those of the searches point.
+            upwind: (n, 2) unit vectors, world frame, where actions are in the wind frame.
 
         Raises:
             UsageError: they have another shape, or are not finite, or no choices.
@@ -84,6 +93,8 @@ class BatchActions:
         given = given.astype(np.float64)
         if not np.isfinite(given).all():
             raise UsageError(f"step: actions: expected finite numbers, was {given[~np.isfinite(given)][0]}.")
+        if upwind is not None:
+            given = turn_actions(given, upwind)
         if self._cruises:
             self.vectors[:, : given.shape[1]] = self._speed_m_s * given
         else:
@@ -172,6 +183,8 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         hold_s: How long a waypoint is held and a velocity kept [s]; absent: as each scenario says.
         reward: `sparse` or `potential`.
         discount: Of the shaping of `potential`.
+        frame: `world`, or `wind`: velocities and waypoints are then upwind and to the left of it.
+        has_wind_frame: Whether observations have the numbers of `wind_frame` too.
         autoreset_mode: `next_step` or `same_step`.
         flying: `exact` takes point robots alone; `first_order` takes rotorcraft too, which then fly as point masses
             whose force lags what their control wants. Their searches are near to single flights, not equal.
@@ -193,6 +206,8 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         hold_s: float | None = None,
         reward: str = "potential",
         discount: float = 0.99,
+        frame: str = WORLD,
+        has_wind_frame: bool = False,
         autoreset_mode: str = "next_step",
         flying: str = EXACT,
         n_threads: int | None = None,
@@ -204,6 +219,8 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
             raise UsageError(f"action: expected one of {', '.join(BATCHED_ACTIONS)} in a batch, was {action!r}.")
         if reward not in REWARDS:
             raise UsageError(f"reward: expected one of {', '.join(REWARDS)} in a batch, was {reward!r}.")
+        if (problem := find_frame_problem(action, frame)) is not None:
+            raise UsageError(f"frame: {problem}")
         if autoreset_mode not in ("next_step", "same_step"):
             raise UsageError(f"autoreset_mode: expected next_step or same_step, was {autoreset_mode!r}.")
         if flying not in FLYING:
@@ -217,6 +234,11 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         }
         self.num_envs = n_envs
         self.observation_names: tuple[str, ...] = self._prepared.names
+        self._is_turned = frame == WIND
+        self._frames: BatchWindFrames | None = None
+        if has_wind_frame or self._is_turned:
+            self._frames = BatchWindFrames(self.observation_names, n_envs, self._prepared.cases.cases)
+            self.observation_names += WIND_FRAME_NAMES
         n_numbers = len(self.observation_names)
         kind = action_kind(action, self._prepared.briefing, step_m=step_m, speed_m_s=speed_m_s, hold_s=hold_s)
         self.single_observation_space = spaces.Box(-1.0, 1.0, (n_numbers,), np.float32)
@@ -290,11 +312,14 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         if self._stream_seed is None:
             raise UsageError("step: expected searches that go on, was none. Call reset first.")
         searches = self._searches.searches
-        self._actions.take(actions, searches, self._prepared.cases.cases)
+        upwind = self._frames.upwind if self._frames is not None and self._is_turned else None
+        self._actions.take(actions, searches, self._prepared.cases.cases, upwind)
         was_over = self._is_over.copy()
         flying = np.flatnonzero(~was_over)
         lengths_m, ticks = self._lengths_m(), searches["tick"].copy()
         self._fly(flying, batch_records.STEP)
+        if self._frames is not None:
+            self._frames.advance(flying, searches["case"], self._observations)
         self.n_ticks += int((searches["tick"] - ticks).sum())
         self._is_over = searches["outcome"] != batch_records.SEARCHES_ON
         is_truncated = searches["outcome"] == batch_records.TIME_LIMIT
@@ -337,7 +362,8 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
             *self._searches, self._observations, self._actions.tasks, self._actions.vectors, self._is_over,
             self._next_cases, self._next_seeds,
         )  # fmt: skip
-        return sum(array.nbytes for array in arrays) // self.num_envs
+        n_bytes = sum(array.nbytes for array in arrays) // self.num_envs
+        return n_bytes + (0 if self._frames is None else self._frames.bytes_per_env)
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads."""
@@ -357,6 +383,9 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         self._searches.searches["n_begun"][rows] += 1
         self._next_cases[rows], self._next_seeds[rows] = cases, seeds
         self._fly(rows, batch_records.BEGIN)
+        if self._frames is not None:
+            self._frames.begin(rows)
+            self._frames.advance(rows, self._searches.searches["case"], self._observations)
         self._is_over[rows] = self._searches.searches["outcome"][rows] != batch_records.SEARCHES_ON
 
     def _fly(self, rows: NDArray[np.int64], how: int) -> None:

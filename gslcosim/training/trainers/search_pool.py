@@ -21,6 +21,7 @@ class SearchPool:
         action: What their actions mean.
         discount: Of the shaping of rewards.
         flying: As for `BatchSearchEnv`.
+        has_wind_frame: As for `BatchSearchEnv`.
         report: Receives how many of how many cases are prepared.
 
     Raises:
@@ -35,11 +36,12 @@ class SearchPool:
         action: ActionSettings,
         discount: float = 0.99,
         flying: str = "exact",
+        has_wind_frame: bool = False,
         report: Callable[[int, int], None] | None = None,
     ) -> None:
         self.envs = BatchSearchEnv(
             cases, n_envs, action=action.kind, step_m=action.step_m, speed_m_s=action.speed_m_s, hold_s=action.hold_s,
-            discount=discount, flying=flying, report=report,
+            discount=discount, frame=action.frame, has_wind_frame=has_wind_frame, flying=flying, report=report,
         )  # fmt: skip
         self.n_cases = len(cases)
         self.observation_names: tuple[str, ...] = self.envs.observation_names

@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from policies import gru, table
 
@@ -11,7 +12,9 @@ sys.path.insert(0, str(Path(__file__).parents[3] / "agents"))
 from briefings import briefing, observation
 
 from gslcosim.base.errors import MethodError
+from gslcosim.search.learned.policy import ActionSettings
 from gslcosim.search.learned.policy_files import save_policy
+from gslcosim.search.learned.recurrent_networks import GruPolicy
 from gslcosim_agents.learned.agent import Learned
 
 
@@ -29,6 +32,21 @@ def test_it_flies_a_file_with_the_files_own_settings(tmp_path, make, kind):
     assert {command.kind for command in commands} <= {kind, "hold"}
     assert {command.hold_s for command in commands} == {make().action.hold_s}
     assert flown(Learned(agent_briefing)) == commands
+
+
+def test_a_policy_may_see_and_command_in_the_wind_frame(tmp_path):
+    """With the wind from +y, upwind is +y: the same policy in the world frame flies a quarter of a turn away."""
+    names = ("nose_ppm.amount", "bouts.since", "wind_frame.v_upwind")
+    commanded = {}
+    for frame in ("world", "wind"):
+        action = ActionSettings(kind="velocity", speed_m_s=0.5, hold_s=0.5, frame=frame)
+        policy = gru(names=names)
+        save_policy(tmp_path / f"{frame}.npz", GruPolicy.of_arrays(names, action, policy.arrays, {"spread": 0.0}), {})
+        agent = Learned(briefing(parameters={"policy": str(tmp_path / f"{frame}.npz")}))
+        commanded[frame] = np.array([command.velocity_world_m_s for command in flown(agent)])
+    x_m_s, y_m_s, _ = commanded["world"].T
+    assert np.hypot(x_m_s, y_m_s).max() > 0.01
+    np.testing.assert_allclose(commanded["wind"].T, [-y_m_s, x_m_s, np.zeros(5)], atol=2e-3)
 
 
 def test_a_bundled_policy_is_flown_by_its_name():
