@@ -21,8 +21,10 @@ from gslcosim.search.learned.encoding import (
     ObservationVector,
     action_kind,
     find_frame_problem,
+    find_shield_problem,
     turn_actions,
 )
+from gslcosim.search.learned.shield import VelocityShield
 from gslcosim.training import REMEDY
 from gslcosim.training.path_lengths import PathLengths
 from gslcosim.training.rewards import TIME_LIMIT, AgentState, Reward, TaskScale, reward_function
@@ -108,6 +110,7 @@ class SearchEnv(gymnasium.Env[NDArray[np.float32], Any]):
         discount: Of the shaping of `potential`.
         frame: `world`, or `wind`: velocities and waypoints are then upwind and to the left of it.
         has_wind_frame: Whether observations have the numbers of `wind_frame` too.
+        shield_m: The distance that velocities keep from what range finders see [m]; absent: no shield.
         render_mode: `rgb_array` for a picture of the map.
 
     Raises:
@@ -130,6 +133,7 @@ class SearchEnv(gymnasium.Env[NDArray[np.float32], Any]):
         discount: float = 0.99,
         frame: str = WORLD,
         has_wind_frame: bool = False,
+        shield_m: float | None = None,
         render_mode: str | None = None,
     ) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
@@ -137,6 +141,9 @@ class SearchEnv(gymnasium.Env[NDArray[np.float32], Any]):
         if (problem := find_frame_problem(action, frame)) is not None:
             raise UsageError(f"frame: {problem}")
         self.render_mode = render_mode
+        if (problem := find_shield_problem(action, shield_m)) is not None:
+            raise UsageError(f"shield_m: {problem}")
+        self._shield_m = shield_m
         self._is_turned, self._has_wind_frame = frame == WIND, has_wind_frame or frame == WIND
         self._task = LearningTask(scenario=scenario, overrides=tuple(overrides))
         self._action_settings = {"step_m": step_m, "speed_m_s": speed_m_s, "hold_s": hold_s}
@@ -202,10 +209,17 @@ class SearchEnv(gymnasium.Env[NDArray[np.float32], Any]):
         flight = SteppedRun(loaded)
         briefing = flight.briefing_of(scenario.agents[0].name)
         sources_m = [source.position_m for source in scenario.gas.sources]
+        vector, shield = ObservationVector(briefing, has_wind_frame=self._has_wind_frame), None
+        if self._shield_m is not None:
+            hold_s, speed_m_s = self._action_settings["hold_s"], self._action_settings["speed_m_s"]
+            shield = VelocityShield(
+                briefing, vector.names, keep_m=self._shield_m, speed_m_s=speed_m_s or 0.0, hold_s=hold_s
+            )
         return _Search(
             agent=briefing.agent,
             flight=flight,
-            vector=ObservationVector(briefing, has_wind_frame=self._has_wind_frame),
+            vector=vector,
+            shield=shield,
             is_turned=self._is_turned,
             actions=action_kind(self._action_name, briefing, **self._action_settings),
             scale=flight.scale(self._discount),
@@ -226,17 +240,22 @@ class _Search:
     drawing: MapImage
     lengths: PathLengths
     is_turned: bool
+    shield: VelocityShield | None
+    numbers: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
 
     def act(self, action: Any) -> None:
         if self.is_turned:
             action = turn_actions(np.asarray(action)[None, :], [self.vector.upwind])[0]
+        if self.shield is not None:
+            action = self.shield.shielded(action, self.numbers)
         self.flight.answer(self.agent, self.actions.command(self.flight.seen_by(self.agent), action))
         self.flight.go_on()
 
     def seen(self) -> NDArray[np.float32]:
         observation = self.flight.seen_by(self.agent)
         self.drawing.move_to(observation.position_world_m)
-        return self.vector.of(observation)
+        self.numbers = self.vector.of(observation)
+        return self.numbers.copy()
 
     def moment(self) -> AgentState:
         score = self.flight.scores[self.agent]

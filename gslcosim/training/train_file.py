@@ -14,7 +14,7 @@ from gslcosim.scenario.checks.registry import find_problems
 from gslcosim.scenario.loader import raise_located, read_spec_file
 from gslcosim.scenario.models.base import Name, NonNegative, Positive, Spec
 from gslcosim.scenario.problems import did_you_mean
-from gslcosim.search.learned.encoding import find_frame_problem
+from gslcosim.search.learned.encoding import find_frame_problem, find_shield_problem
 from gslcosim.search.learned.policy import ActionSettings
 from gslcosim.training.family import Family, load_family
 from gslcosim.training.trainers.trainer import CtrnnSettings, MethodSettings, TableSettings
@@ -52,12 +52,17 @@ class ActionSpec(Spec):
     speed_m_s: Positive = 1.0
     hold_s: NonNegative | None = None
     frame: Literal["world", "wind"] = "world"
+    shield_m: NonNegative | None = None
 
     @model_validator(mode="after")
-    def _check_frame(self) -> Self:
+    def _check_frame_and_shield(self) -> Self:
         if find_frame_problem(self.kind, self.frame) is not None:
             raise broken_rule_error(
                 key="frame", expected=f"world for {self.kind}", found=self.frame, remedy="Leave it out."
+            )
+        if find_shield_problem(self.kind, self.shield_m) is not None:
+            raise broken_rule_error(
+                key="shield_m", expected=f"none for {self.kind}", found=f"{self.shield_m}", remedy="Leave it out."
             )
         return self
 

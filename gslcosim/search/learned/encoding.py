@@ -379,6 +379,20 @@ def find_frame_problem(kind: str, frame: object) -> str | None:
     return None
 
 
+_SHIELDED_KINDS = ("velocity", "velocity_3d")
+
+
+def find_shield_problem(kind: str, shield_m: object) -> str | None:
+    """Return what is wrong with the shield of a kind of actions; see `find_frame_problem`."""
+    if shield_m is None:
+        return None
+    if isinstance(shield_m, bool) or not isinstance(shield_m, int | float) or not 0 <= shield_m < math.inf:
+        return f"expected a distance from 0, was {shield_m!r}."
+    if kind not in _SHIELDED_KINDS:
+        return f"expected none for {kind}, was {shield_m}. Take {' or '.join(_SHIELDED_KINDS)}, or leave it out."
+    return None
+
+
 def turn_actions(actions: Any, upwind: Any) -> NDArray[np.float64]:
     """Return actions with their first two numbers turned from the wind frame into the world frame.
 

@@ -129,8 +129,8 @@ def load_onnx(path: Path) -> OnnxPolicy:
     """Return the policy of a model.
 
     What its numbers mean says a file beside it of the same name with `.yaml` or `.json`, or JSON in the model's
-    metadata under `gslcosim`: `observation_names`, `action` (kind, step_m, speed_m_s, hold_s, frame), and where the
-    model has several inputs or outputs `observation`, `output`, and `memory`, a map from inputs to outputs.
+    metadata under `gslcosim`: `observation_names`, `action` (kind, step_m, speed_m_s, hold_s, frame, shield_m), and
+    where the model has several inputs or outputs `observation`, `output`, and `memory`, a map from inputs to outputs.
 
     Raises:
         PolicyError: something of it is missing or wrong, or onnxruntime is not installed.

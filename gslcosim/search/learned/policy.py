@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import MethodError
-from gslcosim.search.learned.encoding import ACTIONS, N_HEADINGS, WORLD, find_frame_problem
+from gslcosim.search.learned.encoding import ACTIONS, N_HEADINGS, WORLD, find_frame_problem, find_shield_problem
 
 # float32 throughout; what numpy calls the types of intermediate results is wider.
 Floats = NDArray[np.floating[Any]]
@@ -29,6 +29,7 @@ class ActionSettings:
     """Meaning of an action's numbers: the settings of `gslcosim.search.learned.encoding.action_kind`.
 
     `hold_s` absent is the briefing's. `frame` is `world`, or `wind` for numbers upwind and to the left of it.
+    `shield_m` is the distance that velocities keep from what range finders see [m], see `shield`; absent: none.
     """
 
     kind: str
@@ -36,12 +37,15 @@ class ActionSettings:
     speed_m_s: float = 1.0
     hold_s: float | None = None
     frame: str = WORLD
+    shield_m: float | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in ACTIONS:
             raise PolicyError(f"action.kind: expected one of {', '.join(ACTIONS)}, was {self.kind!r}.")
         if (problem := find_frame_problem(self.kind, self.frame)) is not None:
             raise PolicyError(f"action.frame: {problem}")
+        if (problem := find_shield_problem(self.kind, self.shield_m)) is not None:
+            raise PolicyError(f"action.shield_m: {problem}")
         for name in ("step_m", "speed_m_s", "hold_s"):
             value = getattr(self, name)
             if value is None and name == "hold_s":

@@ -10,6 +10,7 @@ from gslcosim.agent_kit import Agent, Briefing, Command, Observation
 from gslcosim.search.learned.encoding import WIND, ObservationVector, action_kind, turn_actions
 from gslcosim.search.learned.policy import Policy, PolicyError
 from gslcosim.search.learned.policy_files import load_policy
+from gslcosim.search.learned.shield import VelocityShield
 from gslcosim.search.learned.wind_frame import asks_wind_frame
 from gslcosim.search.method_settings import load_settings
 
@@ -72,14 +73,23 @@ class PolicyRunner:
         self._actions = action_kind(
             settings.kind, briefing, step_m=settings.step_m, speed_m_s=settings.speed_m_s, hold_s=settings.hold_s
         )
+        self._shield: VelocityShield | None = None
+        if settings.shield_m is not None:
+            self._shield = VelocityShield(
+                briefing, self._vector.names, keep_m=settings.shield_m, speed_m_s=settings.speed_m_s,
+                hold_s=settings.hold_s,
+            )  # fmt: skip
         self._memory = policy.memory(1)
 
     def decide(self, observation: Observation) -> Command:
         """Return the command that the policy chooses."""
-        seen = self._vector.of(observation)[self._places][None, :]
+        numbers = self._vector.of(observation)
+        seen = numbers[self._places][None, :]
         actions, self._memory = self.policy.act(seen, self._memory)
         if self._is_turned:
             actions = turn_actions(actions, [self._vector.upwind])
+        if self._shield is not None:
+            actions = [self._shield.shielded(actions[0], numbers)]
         return self._actions.command(observation, actions[0])
 
 

@@ -15,7 +15,16 @@ from gslcosim.base.frames import world_from_body_rotation, yaw_from_quaternion
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim.scenario.loader import LoadedScenario
 from gslcosim.scenario.models.gas import FormulaGasSpec
-from gslcosim.search.learned.encoding import N_HEADINGS, WIND, WORLD, action_kind, find_frame_problem, turn_actions
+from gslcosim.search.learned.encoding import (
+    N_HEADINGS,
+    WIND,
+    WORLD,
+    action_kind,
+    find_frame_problem,
+    find_shield_problem,
+    turn_actions,
+)
+from gslcosim.search.learned.shield import VelocityShield
 from gslcosim.search.learned.wind_frame import WIND_FRAME_NAMES
 from gslcosim.training import REMEDY
 from gslcosim.training.batch import batch_records
@@ -31,6 +40,7 @@ from gslcosim.training.batch.batch_records import (
 )
 from gslcosim.training.batch.case_builder import EXACT, FLYING, prepare_cases
 from gslcosim.training.batch.pcg64 import scrambled
+from gslcosim.training.batch.shields import shield_rows
 from gslcosim.training.batch.step import fly
 from gslcosim.training.batch.wind_frames import BatchWindFrames
 from gslcosim.training.rewards import REWARDS, SUCCESS
@@ -68,7 +78,9 @@ class BatchActions:
         actions: NDArray[Any],
         searches: NDArray[np.void],
         cases: NDArray[np.void],
+        *,
         upwind: NDArray[np.float64] | None = None,
+        shield: Callable[[NDArray[np.float64]], None] | None = None,
     ) -> None:
         """Take the next actions.
 
@@ -77,6 +89,7 @@ class BatchActions:
             searches: (n,) records of `SEARCH`.
             cases: Records of `CASE`, to which those of the searches point.
             upwind: (n, 2) unit vectors, world frame, where actions are in the wind frame.
+            shield: Changes velocities that lead into obstacles, where there is one.
 
         Raises:
             UsageError: they have another shape, or are not finite, or no choices.
@@ -95,6 +108,8 @@ class BatchActions:
             raise UsageError(f"step: actions: expected finite numbers, was {given[~np.isfinite(given)][0]}.")
         if upwind is not None:
             given = turn_actions(given, upwind)
+        if shield is not None:
+            shield(given)
         if self._cruises:
             self.vectors[:, : given.shape[1]] = self._speed_m_s * given
         else:
@@ -185,6 +200,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         discount: Of the shaping of `potential`.
         frame: `world`, or `wind`: velocities and waypoints are then upwind and to the left of it.
         has_wind_frame: Whether observations have the numbers of `wind_frame` too.
+        shield_m: The distance that velocities keep from what range finders see [m]; absent: no shield.
         autoreset_mode: `next_step` or `same_step`.
         flying: `exact` takes point robots alone; `first_order` takes rotorcraft too, which then fly as point masses
             whose force lags what their control wants. Their searches are near to single flights, not equal.
@@ -208,6 +224,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         discount: float = 0.99,
         frame: str = WORLD,
         has_wind_frame: bool = False,
+        shield_m: float | None = None,
         autoreset_mode: str = "next_step",
         flying: str = EXACT,
         n_threads: int | None = None,
@@ -221,6 +238,8 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
             raise UsageError(f"reward: expected one of {', '.join(REWARDS)} in a batch, was {reward!r}.")
         if (problem := find_frame_problem(action, frame)) is not None:
             raise UsageError(f"frame: {problem}")
+        if (problem := find_shield_problem(action, shield_m)) is not None:
+            raise UsageError(f"shield_m: {problem}")
         if autoreset_mode not in ("next_step", "same_step"):
             raise UsageError(f"autoreset_mode: expected next_step or same_step, was {autoreset_mode!r}.")
         if flying not in FLYING:
@@ -234,6 +253,11 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         }
         self.num_envs = n_envs
         self.observation_names: tuple[str, ...] = self._prepared.names
+        self._shield: VelocityShield | None = None
+        if shield_m is not None:
+            self._shield = VelocityShield(
+                self._prepared.briefing, self.observation_names, keep_m=shield_m, speed_m_s=speed_m_s, hold_s=hold_s
+            )
         self._is_turned = frame == WIND
         self._frames: BatchWindFrames | None = None
         if has_wind_frame or self._is_turned:
@@ -313,7 +337,8 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
             raise UsageError("step: expected searches that go on, was none. Call reset first.")
         searches = self._searches.searches
         upwind = self._frames.upwind if self._frames is not None and self._is_turned else None
-        self._actions.take(actions, searches, self._prepared.cases.cases, upwind)
+        shield = None if self._shield is None else shield_rows(self._shield, self._observations)
+        self._actions.take(actions, searches, self._prepared.cases.cases, upwind=upwind, shield=shield)
         was_over = self._is_over.copy()
         flying = np.flatnonzero(~was_over)
         lengths_m, ticks = self._lengths_m(), searches["tick"].copy()

@@ -41,7 +41,8 @@ class SearchPool:
     ) -> None:
         self.envs = BatchSearchEnv(
             cases, n_envs, action=action.kind, step_m=action.step_m, speed_m_s=action.speed_m_s, hold_s=action.hold_s,
-            discount=discount, frame=action.frame, has_wind_frame=has_wind_frame, flying=flying, report=report,
+            discount=discount, frame=action.frame, shield_m=action.shield_m, has_wind_frame=has_wind_frame,
+            flying=flying, report=report,
         )  # fmt: skip
         self.n_cases = len(cases)
         self.observation_names: tuple[str, ...] = self.envs.observation_names

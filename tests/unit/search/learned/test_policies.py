@@ -168,7 +168,9 @@ def test_wrong_settings_are_reported():
         ActionSettings(kind="jump")
     with pytest.raises(PolicyError, match=r"action\.hold_s: expected a number from 0, was -1"):
         ActionSettings(kind="heading", hold_s=-1)
-    with pytest.raises(PolicyError, match=r"action: expected kind, step_m, speed_m_s, hold_s, frame, was pace"):
+    with pytest.raises(
+        PolicyError, match=r"action: expected kind, step_m, speed_m_s, hold_s, frame, shield_m, was pace"
+    ):
         ActionSettings.of({"kind": "heading", "pace": 1})
     with pytest.raises(PolicyError, match="expected one with choices"):
         ValueTable(NAMES, VELOCITY, digits=table().digits, values=table().values)
