@@ -1,5 +1,9 @@
 """Lengths of free paths to the sources of cases: what rewards are shaped by, in single searches and in batches."""
 
+# pyright: basic
+# ruff: noqa: ANN001, ANN202 - kernels have no types
+
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +15,31 @@ from gslcosim.scenario.models.scenario import AgentSpec
 
 # Actions that lead a vehicle in space, not at its search height.
 _IN_SPACE = ("velocity_3d", "waypoint_3d")
+
+
+@numba.njit(cache=True, nogil=True)
+def _interpolate_inplace(lengths_m, values_m, firsts, shapes, grids_m, cases, places_m, distances_m):
+    # Linearly between the centres of cells; beyond the outermost ones as at them.
+    for n in range(len(cases)):
+        k = cases[n]
+        if firsts[k] < 0:
+            lengths_m[n] = distances_m[n]
+            continue
+        found_m = 0.0
+        for corner in range(8):
+            weight, at = 1.0, 0
+            for axis in range(3):
+                last = shapes[k, axis] - 1
+                inside = (places_m[n, axis] - grids_m[k, axis]) / grids_m[k, 3] - 0.5
+                inside = min(max(inside, 0.0), float(last))
+                low = int(inside)
+                share = inside - low
+                is_high = corner >> axis & 1
+                weight *= share if is_high else 1.0 - share
+                at = at * shapes[k, axis] + (min(low + 1, last) if is_high else low)
+            if weight > 0.0:
+                found_m += weight * values_m[firsts[k] + at]
+        lengths_m[n] = max(found_m, distances_m[n])
 
 
 class PathLengths:
@@ -75,23 +104,9 @@ class PathLengths:
         if not self._n_values:
             return distances_m
         values_m, firsts, shapes, grids_m = self._joined = self._joined or self._join()
-        first, shape = firsts[cases], shapes[cases]
-        inside = (places_m - grids_m[cases, :3]) / grids_m[cases, 3:] - 0.5
-        inside = np.minimum(np.maximum(inside, 0.0), shape - 1.0)
-        low = inside.astype(np.int64)
-        high, share = np.minimum(low + 1, shape - 1), inside - low
-        found_m = np.zeros(len(cases))
-        start = np.maximum(first, 0)
-        for corner in range(8):
-            at, weight = start.copy(), np.ones(len(cases))
-            stride = np.ones(len(cases), np.int64)
-            for axis in (2, 1, 0):
-                is_high = corner >> axis & 1
-                at += stride * (high if is_high else low)[:, axis]
-                weight *= share[:, axis] if is_high else 1.0 - share[:, axis]
-                stride = stride * shape[:, axis]
-            found_m += weight * values_m[at]
-        return np.where(first < 0, distances_m, np.maximum(found_m, distances_m))
+        lengths_m = np.empty(len(cases))
+        _interpolate_inplace(lengths_m, values_m, firsts, shapes, grids_m, cases, places_m, distances_m)
+        return lengths_m
 
     def _join(self) -> tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
         firsts, shapes, origins_m, cells_m = zip(*self._rows, strict=True)

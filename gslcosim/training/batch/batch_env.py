@@ -280,6 +280,8 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         self._observations = np.zeros((n_envs, n_numbers), np.float32)
         self._actions = BatchActions(action, self.action_space.shape or (), step_m=step_m, speed_m_s=speed_m_s)
         self._is_over = np.zeros(n_envs, np.bool_)
+        # Lengths of paths when the referee looked last [m].
+        self._paths_m = np.zeros(n_envs)
         self._next_cases, self._next_seeds = np.zeros(n_envs, np.int64), np.zeros(n_envs, np.int64)
         self._stream_seed: int | None = None
         # Shares of the cases, summed up; absent: all come equally often.
@@ -341,14 +343,14 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         self._actions.take(actions, searches, self._prepared.cases.cases, upwind=upwind, shield=shield)
         was_over = self._is_over.copy()
         flying = np.flatnonzero(~was_over)
-        lengths_m, ticks = self._lengths_m(), searches["tick"].copy()
+        ticks = searches["tick"].copy()
         self._fly(flying, batch_records.STEP)
         if self._frames is not None:
             self._frames.advance(flying, searches["case"], self._observations)
         self.n_ticks += int((searches["tick"] - ticks).sum())
         self._is_over = searches["outcome"] != batch_records.SEARCHES_ON
         is_truncated = searches["outcome"] == batch_records.TIME_LIMIT
-        rewards = np.where(was_over, 0.0, self._rewards(lengths_m, ticks))
+        rewards = np.where(was_over, 0.0, self._rewards(ticks))
         ended = self._is_over & ~was_over
         terminated, truncated = ended & ~is_truncated, ended & is_truncated
         infos = self._infos(ended)
@@ -385,7 +387,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         """Bytes that each search takes, beside the cases that all share."""
         arrays = (
             *self._searches, self._observations, self._actions.tasks, self._actions.vectors, self._is_over,
-            self._next_cases, self._next_seeds,
+            self._next_cases, self._next_seeds, self._paths_m,
         )  # fmt: skip
         n_bytes = sum(array.nbytes for array in arrays) // self.num_envs
         return n_bytes + (0 if self._frames is None else self._frames.bytes_per_env)
@@ -411,6 +413,7 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
         if self._frames is not None:
             self._frames.begin(rows)
             self._frames.advance(rows, self._searches.searches["case"], self._observations)
+        self._paths_m[rows] = self._lengths_m(rows)
         self._is_over[rows] = self._searches.searches["outcome"][rows] != batch_records.SEARCHES_ON
 
     def _fly(self, rows: NDArray[np.int64], how: int) -> None:
@@ -466,25 +469,26 @@ class BatchSearchEnv(VectorEnv[NDArray[np.float32], Any, NDArray[Any]]):
     def _times_s(self, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
         return ticks * self._of_cases("tick_ns") / NS_PER_S
 
-    # Copied, since a step writes over what it comes from.
-    def _lengths_m(self) -> NDArray[np.float64]:
-        searches = self._searches.searches
+    def _lengths_m(self, rows: Any = slice(None)) -> NDArray[np.float64]:
+        searches = self._searches.searches[rows]
+        # Copied, since a step writes over what it comes from.
         distances_m = searches["scored_distance_m"].copy()
         if self._reward == "sparse":
             return distances_m
         return self._prepared.lengths.lengths_m(searches["case"], searches["scored_place_m"], distances_m)
 
     # The same sums in the same order as `gslcosim.training.rewards`, for all searches at once.
-    def _rewards(self, lengths_before_m: NDArray[np.float64], ticks_before: NDArray[np.int64]) -> NDArray[np.float64]:
+    def _rewards(self, ticks_before: NDArray[np.int64]) -> NDArray[np.float64]:
         searches = self._searches.searches
         sparse = np.where(searches["outcome"] == batch_records.SUCCESS, SUCCESS, 0.0)
         if self._reward == "sparse":
             return sparse
         diagonals_m = self._of_cases("diagonal_m")
-        potential_before = -lengths_before_m / diagonals_m
+        potential_before = -self._paths_m / diagonals_m
+        self._paths_m = self._lengths_m()
         is_cut_off = searches["outcome"] == batch_records.TIME_LIMIT
         goes_on = (searches["outcome"] == batch_records.SEARCHES_ON) | is_cut_off
-        potential_after = np.where(goes_on, -self._lengths_m() / diagonals_m, 0.0)
+        potential_after = np.where(goes_on, -self._paths_m / diagonals_m, 0.0)
         taken_s = self._times_s(searches["tick"]) - self._times_s(ticks_before)
         shaping = self._discount * potential_after - potential_before
         return sparse - taken_s / self._of_cases("time_limit_s") + shaping
