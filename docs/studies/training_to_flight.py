@@ -46,11 +46,13 @@ from gslcosim.scenario.loader import LoadedScenario
 from gslcosim.search.learned.policy import Policy
 from gslcosim.search.learned.policy_agent import bundled_policies
 from gslcosim.search.learned.policy_files import load_policy
+from gslcosim.search.learned.wind_frame import asks_wind_frame
 from gslcosim.training.batch import BatchSearchEnv
 from gslcosim.training.family import load_family
 from gslcosim.training.stepped_run import LearningTask
 
-HAND_MADE = ("e_coli", "dung_beetle", "persistent_walk")
+# The best hand-made ones, two that smell nothing, and two weak ones.
+HAND_MADE = ("sweep", "surge_cast", "surge_spiral", "particle_filter", "persistent_walk", "e_coli", "dung_beetle")
 # The agent that flies any policy has the one of another agent.
 PILOT = "learned"
 PLACES = ("batch", "holonomic", "avoiding", "quadrotor")
@@ -142,7 +144,15 @@ def stepped(loaded: Sequence[LoadedScenario], policy: Policy) -> Searches:
     """Fly a policy through cases in the batch environment."""
     n, settings = len(loaded), policy.action
     envs = BatchSearchEnv(
-        loaded, n, action=settings.kind, step_m=settings.step_m, speed_m_s=settings.speed_m_s, hold_s=settings.hold_s
+        loaded,
+        n,
+        action=settings.kind,
+        step_m=settings.step_m,
+        speed_m_s=settings.speed_m_s,
+        hold_s=settings.hold_s,
+        frame=settings.frame,
+        shield_m=settings.shield_m,
+        has_wind_frame=asks_wind_frame(policy.observation_names),
     )
     seeds = np.array([one.scenario.seed for one in loaded])
     observed, _ = envs.reset(seed=0, options={"cases": np.arange(n), "seeds": seeds})
