@@ -299,7 +299,8 @@ def _draw_dispersion(curves: Mapping[str, _Curve], rooms: Mapping[str, Sequence[
         for name, fills in rooms.items():
             if name != "filament, wall_images":
                 layers.plot(np.mean([each.layers for each in fills], axis=0), heights, "o-", ms=2, lw=0.8, label=name)
-        layers.set(xlabel="tracers over their mean", ylabel="height / room's height")
+        # Wide enough for the legend beside the curves.
+        layers.set(xlim=(0.93, 1.24), xlabel="tracers over their mean", ylabel="height / room's height")
         layers.set_title("a full room", fontsize=7)
         layers.legend(fontsize=4.5, loc="center right")
 
