@@ -75,6 +75,7 @@ def dispersion():
     return np.concatenate(ways, axis=1), step_s * np.arange(1, n_steps + 1)
 
 
+@pytest.mark.slow
 def test_absolute_dispersion_is_taylors(dispersion):
     """Within 20 % from a fifth to four Lagrangian time scales, Taylor 1922."""
     ways_m, time_s = dispersion
@@ -86,6 +87,7 @@ def test_absolute_dispersion_is_taylors(dispersion):
     assert [each.value for each in found] == pytest.approx([1.0] * len(found), abs=0.2)
 
 
+@pytest.mark.slow
 def test_pairs_part_as_richardson_says(dispersion):
     """g = 0.5 within 20 %, from a third to two time scales, Ott and Mann 2000."""
     ways_m, time_s = dispersion

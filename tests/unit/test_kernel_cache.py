@@ -66,6 +66,7 @@ def test_what_one_process_has_compiled_the_next_one_loads(cached):
     assert cached() == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["nbi", "nbc"])
 def test_a_planted_file_is_not_loaded_and_its_kernel_is_compiled_again(cached, tmp_path, ending):
     """Nor is one that carries the signature of what stood there before."""
@@ -86,18 +87,21 @@ def test_a_signed_file_in_place_of_another_counts_as_absent(cached, tmp_path):
     assert cached() == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", [0o664, 0o646])
 def test_a_file_that_others_may_write_counts_as_absent(cached, tmp_path, mode):
     files_in(tmp_path / "cache", "nbi")["program.twice"].chmod(mode)
     assert cached() == 1
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
 def test_a_file_of_another_user_counts_as_absent(cached, tmp_path):
     os.chown(files_in(tmp_path / "cache", "nbc")["program.twice"], 65534, 65534)
     assert cached() == 1
 
 
+@pytest.mark.slow
 def test_a_link_in_place_of_a_file_counts_as_absent(cached, tmp_path):
     path = files_in(tmp_path / "cache", "nbi")["program.twice"]
     path.rename(tmp_path / "kept")
@@ -105,6 +109,7 @@ def test_a_link_in_place_of_a_file_counts_as_absent(cached, tmp_path):
     assert cached() == 1
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.geteuid() == 0 and shutil.which("setpriv") is None, reason="root may write everywhere")
 def test_kernels_are_read_from_a_cache_that_cannot_be_written(cached, tmp_path):
     """Numba would compile them again, beside the sources; one that is not there is compiled, and the program runs."""
@@ -124,6 +129,7 @@ def test_kernels_are_read_from_a_cache_that_cannot_be_written(cached, tmp_path):
     assert not list(tmp_path.glob("__pycache__/*.nb?"))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.geteuid() != 0 or shutil.which("setpriv") is None, reason="only root can become another user")
 def test_kernels_that_root_has_compiled_are_read_by_others(cached, tmp_path):
     """The key of an image's cache is root's alone, who has also installed the code."""
@@ -137,6 +143,7 @@ def test_kernels_that_root_has_compiled_are_read_by_others(cached, tmp_path):
     assert cached(prefix=as_other) == 1
 
 
+@pytest.mark.slow
 def test_a_key_that_others_may_have_written_is_made_again(cached, tmp_path):
     key = tmp_path / "cache" / "kernels.key"
     before = key.read_bytes()
@@ -147,6 +154,7 @@ def test_a_key_that_others_may_have_written_is_made_again(cached, tmp_path):
     assert cached() == 2
 
 
+@pytest.mark.slow
 def test_a_folder_of_kernels_that_others_may_write_is_closed(cached, tmp_path, monkeypatch):
     (folder,) = (path for path in (tmp_path / "cache" / "numba").iterdir() if path.is_dir())
     folder.chmod(0o777)
@@ -162,6 +170,7 @@ def test_a_folder_of_kernels_that_others_may_write_is_closed(cached, tmp_path, m
         assert os.environ["NUMBA_CACHE_DIR"] == f"{folder}-0"
 
 
+@pytest.mark.slow
 def test_another_level_of_optimisation_has_kernels_of_its_own(cached):
     """Numba would load those of the level before, which may differ in last bits."""
     assert cached(NUMBA_OPT="0") == 0
@@ -169,6 +178,7 @@ def test_another_level_of_optimisation_has_kernels_of_its_own(cached):
     assert cached() == 2
 
 
+@pytest.mark.slow
 def test_an_agent_that_has_no_key_reads_signed_files_as_numba_does(cached, tmp_path):
     """A sandbox links them, and hides the key."""
     (folder,) = (path for path in (tmp_path / "cache" / "numba").iterdir() if path.is_dir())

@@ -164,6 +164,7 @@ def for_all_rooms(monkeypatch):
     monkeypatch.setattr(solve, "N_WINDOWS_FROM_STILL", np.inf)
 
 
+@pytest.mark.slow
 def test_a_wind_until_it_settles_begins_where_the_coarse_one_has_come_to(for_all_rooms):
     report = solve_wind_report(AIR, CELL_M, [INLET, OUTLET], max_time_s=30.0)
     settling = report.settling

@@ -34,6 +34,7 @@ def jet(kind, **options):
     return solve_wind_report(np.ones(SHAPE, bool), CELL_M, patches, **{"end_time_s": 30.0, **options})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turbulence", ["k_epsilon", "smagorinsky"])
 def test_a_jet_draws_air_in_through_open_sides_and_stays_bounded(turbulence):
     report = jet(Open, turbulence=turbulence)

@@ -59,6 +59,7 @@ def velocity_at(air, room, layers, points_m):
     return np.array(found)
 
 
+@pytest.mark.slow
 def test_variance_is_that_of_the_turbulence():
     """Even air, many places and histories."""
     room = make_room()
