@@ -55,7 +55,7 @@ def test_the_seed_option_replaces_the_seed(scenario_file):
         ("agents[0].vehicle.hold_s=-1",
          "--set: agents[0].vehicle.hold_s: expected a number of at least 0 in seconds, was -1."),
         ("agents[0].vehicle.hold=1",
-         "--set: agents[0].vehicle.hold: expected one of the keys model, start_m, search_height_m, hold_s, "
+         "--set: agents[0].vehicle.hold: expected one of the keys model, start_m, search_height_m, hold_s, hold_rule, "
          "max_speed_m_s, "
          "max_acceleration_m_s2, avoidance, separation_m, was an unknown key. Did you mean hold_s? It is in seconds."),
         ("wnd.cell_m=1", "--set: wnd: expected one of the keys schema, name, seed, tick_ms, environment, wind, gas, "
