@@ -64,6 +64,7 @@ _SUBPAGES = {
     "docs/methods": ["docs/methods/*.md", "agents/*/README.md"],
     "docs/search": ["docs/search/*.md"],
     "docs/examples/adapters/README": ["docs/examples/adapters/*/README.md"],
+    "docs/benchmark/measured": ["docs/examples/leak_alarm/README.md"],
 }
 _LISTED_ELSEWHERE = ("agents/contract/README",)
 _ROW = re.compile(r"^\| .*$", re.MULTILINE)
