@@ -88,7 +88,8 @@ class Node:
         return self.folder / "cache"
 
     def start(self, *words: str, **more: Any) -> "subprocess.Popen[str]":
-        env = {**os.environ, "XDG_CACHE_HOME": str(self.cache)}
+        inherited = {name: value for name, value in os.environ.items() if name != "GSLCOSIM_CACHE"}
+        env = {**inherited, "XDG_CACHE_HOME": str(self.cache)}
         env |= {"HOME": str(self.folder), "PYTHONUNBUFFERED": "1", "RAY_USAGE_STATS_ENABLED": "0"}
         env |= {"RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0", "RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": TOKEN}
         # Workers are nice otherwise, and wait for whatever else the machine does.
