@@ -1,4 +1,4 @@
-"""How patchy a plume is along and across its axis, and what a MOX sensor makes of it.
+"""Intermittency of a plume along and across its axis, true and through a MOX sensor.
 
 Run with `python docs/studies/plume_statistics.py [--seconds 1200] [--seed 1] [--plot FILE.png]`; plots need the extra
 `report`. Filaments in Farrell's open field are looked at ten times a second at places down the mean wind and beside its

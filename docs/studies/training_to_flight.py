@@ -1,4 +1,4 @@
-"""What is lost from training to flight: learned agents and three hand-made ones, on the same cases, with intervals.
+"""Loss from training to flight: learned and hand-made agents on the same cases, with intervals.
 
     python docs/studies/training_to_flight.py --n 100
 
@@ -85,7 +85,7 @@ Key = tuple[str, str, str]
 
 @dataclass(frozen=True, kw_only=True)
 class Searches:
-    """How an agent's searches of one place went, in the order of its cases."""
+    """Outcomes of an agent's searches in one place, in the order of its cases."""
 
     success: NDArray[np.bool_]
     counted_s: NDArray[np.float64]

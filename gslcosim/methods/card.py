@@ -215,7 +215,7 @@ class MethodCard(_CardPart):
 
     @property
     def is_blind(self) -> bool:
-        """Whether the card says that the method needs no sensor, knows nothing and hears nobody."""
+        """True if the card says that the method uses no sensor, no knowledge and no radio."""
         is_said = "needs" in self.model_fields_set and "sensors" in self.needs.model_fields_set
         return is_said and not (self.needs.sensors or self.needs.knows or self.needs.radio)
 

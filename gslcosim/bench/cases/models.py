@@ -28,8 +28,7 @@ MAX_NAME_LENGTH = 40
 MAX_SETTINGS = 500
 """More combinations of parameters than this are no sweep but a search."""
 MAX_COMPARED_SETTINGS = 60
-"""Of more settings `bench sweep` writes no report, and a report has their response over all cases only: to work out who
-beats whom takes minutes."""
+"""Most settings that `bench sweep` writes a report of, and a report compares in each case: more take minutes."""
 
 Values = dict[str, Any]
 """Values of a scenario by their paths, such as `agents[0].vehicle.hold_s`."""
@@ -343,7 +342,7 @@ class Case:
     seed: int | None = None
     """That of its family, for cases of one."""
     has_sensor_holds: bool = False
-    """Whether vehicles hold as long as their slowest gas sensor takes to respond."""
+    """True if vehicles hold as long as their slowest gas sensor takes to respond."""
 
     def run_seed(self, repetition: int) -> int:
         """Return the seed of its runs of a repetition."""

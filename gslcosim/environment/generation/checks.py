@@ -9,9 +9,11 @@ from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.problems import Problem
 from gslcosim.environment.generation.cache import find_environment
 from gslcosim.environment.generation.provenance import WindMaker, find_mixed_air, read_wind_provenance
+from gslcosim.environment.model import Grid
 from gslcosim.environment.positions import find_position_problems, find_position_problems_in
 from gslcosim.environment.variants import variant_scenarios
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.scenario import EnvironmentSpec
 from gslcosim.scenario.models.wind import WindSpec
 
 _BUILDER = "gslcosim.environment.geometry_source"
@@ -83,7 +85,7 @@ def find_mixed_air_problems(scenario: Scenario, directory: Path) -> Iterable[Pro
 
 
 def find_costly_wind_problems(scenario: Scenario, directory: Path) -> Iterable[Problem]:
-    """Return what is to be known before a wind is solved that takes long, or in a room whose unit looks wrong.
+    """Return warnings of a wind that is costly to solve, and of a room that looks as if in another unit.
 
     Memory and time are orders of magnitude: steps follow from the Courant number at the inlets' velocity.
 
@@ -95,36 +97,40 @@ def find_costly_wind_problems(scenario: Scenario, directory: Path) -> Iterable[P
     if not isinstance(wind, WindSpec) or find_environment(scenario, scenario_dir=directory) is not None:
         return ()
     from gslcosim.environment.geometry_source import build_geometry
-    from gslcosim.flow.domain import BYTES_PER_CELL
 
     grid = build_geometry(spec, wind, scenario_dir=directory).grid
-    n_cells, length_m = math.prod(grid.shape), max(grid.shape) * grid.cell_m
-    found = []
-    if length_m > _LONG_ROOM_M:
-        name = "scale" if spec.geometry is not None else "size_m"
-        remedy = (
-            "For files in centimetres give scale: 0.01, in millimetres scale: 0.001."
-            if spec.geometry is not None
-            else "Lengths are in metres."
-        )
-        where = f"environment.{'geometry' if spec.geometry is not None else 'layout'}.{name}"
-        expected, extent = f"a room of at most {_LONG_ROOM_M:.0f} m", f"one of {length_m:,.0f} m"
-        found.append(Problem(where=where, expected=expected, found=extent, remedy=remedy))
+    return [*_find_unit_problems(spec, grid), *_find_cost_problems(wind, grid)]
+
+
+def _find_unit_problems(spec: EnvironmentSpec, grid: Grid) -> Iterable[Problem]:
+    length_m = max(grid.shape) * grid.cell_m
+    if length_m <= _LONG_ROOM_M:
+        return
+    where, remedy = "environment.layout.size_m", "Lengths are in metres."
+    if spec.geometry is not None:
+        where = "environment.geometry.scale"
+        remedy = "For files in centimetres give scale: 0.01, in millimetres scale: 0.001."
+    expected = f"a room of at most {_LONG_ROOM_M:.0f} m"
+    yield Problem(where=where, expected=expected, found=f"one of {length_m:,.0f} m", remedy=remedy)
+
+
+def _find_cost_problems(wind: WindSpec, grid: Grid) -> Iterable[Problem]:
+    from gslcosim.flow.domain import BYTES_PER_CELL
+
+    n_cells = math.prod(grid.shape)
     step_s = wind.courant * grid.cell_m / max(_PEAK_RATIO * math.hypot(*wind.inlet_velocity_m_s), 1e-3)
     n_steps = (wind.end_time_s or _USUAL_END_S) / min(step_s, wind.max_step_s or math.inf)
     memory_gb, time_s = n_cells * BYTES_PER_CELL / 1e9, n_cells * n_steps / _CELL_STEPS_PER_S
-    if time_s > _LONG_SOLVE_S or memory_gb > _LARGE_SOLVE_GB:
-        time = f"{time_s / 60:.0f} min" if time_s < 5400 else f"{time_s / 3600:,.0f} h"
-        cost = f"about {time} on two cores and {max(memory_gb, 0.1):.1f} GB of memory"
-        found.append(
-            Problem(
-                where="wind.cell_m",
-                expected="cells whose wind is solved within half an hour and 8 GB",
-                found=f"{grid.cell_m:g} m, {n_cells / 1e6:,.1f} million cells: {cost}",
-                remedy="Cells of twice the size take a sixteenth of the time and an eighth of the memory.",
-            )
-        )
-    return found
+    if time_s <= _LONG_SOLVE_S and memory_gb <= _LARGE_SOLVE_GB:
+        return
+    time = f"{time_s / 60:.0f} min" if time_s < 5400 else f"{time_s / 3600:,.0f} h"
+    cost = f"about {time} on two cores and {max(memory_gb, 0.1):.1f} GB of memory"
+    yield Problem(
+        where="wind.cell_m",
+        expected="cells whose wind is solved within half an hour and 8 GB",
+        found=f"{grid.cell_m:g} m, {n_cells / 1e6:,.1f} million cells: {cost}",
+        remedy="Cells of twice the size take a sixteenth of the time and an eighth of the memory.",
+    )
 
 
 # Before there is an environment: as `read_wind_provenance` will say it afterwards.
