@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from gslcosim.bench.report import number_formats
 from gslcosim.bench.report.analysis import Analysis, ReportView
 from gslcosim.bench.report.charts import RESPONSE_FIGURES, ChartAxis, ChartLine, LineChart, build_line_charts
 from gslcosim.bench.report.curves import QUANTUM_M, RADII_M, PlanDrawing, encode_plan, limit_s
-from gslcosim.bench.report.report_data import Floats
+from gslcosim.bench.report.report_data import Floats, ReportEntry
 from gslcosim.bench.report.tables import describe_provenance
 from gslcosim.bench.statistics.estimates import Estimate
 from gslcosim.bench.store import TRIAL_COLUMNS
@@ -23,7 +23,7 @@ from gslcosim.bench.store import TRIAL_COLUMNS
 FOLDER = Path(__file__).parent / "page"
 _FEW_ENTRIES, _SHOWN_AT_FIRST = 10, 8
 _COLORS, _DASHES = 7, 4
-_MOST_LISTED = 40
+MOST_LISTED = 40
 _ABSCISSA_DIGITS, _MOST_POINTS = 6, 60
 
 
@@ -47,38 +47,67 @@ def render_page(analysis: Analysis) -> str:
     Args:
         analysis: The figures that it shows.
     """
+    environment = build_environment([FOLDER])
+    return environment.get_template("report.html").render(
+        **build_page_values(analysis),
+        css=Markup(read_page_file("report.css")),
+        script=Markup(read_page_file("pieces.js") + read_page_file("report.js")),
+    )
+
+
+def build_environment(
+    folders: Sequence[Path],
+    *,
+    entry_name: Callable[[ReportEntry], Markup] | None = None,
+    case_name: Callable[[str, str], Markup] | None = None,
+) -> jinja2.Environment:
+    """Return the environment of templates of the report's style; all that they are given is escaped.
+
+    Args:
+        folders: Of templates; the first that has one counts.
+        entry_name: Markup of an entry's name, for example a link; absent: the name.
+        case_name: Markup of a case's name and, unless it is empty, one of its trials; absent: the name.
+    """
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(FOLDER), autoescape=True, trim_blocks=True, lstrip_blocks=True,
+        loader=jinja2.FileSystemLoader(folders), autoescape=True, trim_blocks=True, lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )  # fmt: skip
-    looks = assign_line_styles(analysis)
-    environment.filters |= {
-        "duration": number_formats.format_duration,
-        "breakable": _breakable,
-    }
+    environment.filters |= {"duration": number_formats.format_duration}
     environment.globals |= {
+        "entry_name": entry_name or (lambda entry: make_breakable(entry.name)),
+        "case_name": case_name or (lambda case, _="": escape(case)),
         "figure": _figure,
         "range": _range,
         "formats": number_formats,
         "isnan": math.isnan,
         "zip": zip,
     }
-    return environment.get_template("report.html").render(
-        analysis=analysis,
-        material=analysis.material,
-        manifest=analysis.material.manifest,
-        entries=analysis.material.entries,
-        looks=looks,
-        view=analysis.everything,
-        facts=describe_provenance(analysis),
-        columns=TRIAL_COLUMNS,
-        radii_m=RADII_M,
-        response_figures=RESPONSE_FIGURES,
-        most_listed=_MOST_LISTED,
-        css=Markup((FOLDER / "report.css").read_text(encoding="utf-8")),
-        script=Markup((FOLDER / "report.js").read_text(encoding="utf-8")),
-        data=Markup(_script_safe(json.dumps(_data(analysis, looks), separators=(",", ":"), allow_nan=False))),
-    )
+    return environment
+
+
+def build_page_values(analysis: Analysis) -> dict[str, Any]:
+    """Return what `report.html` shows, without its style and scripts."""
+    looks = assign_line_styles(analysis)
+    return {
+        "analysis": analysis,
+        "material": analysis.material,
+        "manifest": analysis.material.manifest,
+        "entries": analysis.material.entries,
+        "looks": looks,
+        "view": analysis.everything,
+        "facts": describe_provenance(analysis),
+        "columns": TRIAL_COLUMNS,
+        "radii_m": RADII_M,
+        "response_figures": RESPONSE_FIGURES,
+        "most_listed": MOST_LISTED,
+        "cases": None,
+        "data": Markup(to_script_json(_data(analysis, looks))),
+    }
+
+
+def read_page_file(name: str) -> str:
+    """Return the text of a style sheet or script of the page."""
+    return (FOLDER / name).read_text(encoding="utf-8")
 
 
 def assign_line_styles(analysis: Analysis) -> tuple[LineStyle, ...]:
@@ -98,13 +127,14 @@ def assign_line_styles(analysis: Analysis) -> tuple[LineStyle, ...]:
     return tuple(looks[i] for i in range(len(entries)))
 
 
-# A long name may go on in the next line after an underscore.
-def _breakable(name: str) -> Markup:
+def make_breakable(name: str) -> Markup:
+    """Return a name as markup: a long one may go on in the next line after an underscore."""
     return Markup("_<wbr>").join(escape(part) for part in name.split("_"))
 
 
-# In a script element nothing may look like markup.
-def _script_safe(text: str) -> str:
+def to_script_json(value: Any) -> str:
+    """Return a value as JSON in which nothing looks like markup, for a script element."""
+    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 

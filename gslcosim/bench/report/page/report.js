@@ -1,27 +1,15 @@
 "use strict";
 // Draws the page's plots from the JSON that is embedded in it. An estimate is [value, low, high, n]; null is undefined.
 (() => {
+  const { one, all, s, h, short, plain, seconds, r1, showTip, hideTip, hover, say, sourceMark, copy } = pieces;
   const D = JSON.parse(document.getElementById("data").textContent);
-  const SVG = "http://www.w3.org/2000/svg";
   const DASHES = ["", "7 3", "2 3", "9 3 2 3"];
-  const one = (selector, root = document) => root.querySelector(selector);
-  const all = (selector, root = document) => [...root.querySelectorAll(selector)];
   const state = { view: 0, on: new Set(D.entries.map((entry, i) => (entry.on ? i : -1)).filter((i) => i >= 0)), focus: null };
 
-  // ---------------------------------------------------------------- small pieces
-  function make(space, name, attributes, children) {
-    const node = space ? document.createElementNS(SVG, name) : document.createElement(name);
-    for (const [key, value] of Object.entries(attributes || {})) if (value !== null && value !== undefined) node.setAttribute(key, value);
-    for (const child of children) if (child !== null && child !== undefined) node.append(child);
-    return node;
-  }
-  const s = (name, attributes, ...children) => make(true, name, attributes, children);
-  const h = (name, attributes, ...children) => make(false, name, attributes, children);
+  // ---------------------------------------------------------------- names and formats
   const color = (e) => { const c = D.entries[e].c; return c === -1 ? "var(--lower)" : c === -2 ? "var(--upper)" : `var(--e${c})`; };
   const dash = (e) => DASHES[D.entries[e].d] || null;
   const name = (e) => D.entries[e].title;
-  // What differs stands at the end as often as at the beginning.
-  const short = (text, n) => (text.length > n ? `${text.slice(0, Math.ceil(0.45 * n) - 1)}…${text.slice(text.length - Math.floor(0.55 * n))}` : text);
   // In narrow places names that all begin alike (one method with many settings) are told by what follows.
   const shared = (() => {
     const names = D.entries.filter((entry) => entry.c >= 0).map((entry) => entry.title);
@@ -39,8 +27,6 @@
   const shown = (items) => items.filter((item) => item.label || state.on.has(item.e));
 
   const percent = (v) => (v === null ? "–" : `${(100 * v).toFixed(Math.abs(v) < 0.0995 && v !== 0 ? 1 : 0)} %`);
-  const plain = (v) => (v === null ? "–" : Math.abs(v) >= 100 ? v.toFixed(0) : Math.abs(v) >= 10 ? v.toFixed(1) : v.toFixed(2));
-  const seconds = (v) => (v === null ? "–" : `${plain(v)} s`);
   const signed = (v) => (v === null ? "–" : (Math.abs(v) < 0.005 ? "" : v > 0 ? "+" : "−") + Math.abs(100 * v).toFixed(0));
   // "98 % (90 – 100)": the unit stands once.
   const bare = (text) => text.replace(/ ?[%sm×]$/, "");
@@ -58,28 +44,6 @@
     for (let value = Math.ceil(min / step - 1e-9) * step; value <= max + 1e-9 * step; value += step) found.push(Math.abs(value) < step * 1e-9 ? 0 : value);
     return found;
   }
-  const r1 = (value) => Math.round(value * 10) / 10;
-
-  // ---------------------------------------------------------------- hover
-  const tip = h("div", { id: "tip", hidden: "" });
-  const spoken = h("div", { class: "hidden-text", "aria-live": "polite" });
-  document.body.append(tip, spoken);
-  function showTip(content, x, y) {
-    tip.replaceChildren(...(Array.isArray(content) ? content : [content]));
-    tip.hidden = false;
-    const box = tip.getBoundingClientRect();
-    const left = x + 16 + box.width > innerWidth ? x - box.width - 12 : x + 16;
-    tip.style.left = `${Math.max(6, left)}px`;
-    tip.style.top = `${Math.max(6, Math.min(y + 12, innerHeight - box.height - 6))}px`;
-  }
-  const hideTip = () => { tip.hidden = true; };
-  function hover(node, content) {
-    node.addEventListener("pointermove", (event) => showTip(content(), event.clientX, event.clientY));
-    node.addEventListener("pointerleave", hideTip);
-    return node;
-  }
-  document.addEventListener("keydown", (event) => { if (event.key === "Escape") hideTip(); });
-  addEventListener("scroll", hideTip, { passive: true });
 
   function swatch(e, width = 18) {
     const svg = s("svg", { width, height: 10, "aria-hidden": "true" });
@@ -189,7 +153,7 @@
         current = Math.max(0, Math.min(grid.length - 1, current + (event.key === "ArrowRight" ? jump : -jump)));
         const v = grid[current], box = svg.getBoundingClientRect();
         point(v); showTip(tipAt(v), box.left + (X(v) * box.width) / width, box.top + 30);
-        spoken.textContent = `${x.name} ${place(v)}: ` + read(v).map(([line, i]) => `${lineName(line)} ${text(line, i)}`).join("; ");
+        say(`${x.name} ${place(v)}: ` + read(v).map(([line, i]) => `${lineName(line)} ${text(line, i)}`).join("; "));
       });
     }
     host.replaceChildren(svg);
@@ -324,12 +288,6 @@
     svg.append(s("rect", { x: x0, y: 0, width: w, height: t, fill: "none", stroke: "var(--solid)", "stroke-width": 0.008 * Math.max(w, t) }));
     return { svg, Y: (y) => y1 - y, unit: Math.max(w, t) / 100 };
   }
-  function sourceMark(svg, room, Y, u) {
-    for (const [x, y] of room.sources) {
-      const a = 2.6 * u;
-      svg.append(s("circle", { cx: x, cy: Y(y), r: 3.1 * u, fill: "var(--paper)", "fill-opacity": 0.85 }), s("path", { d: `M${x - a} ${Y(y)}H${x + a}M${x} ${Y(y) - a}V${Y(y) + a}M${x - a * 0.7} ${Y(y) - a * 0.7}L${x + a * 0.7} ${Y(y) + a * 0.7}M${x - a * 0.7} ${Y(y) + a * 0.7}L${x + a * 0.7} ${Y(y) - a * 0.7}`, stroke: "var(--ink)", "stroke-width": 0.75 * u, fill: "none" }));
-    }
-  }
   function roomPanels(figure, draw) {
     const host = one(".canvas", figure) || figure.insertBefore(h("div", { class: "canvas" }), figure.firstChild);
     const rooms = D.rooms.map((room, i) => [room, i]).filter(([room]) => view().scenarios.includes(room.scenario));
@@ -363,7 +321,7 @@
     let near = Infinity;
     starts.forEach((a, i) => starts.forEach((b, j) => { if (i < j) near = Math.min(near, Math.max(Math.abs(a[2] - b[2]), Math.abs(a[3] - b[3])) || Infinity); }));
     const size = Math.min(22 * unit, Math.max(5 * unit, Math.min(near, 25 * unit) * 0.84));
-    sourceMark(svg, room, Y, unit);
+    sourceMark(svg, room.sources, Y, unit);
     for (const [, , x, y, p] of starts) {
       rows.push([`${plain(x)}, ${plain(y)} m`, name(e), estimate(p, percent), String(p[3])]);
       const group = s("g", {}, s("rect", { x: x - size / 2, y: Y(y) - size / 2, width: size, height: size, rx: unit, fill: "var(--paper)", "fill-opacity": 0.8 }), s("rect", { x: x - size / 2, y: Y(y) - size / 2, width: size, height: size, rx: unit, fill: "var(--accent)", "fill-opacity": 0.04 + 0.92 * p[0], stroke: "var(--accent)", "stroke-opacity": 0.5, "stroke-width": 0.3 * unit }));
@@ -371,7 +329,7 @@
       hover(group, () => [h("b", {}, `${name(e)} from ${plain(x)}, ${plain(y)} m`), h("div", {}, `success ${estimate(p, percent)}, n ${p[3]}`)]);
       svg.append(group);
     }
-    sourceMark(svg, room, Y, unit);
+    sourceMark(svg, room.sources, Y, unit);
     return h("div", { class: "panel" }, heading(e), svg);
   }
   function heading(e, note) { return h("h4", {}, swatch(e), brief(e, 28), note ? h("small", {}, note) : null); }
@@ -390,29 +348,15 @@
       const group = s("g", {}, line, wide, end, first);
       group.addEventListener("pointerenter", () => { line.setAttribute("stroke-width", 1.5 * unit); line.setAttribute("stroke-opacity", 1); });
       group.addEventListener("pointerleave", () => { line.setAttribute("stroke-width", (track.s ? 0.75 : 0.5) * unit); line.setAttribute("stroke-opacity", track.s ? 0.75 : 0.55); });
-      wide.addEventListener("click", () => { copy(D.entries[e].command + track.id); spoken.textContent = "command copied"; });
+      wide.addEventListener("click", () => { copy(D.entries[e].command + track.id); say("command copied"); });
       hover(group, () => [h("b", {}, `${name(e)}: ${track.o}`), h("div", {}, track.c), h("div", {}, `${seconds(track.t)}; a click copies the command that flies it again`), h("code", {}, track.id)]);
       svg.append(group);
     }
-    sourceMark(svg, room, Y, unit);
+    sourceMark(svg, room.sources, Y, unit);
     return h("div", { class: "panel" }, heading(e, `${found} of ${flights}`), svg);
   }
 
-  // ---------------------------------------------------------------- copy, filter, legend, sort
-  function copy(text) {
-    if (navigator.clipboard && isSecureContext) { navigator.clipboard.writeText(text).catch(() => {}); return; }
-    const area = h("textarea", { style: "position:fixed;opacity:0" });
-    area.value = text; document.body.append(area); area.select();
-    try { document.execCommand("copy"); } finally { area.remove(); }
-  }
-  document.addEventListener("click", (event) => {
-    const button = event.target.closest("button.copy");
-    if (!button) return;
-    copy(button.dataset.text);
-    button.textContent = "copied";
-    setTimeout(() => { button.textContent = "copy"; }, 1500);
-  });
-
+  // ---------------------------------------------------------------- filter, legend, sort
   const figures = all("figure[data-plot]"), visible = new Set(), stale = new Set(figures);
   function draw(figure) {
     if (!stale.has(figure)) return;
@@ -458,7 +402,7 @@
   if (filter) filter.addEventListener("change", () => {
     state.view = +filter.value;
     all("[data-view]").forEach((node) => { node.hidden = +node.dataset.view !== state.view; });
-    spoken.textContent = `showing ${view().label}`;
+    say(`showing ${view().label}`);
     refresh();
   });
 
@@ -481,7 +425,7 @@
           rows.sort(([a], [b]) => (a === null ? (b === null ? 0 : 1) : b === null ? -1 : typeof a === "string" || typeof b === "string" ? sign * String(a).localeCompare(String(b)) : sign * (a - b)));
           body.append(...rows.map(([, row]) => row));
         }
-        spoken.textContent = `sorted by ${button.textContent}, ${next}`;
+        say(`sorted by ${button.textContent}, ${next}`);
       });
     });
   }
