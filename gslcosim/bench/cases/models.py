@@ -10,12 +10,13 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, cast
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.problems import broken_rule_error
+from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import ParameterValue
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.base import Name, NonNegative, Positive, Spec
@@ -63,11 +64,20 @@ class DrawSpec(Spec):
     draw: Annotated[int, Field(ge=1, le=10_000)]
 
 
+Axis = dict[str, DrawSpec | Annotated[tuple[Any, ...], Field(min_length=1)]]
+"""Values that vary, by their paths: lists of one item go together."""
+
+START_PATH = "agents[0].vehicle.start_m"
+
+
 class ScenarioSpec(Spec):
-    """A scenario of the suite: a file or a bundled name, and values that replace its own.
+    """A scenario of the suite: a file or a bundled name, values that replace its own, and what varies in it alone.
 
     `name` is what it is called here, its own if absent; `family` is the group of cases that it is counted in, its name
     if absent. With `split` it is a family: its first `cases` cases of that split, each with the seed that it has there.
+    `vary` multiplies with the suite's, and replaces its items for the same values; `starts` are starts of the vehicle,
+    world frame [m], one case each. `repetitions` and `gas_seeds` replace the suite's. `seeds` are those of the runs:
+    one repetition for each, whose run and gas have it.
     """
 
     source: str
@@ -76,6 +86,16 @@ class ScenarioSpec(Spec):
     split: Split | None = None
     cases: Annotated[int, Field(ge=1, le=100_000)] | None = None
     set: Values = {}  # noqa: RUF012 - pydantic copies it
+    vary: tuple[Axis, ...] = ()
+    starts: Annotated[tuple[Vec3, ...], Field(min_length=1)] | None = None
+    repetitions: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    gas_seeds: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    seeds: Annotated[tuple[Annotated[int, Field(ge=0, lt=2**31)], ...], Field(min_length=1)] | None = None
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """What varies in this scenario alone: its starts first."""
+        return (*([{START_PATH: self.starts}] if self.starts else []), *self.vary)
 
     @model_validator(mode="after")
     def _check_split(self) -> Self:
@@ -85,6 +105,36 @@ class ScenarioSpec(Spec):
                 expected="split and cases together: how many cases of which split of a family",
                 found="one of them alone",
                 remedy="For example {source: open_halls, split: test, cases: 20}.",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_seeds(self) -> Self:
+        if self.seeds is None:
+            return self
+        other = next((key for key in ("split", "repetitions", "gas_seeds") if getattr(self, key) is not None), None)
+        if other is not None:
+            found = "cases of a family, which have their own" if other == "split" else f"{other} too"
+            raise broken_rule_error(
+                key="seeds",
+                expected="seeds of a scenario, one for each repetition",
+                found=found,
+                remedy=f"Leave out seeds or {other}.",
+            )
+        if twice := next((seed for seed in self.seeds if self.seeds.count(seed) > 1), None):
+            raise broken_rule_error(
+                key="seeds", expected="each seed once", found=f"{twice} twice", remedy="Leave one out."
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_vary(self) -> Self:
+        check_axes(self.vary)
+        paths = [path for axis in self.axes for path in axis]
+        if twice := next((path for path in paths if paths.count(path) > 1), None):
+            key = "starts" if twice == START_PATH and self.starts else "vary"
+            raise broken_rule_error(
+                key=key, expected="each value to vary in one place", found=f"{twice} in two", remedy="Leave one out."
             )
         return self
 
@@ -202,8 +252,18 @@ class LimitsSpec(Spec):
     memory_mb: Positive = 4096.0
 
 
+# Strict models take tuples; lists are what JSON has.
 def _scenario_of_text(value: Any) -> Any:
+    if isinstance(value, dict):
+        block = cast("dict[str, Any]", value)
+        return {key: inner if key == "set" else _as_tuples(inner) for key, inner in block.items()}
     return {"source": value} if isinstance(value, str) else value
+
+
+def _as_tuples(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _as_tuples(inner) for key, inner in cast("dict[str, Any]", value).items()}
+    return tuple(map(_as_tuples, cast("list[Any]", value))) if isinstance(value, list) else value
 
 
 ScenarioEntry = Annotated[ScenarioSpec, BeforeValidator(_scenario_of_text, json_schema_input_type=str | ScenarioSpec)]
@@ -232,7 +292,7 @@ class Suite(Spec):
     include: tuple[str, ...] = ()
     scenarios: tuple[ScenarioEntry, ...] = ()
     set: Values = {}  # noqa: RUF012 - as above
-    vary: tuple[dict[str, DrawSpec | Annotated[tuple[Any, ...], Field(min_length=1)]], ...] = ()
+    vary: tuple[Axis, ...] = ()
     when: Literal["places_are_free"] | None = None
     move_starts_up_to_m: NonNegative = 0.0
     repetitions: Annotated[int, Field(ge=1, le=100_000)] = 1
@@ -279,7 +339,7 @@ class Suite(Spec):
 
     @model_validator(mode="after")
     def _check_hold(self) -> Self:
-        values = (self.set, *self.vary, *(spec.set for spec in self.scenarios))
+        values = (self.set, *self.vary, *(block for spec in self.scenarios for block in (spec.set, *spec.vary)))
         places = (path for block in values for path in block)
         twice = next((path for path in places if path.startswith("agents[0].vehicle.hold_")), None)
         if self.hold_s is not None and twice is not None:
@@ -308,10 +368,34 @@ class Suite(Spec):
 
     @model_validator(mode="after")
     def _check_vary(self) -> Self:
-        for i, axis in enumerate(self.vary):
-            lengths = {key: n_values(values) for key, values in axis.items()}
-            check_lengths(f"vary[{i}]", lengths, remedy="Write what multiplies as items of its own.")
+        check_axes(self.vary)
+        for i, spec in enumerate(self.scenarios):
+            own = {path for axis in spec.axes for path in axis}
+            if part := next((axis for axis in self.vary if own & set(axis) and not own >= set(axis)), None):
+                missing = next(path for path in part if path not in own)
+                raise broken_rule_error(
+                    key=f"scenarios[{i}].vary",
+                    expected="all values of an item of the suite's vary, which go together, or none of them",
+                    found=f"{next(path for path in part if path in own)} without {missing}",
+                    remedy=f"Vary {missing} in this scenario too.",
+                )
         return self
+
+    def axes_of(self, spec: ScenarioSpec) -> tuple[Axis, ...]:
+        """Return what varies in a scenario: items of the suite that it does not replace, then its own."""
+        own = {path for axis in spec.axes for path in axis}
+        return (*(axis for axis in self.vary if not own & set(axis)), *spec.axes)
+
+
+def check_axes(axes: Sequence[Axis]) -> None:
+    """Refuse items of `vary` whose lists are not of one length.
+
+    Raises:
+        PydanticCustomError: there is one.
+    """
+    for i, axis in enumerate(axes):
+        lengths = {key: n_values(values) for key, values in axis.items()}
+        check_lengths(f"vary[{i}]", lengths, remedy="Write what multiplies as items of its own.")
 
 
 def n_values(values: "DrawSpec | tuple[Any, ...]") -> int:
@@ -341,11 +425,15 @@ class Case:
     set_in: str
     seed: int | None = None
     """That of its family, for cases of one."""
+    seeds: tuple[int, ...] = ()
+    """Those of its repetitions, where its scenario lists them."""
     has_sensor_holds: bool = False
     """True if vehicles hold as long as their slowest gas sensor takes to respond."""
 
     def run_seed(self, repetition: int) -> int:
         """Return the seed of its runs of a repetition."""
+        if self.seeds:
+            return self.seeds[repetition]
         if self.seed is None:
             return derive_seed(self.suite_seed, self.name, repetition)
         return derive_seed(self.seed, "run", repetition) if repetition else self.seed
@@ -353,6 +441,8 @@ class Case:
     def plume_seed(self, repetition: int) -> int:
         """Return the seed of the gas of a repetition; scenarios of suites share their plumes between cases."""
         i_plume = repetition % self.gas_seeds
+        if self.seeds:
+            return self.seeds[i_plume]
         if self.seed is None:
             return derive_seed(self.suite_seed, "gas", self.scenario, i_plume)
         return derive_seed(self.seed, "gas", i_plume) if i_plume else self.seed

@@ -18,6 +18,7 @@ from gslcosim.base.untrusted_input import MalformedFileError, read_json
 from gslcosim.bench.cases.agent_setup import apply_entry, build_environment, close_sources, find_card
 from gslcosim.bench.cases.families import find_family_beside
 from gslcosim.bench.cases.models import (
+    Axis,
     Case,
     DrawSpec,
     DroppedCase,
@@ -128,8 +129,9 @@ def _cases(loaded: LoadedSuite, *, is_sandboxed: bool) -> Iterator[tuple[LoadedS
     for inner in loaded.included:
         yield from _cases(inner, is_sandboxed=is_sandboxed)
     for i, spec in enumerate(suite.scenarios):
+        repetitions = len(spec.seeds) if spec.seeds else spec.repetitions or suite.repetitions
         for name, place, source, seed, drawn in _places_of(spec, loaded):
-            for varied in _combinations(loaded):
+            for varied in _combinations(suite.axes_of(spec), suite.seed):
                 yield (
                     loaded,
                     Case(
@@ -140,12 +142,13 @@ def _cases(loaded: LoadedSuite, *, is_sandboxed: bool) -> Iterator[tuple[LoadedS
                         varied={**drawn, **varied},
                         overrides=as_overrides({**suite.set, **drawn, **spec.set, **varied, **_holds(suite)}),
                         suite_seed=suite.seed,
-                        repetitions=suite.repetitions,
-                        gas_seeds=suite.gas_seeds or suite.repetitions,
+                        repetitions=repetitions,
+                        gas_seeds=repetitions if spec.seeds else spec.gas_seeds or suite.gas_seeds or repetitions,
                         no_source_frac=suite.controls.no_source_frac,
                         is_sandboxed=is_sandboxed,
                         set_in=f"{loaded.shown_path}: scenarios[{i}] {name}",
                         seed=seed,
+                        seeds=spec.seeds or (),
                         has_sensor_holds=suite.hold_s == "by_sensor",
                     ),
                 )
@@ -181,22 +184,22 @@ def read_scenario_name(path: Path) -> str:
     return str((block or {}).get("name", path.stem))
 
 
-def _combinations(loaded: LoadedSuite) -> Iterator[dict[str, Any]]:
-    axes = [
-        [{path: _value(loaded, path, values, k) for path, values in axis.items()} for k in range(_length(axis))]
-        for axis in loaded.suite.vary
+def _combinations(axes: Sequence[Axis], suite_seed: int) -> Iterator[dict[str, Any]]:
+    listed = [
+        [{path: _value(path, values, k, suite_seed) for path, values in axis.items()} for k in range(_length(axis))]
+        for axis in axes
     ]
-    for choice in itertools.product(*axes):
+    for choice in itertools.product(*listed):
         yield {path: value for part in choice for path, value in part.items()}
 
 
-def _length(axis: dict[str, Any]) -> int:
+def _length(axis: Axis) -> int:
     return n_values(next(iter(axis.values()))) if axis else 1
 
 
-def _value(loaded: LoadedSuite, path: str, values: "DrawSpec | tuple[Any, ...]", k: int) -> Any:
+def _value(path: str, values: "DrawSpec | tuple[Any, ...]", k: int, suite_seed: int) -> Any:
     if isinstance(values, DrawSpec):
-        return derive_seed(loaded.suite.seed, "draw", path, k)
+        return derive_seed(suite_seed, "draw", path, k)
     return values[k]
 
 

@@ -110,8 +110,14 @@ def is_scenario(source: str) -> bool:
 
 
 def with_changed_fields(loaded: LoadedSuite, **values: Any) -> LoadedSuite:
-    """Return a suite with other values of its fields, and the suites that it includes with the same."""
+    """Return a suite with other values of its fields, and the suites that it includes with the same.
+
+    Other `repetitions` replace those, and the seeds, that single scenarios have.
+    """
     included = tuple(with_changed_fields(inner, **values) for inner in loaded.included)
+    if "repetitions" in values:
+        same = {"repetitions": None, "seeds": None}
+        values = {"scenarios": tuple(spec.model_copy(update=same) for spec in loaded.suite.scenarios), **values}
     return replace(loaded, suite=loaded.suite.model_copy(update=values), included=included)
 
 
@@ -236,7 +242,15 @@ def _part(owner: LoadedSuite, cases: Sequence[Case], name: str) -> LoadedSuite:
     first = cases[0]
     values = {path: json.loads(value) for path, _, value in (each.partition("=") for each in first.overrides)}
     kept = {path: value for path, value in values.items() if path not in first.varied}
-    spec = ScenarioSpec(source=str(first.source), name=first.scenario, family=first.family, set=kept)
+    spec = ScenarioSpec(
+        source=str(first.source),
+        name=first.scenario,
+        family=first.family,
+        set=kept,
+        repetitions=None if first.seeds else first.repetitions,
+        gas_seeds=None if first.seeds else first.gas_seeds,
+        seeds=first.seeds or None,
+    )
     together = {path: tuple(case.varied[path] for case in cases) for path in first.varied}
     update = {"name": name, "scenarios": (spec,), "set": {}, "vary": (together,) if together else (), "include": ()}
     return replace(owner, suite=owner.suite.model_copy(update=update), included=())
@@ -255,7 +269,7 @@ def _drawn(loaded: LoadedSuite) -> set[int]:
     suite = loaded.suite
     drawn = {
         derive_seed(suite.seed, "draw", path, k)
-        for axis in suite.vary
+        for axis in (*suite.vary, *(axis for spec in suite.scenarios for axis in spec.axes))
         for path, values in axis.items()
         if isinstance(values, DrawSpec)
         for k in range(values.draw)

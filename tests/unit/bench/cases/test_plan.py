@@ -42,6 +42,66 @@ def test_vary_multiplies_and_lists_of_one_item_go_together(tmp_path: Path) -> No
     assert (last.agents[0].vehicle.hold_s, last.referee.success.within_m) == (1.0, 0.9)
 
 
+OWN_AXES = """
+scenarios:
+  - {source: tiny_room, starts: [[4.5, 2.5, 0.2], [4.5, 1, 0.2]], repetitions: 2, gas_seeds: 1}
+  - source: tiny_room
+    name: slow
+    set: {'wind.inlet_velocity_m_s': [0.2, 0, 0]}
+    vary: [{'agents[0].vehicle.search_height_m': [1.2]}]
+    seeds: [11, 12, 13]
+vary:
+  - agents[0].vehicle.search_height_m: [1.0, 1.8]
+"""
+
+
+def test_scenarios_of_a_suite_have_starts_values_and_seeds_of_their_own(tmp_path: Path) -> None:
+    plan = planned(tmp_path, OWN_AXES + ONE_ENTRY)
+    assert [case.name for case in plan.cases] == [
+        "tiny_room/search_height=1/start=4.5,2.5,0.2",
+        "tiny_room/search_height=1/start=4.5,1,0.2",
+        "tiny_room/search_height=1.8/start=4.5,2.5,0.2",
+        "tiny_room/search_height=1.8/start=4.5,1,0.2",
+        "slow/search_height=1.2",
+    ]
+    first, slow = ([t for t in plan.trials if t.scenario == name] for name in ("tiny_room", "slow"))
+    assert len(first) == 8
+    assert len({t.resolved.gas.seed for t in first}) == 1
+    assert [(t.resolved.seed, t.resolved.gas.seed) for t in slow] == [(11, 11), (12, 12), (13, 13)]
+    assert slow[0].resolved.agents[0].vehicle.search_height_m == 1.2
+
+
+def test_a_written_suite_keeps_what_its_scenarios_have_of_their_own(tmp_path: Path) -> None:
+    first = planned(tmp_path, OWN_AXES + ONE_ENTRY)
+    suite_files.write_suite(first.loaded, tmp_path / "kept")
+    again = build_plan(load_suite(tmp_path / "kept"))
+    assert [trial.id for trial in again.trials] == [trial.id for trial in first.trials]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "problem"),
+    [
+        ("seeds: [11, 12, 13]", "seeds: [11, 11]", r"scenarios\[1\].seeds: expected each seed once, was 11 twice"),
+        ("seeds: [", "repetitions: 3\n    seeds: [", r"scenarios\[1\].seeds: expected seeds .* was repetitions too"),
+        (
+            "repetitions: 2,",
+            "vary: [{'agents[0].vehicle.start_m': [[1, 1, 1]]}],",
+            r"scenarios\[0\].starts: expected each value to vary in one place, was agents\[0\].vehicle.start_m in two",
+        ),
+        (
+            "search_height_m: [1.0, 1.8]",
+            "search_height_m: [1.0, 1.8]\n    gas.step_s: [0.1, 0.2]",
+            r"scenarios\[1\].vary: expected all values of an item .* Vary gas.step_s in this scenario too",
+        ),
+    ],
+)
+def test_what_contradicts_in_a_scenario_of_a_suite_is_refused(
+    tmp_path: Path, before: str, after: str, problem: str
+) -> None:
+    with pytest.raises(ScenarioError, match=problem):
+        planned(tmp_path, OWN_AXES.replace(before, after) + ONE_ENTRY)
+
+
 def test_entries_of_a_case_and_repetition_meet_the_same(tmp_path: Path) -> None:
     entries = (
         "entries:\n  - {name: beetle, start: {python: dung_beetle}}\n  - {name: walk, start: {python: random_walker}}\n"

@@ -146,3 +146,20 @@ def test_some_cases_of_a_suite_are_the_same_runs_as_in_all_of_it(tmp_path):
     write_suite(some, tmp_path / "written")
     assert facts(build_plan(load_suite(tmp_path / "written")).trials) == facts(plan.trials)
     assert target.restrict_cases(loaded, {case.name for case in every.cases}) is loaded
+
+
+def test_seeds_that_a_scenario_lists_stay_with_its_cases_and_are_never_tuned_on(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        "schema: gslcosim/suite/1\nname: mine\nscenarios: [{source: tiny_room, seeds: [11, 12]}, "
+        "{source: tiny_room, name: other, starts: [[4.5, 2.5, 0.2], [4.5, 1, 0.2]]}]\n"
+        "entries: [{name: beetle, start: {python: dung_beetle}}]\n"
+    )
+    subject = find_target(str(path), "beetle")
+    chosen = {"tiny_room", "other/start=4.5,1,0.2"}
+    part = build_plan(target.restrict_cases(subject.loaded, chosen))
+    assert [trial.id for trial in part.trials] == [t.id for t in build_plan(subject.loaded).trials if t.case in chosen]
+    other = with_disjoint_seeds(subject, "training", 0, repetitions=3, taken=collect_seeds(subject.loaded))
+    assert {11, 12} <= collect_seeds(subject.loaded)
+    assert collect_seeds(other).isdisjoint(collect_seeds(subject.loaded))
+    assert [case.repetitions for _, case in target.expand_cases(other)] == [3, 3, 3]
