@@ -15,6 +15,8 @@ from gslcosim.base.files import ScratchFolder
 from gslcosim.bench.execution.verification import find_unsandboxed_rows
 from gslcosim.bench.report.writer import write_report
 from gslcosim.bench.results import PAIR, Results
+from gslcosim.bench.signing.keys import SignatureError
+from gslcosim.bench.signing.signed_results import check_signature
 from gslcosim.bench.store import MAPS_SCHEMA, TRIALS, ResultsFolder
 from gslcosim.bench.verification_marks import VerificationMark, find_mark, results_hash, save_mark
 
@@ -26,15 +28,23 @@ class Ranking:
     """A merged leaderboard: as `leaderboard.json` has it, and how each entry stands with verification.
 
     `submissions` gives the folder of each entry, `verified` how many of how many sampled runs came out the same, or
-    None where this user has run none again.
+    None where this user has run none again. `keys` are the fingerprints of the keys that have signed their folders, or
+    None where nobody has.
     """
 
     leaderboard: dict[str, Any]
     submissions: dict[str, str]
     verified: dict[str, tuple[int, int] | None]
+    keys: dict[str, str | None]
 
 
-def rank(folders: Sequence[Path], out: Path | None = None, *, demands_sandbox: bool = False) -> Ranking:
+def rank(
+    folders: Sequence[Path],
+    out: Path | None = None,
+    *,
+    demands_sandbox: bool = False,
+    demands_signature: bool = False,
+) -> Ranking:
     """Return one table of several results folders.
 
     An entry that several folders have is one where its program, parameters and runs are the same, such as the
@@ -45,8 +55,10 @@ def rank(folders: Sequence[Path], out: Path | None = None, *, demands_sandbox: b
         out: Where merged results with their report are written; nowhere if absent.
         demands_sandbox: Whether all runs must be of agents in a sandbox; so they must where the suite of one of the
             folders demands it.
+        demands_signature: Whether all folders must be signed.
 
     Raises:
+        SignatureError: a folder is not what its author has signed, or nobody has although it is demanded.
         UsageError: the folders are of other cases, the same run came out differently in two of them, so that they
             were run by different software, or agents were not in the sandbox that is demanded.
     """
@@ -58,6 +70,7 @@ def rank(folders: Sequence[Path], out: Path | None = None, *, demands_sandbox: b
         )
         for folder, name in zip(folders, names_alone, strict=True)
     ]
+    _check_signatures(submissions, is_asked=demands_signature)
     _check_same_cases(submissions)
     _check_same_trials(submissions)
     _check_sandboxes(submissions, is_asked=demands_sandbox)
@@ -82,6 +95,12 @@ class _Submission:
         """Return the identity of an entry, its program and parameters, as text."""
         listed = next((each for each in self.manifest.get("entries", []) if each["name"] == entry), {})
         return json.dumps([listed.get("agent_hash"), listed.get("parameters")], sort_keys=True)
+
+    @cached_property
+    def key(self) -> str | None:
+        """The fingerprint of the key that has signed the folder."""
+        signed = check_signature(self.results.folder)
+        return signed.key.fingerprint if signed is not None else None
 
     # Never what the folder says of itself.
     @cached_property
@@ -116,6 +135,15 @@ def _check_same_cases(submissions: Sequence[_Submission]) -> None:
                 f"the hash {here}. Results of other cases, or of another version of them, cannot be ranked together: "
                 "enter the same suite with include, and fly it again."
             )
+
+
+def _check_signatures(submissions: Sequence[_Submission], *, is_asked: bool) -> None:
+    unsigned = [str(each.results.folder) for each in submissions if each.key is None]
+    if unsigned and is_asked:
+        raise SignatureError(
+            f"rank: expected signed results, as --signed asks, were unsigned ones in {', '.join(unsigned)}. Their "
+            "authors sign them with bench sign."
+        )
 
 
 # Their digests are equal where agents have not cheated, so that only the rows tell.
@@ -191,6 +219,7 @@ def _written(
         leaderboard=leaderboard,
         submissions={name: home.label for name, home in homes.items()},
         verified=verified,
+        keys={name: home.key for name, home in homes.items()},
     )
 
 
@@ -218,7 +247,7 @@ def _manifest(
             name = names.get((submission.label, listed["name"]))
             if name is not None:
                 home = homes[name]
-                entries.setdefault(name, {**listed, "name": name, "submission": home.label})
+                entries.setdefault(name, {**listed, "name": name, "submission": home.label, "key": home.key})
     first = submissions[0].manifest
     kept = ("schema", "suite", "title", "question", "seed", "suite_hash", "versions", "anchors", "scenarios", "dropped")
     demands = any(submission.manifest.get("sandbox") == "required" for submission in submissions)

@@ -11,10 +11,17 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from gslcosim.base.errors import build_machine_error, find_remedy
 from gslcosim.base.files import replace_file, user_state_folder
 
+STATEMENT_FILE, SIGNATURE_FILE = "signed.json", "signed.json.sig"
+"""What an author has signed, and the signature: `gslcosim.bench.signing`."""
+
 _FOLDER = "verified"
 _PIECE_BYTES = 1 << 20
-# Reports are made from the rest, recordings are looked at and not believed, Python writes its own.
-_MADE_FROM_THE_REST = {"recordings", "tables", "figures", "report.html", "leaderboard.json", "summary.md", ".lock"}
+# Reports are made from the rest, recordings are looked at and not believed, signatures have checks of their own, Python
+# writes its own.
+_MADE_FROM_THE_REST = {
+    "recordings", "tables", "figures", "report.html", "leaderboard.json", "summary.md", ".lock", STATEMENT_FILE,
+    SIGNATURE_FILE,
+}  # fmt: skip
 _OF_PYTHON = "__pycache__"
 _MOST_BYTES = 1 << 20
 
@@ -40,7 +47,7 @@ class VerificationMark(BaseModel):
 def results_hash(folder: Path) -> str:
     """Return the hash of all that a results folder says, and of the programs in it; reports and recordings aside."""
     digest = hashlib.blake2b(digest_size=24)
-    for path in _files(folder):
+    for path in list_content_files(folder):
         name = os.fsencode(path.relative_to(folder))
         digest.update(len(name).to_bytes(8, "big") + name)
         if path.is_symlink():
@@ -105,8 +112,9 @@ def _path(contents: str) -> Path:
     return user_state_folder() / _FOLDER / f"{contents}.json"
 
 
-# What is no regular file has no contents, and is not opened.
-def _files(folder: Path) -> Iterator[Path]:
+def list_content_files(folder: Path) -> Iterator[Path]:
+    """Yield the files and links that say something in a results folder, in order; reports and recordings aside."""
+    # What is no regular file has no contents, and is not opened.
     for path in sorted(_below(folder, is_top=True)):
         if path.is_symlink() or path.is_file():
             yield path

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from gslcosim.bench.execution.verification import Verification
     from gslcosim.bench.merge import MergeSummary
     from gslcosim.bench.report.writer import WrittenReport
+    from gslcosim.bench.signing.signed_results import SignedResults
     from gslcosim.bench.submissions import Ranking
     from gslcosim.runtime.status import RunResult, RunStatus
 
@@ -357,6 +358,32 @@ def format_verification(verification: "Verification") -> str:
     return "\n".join([*lines, note])
 
 
+def signature_to_json(signed: "SignedResults | None") -> dict[str, Any] | None:
+    """Return a signature as JSON has it; None without one."""
+    if signed is None:
+        return None
+    return {
+        "key": signed.key.text,
+        "fingerprint": signed.key.fingerprint,
+        "author": signed.author,
+        "signed_at": signed.signed_at,
+        "statement_hash": signed.statement_hash,
+        "suite_hash": signed.suite_hash,
+        "rows": signed.n_rows,
+    }
+
+
+def format_signature(signed: "SignedResults | None") -> str:
+    """Return who has signed results, in a sentence."""
+    if signed is None:
+        return "Nobody has signed these results."
+    author = f" ({signed.author})" if signed.author else ""
+    return (
+        f"Signed by {signed.key.fingerprint}{author}, {signed.signed_at}: {signed.n_rows} rows and all files as "
+        f"signed, statement {signed.statement_hash}."
+    )
+
+
 def format_ranking(ranking: "Ranking") -> str:
     """Return a merged leaderboard: equal ranks where entries cannot be distinguished, and who has been verified."""
     view = ranking.leaderboard["views"][0]
@@ -370,11 +397,16 @@ def format_ranking(ranking: "Ranking") -> str:
             str(row["n"]),
             ranking.submissions[row["entry"]],
             _verified(ranking.verified[row["entry"]]),
+            (ranking.keys[row["entry"]] or "nobody")[:_KEY_WIDTH],
         )
         for row in view["rows"]
     ]
-    head = ("RANK", "ENTRY", "SCORE", "SUCCESS", "TIME [s]", "N", "SUBMISSION", "VERIFIED")
+    head = ("RANK", "ENTRY", "SCORE", "SUCCESS", "TIME [s]", "N", "SUBMISSION", "VERIFIED", "SIGNED BY")
     return f"{table(head, rows)}\nIntervals are 95 %. Entries of one rank have not been told apart."
+
+
+# Enough of a fingerprint to tell keys of a table apart; --json has all of it.
+_KEY_WIDTH = len("SHA256:") + 12
 
 
 def _format_figure(figure: dict[str, float] | None, times: float, digits: int) -> str:

@@ -23,6 +23,8 @@ from hypothesis import strategies as st
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.base.yaml_core import CoreLoader
+from gslcosim.bench.signing.keys import write_key
+from gslcosim.bench.signing.signed_results import sign_results
 from gslcosim.bench.store import Journal, ResultsFolder
 from gslcosim.cli.arguments import iterate_commands
 from gslcosim.cli.main import GROUPS, main
@@ -36,6 +38,10 @@ RUN_FILES = (
 )  # fmt: skip
 RESULT_FILES = ("manifest.json", "maps.json", "rows.jsonl", "suite.yaml", "trials.parquet", "tracks.parquet")
 ENVIRONMENT_FILES = ("environment.yaml", "occupancy.npy", "wind.npy")
+SIGNED_FILES = (
+    "manifest.json", "maps.json", "suite.yaml", "trials.parquet", "tracks.parquet", "signed.json", "signed.json.sig",
+    "recordings/key",
+)  # fmt: skip
 SWEEP_FILES = (*RESULT_FILES, "sweep.json", "sweep.csv")
 TUNING_FILES = (
     "study.log", "tuning.json", "tuning.csv",
@@ -67,7 +73,10 @@ CALLS = {
     "bench report": ["bench", "report", "RESULTS"],
     "bench show": ["bench", "show", "RESULTS", "--trial", "TRIAL", "--no-view", "--trusted"],
     "bench verify": ["bench", "verify", "RESULTS", "--sample", "1", "--jobs", "1", "--trusted"],
+    "bench verify of a signature": ["bench", "verify", "SIGNED", "--signature-only"],
+    "bench sign": ["bench", "sign", "SIGNED", "--key", "SIGNED/recordings/key"],
     "bench rank": ["bench", "rank", "RESULTS"],
+    "bench rank of signed results": ["bench", "rank", "SIGNED", "--signed"],
     "bench merge": ["bench", "merge", "SHARD", "--out", "OUT"],
     "bench run": ["bench", "run", "smoke", "--results", "RESULTS", "--only", "trial=none"],
     "import": ["environment", "import", "ENVIRONMENT", "--out", "OUT"],
@@ -121,6 +130,7 @@ OTHERS = {
     "runs top": "the same",
     "runs stop": "the same",
     "bench list": "reads what is installed",
+    "bench keygen": "writes two files",
     "reality": "reads measured data: tests/unit/validation/test_readers.py",
     "bench plan": "reads a suite",
 }
@@ -257,6 +267,10 @@ def whole(tmp_path_factory):
         shutil.copytree("runs/damaged", "runs/other")
         assert main(["bench", "run", "smoke", "--jobs", "1", "--only", "entry=oracle", "--only", "repetition=0"]) == 0
         assert main(["bench", "run", "smoke", "--shard", "1/1", "--jobs", "1", "--only", "entry=oracle"]) == 0
+    signed = shutil.copytree(root / "results" / "smoke", root / "results" / "signed")
+    # Not part of what is signed, so that whole ones are.
+    write_key(signed / "recordings" / "key", "")
+    sign_results(signed, signed / "recordings" / "key", author="", signed_at="")
     for name in ("smoke", "smoke-1-of-1"):
         _write_rows(root / "results" / name)
     environment = prepare_environment(load_scenario("tiny_room").scenario, scenario_dir=root)
@@ -298,6 +312,7 @@ def words_of(call, root):
         "RESULTS": root / "results" / "smoke", "ENVIRONMENT": root / "environment", "OUT": root / "out",
         "JOIN": root / "join", "SWEEP": root / "swept", "TUNING": root / "tuned", "TRAINING": root / "trained",
         "TRAIN_FILE": root / "small.train.yaml", "SHARD": root / "results" / "smoke-1-of-1",
+        "SIGNED": root / "results" / "signed",
     }  # fmt: skip
     recorded = [path.name for path in (root / "results" / "smoke" / "recordings").iterdir()]
     places |= {"TRIAL": recorded[0]}
@@ -314,6 +329,7 @@ def files_of(call, root):
     files += [root / "runs" / "damaged" / name for name in RUN_FILES if "RUN" in words]
     files += [root / "results" / "smoke" / name for name in RESULT_FILES if "RESULTS" in words]
     files += [root / "results" / "smoke-1-of-1" / name for name in (*RESULT_FILES, "shard.json") if "SHARD" in words]
+    files += [root / "results" / "signed" / name for name in SIGNED_FILES if "SIGNED" in words]
     files += [root / "environment" / name for name in ENVIRONMENT_FILES if "ENVIRONMENT" in words]
     return [path for path in files if path.is_file()]
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from gslcosim.base.errors import ExitCode, UsageError
 from gslcosim.cli.arguments import RECORDING, Command, CommandFamily, parse_positive_number, parse_whole_number
 from gslcosim.cli.bench_workers import add_worker_arguments, check_sandbox_here, start_pool
-from gslcosim.cli.commands import sweep, tune
+from gslcosim.cli.commands import submission, sweep, tune
 from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import add_json_option, ask, table, write, write_json, write_note
 
@@ -95,6 +95,8 @@ def _add_verify_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="seed of the sample (default: a new one)",
     )
+    parser.add_argument("--signature-only", action="store_true", help="check the author's signature, and run nothing")
+    _add_author(parser)
     _add_trusted(parser)
     add_worker_arguments(parser)
 
@@ -111,7 +113,14 @@ def _add_rank_arguments(parser: argparse.ArgumentParser) -> None:
     add_json_option(parser)
     parser.add_argument("results", nargs="+", type=Path, metavar="RESULTS", help="results folders of one suite")
     parser.add_argument("--sandboxed", action="store_true", help="refuse runs whose agents had no sandbox")
+    parser.add_argument("--signed", action="store_true", help="refuse results that nobody has signed")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write merged results, with a report, to this folder")
+
+
+def _add_author(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--author", metavar="KEY", help="expect the signature of this public key: a file, its text or its fingerprint"
+    )
 
 
 def _add_trusted(parser: argparse.ArgumentParser) -> None:
@@ -325,11 +334,25 @@ def _show(arguments: argparse.Namespace) -> int:
 
 def _verify(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.execution.verification import RepeatableResults, check_confinable, verify_trials
+    from gslcosim.bench.signing.keys import parse_author
+    from gslcosim.bench.signing.signed_results import check_signature
     from gslcosim.bench.store import ResultsFolder
     from gslcosim.bench.verification_marks import prepare_marks
-    from gslcosim.cli.run_output import format_verification, verification_to_json
+    from gslcosim.cli.run_output import format_signature, format_verification, signature_to_json, verification_to_json
 
-    again = RepeatableResults(ResultsFolder(arguments.results))
+    folder = ResultsFolder(arguments.results)
+    folder.check()
+    author = None if arguments.author is None else parse_author(arguments.author)
+    signed = check_signature(folder.path, author=author)
+    if arguments.signature_only:
+        if signed is None:
+            raise UsageError(f"{folder.path}: expected signed results, were unsigned ones. Sign them: bench sign.")
+        if arguments.json:
+            write_json({"signature": signature_to_json(signed)})
+        else:
+            write(format_signature(signed))
+        return 0
+    again = RepeatableResults(folder)
     seed = secrets.randbelow(1 << 31) if arguments.seed is None else arguments.seed
     trials = again.sample(arguments.sample, seed=seed)
     if not trials:
@@ -345,9 +368,11 @@ def _verify(arguments: argparse.Namespace) -> int:
     finally:
         pool.close()
     if arguments.json:
-        write_json(verification_to_json(verification) | {"seed": seed})
+        write_json(verification_to_json(verification) | {"seed": seed, "signature": signature_to_json(signed)})
     else:
-        write(f"{format_verification(verification)}\nThe sample was drawn with --seed {seed}.")
+        write(
+            f"{format_signature(signed)}\n{format_verification(verification)}\nThe sample was drawn with --seed {seed}."
+        )
     return ExitCode.DIVERGENCE if verification.differences else 0
 
 
@@ -374,9 +399,14 @@ def _rank(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.submissions import rank
     from gslcosim.cli.run_output import format_ranking
 
-    ranking = rank(arguments.results, arguments.out, demands_sandbox=arguments.sandboxed)
+    ranking = rank(
+        arguments.results, arguments.out, demands_sandbox=arguments.sandboxed, demands_signature=arguments.signed
+    )
     if arguments.json:
-        write_json({**ranking.leaderboard, "submissions": ranking.submissions, "verified": ranking.verified})
+        write_json(
+            {**ranking.leaderboard, "submissions": ranking.submissions, "verified": ranking.verified}
+            | {"keys": ranking.keys}
+        )
     else:
         write(format_ranking(ranking))
     return 0
@@ -458,7 +488,8 @@ COMMAND = CommandFamily(
             name="verify",
             summary="repeat a sample of the trials and compare all figures",
             examples="  gslcosim bench verify results/smoke --sample 5\n"
-            "  gslcosim bench verify submissions/delft --seed 7",
+            "  gslcosim bench verify submissions/delft --seed 7\n"
+            "  gslcosim bench verify submissions/delft --signature-only --author delft.pub",
             add_arguments=_add_verify_arguments,
             run=_verify,
         ),
@@ -470,6 +501,7 @@ COMMAND = CommandFamily(
             add_arguments=_add_rank_arguments,
             run=_rank,
         ),
+        *submission.COMMANDS,
         sweep.COMMAND,
         tune.COMMAND,
     ),
