@@ -38,9 +38,18 @@ SPLITS = ("training", "validation", "test")
 Split = Literal["training", "validation", "test"]
 
 
+LABELS = "labels."
+"""Beginning of paths that set no value of a scenario: `labels.wind: gusting` is the level of a case on an axis."""
+
+
 def as_overrides(values: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return values of a scenario as `load_scenario` takes them."""
-    return tuple(f"{path}={json.dumps(value)}" for path, value in values.items())
+    """Return values of a scenario as `load_scenario` takes them, without labels."""
+    return tuple(f"{path}={json.dumps(value)}" for path, value in values.items() if not path.startswith(LABELS))
+
+
+def select_labels(values: Mapping[str, Any]) -> Values:
+    """Return the labels among values, by their paths."""
+    return {path: value for path, value in values.items() if path.startswith(LABELS)}
 
 
 def check_lengths(key: str, lengths: Mapping[str, int], *, remedy: str) -> None:
@@ -407,8 +416,8 @@ def n_values(values: "DrawSpec | tuple[Any, ...]") -> int:
 class Case:
     """One scenario of a suite with one combination of what varies; without entry and repetition.
 
-    `varied` holds values by path; `set_in` says, for problems, which file sets them. `is_sandboxed` is whether its
-    suite, or one that includes it, demands a sandbox for agents.
+    `varied` holds values by path, labels first; `set_in` says, for problems, which file sets them. `is_sandboxed` is
+    whether its suite, or one that includes it, demands a sandbox for agents.
     """
 
     name: str

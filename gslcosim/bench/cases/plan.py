@@ -18,6 +18,7 @@ from gslcosim.base.untrusted_input import MalformedFileError, read_json
 from gslcosim.bench.cases.agent_setup import apply_entry, build_environment, close_sources, find_card
 from gslcosim.bench.cases.families import find_family_beside
 from gslcosim.bench.cases.models import (
+    LABELS,
     Axis,
     Case,
     DrawSpec,
@@ -31,6 +32,7 @@ from gslcosim.bench.cases.models import (
     as_overrides,
     derive_seed,
     n_values,
+    select_labels,
 )
 from gslcosim.bench.cases.sensor_holds import with_sensor_holds
 from gslcosim.bench.cases.suite_files import LoadedSuite, agent_hash, case_hash, software_hash, trial_id
@@ -132,6 +134,7 @@ def _cases(loaded: LoadedSuite, *, is_sandboxed: bool) -> Iterator[tuple[LoadedS
         repetitions = len(spec.seeds) if spec.seeds else spec.repetitions or suite.repetitions
         for name, place, source, seed, drawn in _places_of(spec, loaded):
             for varied in _combinations(suite.axes_of(spec), suite.seed):
+                values = {**suite.set, **drawn, **spec.set, **varied, **_holds(suite)}
                 yield (
                     loaded,
                     Case(
@@ -139,8 +142,8 @@ def _cases(loaded: LoadedSuite, *, is_sandboxed: bool) -> Iterator[tuple[LoadedS
                         scenario=name,
                         family=spec.family or name,
                         source=source,
-                        varied={**drawn, **varied},
-                        overrides=as_overrides({**suite.set, **drawn, **spec.set, **varied, **_holds(suite)}),
+                        varied={**select_labels(values), **drawn, **varied},
+                        overrides=as_overrides(values),
                         suite_seed=suite.seed,
                         repetitions=repetitions,
                         gas_seeds=repetitions if spec.seeds else spec.gas_seeds or suite.gas_seeds or repetitions,
@@ -206,6 +209,8 @@ def _value(path: str, values: "DrawSpec | tuple[Any, ...]", k: int, suite_seed: 
 # `agents[0].vehicle.start_m: [3, 3, 0.2]` becomes `start=3,3,0.2`.
 def _labels(varied: dict[str, Any]) -> Iterator[str]:
     for path, value in varied.items():
+        if path.startswith(LABELS):
+            continue
         key = path.rpartition(".")[2].partition("[")[0]
         ending = next((unit for unit in _UNITS if key.endswith(unit)), "")
         yield f"{key.removesuffix(ending)}={_short(value)}"

@@ -2,8 +2,9 @@
 
 import dataclasses
 import re
+from collections import Counter
 from functools import cache
-from itertools import groupby
+from itertools import combinations, groupby
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,11 @@ import yaml
 
 from gslcosim.base.bundled import bundled_agents, bundled_suites
 from gslcosim.bench.cases import Plan, build_plan, load_suite
-from gslcosim.bench.cases.models import EntrySpec, ScenarioSpec, Suite
+from gslcosim.bench.cases.models import LABELS, Case, EntrySpec, ScenarioSpec, Suite, select_labels
+from gslcosim.bench.cases.plan import expand_cases
 from gslcosim.bench.cases.suite_files import LoadedSuite
+from gslcosim.bench.statistics.power import pairs_needed
+from gslcosim.bench.statistics.rates import wilson
 from gslcosim.methods.card import MethodCard, find_card_beside
 
 ROOT = Path(__file__).parents[4]
@@ -20,7 +24,7 @@ PAGE = ROOT / "docs" / "benchmark" / "suites.md"
 SUITES = sorted(bundled_suites())
 MOST_PICTURE_BYTES = 150_000
 # The largest that is asked for of each [trials].
-MOST_TRIALS = {"gsl_bench_fair": 4000, "methods": 2500, "smoke": 12}
+MOST_TRIALS = {"gsl_bench_fair": 4000, "methods": 2500, "open_2026": 10_000, "smoke": 12}
 
 
 @cache
@@ -43,7 +47,12 @@ def planned_whole(name: str) -> Plan:
 def planned_once(name: str) -> Plan:
     suite = loaded(name).suite
     anchors_and_first = suite.model_copy(
-        update={"repetitions": 1, "entries": suite.entries_with_anchors[:2], "anchors": ()}
+        update={
+            "repetitions": 1,
+            "entries": suite.entries_with_anchors[:2],
+            "anchors": (),
+            "scenarios": tuple(spec.model_copy(update={"repetitions": None}) for spec in suite.scenarios),
+        }
     )
     return build_plan(dataclasses.replace(loaded(name), suite=anchors_and_first))
 
@@ -62,17 +71,21 @@ def trials_said(name: str) -> int:
 def trials_counted(name: str) -> int:
     """The trials of a suite that drops nothing."""
     suite = loaded(name).suite
-    n_cases = len(suite.scenarios)
-    for axis in suite.vary:
-        first = next(iter(axis.values()))
-        n_cases *= getattr(first, "draw", None) or len(first)  # type: ignore[arg-type]
-    n_flights = suite.repetitions + round(suite.repetitions * suite.controls.no_source_frac)
-    return n_cases * n_flights * len(suite.entries_with_anchors)
+    n_flights = 0
+    for spec in suite.scenarios:
+        n_cases = 1
+        for axis in suite.axes_of(spec):
+            first = next(iter(axis.values()))
+            n_cases *= getattr(first, "draw", None) or len(first)  # type: ignore[arg-type]
+        repetitions = spec.repetitions or suite.repetitions
+        n_flights += n_cases * (repetitions + round(repetitions * suite.controls.no_source_frac))
+    return n_flights * len(suite.entries_with_anchors)
 
 
 def test_all_suites_are_there() -> None:
     assert set(SUITES) == {
         "smoke", "gsl_bench_2023", "gsl_bench_3d", "gsl_bench_fair", "methods", "swarms", "declare", "generalisation",
+        "open_2026", "open_2026_quick",
     }  # fmt: skip
 
 
@@ -161,6 +174,55 @@ def test_declare_holds_all_that_declare_alone() -> None:
     assert {entry.name for entry in suite.entries_with_anchors} == declaring
     assert suite.set["referee.success.of"] == "declaration"
     assert suite.controls.no_source_frac == 1.0
+
+
+def test_the_quick_profile_has_the_same_cases_as_the_whole_comparison() -> None:
+    whole, quick = (
+        {case.name: case for _, case in expand_cases(loaded(name))} for name in ("open_2026", "open_2026_quick")
+    )
+    assert set(quick) < set(whole)
+    for name, case in quick.items():
+        assert case.overrides == whole[name].overrides
+        assert case.varied == whole[name].varied
+        assert case.source.resolve() == whole[name].source.resolve()
+        assert (case.run_seed(0), case.plume_seed(0)) == (whole[name].run_seed(0), whole[name].plume_seed(0))
+    assert {case.scenario for case in quick.values()} == {case.scenario for case in whole.values()}
+
+
+def labels_of(case: Case, core: Case) -> dict[str, str]:
+    labels = select_labels(case.varied)
+    return {axis: level for axis, level in labels.items() if level != core.varied[axis]}
+
+
+def test_the_open_comparison_changes_one_thing_at_a_time_or_in_balance() -> None:
+    cases = [case for _, case in expand_cases(loaded("open_2026_quick"))]
+    core = cases[0]
+    mixed = [case for case in cases if case.family == "mixed"]
+    for case in cases[1:]:
+        if case.family != "mixed":
+            assert list(labels_of(case, core)) == [f"{LABELS}{case.family}"], case.name
+    axes = [axis for axis in core.varied if len({case.varied[axis] for case in mixed}) > 1]
+    assert len(axes) == 7
+    for one, other in combinations(axes, 2):
+        pairs = Counter((case.varied[one], case.varied[other]) for case in mixed)
+        assert set(pairs.values()) == {2}, (one, other)
+
+
+def test_the_page_of_the_open_comparison_states_its_size() -> None:
+    text = (ROOT / "docs" / "benchmark" / "open_2026.md").read_text()
+    suite = loaded("open_2026").suite
+    cases = [case for _, case in expand_cases(loaded("open_2026"))]
+    n_pairs, n_controls = sum(case.repetitions for case in cases), sum(case.n_controls for case in cases)
+    assert f"**{n_pairs} pairs**" in text
+    assert f"{n_controls} controls" in text
+    for axis in suite.set:
+        assert f"| `{axis.removeprefix(LABELS)}` |" in text
+    for percent, n, n_with_effect in re.findall(r"^\| (\d+) % \| (\d+) \| (\d+) \|$", text, flags=re.MULTILINE):
+        discordance = int(percent) / 100
+        assert pairs_needed(difference=0.1, discordance=discordance) == int(n)
+        assert pairs_needed(difference=0.1, discordance=discordance, design_effect=1.3) == int(n_with_effect)
+    assert pairs_needed(difference=0.1, discordance=0.25, design_effect=1.3) <= n_pairs
+    assert wilson(0, n_controls).high == pytest.approx(0.064, abs=5e-4)
 
 
 def check_pairs(plan: Plan) -> None:

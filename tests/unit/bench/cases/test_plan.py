@@ -42,6 +42,22 @@ def test_vary_multiplies_and_lists_of_one_item_go_together(tmp_path: Path) -> No
     assert (last.agents[0].vehicle.hold_s, last.referee.success.within_m) == (1.0, 0.9)
 
 
+def test_labels_stand_beside_values_and_change_no_trial(tmp_path: Path) -> None:
+    bare = planned(tmp_path, "scenarios: [tiny_room]\nvary: [{'wind.inlet_velocity_m_s': [[1, 0, 0]]}]\n" + ONE_ENTRY)
+    labelled = planned(
+        tmp_path,
+        "set: {labels.gas: neutral, labels.wind: slow}\n"
+        "scenarios: [{source: tiny_room, set: {labels.room: tiny}}]\n"
+        "vary: [{labels.wind: [fast], 'wind.inlet_velocity_m_s': [[1, 0, 0]]}]\n" + ONE_ENTRY,
+    )
+    assert [trial.id for trial in labelled.trials] == [trial.id for trial in bare.trials]
+    assert labelled.cases[0].name == bare.cases[0].name
+    assert json.loads(labelled.trials[0].varied) == {
+        "labels.gas": "neutral", "labels.wind": "fast", "labels.room": "tiny",
+        "wind.inlet_velocity_m_s": [1, 0, 0],
+    }  # fmt: skip
+
+
 OWN_AXES = """
 scenarios:
   - {source: tiny_room, starts: [[4.5, 2.5, 0.2], [4.5, 1, 0.2]], repetitions: 2, gas_seeds: 1}
