@@ -148,6 +148,43 @@ class Results:
             raise UsageError(f"{column}: expected a column of the trials ({', '.join(TRIALS.names)}), found none.")
 
 
+def read_state(folder: str | Path) -> dict[str, Any]:
+    """Return how far the run of a suite in a folder is: while it goes on, or what it left.
+
+    `run` is what the run that works there says of itself, None where there is none; `entries` are the runs with gas of
+    each entry and how many found the source.
+
+    Raises:
+        UsageError: no suite has been run there, or a table is damaged.
+    """
+    results = ResultsFolder(Path(folder))
+    if not results.manifest.is_file():
+        raise UsageError(
+            f"{folder}: expected a folder of results (manifest.json), found none. Run one: gslcosim bench run SUITE."
+        )
+    n_planned = results.read_json(results.manifest).get("n_planned")
+    if results.shard.is_file():
+        n_planned = len(results.read_json(results.shard)["trials"])
+    rows = results.rows()
+    entries: dict[str, dict[str, int]] = {}
+    for row in rows:
+        if not row["is_control"]:
+            counts = entries.setdefault(row["entry"], {"n": 0, "found": 0})
+            counts["n"] += 1
+            counts["found"] += bool(row["success"])
+    is_running = results.is_in_use
+    is_complete = n_planned is not None and len(rows) >= n_planned
+    return {
+        "folder": str(folder),
+        "state": "running" if is_running else "complete" if is_complete else "not complete",
+        "n_rows": len(rows),
+        "n_planned": n_planned,
+        "n_without_result": sum(row["status"] != "flown" for row in rows),
+        "entries": entries,
+        "run": (results.read_json(results.status) or None) if is_running else None,
+    }
+
+
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
     """Two entries on their pairs: `a` minus `b`.

@@ -352,6 +352,7 @@ class SessionFacts(TypedDict, total=False):
     n_trials: int | None
     busy_share: float | None
     flying_share: float | None
+    cpu_s: float | None
     peak_worker_mb: float | None
     reference_loop_s: float | None
 
@@ -440,7 +441,22 @@ class RoomMaps(TypedDict, total=False):
     maps: list[RoomMapFacts]
 
 
-_KINDS: dict[str, Any] = {"manifest.json": ResultsManifest, "maps.json": RoomMaps, "shard.json": ShardFacts}
+class RunStatusFacts(TypedDict):
+    """State of a run that works in a folder, as `.status.json` has it; see `RunSummary` for what comes of it."""
+
+    phase: str
+    done: int
+    total: int
+    elapsed_s: float
+    left_s: float | None
+    cpu_s: float
+    n_without_result: int
+    process: int
+
+
+_KINDS: dict[str, Any] = {
+    "manifest.json": ResultsManifest, "maps.json": RoomMaps, "shard.json": ShardFacts, ".status.json": RunStatusFacts,
+}  # fmt: skip
 
 
 class ResultsFolder:
@@ -455,6 +471,7 @@ class ResultsFolder:
         self.manifest = path / "manifest.json"
         self.maps = path / "maps.json"
         self.shard = path / "shard.json"
+        self.status = path / ".status.json"
         self.journal = path / "rows.jsonl"
         self.recordings = path / "recordings"
 
@@ -503,6 +520,19 @@ class ResultsFolder:
             lock.write(f"{os.getpid()}\n")
             lock.flush()
             yield
+
+    @property
+    def is_in_use(self) -> bool:
+        """True while a run holds the folder."""
+        path = self.path / ".lock"
+        if sys.platform == "win32" or not path.is_file():
+            return False
+        with path.open() as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except BlockingIOError:
+                return True
+        return False
 
     def entries(self) -> dict[str, JournalEntry]:
         """Return all rows that there are by trial: those of the tables, then those of the journal."""

@@ -1,15 +1,19 @@
 """Workers of `gslcosim bench`: the options that ask for them, and the pool that is started."""
 
 import argparse
+import sys
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from gslcosim.base.errors import UsageError
 from gslcosim.cli.arguments import parse_positive_number
-from gslcosim.cli.terminal import write_note
+from gslcosim.cli.terminal import ask, write_note
 
 if TYPE_CHECKING:
     from gslcosim.bench.cases import Plan
     from gslcosim.bench.cases.models import LimitsSpec
     from gslcosim.bench.execution.pool import Pool
+    from gslcosim.bench.execution.runner import StaleRows
 
 
 def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,6 +28,31 @@ def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
     where.add_argument(
         "--ray", metavar="ADDRESS", help="run on a Ray cluster: its address, auto, or local (pip install gslcosim[ray])"
     )
+
+
+def add_yes_option(parser: argparse.ArgumentParser) -> None:
+    """Add the answer to the question of `confirm_put_aside`."""
+    parser.add_argument("--yes", action="store_true", help="move results of another version aside without asking")
+
+
+def confirm_put_aside(arguments: argparse.Namespace) -> "Callable[[StaleRows], bool]":
+    """Return what asks before rows of another version are moved aside; who has nobody to ask refuses.
+
+    Raises:
+        UsageError: on the call, where neither `--yes` nor a terminal answers.
+    """
+
+    def confirm(stale: "StaleRows") -> bool:
+        if not arguments.yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
+            raise UsageError(
+                f"{stale.folder}: expected results of this version, was a folder in which {stale}. "
+                "Repeat with --yes to move them to a folder beside and run them again, or name another folder with "
+                "--results."
+            )
+        write_note(f"{stale.folder}: {stale}. They are moved to a folder beside and run again.")
+        return arguments.yes or ask("Continue?")
+
+    return confirm
 
 
 def check_sandbox_here(arguments: argparse.Namespace, plan: "Plan") -> None:

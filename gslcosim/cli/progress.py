@@ -16,8 +16,9 @@ if TYPE_CHECKING:
 _REFRESH_HZ = 10
 _BAR_WIDTH = 24
 _TEXT_COLUMN = 2
-# Lines in a pipe come at most so often [s].
+# Lines in a pipe come at most so often [s]; those of long work less often, as a share of its time up to a limit.
 _PLAIN_EVERY_S = 10.0
+_PLAIN_SHARE, _PLAIN_AT_MOST_S = 0.05, 300.0
 
 
 # An estimate from less than this is no estimate [s].
@@ -73,6 +74,7 @@ class ProgressLine:
         self._live: Live | None = None
         self._spinner: Any = None
         self._written_at_s: dict[str, float] = {}
+        self._begun_at_s: dict[str, float] = {}
 
     def __enter__(self) -> Self:
         return self
@@ -106,7 +108,9 @@ class ProgressLine:
             self._draw()
             return
         now_s = time.monotonic()
-        if is_last or now_s - self._written_at_s.get(phase, -1e9) >= _PLAIN_EVERY_S:
+        worked_s = now_s - self._begun_at_s.setdefault(phase, now_s)
+        pause_s = min(max(_PLAIN_EVERY_S, _PLAIN_SHARE * worked_s), _PLAIN_AT_MOST_S)
+        if is_last or now_s - self._written_at_s.get(phase, -1e9) >= pause_s:
             self._written_at_s[phase] = now_s
             words = plain or (text if isinstance(text, str) else text())
             write_note(f"{title}: {words}" if title else words)
@@ -124,6 +128,7 @@ class ProgressLine:
     def end(self) -> None:
         """Leave nothing of the line, and begin anew with what is shown next."""
         self._written_at_s.clear()
+        self._begun_at_s.clear()
         if self._live is not None:
             self._live.stop()
             self._live = None

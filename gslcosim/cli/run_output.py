@@ -183,6 +183,10 @@ def _figure(value: object, pattern: str) -> str:
 
 # Of suites, in a pipe.
 _BAR = 20
+_MOST_ENTRIES_IN_LINE = 6
+# Of the leaderboard after a run.
+_MOST_RANKED = 20
+_REPORT_ONLY = ("Worst quarter", "Lift [points]", "SPL")
 
 
 def plan_to_json(plan: "Plan", trials: "Sequence[Trial]", *, n_workers: int) -> dict[str, Any]:
@@ -266,15 +270,44 @@ def show_suite_progress(title: str, *, is_quiet: bool) -> "Iterator[Callable[[Pr
 
 
 def format_progress(progress: "Progress") -> str:
-    """Return the state of a run in one line."""
+    """Return the state of a run in one line: what is done, the time left, and the time that processors worked."""
     done, total = progress.done, progress.total
+    left = f", {_duration(progress.left_s)} left" if progress.left_s and done < total else ""
+    cpu = f", {_duration(progress.cpu_s)} of processor time" if progress.cpu_s >= 1 else ""
     if progress.phase != "trials":
-        return f"{progress.phase} {done}/{total}"
+        return f"{progress.phase} {done}/{total}, {_duration(progress.elapsed_s)}{left}{cpu}"
     rate = f"{progress.rate_per_s:.1f}/s" if progress.rate_per_s >= 1 else f"{progress.rate_per_s * 60:.1f}/min"
-    left = f", {_duration(progress.left_s)} left" if progress.left_s is not None else ""
-    found = ", ".join(f"{name} {progress.successes.get(name, 0)}/{n}" for name, n in sorted(progress.flown.items()))
     lost = f" | {progress.n_without_result} without result" if progress.n_without_result else ""
-    return f"{done}/{total} trials, {rate}{left} | found: {found or 'none yet'}{lost}"
+    return f"{done}/{total} trials, {rate}{left}{cpu} | found: {_found(progress)}{lost}"
+
+
+# By entry, where a line has room for all of them.
+def _found(progress: "Progress") -> str:
+    if not progress.flown:
+        return "none yet"
+    if len(progress.flown) > _MOST_ENTRIES_IN_LINE:
+        return f"{sum(progress.successes.values())} of {sum(progress.flown.values())}"
+    return ", ".join(f"{name} {progress.successes.get(name, 0)}/{n}" for name, n in sorted(progress.flown.items()))
+
+
+def format_status_of_results(fields: dict[str, Any]) -> str:
+    """Return the state of a folder of results, as `bench status` has it, for a person."""
+    rows, planned, now = fields["n_rows"], fields["n_planned"], fields["run"]
+    have = f"{rows} of {planned} planned trials" if planned is not None else f"{rows} trials"
+    lost = f", {fields['n_without_result']} of them without result" if fields["n_without_result"] else ""
+    lines = [f"{fields['folder']}: {fields['state']}, {have}{lost}."]
+    if now is not None:
+        left = f", {_duration(now['left_s'])} left" if now["left_s"] else ""
+        lines.append(
+            f"Process {now['process']}: {now['phase']} {now['done']}/{now['total']} in {_duration(now['elapsed_s'])}"
+            f"{left}, {_duration(now['cpu_s'])} of processor time."
+        )
+    if fields["state"] == "not complete":
+        lines.append("Repeat the command that ran it to resume.")
+    if fields["entries"]:
+        cells = [(name, str(each["found"]), str(each["n"])) for name, each in fields["entries"].items()]
+        lines.append(table(("ENTRY", "FOUND", "FLOWN"), cells))
+    return "\n".join(lines)
 
 
 def format_suite_summary(summary: "RunSummary", report: "WrittenReport | None", shard: "Shard | None" = None) -> str:
@@ -294,7 +327,8 @@ def format_suite_summary(summary: "RunSummary", report: "WrittenReport | None", 
         lines.append(
             f"Time: {_duration(wall['total_s'])}, of which preparing {_duration(wall['preparing_s'])}; workers busy "
             f"{100 * wall['busy_share']:.0f} % of the time after that, flying {100 * wall['flying_share']:.0f} %; "
-            f"{wall['jobs']} workers, at most {wall['peak_worker_mb']:.0f} MB each."
+            f"{wall['jobs']} workers, at most {wall['peak_worker_mb']:.0f} MB each"
+            + (f", {_duration(wall['cpu_s'])} of processor time." if wall.get("cpu_s") else ".")
         )
     if summary.is_interrupted:
         lines.append("Repeat the command to resume.")
@@ -305,9 +339,17 @@ def format_suite_summary(summary: "RunSummary", report: "WrittenReport | None", 
     return "\n".join(lines)
 
 
-# The leaderboard between empty lines, where anything was flown.
+# The beginning of the report's leaderboard, with columns that fit in a terminal, where anything was flown.
 def _leaderboard_lines(report: "WrittenReport | None") -> list[str]:
-    return ["", table(*report.leaderboard), ""] if report is not None and report.leaderboard[1] else []
+    if report is None or not report.leaderboard[1]:
+        return []
+    headings, rows = report.leaderboard
+    kept = [i for i, heading in enumerate(headings) if heading not in _REPORT_ONLY]
+    shown = [[row[i] for i in kept] for row in rows[:_MOST_RANKED]]
+    lines = ["", table([headings[i] for i in kept], shown)]
+    if len(rows) > len(shown):
+        lines.append(f"{len(rows) - len(shown)} more entries are in {report.page.parent / 'summary.md'}.")
+    return [*lines, ""]
 
 
 def format_merge(summary: "MergeSummary", report: "WrittenReport | None") -> str:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gslcosim.cli.bench_workers import add_worker_arguments
+from gslcosim.cli.bench_workers import add_worker_arguments, add_yes_option
 from gslcosim.cli.terminal import table
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ def add_target_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_worker_arguments(parser)
     parser.add_argument("--results", type=Path, metavar="DIR", help="results folder (default: below results/)")
+    add_yes_option(parser)
 
 
 def format_stage(stage: "TuningProgress") -> str:

@@ -71,6 +71,7 @@ CALLS = {
                                  "--grid", "1.0", "--out", "OUT.csv"],
     "export": ["environment", "export", "ENVIRONMENT", "--to", "stl", "--out", "OUT"],
     "bench report": ["bench", "report", "RESULTS"],
+    "bench status": ["bench", "status", "RESULTS"],
     "bench show": ["bench", "show", "RESULTS", "--trial", "TRIAL", "--no-view", "--trusted"],
     "bench verify": ["bench", "verify", "RESULTS", "--sample", "1", "--jobs", "1", "--trusted"],
     "bench verify of a signature": ["bench", "verify", "SIGNED", "--signature-only"],

@@ -9,6 +9,8 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any, Literal, Protocol, cast
 
+import psutil
+
 from gslcosim.base.errors import SimulationFault
 from gslcosim.base.worker_process import WorkerProcess
 from gslcosim.bench.cases.models import LimitsSpec, Trial
@@ -81,6 +83,11 @@ class Pool(Protocol):
         ...
 
     @property
+    def cpu_s(self) -> float:
+        """Processor time of all workers so far, with what they started [s]; 0 where nobody knows."""
+        ...
+
+    @property
     def reference_loops_s(self) -> list[float]:
         """Times of the reference loop between runs [s]."""
         ...
@@ -130,6 +137,7 @@ class _Worker:
     jobs: "deque[Job]" = field(default_factory=deque)
     started_at: float | None = None
     peak_mb: float = 0.0
+    cpu_s: float = 0.0
     is_up: bool = False
 
     @property
@@ -153,11 +161,17 @@ class LocalPool:
         self._queue: deque[Job] = deque()
         self._ended: list[JobResult] = []
         self.reference_loops_s: list[float] = []
+        self._ended_cpu_s = 0.0
         self._n_started = 0
         self._n_failed_starts = 0
         self._workers = [self._start() for _ in range(n_workers)]
         self._looked_at = 0.0
         self._stops = StopDetector()
+
+    @property
+    def cpu_s(self) -> float:
+        """Processor time as last looked at; see `Pool`."""
+        return self._ended_cpu_s + sum(worker.cpu_s for worker in self._workers)
 
     def submit(self, job: Job) -> None:
         """Take a job; see `Pool`."""
@@ -235,7 +249,10 @@ class LocalPool:
             if worker.name in stopped:
                 self._lose(worker, "crashed", f"{worker.name} {describe_stop()}")
                 continue
-            worker.peak_mb = sum(map(_resident_mb, worker.process.pids))
+            pids = worker.process.pids
+            worker.peak_mb = sum(map(_resident_mb, pids))
+            # What has ended meanwhile counts until its parent has waited for it.
+            worker.cpu_s = max(worker.cpu_s, sum(map(_cpu_s, pids)))
             self.peak_mb = max(self.peak_mb, worker.peak_mb)
             if not worker.process.is_running and not worker.process.connection.poll():
                 self._lose(worker, "crashed", f"the worker {worker.process.describe_end()}")
@@ -265,8 +282,17 @@ class LocalPool:
             job = worker.jobs.popleft()
             self._ended.append(JobResult(job=job, worker=worker.name, taken_s=taken_s, failure=failure, text=reason))
         self._queue.extendleft(reversed(worker.jobs))
+        self._ended_cpu_s += worker.cpu_s
         self._workers[self._workers.index(worker)] = self._start()
         self._hand_out()
+
+
+# Of a process and of the children that it has waited for.
+def _cpu_s(pid: int) -> float:
+    try:
+        return sum(psutil.Process(pid).cpu_times()[:4])
+    except psutil.Error:
+        return 0.0
 
 
 # What a process has for itself: rooms and tapes are mapped files that all workers share.

@@ -191,6 +191,7 @@ class RayPool:
             UsageError: Ray is not installed, there is no such cluster, or a node has other software.
         """
         self.peak_mb = 0.0
+        self.cpu_s = 0.0
         self.reference_loops_s: list[float] = []
         self._address = address
         self._limits = limits

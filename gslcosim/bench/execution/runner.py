@@ -22,7 +22,7 @@ from gslcosim.base.errors import SimulationFault, UsageError
 from gslcosim.bench.cases.models import LOWER_ANCHOR, UPPER_ANCHOR, Selection, Shard, Trial, choose_trials
 from gslcosim.bench.cases.plan import Plan, build_plan, group_settings, save_pace
 from gslcosim.bench.cases.suite_files import LoadedSuite, load_suite, write_suite
-from gslcosim.bench.execution.pool import POLL_PERIOD_S, Job, JobResult, LocalPool, Pool, iterate_results, n_cores
+from gslcosim.bench.execution.pool import POLL_PERIOD_S, Job, JobResult, LocalPool, Pool, n_cores
 from gslcosim.bench.execution.scoring import COMPLETED, Row, row_without_result
 from gslcosim.bench.execution.trial import ALL_CASES, TrialResult, map_keys
 from gslcosim.bench.execution.verification import check_machine
@@ -114,7 +114,7 @@ def sum_sessions(sessions: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         return {}
     totals: dict[str, Any] = {
         key: sum(each.get(key) or 0.0 for each in sessions)
-        for key in ("total_s", "preparing_s", "flying_s", "n_trials")
+        for key in ("total_s", "preparing_s", "flying_s", "cpu_s", "n_trials")
     }
     for key in ("busy_share", "flying_share"):
         weighted = sum((each.get(key) or 0.0) * (each.get("flying_s") or 0.0) for each in sessions)
@@ -161,6 +161,7 @@ def select_recorded_trials(trials: Sequence[Trial], rows: Mapping[str, Row], kee
 
 
 _TRIES = 2
+_STATUS_EVERY_S = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,6 +175,8 @@ class Progress:
     successes: dict[str, int] = field(default_factory=dict[str, int])
     flown: dict[str, int] = field(default_factory=dict[str, int])
     n_without_result: int = 0
+    cpu_s: float = 0.0
+    """Processor time of all workers since they started [s]; 0 where nobody knows."""
     lost: tuple[str, ...] = ()
     """Trials that are flown again, each with what happened to its worker."""
 
@@ -186,6 +189,57 @@ class Progress:
     def left_s(self) -> float | None:
         """Time until the phase is over at this rate [s]; nobody knows before the first is done."""
         return (self.total - self.done) / self.rate_per_s if self.done else None
+
+
+def build_status(progress: Progress) -> dict[str, Any]:
+    """Return what the folder of a run that is going on says of it, for `gslcosim bench status`."""
+    return {
+        "phase": progress.phase,
+        "done": progress.done,
+        "total": progress.total,
+        "elapsed_s": round(progress.elapsed_s, 1),
+        "left_s": progress.left_s,
+        "cpu_s": round(progress.cpu_s, 1),
+        "n_without_result": progress.n_without_result,
+        "process": os.getpid(),
+    }
+
+
+@dataclass(frozen=True, kw_only=True)
+class StaleRows:
+    """Rows of a results folder that the plan does not have, and what has changed since, in words."""
+
+    folder: Path
+    n_stale: int
+    n_rows: int
+    changes: tuple[str, ...]
+
+    def __str__(self) -> str:
+        changed = f" ({', '.join(self.changes)} changed)" if self.changes else ""
+        return f"{self.n_stale} of {self.n_rows} trials were run with another version{changed}"
+
+
+def describe_changes(plan: Plan, manifest: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return in words what differs between a plan and the manifest of earlier results.
+
+    Args:
+        plan: What is to be run.
+        manifest: That of the results folder; empty where it has none.
+    """
+    before = {entry["name"]: entry for entry in manifest.get("entries", ())}
+    now = build_manifest(plan, [], recorded=())
+    changes: list[str] = []
+    if manifest.get("software_hash") not in (None, now["software_hash"]):
+        changes.append("gslcosim or a package that it computes with")
+    for entry in now["entries"]:
+        known = before.pop(entry["name"], entry)
+        for key, text in (("agent_hash", "program"), ("parameters", "parameters")):
+            if known.get(key) not in (None, entry[key]):
+                changes.append(f"{text} of {entry['name']}")
+    changes += [f"list of entries without {name}" for name in before]
+    if manifest.get("suite_hash") not in (None, now["suite_hash"]):
+        changes.append("cases or seeds of the suite")
+    return tuple(changes)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,7 +270,7 @@ class SuiteRun:
         shard: Shard | None = None,
         flies_failures_again: bool = False,
         keeps_pool: bool = False,
-        confirm_put_aside: Callable[[int, int], bool] = lambda _n_stale, _n_rows: True,
+        confirm_put_aside: Callable[[StaleRows], bool] = lambda _: True,
         report: Callable[[Progress], None] = lambda _: None,
     ) -> None:
         """Prepare to run.
@@ -229,8 +283,8 @@ class SuiteRun:
             shard: Which part of these; all if absent.
             flies_failures_again: Whether trials without result are run again.
             keeps_pool: Whether the workers are left running, for what else their owner has for them.
-            confirm_put_aside: Receives how many rows are of another version, of how many, before they are moved aside,
-                and returns whether to go on.
+            confirm_put_aside: Receives which rows are of another version before they are moved aside, and returns
+                whether to go on.
             report: Receives progress reports.
         """
         self._plan = plan
@@ -253,6 +307,7 @@ class SuiteRun:
         self._is_interrupted = False
         self._busy_s = 0.0
         self._flying_s = 0.0
+        self._status_written_at_s = -math.inf
 
     def fly(self) -> RunSummary:
         """Fly what is missing, write the tables, and return what was done.
@@ -280,6 +335,7 @@ class SuiteRun:
                 **wall,
             }
             self._write(wall)
+            self._folder.status.unlink(missing_ok=True)
         new = [self._entries[trial.id].row for trial in todo if trial.id in self._entries]
         return RunSummary(
             folder=self._folder.path,
@@ -299,8 +355,13 @@ class SuiteRun:
         ids = {trial.id for trial in self._plan.trials}
         valid = {key: entry for key, entry in found.items() if key in ids}
         n_stale = len(found) - len(valid)
-        if n_stale and not self._confirm_put_aside(n_stale, len(found)):
-            raise UsageError(f"{self._folder.path}: The results are as they were. Name another folder with --results.")
+        if n_stale:
+            changes = describe_changes(self._plan, self._folder.read_json(self._folder.manifest))
+            stale = StaleRows(folder=self._folder.path, n_stale=n_stale, n_rows=len(found), changes=changes)
+            if not self._confirm_put_aside(stale):
+                raise UsageError(
+                    f"{self._folder.path}: The results are as they were. Name another folder with --results."
+                )
         aside = self._folder.put_aside() if n_stale else None
         if aside is not None:
             with Journal(self._folder.journal) as journal:
@@ -341,6 +402,7 @@ class SuiteRun:
             wall["flying_share"] = self._flying_s / (taken_s * pool.n_workers)
             save_pace(sim_s=sum(row["end_s"] or 0.0 for row in rows), busy_s=self._busy_s)
         wall["peak_worker_mb"] = pool.peak_mb
+        wall["cpu_s"] = pool.cpu_s
         if pool.reference_loops_s:
             wall["reference_loop_s"] = statistics.median(pool.reference_loops_s)
         return wall
@@ -395,21 +457,32 @@ class SuiteRun:
             self._folder.write_json(self._folder.maps, {"schema": MAPS_SCHEMA, "maps": list(ordered.values())})
 
     def _all_done(self, pool: Pool, jobs: Sequence[Job], phase: str) -> Iterable[JobResult]:
-        began = time.perf_counter()
-
-        def report_done(n_done: int) -> None:
-            elapsed_s = time.perf_counter() - began
-            self._report(Progress(phase=phase, done=n_done, total=len(jobs), elapsed_s=elapsed_s))
-
+        began, left = time.perf_counter(), len(jobs)
+        for job in jobs:
+            pool.submit(job)
+        while left:
+            self._report_phase(pool, phase, len(jobs) - left, len(jobs), began)
+            for ended in pool.wait(POLL_PERIOD_S):
+                if ended.failure is not None:
+                    raise SimulationFault(
+                        f"{phase} of {ended.job.trial.case}: expected to be made, {ended.failure}: {ended.text}"
+                    )
+                left -= 1
+                yield ended
         if jobs:
-            report_done(0)
-        for i, ended in enumerate(iterate_results(pool, jobs)):
-            if ended.failure is not None:
-                raise SimulationFault(
-                    f"{phase} of {ended.job.trial.case}: expected to be made, {ended.failure}: {ended.text}"
-                )
-            report_done(i + 1)
-            yield ended
+            self._report_phase(pool, phase, len(jobs), len(jobs), began)
+
+    def _report_phase(self, pool: Pool, phase: str, done: int, total: int, began: float) -> None:
+        elapsed_s = time.perf_counter() - began
+        self._show(Progress(phase=phase, done=done, total=total, elapsed_s=elapsed_s, cpu_s=pool.cpu_s))
+
+    # For who asked, and for `bench status` in another terminal.
+    def _show(self, progress: Progress) -> None:
+        self._report(progress)
+        now_s = time.monotonic()
+        if now_s - self._status_written_at_s >= _STATUS_EVERY_S:
+            self._status_written_at_s = now_s
+            self._folder.write_json(self._folder.status, build_status(progress))
 
     def _fly_all(self, pool: Pool, todo: Sequence[Trial]) -> None:
         began = time.perf_counter()
@@ -420,7 +493,7 @@ class SuiteRun:
         left = len(todo)
         with Journal(self._folder.journal) as journal:
             while left:
-                self._report_trials(len(todo) - left, len(todo), began)
+                self._report_trials(pool, len(todo) - left, len(todo), began)
                 for ended in pool.wait(POLL_PERIOD_S):
                     trial = ended.job.trial
                     tries[trial.id] += 1
@@ -436,7 +509,7 @@ class SuiteRun:
                     self._count(entry.row)
                     self._flying_s += entry.row["wall_flying_s"] or 0.0
                     left -= 1
-            self._report_trials(len(todo), len(todo), began)
+            self._report_trials(pool, len(todo), len(todo), began)
 
     def _submit(self, pool: Pool, trial: Trial) -> None:
         pool.submit(Job(key=trial.id, kind="fly", trial=trial, environment_dir=self._environments[trial.room]))
@@ -456,8 +529,8 @@ class SuiteRun:
             self._flown[row["entry"]] += 1
             self._found[row["entry"]] += bool(row["success"])
 
-    def _report_trials(self, done: int, total: int, began: float) -> None:
-        self._report(
+    def _report_trials(self, pool: Pool, done: int, total: int, began: float) -> None:
+        self._show(
             Progress(
                 phase="trials",
                 done=done,
@@ -466,6 +539,7 @@ class SuiteRun:
                 successes=dict(self._found),
                 flown=dict(self._flown),
                 n_without_result=self._n_without_result,
+                cpu_s=pool.cpu_s,
                 lost=tuple(self._lost),
             )
         )

@@ -13,7 +13,7 @@ from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.bench.cases.models import Case, Selection, derive_seed
 from gslcosim.bench.cases.plan import Plan, build_plan, expand_cases
 from gslcosim.bench.execution.pool import Pool
-from gslcosim.bench.execution.runner import Progress, SuiteRun
+from gslcosim.bench.execution.runner import Progress, StaleRows, SuiteRun
 from gslcosim.bench.statistics.estimates import Estimate
 from gslcosim.bench.statistics.settings import (
     SettingFigures,
@@ -152,8 +152,11 @@ class SettingRunner:
         folder: ResultsFolder,
         start_pool: Callable[[], Pool],
         report: Callable[[Progress], None],
+        confirm_put_aside: Callable[[StaleRows], bool],
     ) -> None:
         """Take an evaluation plan, the folder of its rows, what starts the workers, and the receiver of progress.
+
+        `confirm_put_aside` is as of `SuiteRun`.
 
         Workers that `start_pool` returns are not ended here: others go on with them.
         """
@@ -161,6 +164,7 @@ class SettingRunner:
         self._folder = folder
         self._start_pool = start_pool
         self._report = report
+        self._confirm_put_aside = confirm_put_aside
         self._plan: Plan | None = None
         self._rows = {row["trial"]: row for row in folder.rows()}
         self.n_flown_now = 0
@@ -189,8 +193,9 @@ class SettingRunner:
 
     def _run(self, plan: Plan) -> None:
         run = SuiteRun(
-            plan, self._folder, self._start_pool, selection=Selection(), keeps_pool=True, report=self._report
-        )
+            plan, self._folder, self._start_pool, selection=Selection(), keeps_pool=True, report=self._report,
+            confirm_put_aside=self._confirm_put_aside,
+        )  # fmt: skip
         summary = run.fly()
         self.n_flown_now += summary.n_flown
         if summary.is_interrupted:
@@ -443,6 +448,7 @@ class Tuner:
         seed: int,
         folder: Path,
         start_pool: Callable[[], Pool],
+        confirm_put_aside: Callable[[StaleRows], bool] = lambda _: True,
         report: Callable[[Progress], None] = lambda _: None,
         tell: Callable[[TuningProgress], None] = lambda _: None,
     ) -> None:
@@ -455,6 +461,7 @@ class Tuner:
             seed: Of the search, and part of the seeds of all its runs.
             folder: Where everything is kept.
             start_pool: Starts the workers; not called when there is nothing to fly.
+            confirm_put_aside: As of `SuiteRun`.
             report: Receives the status of the run.
             tell: Receives how the search stands, after each batch.
         """
@@ -464,6 +471,7 @@ class Tuner:
         self._seed = seed
         self._folder = folder
         self._start_pool = start_pool
+        self._confirm_put_aside = confirm_put_aside
         self._report = report
         self._tell = tell
         self._flights: dict[str, SettingRuns] = {}
@@ -483,16 +491,14 @@ class Tuner:
             # Workers start at the first run that flies, and serve all others.
             start_pool = cache(self._start_pool)
             try:
-                runner = SettingRunner(training, ResultsFolder(self._folder / TRAINING), start_pool, self._report)
+                runner = self._runner(training, TRAINING, start_pool)
                 n_asked = self._search(search, runner)
                 runner.finish()
                 best = max(self._tried, key=lambda tried: tried.figures.score.value)
                 n_now = runner.n_flown_now
                 validated = None
                 if best is not self._tried[0]:
-                    runner = SettingRunner(
-                        validation, ResultsFolder(self._folder / VALIDATION), start_pool, self._report
-                    )
+                    runner = self._runner(validation, VALIDATION, start_pool)
                     validated = self._validate(runner, best.setting)
                     n_now += runner.n_flown_now
             finally:
@@ -526,6 +532,11 @@ class Tuner:
             self._subject, VALIDATION, self._seed, n=self._budget.per_validation, taken=taken
         )
         return training, validation
+
+    def _runner(self, plan: EvaluationPlan, name: str, start_pool: Callable[[], Pool]) -> SettingRunner:
+        return SettingRunner(
+            plan, ResultsFolder(self._folder / name), start_pool, self._report, self._confirm_put_aside
+        )
 
     # Batches are of one size and given in order, so that nothing depends on which run was over first.
     def _search(self, search: OptunaSearch, runner: SettingRunner) -> int:

@@ -3,16 +3,21 @@
 import argparse
 import os
 import secrets
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import ExitCode, UsageError
 from gslcosim.cli.arguments import RECORDING, Command, CommandFamily, parse_positive_number, parse_whole_number
-from gslcosim.cli.bench_workers import add_worker_arguments, check_sandbox_here, start_pool
+from gslcosim.cli.bench_workers import (
+    add_worker_arguments,
+    add_yes_option,
+    check_sandbox_here,
+    confirm_put_aside,
+    start_pool,
+)
 from gslcosim.cli.commands import submission, sweep, tune
 from gslcosim.cli.progress import ProgressLine
-from gslcosim.cli.terminal import add_json_option, ask, table, write, write_json, write_note
+from gslcosim.cli.terminal import add_json_option, table, write, write_json
 
 if TYPE_CHECKING:
     from gslcosim.bench.cases import LoadedSuite, Plan
@@ -69,7 +74,7 @@ def _add_run_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--retry", action="store_true", help="run trials without a result again")
     parser.add_argument("--no-report", action="store_true", help="write no report")
-    parser.add_argument("--yes", action="store_true", help="move results of another version aside without asking")
+    add_yes_option(parser)
 
 
 def _add_report_arguments(parser: argparse.ArgumentParser) -> None:
@@ -209,9 +214,7 @@ def _run_suite(arguments: argparse.Namespace) -> int:
             selection=selection,
             shard=shard,
             flies_failures_again=arguments.retry,
-            confirm_put_aside=lambda n_stale, n_rows: _confirm_put_aside(
-                folder.path, n_stale, n_rows, is_agreed=arguments.yes
-            ),
+            confirm_put_aside=confirm_put_aside(arguments),
             report=report,
         )
         summary = run.fly()
@@ -227,17 +230,6 @@ def _run_suite(arguments: argparse.Namespace) -> int:
     if summary.is_interrupted:
         return ExitCode.INTERRUPTED
     return ExitCode.AGENT_FAILED if summary.n_without_result else 0
-
-
-# A script has nobody to ask: it gets the note, and the rows are kept beside.
-def _confirm_put_aside(folder: Path, n_stale: int, n_rows: int, *, is_agreed: bool) -> bool:
-    write_note(
-        f"{folder}: {n_stale} of {n_rows} trials were run with another version of the suite, an agent or gslcosim. "
-        "They are moved to a folder beside and run again."
-    )
-    if is_agreed or not (sys.stdin.isatty() and sys.stderr.isatty()):
-        return True
-    return ask("Continue?")
 
 
 def _run_measured(arguments: argparse.Namespace) -> int:
@@ -283,6 +275,18 @@ def _measured_data(given: Path | None) -> Path:
             "set GSLCOSIM_REFERENCE to a folder that has one called measured; docs/measured-data.md has the formats."
         )
     return Path(reference) / "measured"
+
+
+def _status(arguments: argparse.Namespace) -> int:
+    from gslcosim.bench.results import read_state
+    from gslcosim.cli.run_output import format_status_of_results
+
+    fields = read_state(arguments.results)
+    if arguments.json:
+        write_json(fields)
+    else:
+        write(format_status_of_results(fields))
+    return 0
 
 
 def _report(arguments: argparse.Namespace) -> int:
@@ -461,6 +465,13 @@ COMMAND = CommandFamily(
             "  gslcosim bench run measured --data FOLDER --only entry=leak_network",
             add_arguments=_add_run_arguments,
             run=_run_suite,
+        ),
+        Command(
+            name="status",
+            summary="print how far a suite run is, from another terminal or afterwards",
+            examples="  gslcosim bench status results/smoke\n  gslcosim bench status results/smoke --json",
+            add_arguments=_add_results,
+            run=_status,
         ),
         Command(
             name="merge",

@@ -4,7 +4,7 @@ import argparse
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
-from gslcosim.cli.bench_workers import check_sandbox_here, start_pool
+from gslcosim.cli.bench_workers import check_sandbox_here, confirm_put_aside, start_pool
 from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.study_output import RESULTS_DIR, add_target_arguments, format_sweep
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
@@ -56,6 +56,7 @@ def _run(arguments: argparse.Namespace) -> int:
             folder,
             lambda: start_pool(arguments, subject.loaded.suite.limits),
             selection=Selection(),
+            confirm_put_aside=confirm_put_aside(arguments),
             report=report,
         ).fly()
     if summary.is_interrupted:

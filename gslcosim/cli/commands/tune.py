@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
-from gslcosim.cli.bench_workers import start_pool
+from gslcosim.cli.bench_workers import confirm_put_aside, start_pool
 from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.study_output import RESULTS_DIR, add_target_arguments, format_stage, format_tuning
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
@@ -75,6 +75,7 @@ def _run(arguments: argparse.Namespace) -> int:
             seed=arguments.seed,
             folder=folder,
             start_pool=lambda: start_pool(arguments, suite.limits),
+            confirm_put_aside=confirm_put_aside(arguments),
             report=show,
             tell=lambda stage: line.note(format_stage(stage)),
         )

@@ -19,9 +19,11 @@ from deadlines import EVENT_S, PROCESS_S
 from gslcosim.base.errors import UsageError
 from gslcosim.bench.cases import build_plan, load_suite
 from gslcosim.bench.cases.models import Selection
-from gslcosim.bench.execution.runner import SuiteRun
+from gslcosim.bench.execution.runner import StaleRows, SuiteRun
+from gslcosim.bench.results import read_state
 from gslcosim.bench.store import ResultsFolder
 from gslcosim.bench.verification_marks import find_mark
+from gslcosim.cli.run_output import format_status_of_results
 
 HOSTILE = Path(__file__).parent / "hostile"
 HOSTILE_SUITE = """
@@ -194,8 +196,8 @@ def test_rows_of_another_seed_stay_where_the_answer_is_no(smoke: Path, tmp_path:
     shutil.copytree(smoke, tmp_path / "smoke")
     rows, asked = rows_of(tmp_path / "smoke"), []
 
-    def answer(n_stale: int, n_rows: int) -> bool:
-        asked.append((n_stale, n_rows))
+    def answer(stale: StaleRows) -> bool:
+        asked.append((stale.n_stale, stale.n_rows, stale.changes))
         return False
 
     run = SuiteRun(
@@ -207,9 +209,22 @@ def test_rows_of_another_seed_stay_where_the_answer_is_no(smoke: Path, tmp_path:
     )
     with pytest.raises(UsageError, match="The results are as they were"):
         run.fly()
-    assert asked == [(len(rows), len(rows))]
+    assert asked == [(len(rows), len(rows), ("cases or seeds of the suite",))]
     assert rows_of(tmp_path / "smoke") == rows
     assert not list((tmp_path / "smoke").glob("earlier-*"))
+
+
+@pytest.mark.end_to_end
+def test_the_state_of_a_folder_is_complete_or_not(smoke: Path, tmp_path: Path) -> None:
+    state = read_state(smoke)
+    assert (state["state"], state["n_rows"], state["n_planned"], state["run"]) == ("complete", 12, 12, None)
+    assert state["entries"]["oracle"] == {"n": 2, "found": 2}
+    copy = tmp_path / "smoke"
+    shutil.copytree(smoke, copy, ignore=shutil.ignore_patterns("recordings", "trials.parquet", "tracks.parquet"))
+    assert read_state(copy)["state"] == "not complete"
+    assert "12 of 12 planned trials" in format_status_of_results(state)
+    with ResultsFolder(copy).locked():
+        assert read_state(copy)["state"] == "running"
 
 
 @pytest.mark.end_to_end
