@@ -28,6 +28,7 @@ from gslcosim.bench.report.curves import (
     summarise_final_beliefs,
     summarise_times,
 )
+from gslcosim.bench.report.labels import LevelSuccess, compare_levels
 from gslcosim.bench.report.leaderboard import LeaderboardRow, build_leaderboard, build_matrix, plume_clusters
 from gslcosim.bench.report.report_data import EnvironmentMap, Flags, Floats, Ints, ReportData
 from gslcosim.bench.report.responses import ParameterResponse, compute_responses
@@ -361,7 +362,10 @@ class ReportView:
 
 @dataclass(frozen=True, kw_only=True)
 class Analysis:
-    """All figures of the report. `draws_plumes` says whether intervals draw whole plumes or single runs."""
+    """All figures of the report. `draws_plumes` says whether intervals draw whole plumes or single runs.
+
+    `levels` are empty where the suite labels no cases.
+    """
 
     material: ReportData
     views: tuple[ReportView, ...]
@@ -371,6 +375,7 @@ class Analysis:
     grades: tuple[CaseDifficulty, ...]
     failures: tuple[FailureGroup, ...]
     draws_plumes: bool
+    levels: tuple[LevelSuccess, ...] = ()
 
     @property
     def everything(self) -> ReportView:
@@ -394,6 +399,7 @@ def analyse(material: ReportData) -> Analysis:
         grades=grade_cases(material, rooms),
         failures=group_failures(material),
         draws_plumes=plume_clusters(material.rows, np.flatnonzero(~material.rows.is_control)) is not None,
+        levels=compare_levels(material),
     )
 
 

@@ -236,6 +236,7 @@ def write_tables(analysis: Analysis, folder: Path) -> None:
         "beliefs": _lines(analysis, "time_s", lambda view: list(view.beliefs.items()), "figure"),
         "last_beliefs": _last_beliefs(analysis),
         "difficulty": _difficulty(analysis),
+        **({"success_by_label": _levels(analysis)} if analysis.levels else {}),
         "failures": _failures(analysis),
         "trials": _trials(analysis),
     }
@@ -274,6 +275,15 @@ def _starts(analysis: Analysis) -> Iterator[Sequence[Any]]:
     for start in analysis.starts:
         room = analysis.rooms[start.room].label
         yield [room, names[start.entry], start.x_m, start.y_m, *_parts(start.success)]
+
+
+def _levels(analysis: Analysis) -> Iterator[Sequence[Any]]:
+    figures = ("success", "approach", "alone", "difference")
+    yield ["axis", "level", "is_core", "entry", *(head for name in figures for head in _heads(name))]
+    names = _names(analysis)
+    for each in analysis.levels:
+        parts = [part for name in figures for part in _parts(getattr(each, name))]
+        yield [each.axis, each.level, each.is_core, names[each.entry], *parts]
 
 
 def _lines(analysis: Analysis, x: str, of_view: Any, kind: str = "") -> Iterator[Sequence[Any]]:

@@ -1,0 +1,100 @@
+"""What breaks a method: success by the labels of cases, and beside that of the core from which one axis differs."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from gslcosim.base.untrusted_input import JsonObject, parse_json
+from gslcosim.bench.cases.models import LABELS, select_labels
+from gslcosim.bench.report.report_data import Flags, ReportData, TrialRows
+from gslcosim.bench.statistics.estimates import Estimate
+from gslcosim.bench.statistics.rates import lift, wilson
+
+
+@dataclass(frozen=True, kw_only=True)
+class LevelSuccess:
+    """An entry's success at a level of an axis, over runs with gas.
+
+    Attributes:
+        entry: Index of the entry.
+        is_core: Whether the core has this level.
+        success: Over all cases with the level.
+        approach: Share of the same runs that came within 1 m of a source at any time, whatever the criterion.
+        alone: Success over the cases that differ from the core in this axis alone; of the core's level, over the core.
+        difference: Alone less the core, each with runs of its own; undefined for the core and where no case is alone.
+    """
+
+    axis: str
+    level: str
+    entry: int
+    is_core: bool
+    success: Estimate
+    approach: Estimate
+    alone: Estimate
+    difference: Estimate
+
+
+def compare_levels(material: ReportData) -> tuple[LevelSuccess, ...]:
+    """Return the success of each entry at each level of the labelled axes: none where a suite labels nothing.
+
+    The core has the level of each axis that most cases have.
+    """
+    rows = material.rows
+    levels = _levels_by_axis(rows)
+    if not levels or not any(len(set(found)) > 1 for found in levels.values()):
+        return ()
+    core = {axis: _most_common(rows, found) for axis, found in levels.items()}
+    is_apart = {axis: np.array([level != core[axis] for level in found]) for axis, found in levels.items()}
+    n_apart = np.sum(list(is_apart.values()), axis=0)
+    found: list[LevelSuccess] = []
+    for axis, of_rows in levels.items():
+        for level in dict.fromkeys((core[axis], *of_rows)):
+            here = np.array([each == level for each in of_rows])
+            alone = here & (n_apart == (level != core[axis]))
+            for entry in range(len(material.entries)):
+                own = ~rows.is_control & (rows.entry == entry)
+                if (own & here).any():
+                    found.append(
+                        _level_success(rows, axis, level, entry, own & here, own & alone, own & (n_apart == 0))
+                    )
+    return tuple(found)
+
+
+def _level_success(
+    rows: TrialRows, axis: str, level: str, entry: int, here: Flags, alone: Flags, core: Flags
+) -> LevelSuccess:
+    success = rows["success"]
+    is_core = bool((alone & core).any())
+    return LevelSuccess(
+        axis=axis,
+        level=level,
+        entry=entry,
+        is_core=is_core,
+        success=wilson(int(success[here].sum()), int(here.sum())),
+        approach=wilson(int(np.isfinite(rows["time_within_1_m_s"][here]).sum()), int(here.sum())),
+        alone=wilson(int(success[alone].sum()), int(alone.sum())),
+        difference=lift(success[alone], success[core], paired=False)
+        if alone.any() and core.any() and not is_core
+        else wilson(0, 0),
+    )
+
+
+# The level of each row by axis; empty where a case has no such label.
+def _levels_by_axis(rows: TrialRows) -> Mapping[str, list[str]]:
+    texts = rows["varied"].tolist()
+    labels = {
+        text: {
+            path.removeprefix(LABELS): str(level)
+            for path, level in select_labels(parse_json(text or "{}", JsonObject, place="trials: varied")).items()
+        }
+        for text in set(texts)
+    }
+    axes = dict.fromkeys(axis for text in texts for axis in labels[text])
+    return {axis: [labels[text].get(axis, "") for text in texts] for axis in axes}
+
+
+def _most_common(rows: TrialRows, levels: list[str]) -> str:
+    of_case = dict(zip(rows["case"].tolist(), levels, strict=True))
+    return Counter(of_case.values()).most_common(1)[0][0]
