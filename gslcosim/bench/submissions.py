@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -16,7 +16,8 @@ from gslcosim.bench.execution.verification import find_unsandboxed_rows
 from gslcosim.bench.report.writer import write_report
 from gslcosim.bench.results import PAIR, Results
 from gslcosim.bench.signing.keys import SignatureError
-from gslcosim.bench.signing.signed_results import check_signature
+from gslcosim.bench.signing.signed_results import SignedResults, check_signature
+from gslcosim.bench.signing.submission_log import find_submission, read_log
 from gslcosim.bench.store import MAPS_SCHEMA, TRIALS, ResultsFolder
 from gslcosim.bench.verification_marks import VerificationMark, find_mark, results_hash, save_mark
 
@@ -44,6 +45,7 @@ def rank(
     *,
     demands_sandbox: bool = False,
     demands_signature: bool = False,
+    log: Path | None = None,
 ) -> Ranking:
     """Return one table of several results folders.
 
@@ -56,9 +58,11 @@ def rank(
         demands_sandbox: Whether all runs must be of agents in a sandbox; so they must where the suite of one of the
             folders demands it.
         demands_signature: Whether all folders must be signed.
+        log: Log of submissions in which all folders must be; absent: none.
 
     Raises:
-        SignatureError: a folder is not what its author has signed, or nobody has although it is demanded.
+        SignatureError: a folder is not what its author has signed, or nobody has although it is demanded; or it is not
+            in the log.
         UsageError: the folders are of other cases, the same run came out differently in two of them, so that they
             were run by different software, or agents were not in the sandbox that is demanded.
     """
@@ -70,7 +74,11 @@ def rank(
         )
         for folder, name in zip(folders, names_alone, strict=True)
     ]
-    _check_signatures(submissions, is_asked=demands_signature)
+    _check_signatures(submissions, is_asked=demands_signature or log is not None)
+    if log is not None:
+        lines = read_log(log)
+        for submission in submissions:
+            find_submission(lines, cast("SignedResults", submission.signed), path=log)
     _check_same_cases(submissions)
     _check_same_trials(submissions)
     _check_sandboxes(submissions, is_asked=demands_sandbox)
@@ -97,10 +105,14 @@ class _Submission:
         return json.dumps([listed.get("agent_hash"), listed.get("parameters")], sort_keys=True)
 
     @cached_property
+    def signed(self) -> SignedResults | None:
+        """What its author has signed."""
+        return check_signature(self.results.folder)
+
+    @property
     def key(self) -> str | None:
         """The fingerprint of the key that has signed the folder."""
-        signed = check_signature(self.results.folder)
-        return signed.key.fingerprint if signed is not None else None
+        return self.signed.key.fingerprint if self.signed is not None else None
 
     # Never what the folder says of itself.
     @cached_property
@@ -141,8 +153,8 @@ def _check_signatures(submissions: Sequence[_Submission], *, is_asked: bool) -> 
     unsigned = [str(each.results.folder) for each in submissions if each.key is None]
     if unsigned and is_asked:
         raise SignatureError(
-            f"rank: expected signed results, as --signed asks, were unsigned ones in {', '.join(unsigned)}. Their "
-            "authors sign them with bench sign."
+            f"rank: expected signed results, as --signed and --log ask, were unsigned ones in {', '.join(unsigned)}. "
+            "Their authors sign them with bench sign."
         )
 
 

@@ -1,19 +1,21 @@
-"""Workers of `gslcosim bench`: the options that ask for them, and the pool that is started."""
+"""Workers of `gslcosim bench`: the options that ask for them, the pool that is started, and runs that are repeated."""
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import UsageError
 from gslcosim.cli.arguments import parse_positive_number
+from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import ask, write_note
 
 if TYPE_CHECKING:
     from gslcosim.bench.cases import Plan
-    from gslcosim.bench.cases.models import LimitsSpec
+    from gslcosim.bench.cases.models import LimitsSpec, Trial
     from gslcosim.bench.execution.pool import Pool
     from gslcosim.bench.execution.runner import StaleRows
+    from gslcosim.bench.execution.verification import RepeatableResults, Verification
 
 
 def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,6 +63,41 @@ def check_sandbox_here(arguments: argparse.Namespace, plan: "Plan") -> None:
 
     if arguments.ray is None:
         check_machine(plan)
+
+
+def add_trusted(parser: argparse.ArgumentParser) -> None:
+    """Add whether programs of results are started as their suite says."""
+    parser.add_argument(
+        "--trusted",
+        action="store_true",
+        help=(
+            "start programs as the suite says, and Python agents in processes of this command "
+            "(default: all in a sandbox)"
+        ),
+    )
+
+
+def verify_here(arguments: argparse.Namespace, again: "RepeatableResults", trials: "Sequence[Trial]") -> "Verification":
+    """Run trials of results again where the command line asks for, and compare them with their rows.
+
+    Raises:
+        UsageError: there are no trials, or their programs cannot be confined here.
+    """
+    from gslcosim.bench.execution.verification import check_confinable, verify_trials
+    from gslcosim.bench.verification_marks import prepare_marks
+
+    if not trials:
+        raise UsageError(f"{again.folder.path}: expected flights with a result, found none.")
+    check_sandbox_here(arguments, again.plan)
+    if not arguments.trusted:
+        check_confinable(trials, again.folder.path)
+    prepare_marks()
+    pool = start_pool(arguments, again.plan.loaded.suite.limits)
+    try:
+        with ProgressLine("verifying", is_quiet=arguments.json) as line:
+            return verify_trials(again, trials, pool, line.count, is_trusted=arguments.trusted)
+    finally:
+        pool.close()
 
 
 def start_pool(arguments: argparse.Namespace, limits: "LimitsSpec") -> "Pool":

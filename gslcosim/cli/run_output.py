@@ -365,7 +365,20 @@ def format_merge(summary: "MergeSummary", report: "WrittenReport | None") -> str
 
 def verification_to_json(verification: "Verification") -> dict[str, Any]:
     """Return the result of a verification as JSON has it."""
+    from gslcosim.bench.statistics.audits import max_false_rows
+
     return {
+        "rows": verification.n_rows,
+        "max_false": max_false_rows(verification.n_rows, verification.n_sampled, len(verification.differences)),
+        "entries": {
+            entry: {
+                "rows": n,
+                "sample": n_drawn,
+                "different": n_wrong,
+                "max_false": max_false_rows(n, n_drawn, n_wrong),
+            }
+            for entry, (n, n_drawn, n_wrong) in verification.by_entry.items()
+        },
         "sample": verification.n_sampled,
         "same": verification.n_sampled - len(verification.differences),
         "missing": verification.n_missing,
@@ -390,6 +403,7 @@ def format_verification(verification: "Verification") -> str:
             f"\n{verification.n_missing} trials of the suite have no row, so that nobody can tell what came of them: "
             "bench rank does not take these results for verified."
         )
+    note = f"{format_false_rows(verification)}\n{note}"
     if not different:
         return f"{n} of {n} flights came out the same: digests and all figures.\n{note}"
     lines = [f"{len(different)} of {n} flights came out differently:"]
@@ -398,6 +412,21 @@ def format_verification(verification: "Verification") -> str:
         more = f" and {len(each.columns) - 1} other columns" if len(each.columns) > 1 else ""
         lines.append(f"  {each.trial} {each.case}, {each.entry}: {name} was {before}, is {now}{more}")
     return "\n".join([*lines, note])
+
+
+def format_false_rows(verification: "Verification") -> str:
+    """Return how many rows can still be false, in a sentence and for each entry."""
+    from gslcosim.bench.statistics.audits import max_false_rows
+
+    n, n_drawn, n_wrong = verification.n_rows, verification.n_sampled, len(verification.differences)
+    most = max_false_rows(n, n_drawn, n_wrong)
+    least = f"at least {n_wrong} and, " if n_wrong else ""
+    text = f"Of {n} rows with a flight {least}at 95 % confidence, at most {most} are false: {100 * most / n:.1f} %."
+    entries = ", ".join(
+        f"{entry} {max_false_rows(n_of, drawn, wrong)} of {n_of} ({drawn} drawn)"
+        for entry, (n_of, drawn, wrong) in verification.by_entry.items()
+    )
+    return f"{text}\nOf one entry at most: {entries}."
 
 
 def signature_to_json(signed: "SignedResults | None") -> dict[str, Any] | None:

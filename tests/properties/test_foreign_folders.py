@@ -25,6 +25,7 @@ from gslcosim.base.errors import ExitCode
 from gslcosim.base.yaml_core import CoreLoader
 from gslcosim.bench.signing.keys import write_key
 from gslcosim.bench.signing.signed_results import sign_results
+from gslcosim.bench.signing.submission_log import add_submission
 from gslcosim.bench.store import Journal, ResultsFolder
 from gslcosim.cli.arguments import iterate_commands
 from gslcosim.cli.main import GROUPS, main
@@ -40,7 +41,7 @@ RESULT_FILES = ("manifest.json", "maps.json", "rows.jsonl", "suite.yaml", "trial
 ENVIRONMENT_FILES = ("environment.yaml", "occupancy.npy", "wind.npy")
 SIGNED_FILES = (
     "manifest.json", "maps.json", "suite.yaml", "trials.parquet", "tracks.parquet", "signed.json", "signed.json.sig",
-    "recordings/key",
+    "recordings/key", "recordings/log.jsonl",
 )  # fmt: skip
 SWEEP_FILES = (*RESULT_FILES, "sweep.json", "sweep.csv")
 TUNING_FILES = (
@@ -77,7 +78,10 @@ CALLS = {
     "bench verify of a signature": ["bench", "verify", "SIGNED", "--signature-only"],
     "bench sign": ["bench", "sign", "SIGNED", "--key", "SIGNED/recordings/key"],
     "bench rank": ["bench", "rank", "RESULTS"],
-    "bench rank of signed results": ["bench", "rank", "SIGNED", "--signed"],
+    "bench rank of signed results": ["bench", "rank", "SIGNED", "--log", "SIGNED/recordings/log.jsonl"],
+    "bench log": ["bench", "log", "SIGNED/recordings/log.jsonl"],
+    "bench audit": ["bench", "audit", "SIGNED", "--log", "SIGNED/recordings/log.jsonl", "--beacon", "x",
+                    "--sample", "1", "--jobs", "1", "--trusted"],
     "bench merge": ["bench", "merge", "SHARD", "--out", "OUT"],
     "bench run": ["bench", "run", "smoke", "--results", "RESULTS", "--only", "trial=none"],
     "import": ["environment", "import", "ENVIRONMENT", "--out", "OUT"],
@@ -271,7 +275,10 @@ def whole(tmp_path_factory):
     signed = shutil.copytree(root / "results" / "smoke", root / "results" / "signed")
     # Not part of what is signed, so that whole ones are.
     write_key(signed / "recordings" / "key", "")
-    sign_results(signed, signed / "recordings" / "key", author="", signed_at="")
+    add_submission(
+        signed / "recordings" / "log.jsonl",
+        sign_results(signed, signed / "recordings" / "key", author="", signed_at=""),
+    )
     for name in ("smoke", "smoke-1-of-1"):
         _write_rows(root / "results" / name)
     environment = prepare_environment(load_scenario("tiny_room").scenario, scenario_dir=root)

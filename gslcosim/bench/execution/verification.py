@@ -1,5 +1,6 @@
 """Verification of results: trials run again and compared with their rows, in the sandbox that a suite requires."""
 
+import hashlib
 import json
 import shutil
 from collections import Counter
@@ -10,12 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.rng import stream
 from gslcosim.bench.cases.models import Trial
 from gslcosim.bench.cases.plan import Plan, build_plan
 from gslcosim.bench.cases.suite_files import load_suite
 from gslcosim.bench.execution.pool import Job, Pool, iterate_results
-from gslcosim.bench.execution.scoring import Row
+from gslcosim.bench.execution.scoring import COMPLETED, Row
 from gslcosim.bench.store import ResultsFolder, is_machine_dependent
 from gslcosim.bench.verification_marks import VerificationMark, results_hash, save_mark
 from gslcosim.runtime.agents.loader import build_start_command, find_python_agent, resolve_command
@@ -166,9 +166,13 @@ class Difference:
 class Verification:
     """Result of running a sample again; `sandboxes` counts the sandboxes its agents ran in this time.
 
-    `n_missing` trials of the suite have no row, so that nobody can tell what came of them.
+    `n_rows` have a result, from which the sample was drawn; `by_entry` gives for each entry these rows, those of the
+    sample, and those that came out differently. `n_missing` trials of the suite have no row, so that nobody can tell
+    what came of them.
     """
 
+    n_rows: int
+    by_entry: Mapping[str, tuple[int, int, int]]
     n_sampled: int
     n_missing: int
     sandboxes: Mapping[str, int]
@@ -218,11 +222,25 @@ class RepeatableResults:
             )
         return found[0]
 
-    def sample(self, n: int, *, seed: int) -> list[Trial]:
-        """Return n of the runs with a result, drawn at random, in the order of the suite."""
-        flown = [trial for trial in self.trials.values() if self.rows[trial.id]["status"] == "flown"]
-        chosen = stream(seed, "benchmark.verify").permutation(len(flown))[:n]
-        return [flown[i] for i in sorted(chosen)]
+    def draw(self, n: int, *, seed: str) -> list[Trial]:
+        """Return n of the runs with a result, drawn at random by `draw_trials`, in the order of the suite."""
+        chosen = set(draw_trials(self.list_flown(), n, seed=seed))
+        return [trial for key, trial in self.trials.items() if key in chosen]
+
+    def list_flown(self) -> list[str]:
+        """Return the trials with a result; what ended a run without one may have been the machine."""
+        return [key for key in self.trials if self.rows[key]["status"] == COMPLETED]
+
+
+def draw_trials(trials: Iterable[str], n: int, *, seed: str) -> list[str]:
+    """Return n trials, those whose ids have the smallest SHA-256 behind a seed: a draw that any program can repeat.
+
+    Args:
+        trials: Ids of trials, in any order.
+        n: How many; all where there are fewer.
+        seed: Any text. The hash is of the seed, a line feed and the id.
+    """
+    return sorted(trials, key=lambda trial: hashlib.sha256(f"{seed}\n{trial}".encode()).digest())[:n]
 
 
 def verify_trials(
@@ -275,8 +293,16 @@ def verify_trials(
         n_missing=again.n_missing,
     )
     save_mark(contents, mark)
+    rows = Counter(again.trials[key].entry for key in again.list_flown())
+    sampled = Counter(trial.entry for trial in trials)
+    wrong = Counter(each.entry for each in differences)
     return Verification(
-        n_sampled=len(trials), n_missing=again.n_missing, sandboxes=sandboxes, differences=tuple(differences)
+        n_rows=rows.total(),
+        by_entry={entry: (n, sampled[entry], wrong[entry]) for entry, n in rows.items()},
+        n_sampled=len(trials),
+        n_missing=again.n_missing,
+        sandboxes=sandboxes,
+        differences=tuple(differences),
     )
 
 

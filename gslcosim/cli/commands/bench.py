@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING
 from gslcosim.base.errors import ExitCode, UsageError
 from gslcosim.cli.arguments import RECORDING, Command, CommandFamily, parse_positive_number, parse_whole_number
 from gslcosim.cli.bench_workers import (
+    add_trusted,
     add_worker_arguments,
     add_yes_option,
     check_sandbox_here,
     confirm_put_aside,
     start_pool,
+    verify_here,
 )
 from gslcosim.cli.commands import submission, sweep, tune
 from gslcosim.cli.progress import ProgressLine
@@ -85,7 +87,7 @@ def _add_report_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_show_arguments(parser: argparse.ArgumentParser) -> None:
     _add_results(parser)
     parser.add_argument("--trial", required=True, metavar="ID", help="id of the trial, or its beginning")
-    _add_trusted(parser)
+    add_trusted(parser)
     parser.add_argument("--no-view", action="store_true", help="do not open the recording")
 
 
@@ -101,8 +103,8 @@ def _add_verify_arguments(parser: argparse.ArgumentParser) -> None:
         help="seed of the sample (default: a new one)",
     )
     parser.add_argument("--signature-only", action="store_true", help="check the author's signature, and run nothing")
-    _add_author(parser)
-    _add_trusted(parser)
+    submission.add_author(parser)
+    add_trusted(parser)
     add_worker_arguments(parser)
 
 
@@ -119,24 +121,8 @@ def _add_rank_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("results", nargs="+", type=Path, metavar="RESULTS", help="results folders of one suite")
     parser.add_argument("--sandboxed", action="store_true", help="refuse runs whose agents had no sandbox")
     parser.add_argument("--signed", action="store_true", help="refuse results that nobody has signed")
+    parser.add_argument("--log", type=Path, metavar="LOG", help="refuse results that are not in this log")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write merged results, with a report, to this folder")
-
-
-def _add_author(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--author", metavar="KEY", help="expect the signature of this public key: a file, its text or its fingerprint"
-    )
-
-
-def _add_trusted(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--trusted",
-        action="store_true",
-        help=(
-            "start programs as the suite says, and Python agents in processes of this command "
-            "(default: all in a sandbox)"
-        ),
-    )
 
 
 def _add_selection(parser: argparse.ArgumentParser) -> None:
@@ -337,11 +323,10 @@ def _show(arguments: argparse.Namespace) -> int:
 
 
 def _verify(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.execution.verification import RepeatableResults, check_confinable, verify_trials
+    from gslcosim.bench.execution.verification import RepeatableResults
     from gslcosim.bench.signing.keys import parse_author
     from gslcosim.bench.signing.signed_results import check_signature
     from gslcosim.bench.store import ResultsFolder
-    from gslcosim.bench.verification_marks import prepare_marks
     from gslcosim.cli.run_output import format_signature, format_verification, signature_to_json, verification_to_json
 
     folder = ResultsFolder(arguments.results)
@@ -358,19 +343,7 @@ def _verify(arguments: argparse.Namespace) -> int:
         return 0
     again = RepeatableResults(folder)
     seed = secrets.randbelow(1 << 31) if arguments.seed is None else arguments.seed
-    trials = again.sample(arguments.sample, seed=seed)
-    if not trials:
-        raise UsageError(f"{arguments.results}: expected flights with a result, found none.")
-    check_sandbox_here(arguments, again.plan)
-    if not arguments.trusted:
-        check_confinable(trials, again.folder.path)
-    prepare_marks()
-    pool = start_pool(arguments, again.plan.loaded.suite.limits)
-    try:
-        with ProgressLine("verifying", is_quiet=arguments.json) as line:
-            verification = verify_trials(again, trials, pool, line.count, is_trusted=arguments.trusted)
-    finally:
-        pool.close()
+    verification = verify_here(arguments, again, again.draw(arguments.sample, seed=str(seed)))
     if arguments.json:
         write_json(verification_to_json(verification) | {"seed": seed, "signature": signature_to_json(signed)})
     else:
@@ -404,7 +377,11 @@ def _rank(arguments: argparse.Namespace) -> int:
     from gslcosim.cli.run_output import format_ranking
 
     ranking = rank(
-        arguments.results, arguments.out, demands_sandbox=arguments.sandboxed, demands_signature=arguments.signed
+        arguments.results,
+        arguments.out,
+        demands_sandbox=arguments.sandboxed,
+        demands_signature=arguments.signed,
+        log=arguments.log,
     )
     if arguments.json:
         write_json(

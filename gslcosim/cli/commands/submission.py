@@ -1,10 +1,12 @@
-"""Submissions of `gslcosim bench`: keys and signed results."""
+"""Submissions of `gslcosim bench`: keys, signed results, the log of submissions, and audits."""
 
 import argparse
 from pathlib import Path
 
-from gslcosim.cli.arguments import Command
-from gslcosim.cli.terminal import add_json_option, write, write_json
+from gslcosim.base.errors import ExitCode, UsageError
+from gslcosim.cli.arguments import Command, parse_positive_number
+from gslcosim.cli.bench_workers import add_trusted, add_worker_arguments, verify_here
+from gslcosim.cli.terminal import add_json_option, table, write, write_json
 
 
 def _add_keygen_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,18 +36,154 @@ def _add_sign_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _sign(arguments: argparse.Namespace) -> int:
-    from datetime import UTC, datetime
-
     from gslcosim.bench.signing.signed_results import sign_results
     from gslcosim.cli.run_output import format_signature, signature_to_json
 
-    now = datetime.now(UTC).isoformat(timespec="seconds")
-    signed = sign_results(arguments.results, arguments.key, author=arguments.name, signed_at=now)
+    signed = sign_results(arguments.results, arguments.key, author=arguments.name, signed_at=_now())
     if arguments.json:
         write_json(signature_to_json(signed))
     else:
         write(format_signature(signed))
     return 0
+
+
+# The author's clock: nothing depends on it.
+def _now() -> str:
+    from datetime import UTC, datetime
+
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def add_author(parser: argparse.ArgumentParser) -> None:
+    """Add whose signature is expected."""
+    parser.add_argument(
+        "--author", metavar="KEY", help="expect the signature of this public key: a file, its text or its fingerprint"
+    )
+
+
+def _add_log_arguments(parser: argparse.ArgumentParser) -> None:
+    add_json_option(parser)
+    parser.add_argument("log", type=Path, metavar="LOG", help="file of the log, made by --add or --note")
+    adding = parser.add_mutually_exclusive_group()
+    adding.add_argument("--add", type=Path, metavar="RESULTS", help="add signed results")
+    adding.add_argument("--note", metavar="TEXT", help="add a text signed with --key, such as a commitment to a seed")
+    parser.add_argument("--key", type=Path, metavar="FILE", help="private Ed25519 key that signs the note")
+    parser.add_argument("--name", default="", metavar="NAME", help="your name, shown beside the key of the note")
+    parser.add_argument("--head", metavar="HASH", help="expect a line with this hash, noted when it was the last")
+
+
+def _log(arguments: argparse.Namespace) -> int:
+    from dataclasses import asdict
+
+    from gslcosim.bench.signing.signed_results import check_signature
+    from gslcosim.bench.signing.submission_log import FIRST, add_note, add_submission, read_log
+
+    if (arguments.note is None) != (arguments.key is None):
+        raise UsageError("--note: expected a text and the key that signs it, --note TEXT --key FILE, was one of them.")
+    if arguments.head is not None:
+        read_log(arguments.log, head=arguments.head)
+    if arguments.note is not None:
+        add_note(arguments.log, arguments.note, arguments.key, author=arguments.name, signed_at=_now())
+    elif arguments.add is not None:
+        signed = check_signature(arguments.add)
+        if signed is None:
+            raise UsageError(f"{arguments.add}: expected signed results, were unsigned ones. Sign them: bench sign.")
+        add_submission(arguments.log, signed)
+    lines = read_log(arguments.log)
+    head = lines[-1].hash if lines else FIRST
+    if arguments.json:
+        write_json({"head": head, "lines": [asdict(line) for line in lines]})
+    else:
+        rows = [
+            (str(line.number), line.signed_at, line.author or line.key[-12:], line.suite or line.text, line.hash[:12])
+            for line in lines
+        ]
+        write(table(("LINE", "SIGNED AT", "AUTHOR", "SUITE OR NOTE", "HASH"), rows))
+        write(f"{len(lines)} lines, each signed and chained to the one before. Note the hash of the last: {head}")
+    return 0
+
+
+def _add_audit_arguments(parser: argparse.ArgumentParser) -> None:
+    add_json_option(parser)
+    parser.add_argument("results", type=Path, metavar="RESULTS", help="a signed results folder")
+    parser.add_argument("--log", type=Path, required=True, metavar="LOG", help="log of submissions that has RESULTS")
+    parser.add_argument(
+        "--beacon",
+        required=True,
+        metavar="TEXT",
+        help="a public value from after the line in the log, such as the numbers of an announced lottery draw",
+    )
+    size = parser.add_mutually_exclusive_group()
+    size.add_argument("--sample", type=parse_positive_number, metavar="N", help="number of trials")
+    size.add_argument(
+        "--at-most-false",
+        type=_parse_share,
+        default=0.05,
+        metavar="SHARE",
+        help="as many trials as it takes to rule out a larger share of false rows at 95 %% (default: 0.05)",
+    )
+    parser.add_argument("--draw-only", action="store_true", help="print the drawn trials and run nothing")
+    add_author(parser)
+    add_trusted(parser)
+    add_worker_arguments(parser)
+
+
+def _parse_share(text: str) -> float:
+    try:
+        share = float(text)
+    except ValueError:
+        share = -1.0
+    if not 0.0 <= share < 1.0:
+        raise argparse.ArgumentTypeError(f"expected a share from 0 to below 1, such as 0.05, was '{text}'")
+    return share
+
+
+def _audit(arguments: argparse.Namespace) -> int:
+    from gslcosim.bench.execution.verification import RepeatableResults
+    from gslcosim.bench.signing.keys import parse_author
+    from gslcosim.bench.signing.signed_results import check_signature
+    from gslcosim.bench.signing.submission_log import find_submission, read_log
+    from gslcosim.bench.statistics.audits import required_draw
+    from gslcosim.bench.store import ResultsFolder
+    from gslcosim.cli.run_output import format_signature, format_verification, signature_to_json, verification_to_json
+
+    folder = ResultsFolder(arguments.results)
+    folder.check()
+    author = None if arguments.author is None else parse_author(arguments.author)
+    signed = check_signature(folder.path, author=author)
+    if signed is None:
+        raise UsageError(f"{folder.path}: expected signed results, were unsigned ones. Their author signs them.")
+    line = find_submission(read_log(arguments.log), signed, path=arguments.log)
+    again = RepeatableResults(folder)
+    n_flown = len(again.list_flown())
+    if not n_flown:
+        raise UsageError(f"{folder.path}: expected flights with a result, found none.")
+    trials = again.draw(
+        arguments.sample or required_draw(n_flown, arguments.at_most_false),
+        # Their author knows neither the beacon when the line is written, nor can change the line afterwards.
+        seed=f"{line.hash}\n{arguments.beacon}",
+    )
+    facts = {
+        "signature": signature_to_json(signed),
+        "line": line.number,
+        "head": line.hash,
+        "beacon": arguments.beacon,
+        "drawn": [trial.id for trial in trials],
+    }
+    draw = (
+        f"Drawn: {len(trials)} of {n_flown} rows, by line {line.number} of the log ({line.hash}) and the beacon "
+        f"'{arguments.beacon}'."
+    )
+    if arguments.draw_only:
+        listed = "".join(f"\n  {trial.id} {trial.case}, {trial.entry}" for trial in trials)
+        write_json(facts) if arguments.json else write(f"{draw}{listed}")
+        return 0
+    verification = verify_here(arguments, again, trials)
+    if arguments.json:
+        write_json(verification_to_json(verification) | facts)
+    else:
+        write(f"{format_signature(signed)}\n{draw}\n{format_verification(verification)}")
+    return ExitCode.DIVERGENCE if verification.differences else 0
 
 
 COMMANDS = (
@@ -63,5 +201,22 @@ COMMANDS = (
         "  gslcosim bench sign results/mine --key ~/.ssh/id_ed25519 --name 'Ada Lovelace'",
         add_arguments=_add_sign_arguments,
         run=_sign,
+    ),
+    Command(
+        name="log",
+        summary="check the log of submissions, or add to it",
+        examples="  gslcosim bench log submissions.jsonl\n"
+        "  gslcosim bench log submissions.jsonl --add submissions/delft\n"
+        "  gslcosim bench log submissions.jsonl --note 'seed of the test: sha256 1f0c' --key my_key",
+        add_arguments=_add_log_arguments,
+        run=_log,
+    ),
+    Command(
+        name="audit",
+        summary="repeat trials that a public draw chooses; bound the false rows",
+        examples="  gslcosim bench audit submissions/delft --log submissions.jsonl --beacon '6 49 3 17 22 8'\n"
+        "  gslcosim bench audit submissions/delft --log submissions.jsonl --beacon '6 49 3' --at-most-false 0.02",
+        add_arguments=_add_audit_arguments,
+        run=_audit,
     ),
 )

@@ -9,7 +9,10 @@ import pytest
 
 from gslcosim.base.errors import UsageError
 from gslcosim.bench import Results, compare, run
+from gslcosim.bench.signing.keys import write_key
+from gslcosim.bench.signing.signed_results import check_signature, sign_results
 from gslcosim.bench.submissions import rank
+from gslcosim.cli.main import main
 
 MINE = """
 schema: gslcosim/suite/1
@@ -82,3 +85,49 @@ def test_other_cases_and_other_runs_are_refused(folders: tuple[Path, Path], tmp_
         rank([folders[0], changed])
     with pytest.raises(UsageError, match="Choose a new folder"):
         rank(folders, folders[0])
+
+
+@pytest.mark.end_to_end
+def test_a_stranger_ranks_and_audits_what_two_authors_have_signed(
+    folders: tuple[Path, Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Two authors sign, an organiser logs and ranks; an audit repeats a public draw, and finds rows that are false."""
+    monkeypatch.setenv("GSLCOSIM_STATE", str(tmp_path / "state"))
+    log, signed = str(tmp_path / "log.jsonl"), []
+    for author, folder in zip(("ada", "bob"), folders, strict=True):
+        write_key(tmp_path / author, author)
+        signed.append(shutil.copytree(folder, tmp_path / f"machine of {author}" / "results"))
+        sign_results(signed[-1], tmp_path / author, author=author, signed_at="2026-11-27T12:00:00+00:00")
+        assert main(["bench", "log", log, "--add", str(signed[-1])]) == 0
+    rank_them = ["bench", "rank", *map(str, signed), "--log", log, "--json"]
+    capsys.readouterr()
+    assert main(rank_them) == 0
+    ranking = json.loads(capsys.readouterr().out)
+    keys = {name: check_signature(folder).key.fingerprint for name, folder in zip("ab", signed, strict=True)}
+    assert (ranking["keys"]["mine"], ranking["keys"]["oracle"]) == (keys["b"], keys["a"])
+    audit = ["bench", "audit", str(signed[1]), "--log", log, "--beacon", "6 49 3", "--jobs", "1", "--trusted", "--json"]
+    assert main([*audit, "--sample", "2", "--draw-only"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (len(told["drawn"]), told["line"], told["signature"]["author"]) == (2, 2, "bob")
+    # Bob makes his method better than it is, and signs that; an audit of all rows finds each of them.
+    table = pq.read_table(signed[1] / "trials.parquet")
+    scores = [1.0 if row["entry"] == "mine" else row["score"] for row in table.to_pylist()]
+    i = table.schema.get_field_index("score")
+    pq.write_table(table.set_column(i, table.schema.field(i), [scores]), signed[1] / "trials.parquet")
+    assert main(rank_them) == 2
+    assert "row of trial" in capsys.readouterr().err
+    sign_results(signed[1], tmp_path / "bob", author="bob", signed_at="2026-11-27T13:00:00+00:00")
+    assert main(rank_them) == 2
+    assert "expected a line with the statement" in capsys.readouterr().err
+    assert main(["bench", "log", log, "--add", str(signed[1])]) == 0
+    capsys.readouterr()
+    assert main([*audit, "--sample", "1000"]) == 5
+    told = json.loads(capsys.readouterr().out)
+    assert told["sample"] == told["rows"]
+    assert told["max_false"] == told["entries"]["mine"]["different"] > 0
+    assert told["entries"]["oracle"]["different"] == 0
+    assert {each["entry"] for each in told["differences"]} == {"mine"}
+    assert all(list(each["columns"]) == ["score"] for each in told["differences"])
