@@ -57,7 +57,7 @@ def merge_shards(folders: Sequence[Path], out: Path, *, is_partial: bool = False
     _check_out(out)
     folder = ResultsFolder(out)
     with folder.locked():
-        write_suite(load_suite(shards[0].folder.suite), out)
+        write_suite(load_suite(shards[0].folder.suite, needs_seed=False), out)
         folder.write_tables(trials, tracks)
         folder.write_json(folder.maps, {"schema": MAPS_SCHEMA, "maps": _merged_maps(shards, trials)})
         folder.write_json(folder.manifest, _merged_manifest(shards))

@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import UsageError
@@ -11,7 +12,7 @@ from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import ask, write_note
 
 if TYPE_CHECKING:
-    from gslcosim.bench.cases import Plan
+    from gslcosim.bench.cases import LoadedSuite, Plan
     from gslcosim.bench.cases.models import LimitsSpec, Trial
     from gslcosim.bench.execution.pool import Pool
     from gslcosim.bench.execution.runner import StaleRows
@@ -65,8 +66,27 @@ def check_sandbox_here(arguments: argparse.Namespace, plan: "Plan") -> None:
         check_machine(plan)
 
 
+def add_sealed_option(parser: argparse.ArgumentParser) -> None:
+    """Add `--sealed`, the secret of a sealed suite."""
+    parser.add_argument(
+        "--sealed", type=Path, metavar="SECRET", help="take the seed from the secret that bench seal wrote"
+    )
+
+
+def choose_loader(arguments: argparse.Namespace) -> "Callable[[Path], LoadedSuite]":
+    """Return what reads the suite of a folder of results: with the secret, if one is given."""
+    from gslcosim.bench.cases import load_suite
+
+    if arguments.sealed is None:
+        return load_suite
+    from gslcosim.bench.sealing import load_sealed_suite
+
+    return lambda path: load_sealed_suite(path, arguments.sealed)
+
+
 def add_trusted(parser: argparse.ArgumentParser) -> None:
-    """Add whether programs of results are started as their suite says."""
+    """Add whether programs of results are started as their suite says, and the secret of sealed ones."""
+    add_sealed_option(parser)
     parser.add_argument(
         "--trusted",
         action="store_true",

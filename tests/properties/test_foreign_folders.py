@@ -136,6 +136,8 @@ OTHERS = {
     "runs stop": "the same",
     "bench list": "reads what is installed",
     "bench keygen": "writes two files",
+    "bench seal": "reads a suite and writes two files",
+    "bench reveal": "reads two small files: tests/unit/bench/test_sealing.py",
     "reality": "reads measured data: tests/unit/validation/test_readers.py",
     "bench plan": "reads a suite",
 }

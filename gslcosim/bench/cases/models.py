@@ -291,6 +291,7 @@ class Suite(Spec):
     `sandbox: required` flies every agent of these cases as a process in a sandbox, Python agents too, wherever the
     suite is included; `optional` flies Python agents as objects in the worker, which is quicker and for agents one
     trusts.
+    `sealed`, in the suite of results, is the commitment to a seed that is secret.
     """
 
     schema_: Literal["gslcosim/suite/1"] = Field(alias="schema")
@@ -313,6 +314,7 @@ class Suite(Spec):
     record: RecordSpec = RecordSpec()
     limits: LimitsSpec = LimitsSpec()
     sandbox: Literal["optional", "required"] = "optional"
+    sealed: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")] | None = None
 
     @property
     def entries_with_anchors(self) -> tuple[EntrySpec, ...]:
@@ -525,11 +527,6 @@ def derive_seed(suite_seed: int, *words: str | int) -> int:
     text = "/".join(str(word) for word in (suite_seed, *words))
     digest = hashlib.blake2b(text.encode(), digest_size=8).digest()
     return int.from_bytes(digest, "big") >> (64 - _BITS)
-
-
-def commitment(suite_seed: int) -> str:
-    """Return the SHA-256 of a seed: published before, it proves afterwards that the seed was not chosen to please."""
-    return hashlib.sha256(str(suite_seed).encode()).hexdigest()
 
 
 KEYS = ("entry", "scenario", "family", "case", "repetition", "control", "trial")

@@ -155,18 +155,46 @@ class LoadedSuite:
         return self.suite.sandbox == "required" or any(inner.demands_sandbox for inner in self.included)
 
 
-def load_suite(source: str | Path, *, seed: int | None = None, is_flown: bool = False) -> LoadedSuite:
+def load_suite(
+    source: str | Path,
+    *,
+    seed: int | None = None,
+    commitment: str | None = None,
+    is_flown: bool = False,
+    needs_seed: bool = True,
+) -> LoadedSuite:
     """Read and check a suite, with all that it includes.
 
     Args:
         source: A file, or the name of a bundled suite.
         seed: Replaces the suite's seed, and that of the suites it includes.
+        commitment: That of the seed, where it is secret: `write_suite` then writes it in place of the seed.
         is_flown: Whether its scenarios and the programs of its entries have to be there.
+        needs_seed: Whether a suite of sealed results is refused without its seed.
 
     Raises:
         ScenarioError: there is no such suite, or it has problems: all of them in one error.
     """
-    return _load(source, seed, within=(), is_flown=is_flown)
+    sealed = _SealedSeed(seed=seed, commitment=commitment, is_needed=needs_seed)
+    return _load(source, sealed, within=(), is_flown=is_flown)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _SealedSeed:
+    seed: int | None
+    commitment: str | None
+    is_needed: bool
+
+    def applied_to(self, suite: Suite, shown_path: str) -> Suite:
+        if suite.sealed is not None and self.is_needed and self.commitment != suite.sealed:
+            found = "another one" if self.commitment else "none"
+            raise ScenarioError(
+                f"{shown_path}: sealed: expected the secret of commitment {suite.sealed[:16]}, was {found}. "
+                "Give it with --sealed SUITE.secret.json: its organiser has it, and publishes it in the end."
+            )
+        if self.seed is None:
+            return suite
+        return suite.model_copy(update={"seed": self.seed, "sealed": self.commitment})
 
 
 def find_suite(source: str | Path) -> Path:
@@ -191,7 +219,7 @@ def find_suite(source: str | Path) -> Path:
     )
 
 
-def _load(source: str | Path, seed: int | None, within: tuple[Path, ...], *, is_flown: bool) -> LoadedSuite:
+def _load(source: str | Path, seed: _SealedSeed, within: tuple[Path, ...], *, is_flown: bool) -> LoadedSuite:
     path = find_suite(source).resolve()
     if path in within:
         chain = " includes ".join(inner.parent.name for inner in (*within, path))
@@ -200,8 +228,7 @@ def _load(source: str | Path, seed: int | None, within: tuple[Path, ...], *, is_
     suite = read_spec_file(path, Suite, shown_path=shown_path, keys="scenarios and entries")
     if is_flown:
         raise_located(find_problems("suite", suite, path.parent), path, shown_path=shown_path)
-    if seed is not None:
-        suite = suite.model_copy(update={"seed": seed})
+    suite = seed.applied_to(suite, shown_path)
     inner = (_load(_beside(path, name), seed, (*within, path), is_flown=is_flown) for name in suite.include)
     return LoadedSuite(suite=suite, path=path, directory=path.parent, shown_path=shown_path, included=tuple(inner))
 
@@ -217,6 +244,8 @@ SCENARIOS, FAMILIES, AGENTS, SUITES = "scenarios", "families", "agents", "suites
 def write_suite(loaded: LoadedSuite, folder: Path) -> None:
     """Write `suite.yaml` with all defaults filled in, and beside it whatever of its files is not bundled.
 
+    The seed of a sealed suite is not written.
+
     A scenario that names files of its own, such as stored gas, is named by its absolute path instead.
 
     Args:
@@ -228,7 +257,12 @@ def write_suite(loaded: LoadedSuite, folder: Path) -> None:
     """
     folder.mkdir(parents=True, exist_ok=True)
     values: dict[str, Any] = json.loads(loaded.suite.model_dump_json(by_alias=True, exclude_none=True))
+    if loaded.suite.sealed is not None:
+        values.pop("seed")
+    # A null that a suite sets takes a value away, and is no default that could be left out.
+    values["set"] = loaded.suite.set
     for spec, scenario in zip(loaded.suite.scenarios, values["scenarios"], strict=True):
+        scenario["set"] = spec.set
         scenario["source"] = _kept_scenario(spec, loaded, folder)
     for spec, entry in zip(loaded.suite.entries, values["entries"], strict=True):
         entry["start"] = _kept_program(spec, loaded.directory, folder)

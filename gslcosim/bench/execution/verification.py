@@ -13,7 +13,7 @@ from typing import Any
 from gslcosim.base.errors import UsageError
 from gslcosim.bench.cases.models import Trial
 from gslcosim.bench.cases.plan import Plan, build_plan
-from gslcosim.bench.cases.suite_files import load_suite
+from gslcosim.bench.cases.suite_files import LoadedSuite, load_suite
 from gslcosim.bench.execution.pool import Job, Pool, iterate_results
 from gslcosim.bench.execution.scoring import COMPLETED, Row
 from gslcosim.bench.store import ResultsFolder, is_machine_dependent
@@ -182,8 +182,12 @@ class Verification:
 class RepeatableResults:
     """A results folder whose runs can be run again: its suite planned again, its rows by trial."""
 
-    def __init__(self, folder: ResultsFolder) -> None:
+    def __init__(self, folder: ResultsFolder, load: Callable[[Path], LoadedSuite] = load_suite) -> None:
         """Read the folder.
+
+        Args:
+            folder: The folder.
+            load: Reads its suite; that of sealed results needs the secret.
 
         Raises:
             UsageError: there are no results, they were made with another version of the software, or without the
@@ -192,7 +196,7 @@ class RepeatableResults:
         folder.check()
         self.folder = folder
         self.rows: dict[str, Row] = {row["trial"]: row for row in folder.rows()}
-        self.plan: Plan = build_plan(load_suite(folder.suite))
+        self.plan: Plan = build_plan(load(folder.suite))
         _check_sandboxes(self.plan, folder, self.rows)
         self.trials = {trial.id: trial for trial in self.plan.trials if trial.id in self.rows}
         manifest = folder.read_json(folder.manifest)

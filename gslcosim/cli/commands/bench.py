@@ -9,15 +9,17 @@ from typing import TYPE_CHECKING
 from gslcosim.base.errors import ExitCode, UsageError
 from gslcosim.cli.arguments import RECORDING, Command, CommandFamily, parse_positive_number, parse_whole_number
 from gslcosim.cli.bench_workers import (
+    add_sealed_option,
     add_trusted,
     add_worker_arguments,
     add_yes_option,
     check_sandbox_here,
+    choose_loader,
     confirm_put_aside,
     start_pool,
     verify_here,
 )
-from gslcosim.cli.commands import submission, sweep, tune
+from gslcosim.cli.commands import sealing, submission, sweep, tune
 from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import add_json_option, table, write, write_json
 
@@ -45,6 +47,7 @@ def _add_suite(parser: argparse.ArgumentParser) -> None:
     add_json_option(parser)
     parser.add_argument("suite", metavar="SUITE", help="a suite file, or the name of a bundled suite")
     parser.add_argument("--seed", type=parse_whole_number, metavar="N", help="replace the seed of the suite")
+    add_sealed_option(parser)
     _add_selection(parser)
     parser.add_argument(
         "--shard",
@@ -296,7 +299,7 @@ def _show(arguments: argparse.Namespace) -> int:
     )
     from gslcosim.bench.store import ResultsFolder
 
-    again = RepeatableResults(ResultsFolder(arguments.results))
+    again = RepeatableResults(ResultsFolder(arguments.results), choose_loader(arguments))
     trial = again.trial(arguments.trial)
     expected = again.rows[trial.id]["digest"]
     check_sandbox(again.plan)
@@ -341,7 +344,7 @@ def _verify(arguments: argparse.Namespace) -> int:
         else:
             write(format_signature(signed))
         return 0
-    again = RepeatableResults(folder)
+    again = RepeatableResults(folder, choose_loader(arguments))
     seed = secrets.randbelow(1 << 31) if arguments.seed is None else arguments.seed
     verification = verify_here(arguments, again, again.draw(arguments.sample, seed=str(seed)))
     if arguments.json:
@@ -405,7 +408,14 @@ def _planned(arguments: argparse.Namespace, *, is_quiet: bool) -> "tuple[LoadedS
 
     if arguments.suite == MEASURED:
         raise UsageError(f"{MEASURED}: expected a suite that is flown, was one of logs. Run it with: bench run")
-    loaded = load_suite(arguments.suite, seed=arguments.seed, is_flown=True)
+    if arguments.sealed is not None:
+        if arguments.seed is not None:
+            raise UsageError("--seed: expected one seed, were two: the sealed one of --sealed too. Leave one out.")
+        from gslcosim.bench.sealing import load_sealed_suite
+
+        loaded = load_sealed_suite(arguments.suite, arguments.sealed, is_flown=True)
+    else:
+        loaded = load_suite(arguments.suite, seed=arguments.seed, is_flown=True)
     with ProgressLine("planning", is_quiet=is_quiet) as line:
         plan = build_plan(loaded, progress=lambda n: line.count(n, 0))
     return loaded, plan
@@ -490,6 +500,7 @@ COMMAND = CommandFamily(
             run=_rank,
         ),
         *submission.COMMANDS,
+        *sealing.COMMANDS,
         sweep.COMMAND,
         tune.COMMAND,
     ),

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from gslcosim.base.errors import ExitCode, UsageError
 from gslcosim.cli.arguments import Command, parse_positive_number
-from gslcosim.cli.bench_workers import add_trusted, add_worker_arguments, verify_here
+from gslcosim.cli.bench_workers import add_trusted, add_worker_arguments, choose_loader, verify_here
 from gslcosim.cli.terminal import add_json_option, table, write, write_json
 
 
@@ -154,7 +154,7 @@ def _audit(arguments: argparse.Namespace) -> int:
     if signed is None:
         raise UsageError(f"{folder.path}: expected signed results, were unsigned ones. Their author signs them.")
     line = find_submission(read_log(arguments.log), signed, path=arguments.log)
-    again = RepeatableResults(folder)
+    again = RepeatableResults(folder, choose_loader(arguments))
     n_flown = len(again.list_flown())
     if not n_flown:
         raise UsageError(f"{folder.path}: expected flights with a result, found none.")
