@@ -1,7 +1,8 @@
 """Benchmark of search methods: suites of runs, their rows, statistics and reports.
 
 `suite` turns a file into trials, `execution` flies them, `store` keeps their rows, `metrics` are figures of one run,
-`statistics` are figures of many rows, `report` shows them. Nothing below this package knows of it.
+`statistics` are figures of many rows, `report` shows them on a page and `site` on many. Nothing below this package
+knows of it.
 
 For one's own studies there are `load_suite`, `run`, `Results` and `compare`; docs/benchmark/python.ipynb uses them.
 """

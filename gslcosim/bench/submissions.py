@@ -13,6 +13,7 @@ import pyarrow.parquet as pq
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import ScratchFolder
 from gslcosim.bench.execution.verification import find_unsandboxed_rows
+from gslcosim.bench.report.report_data import ReportData, load_report_data
 from gslcosim.bench.report.writer import write_report
 from gslcosim.bench.results import PAIR, Results
 from gslcosim.bench.signing.keys import SignatureError
@@ -66,6 +67,51 @@ def rank(
         UsageError: the folders are of other cases, the same run came out differently in two of them, so that they
             were run by different software, or agents were not in the sandbox that is demanded.
     """
+    submissions = _load_submissions(
+        folders, demands_sandbox=demands_sandbox, demands_signature=demands_signature, log=log
+    )
+    names = _entry_names(submissions)
+    if out is not None:
+        _check_out(out)
+        return _written(submissions, names, out, is_kept=True)
+    with ScratchFolder("rank") as scratch:
+        return _written(submissions, names, scratch.path, is_kept=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PublishedResults:
+    """Results of one folder or of several as one, with the gas of their tracks.
+
+    `keys` are the fingerprints of the keys that have signed the folder of each entry, or None.
+    """
+
+    material: ReportData
+    keys: dict[str, str | None]
+
+
+def load_published_results(folders: Sequence[Path]) -> PublishedResults:
+    """Return the results of one folder, or of several merged as `rank` does.
+
+    Args:
+        folders: Of results of the same cases.
+
+    Raises:
+        SignatureError: as `rank`.
+        UsageError: as `rank`.
+    """
+    submissions = _load_submissions(folders)
+    if len(submissions) == 1:
+        material = load_report_data(folders[0], with_gas=True)
+        return PublishedResults(material=material, keys={each.name: submissions[0].key for each in material.entries})
+    with ScratchFolder("rank") as scratch:
+        homes, mark = _merged(submissions, _entry_names(submissions), scratch.path)
+        material = load_report_data(scratch.path, mark, with_gas=True)
+    return PublishedResults(material=material, keys={name: home.key for name, home in homes.items()})
+
+
+def _load_submissions(
+    folders: Sequence[Path], *, demands_sandbox: bool = False, demands_signature: bool = False, log: Path | None = None
+) -> "list[_Submission]":
     names_alone = [folder.resolve().name for folder in folders]
     submissions = [
         _Submission(
@@ -82,12 +128,7 @@ def rank(
     _check_same_cases(submissions)
     _check_same_trials(submissions)
     _check_sandboxes(submissions, is_asked=demands_sandbox)
-    names = _entry_names(submissions)
-    if out is not None:
-        _check_out(out)
-        return _written(submissions, names, out, is_kept=True)
-    with ScratchFolder("rank") as scratch:
-        return _written(submissions, names, scratch.path, is_kept=False)
+    return submissions
 
 
 @dataclass(kw_only=True)
@@ -207,6 +248,23 @@ def _entry_names(submissions: Sequence[_Submission]) -> dict[tuple[str, str], st
 def _written(
     submissions: Sequence[_Submission], names: dict[tuple[str, str], str], out: Path, *, is_kept: bool
 ) -> Ranking:
+    homes, mark = _merged(submissions, names, out)
+    if is_kept:
+        save_mark(results_hash(out), mark)
+    write_report(out, mark=mark)
+    leaderboard = ResultsFolder(out).read_json(out / LEADERBOARD)
+    return Ranking(
+        leaderboard=leaderboard,
+        submissions={name: home.label for name, home in homes.items()},
+        verified={name: home.verified for name, home in homes.items()},
+        keys={name: home.key for name, home in homes.items()},
+    )
+
+
+# Without a report; with the home of each entry, and what this user has found out about them.
+def _merged(
+    submissions: Sequence[_Submission], names: dict[tuple[str, str], str], out: Path
+) -> tuple[dict[str, _Submission], VerificationMark]:
     folder = ResultsFolder(out)
     out.mkdir(parents=True, exist_ok=True)
     rows, homes = _merged_rows(submissions, names)
@@ -219,20 +277,9 @@ def _written(
         kept_tracks.append(trial in kept and (trial, agent) not in seen)
         seen.add((trial, agent))
     pq.write_table(merged.filter(pa.array(kept_tracks, pa.bool_())), folder.tracks, compression="zstd")
-    verified = {name: home.verified for name, home in homes.items()}
     folder.write_json(folder.manifest, _manifest(submissions, names, homes))
     folder.write_json(folder.maps, _maps(submissions))
-    mark = VerificationMark(entries={name: home.is_verified for name, home in homes.items()})
-    if is_kept:
-        save_mark(results_hash(out), mark)
-    write_report(out, mark=mark)
-    leaderboard = folder.read_json(out / LEADERBOARD)
-    return Ranking(
-        leaderboard=leaderboard,
-        submissions={name: home.label for name, home in homes.items()},
-        verified=verified,
-        keys={name: home.key for name, home in homes.items()},
-    )
+    return homes, VerificationMark(entries={name: home.is_verified for name, home in homes.items()})
 
 
 def _merged_rows(

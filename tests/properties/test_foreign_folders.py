@@ -78,6 +78,7 @@ CALLS = {
     "bench verify of a signature": ["bench", "verify", "SIGNED", "--signature-only"],
     "bench sign": ["bench", "sign", "SIGNED", "--key", "SIGNED/recordings/key"],
     "bench rank": ["bench", "rank", "RESULTS"],
+    "bench site": ["bench", "site", "RESULTS", "--out", "OUT"],
     "bench rank of signed results": ["bench", "rank", "SIGNED", "--log", "SIGNED/recordings/log.jsonl"],
     "bench log": ["bench", "log", "SIGNED/recordings/log.jsonl"],
     "bench audit": ["bench", "audit", "SIGNED", "--log", "SIGNED/recordings/log.jsonl", "--beacon", "x",

@@ -325,7 +325,10 @@ _MOST_POINTS = 110
 _MOST_TRACKS = 900
 _MOST_OF_AN_ENTRY = 36
 _MOST_OF_A_TEAM = 10
-_SOLID, _MOST_GAS = 255, 250
+SOLID = 255
+"""Byte of a plan where something solid is."""
+
+_MOST_GAS = 250
 # Gas fainter than the greatest by this factor is left blank.
 _DECADES = 2.5
 
@@ -428,14 +431,14 @@ def _packed(room: EnvironmentMap) -> tuple[NDArray[np.uint8], float, float]:
     every = max(1, -(-max(room.occupied.shape) // _MOST_CELLS))
     solid = _blocks(room.occupied.astype(np.float64), every) >= 0.5
     if room.mean_gas_ppm is None:
-        return np.where(solid, _SOLID, 0).astype(np.uint8), room.cell_m * every, 0.0
+        return np.where(solid, SOLID, 0).astype(np.uint8), room.cell_m * every, 0.0
     gas = _blocks(np.nan_to_num(room.mean_gas_ppm), every)
     greatest = float(gas.max(initial=0.0))
     if greatest <= 0.0:
-        return np.where(solid, _SOLID, 0).astype(np.uint8), room.cell_m * every, 0.0
+        return np.where(solid, SOLID, 0).astype(np.uint8), room.cell_m * every, 0.0
     decades = np.log10(np.maximum(gas / greatest, 1e-12)) / _DECADES
     level = np.round(_MOST_GAS * np.clip(1.0 + decades, 0.0, 1.0))
-    return np.where(solid, _SOLID, level).astype(np.uint8), room.cell_m * every, greatest
+    return np.where(solid, SOLID, level).astype(np.uint8), room.cell_m * every, greatest
 
 
 # Mean over blocks of cells; what is left over at the far sides makes smaller blocks.

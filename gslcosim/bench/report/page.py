@@ -76,6 +76,7 @@ def build_environment(
     environment.globals |= {
         "entry_name": entry_name or (lambda entry: make_breakable(entry.name)),
         "case_name": case_name or (lambda case, _="": escape(case)),
+        "sorts": True,
         "figure": _figure,
         "range": _range,
         "formats": number_formats,

@@ -159,12 +159,13 @@ class ReportData:
         return next((i for i, entry in enumerate(self.entries) if entry.anchor == which), None)
 
 
-def load_report_data(results_dir: Path, mark: VerificationMark | None = None) -> ReportData:
+def load_report_data(results_dir: Path, mark: VerificationMark | None = None, *, with_gas: bool = False) -> ReportData:
     """Read a folder of results.
 
     Args:
         results_dir: The folder.
         mark: What was found out by running a sample again; absent: what this user's state has of it.
+        with_gas: Whether the tracks have the gas at the nose too.
 
     Raises:
         UsageError: it is none, or a file of it is damaged.
@@ -176,7 +177,7 @@ def load_report_data(results_dir: Path, mark: VerificationMark | None = None) ->
     mark = mark if mark is not None else find_mark(results_dir)
     entries = _entries(manifest, table, mark)
     rows = _rows(table, entries)
-    tracks = folder.track_table(_TRACK_COLUMNS)
+    tracks = folder.track_table((*_TRACK_COLUMNS, "gas_ppm") if with_gas else _TRACK_COLUMNS)
     del table
     # What decoding the files took goes back to the system.
     pa.default_memory_pool().release_unused()

@@ -135,7 +135,7 @@ def _made(manifest: Mapping[str, Any], analysis: Analysis) -> list[tuple[str, st
         ("software", str(manifest.get("software_hash") or "")[:16]),
         ("seeds", f"{len(set(seeds.tolist()))} of runs, {len(set(rows['gas_seed'].tolist()))} of gas"),
         ("digests", f"{sum(map(bool, rows['digest'].tolist()))} of {len(rows)} trials have one (tables/trials.csv)"),
-        ("verified", "" if "merged_from" in manifest else _verified(analysis.material.mark)),
+        ("verified", "" if "merged_from" in manifest else describe_mark(analysis.material.mark)),
         ("machine", ", ".join(str(p) for p in (machine.get("cpu"), _cores(machine), machine.get("platform")) if p)),
         ("reference loop", _seconds(machine.get("reference_loop_s"), " in plain Python, to compare machines by")),
         ("begun", str(wall.get("started_at") or "")),
@@ -165,7 +165,8 @@ def _wall(wall: Mapping[str, Any]) -> str:
     return ", ".join(parts)
 
 
-def _verified(mark: VerificationMark | None) -> str:
+def describe_mark(mark: VerificationMark | None) -> str:
+    """Return in words what came of flying a sample of results again here."""
     if mark is None or not mark.sample:
         return "no"
     return f"{mark.same} of {mark.sample} trials flown again here gave the same digest, {mark.at}"

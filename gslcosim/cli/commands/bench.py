@@ -128,6 +128,12 @@ def _add_rank_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="write merged results, with a report, to this folder")
 
 
+def _add_site_arguments(parser: argparse.ArgumentParser) -> None:
+    add_json_option(parser)
+    parser.add_argument("results", nargs="+", type=Path, metavar="RESULTS", help="results folders of one suite")
+    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="folder of the site")
+
+
 def _add_selection(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--only",
@@ -286,6 +292,22 @@ def _report(arguments: argparse.Namespace) -> int:
         write_json({"report": str(page)})
     else:
         write(f"Report: {page}")
+    return 0
+
+
+def _site(arguments: argparse.Namespace) -> int:
+    from dataclasses import asdict
+
+    from gslcosim.bench.site.writer import write_site
+
+    written = write_site(arguments.results, arguments.out)
+    if arguments.json:
+        write_json(asdict(written) | {"page": str(written.page)})
+    else:
+        write(
+            f"{written.n_methods} methods, {written.n_cases} cases, {written.n_trials} trials, "
+            f"{written.n_bytes / 1e6:.1f} MB.\nSite: {written.page}"
+        )
     return 0
 
 
@@ -501,6 +523,14 @@ COMMAND = CommandFamily(
         ),
         *submission.COMMANDS,
         *sealing.COMMANDS,
+        Command(
+            name="site",
+            summary="write a static site of results: the table, each method, each case, and a player of flights",
+            examples="  gslcosim bench site results/smoke --out site\n"
+            "  gslcosim bench site results/mine submissions/* --out site",
+            add_arguments=_add_site_arguments,
+            run=_site,
+        ),
         sweep.COMMAND,
         tune.COMMAND,
     ),

@@ -57,9 +57,10 @@ const pieces = (() => {
   document.addEventListener("click", (event) => {
     const button = event.target.closest("button.copy");
     if (!button) return;
+    if (button.textContent !== "copied") button.dataset.word = button.textContent;
     copy(button.dataset.text);
     button.textContent = "copied";
-    setTimeout(() => { button.textContent = "copy"; }, 1500);
+    setTimeout(() => { button.textContent = button.dataset.word; }, 1500);
   });
 
   return { one, all, s, h, short, plain, seconds, r1, showTip, hideTip, hover, say, sourceMark, copy };

@@ -55,7 +55,7 @@
   function figuresTable(figure, heads, rows) {
     let box = one("details.figures", figure);
     if (!box) {
-      box = h("details", { class: "figures" }, h("summary", {}, "Figures"), h("div", { class: "scroll" }));
+      box = h("details", { class: "figures" }, h("summary", {}, "Figures"), h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "Figures" }));
       figure.append(box);
       box.addEventListener("toggle", () => { if (box.open) box.fill(); });
     }
@@ -258,7 +258,7 @@
       hover(group, () => [h("b", {}, `${name(a)} against ${name(b)}`), h("div", {}, c.won > 0 ? "better" : c.won < 0 ? "worse" : "no difference shown"), h("div", {}, `score, mean difference ${c.score ? interval(c.score[0], c.score[1], c.score[2], plain) : "–"}`), h("div", {}, `success ${c.success ? interval(c.success[0], c.success[1], c.success[2], signed) : "–"} points`), h("div", {}, `better in ${estimate(c.better, percent)} of ${c.score ? c.score[3] : 0} pairs`), h("div", {}, `p ${c.p === null ? "–" : c.p < 0.001 ? "< 0.001" : c.p.toFixed(3)} after Holm`)]);
       svg.append(group);
     }));
-    const wrap = h("div", { class: "scroll" }, svg);
+    const wrap = h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "Matrix of pairs" }, svg);
     if (total > width) svg.style.minWidth = `${total}px`;
     host.replaceChildren(wrap);
     figuresTable(figure, ["pair", "n", "score, difference", "success, points", "better in", "p (Holm)", ""], () => order.flatMap((a, i) => order.slice(i + 1).map((b) => { const c = cellOf(a, b); return !c ? [`${name(a)} – ${name(b)}`, "0"] : [`${name(a)} – ${name(b)}`, String(c.score ? c.score[3] : 0), c.score ? interval(c.score[0], c.score[1], c.score[2], plain) : "–", c.success ? interval(c.success[0], c.success[1], c.success[2], signed) : "–", estimate(c.better, percent), c.p === null ? "–" : c.p < 0.001 ? "< 0.001" : c.p.toFixed(3), c.won > 0 ? "first is better" : c.won < 0 ? "second is better" : "tie"]; })));
@@ -332,7 +332,7 @@
     sourceMark(svg, room.sources, Y, unit);
     return h("div", { class: "panel" }, heading(e), svg);
   }
-  function heading(e, note) { return h("h4", {}, swatch(e), brief(e, 28), note ? h("small", {}, note) : null); }
+  function heading(e, note) { return h("h3", {}, swatch(e), brief(e, 28), note ? h("small", {}, note) : null); }
   function trackPanel(room, index, e) {
     const tracks = D.tracks.filter((track) => track.r === index && track.e === e);
     if (!tracks.length) return null;

@@ -14,6 +14,7 @@ import pytest
 from gslcosim.base.errors import UsageError
 from gslcosim.bench.signing.keys import NAMESPACE, SignatureError, parse_author, write_key
 from gslcosim.bench.signing.signed_results import check_signature, sign_results
+from gslcosim.bench.site.writer import write_site
 from gslcosim.bench.store import TRIALS
 from gslcosim.bench.verification_marks import results_hash
 from gslcosim.cli.main import main
@@ -268,3 +269,14 @@ def test_the_command_line_makes_a_key_signs_and_checks(folder, tmp_path, capsys)
     (folder / "maps.json").write_text("{}")
     assert main(check) == 2
     assert "maps.json: was added" in capsys.readouterr().err
+
+
+def test_a_site_shows_who_has_signed_and_none_is_made_of_altered_results(folder, tmp_path):
+    key = check_signature(folder).key.fingerprint
+    write_site([folder], tmp_path / "site")
+    assert f'title="signed with the key {key}"' in (tmp_path / "site" / "index.html").read_text()
+    assert f"<dt>signed</dt><dd>with the key {key}</dd>" in (tmp_path / "site" / "methods" / "e_coli.html").read_text()
+    (folder / "agents" / "mine" / "agent.py").write_text("print('another agent')\n")
+    with pytest.raises(SignatureError):
+        write_site([folder], tmp_path / "other")
+    assert not (tmp_path / "other").exists()
