@@ -9,8 +9,6 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any, Literal, Protocol, cast
 
-import psutil
-
 from gslcosim.base.errors import SimulationFault
 from gslcosim.base.worker_process import WorkerProcess
 from gslcosim.bench.cases.models import LimitsSpec, Trial
@@ -120,6 +118,7 @@ def iterate_results(pool: Pool, jobs: Sequence[Job]) -> Iterator[JobResult]:
 _AHEAD = 2
 _LOOK_EVERY_S = 0.25
 _PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+_TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 _MOST_FAILED_STARTS = 3
 _WORKER = "gslcosim.bench.execution.worker:do_jobs"
 
@@ -290,9 +289,10 @@ class LocalPool:
 # Of a process and of the children that it has waited for.
 def _cpu_s(pid: int) -> float:
     try:
-        return sum(psutil.Process(pid).cpu_times()[:4])
-    except psutil.Error:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
         return 0.0
+    return sum(map(int, fields[11:15])) / _TICKS_PER_S
 
 
 # What a process has for itself: rooms and tapes are mapped files that all workers share.
