@@ -139,6 +139,7 @@ OTHERS = {
     "bench keygen": "writes two files",
     "bench seal": "reads a suite and writes two files",
     "bench reveal": "reads two small files: tests/unit/bench/test_sealing.py",
+    "bench pack": "reads a folder of one's own: tests/unit/bench/cases/test_submission_bundles.py",
     "reality": "reads measured data: tests/unit/validation/test_readers.py",
     "bench plan": "reads a suite",
 }

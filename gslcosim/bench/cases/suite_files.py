@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from gslcosim.base.bundled import SUITE_FILE, bundled_families, bundled_scenarios, bundled_suites
 from gslcosim.base.code_identity import COMPUTING_PACKAGES, hash_result_code
@@ -19,6 +19,7 @@ from gslcosim.base.yaml_core import without_editor_header
 from gslcosim.bench.cases.agent_setup import files_in_command, find_program
 from gslcosim.bench.cases.families import CaseFamily, find_family_beside
 from gslcosim.bench.cases.models import EntrySpec, ScenarioSpec, Suite
+from gslcosim.bench.cases.submission_bundles import copy_bundle_files, find_bundle_root, list_bundle_files
 from gslcosim.methods.card import CARD_FILE, SHARED_PARAMETERS
 from gslcosim.scenario import Scenario, load_scenario
 from gslcosim.scenario.checks.registry import find_problems
@@ -55,20 +56,34 @@ def agent_hash(entry: EntrySpec, directory: Path) -> str:
     words = [entry.start.python or "", *(entry.start.command or ())]
     names = [Path(word).name if (directory / word).is_file() else word for word in words]
     digest.update(json.dumps(names).encode())
+    root = _bundle_root(entry, directory)
     for path in list_entry_files(entry, directory):
-        digest.update(path.name.encode())
+        is_single = root is None or not path.is_relative_to(root)
+        digest.update((path.name if is_single else path.relative_to(cast("Path", root)).as_posix()).encode())
         digest.update(without_editor_header(path.read_bytes()))
     return digest.hexdigest()
 
 
 def list_entry_files(entry: EntrySpec, directory: Path) -> list[Path]:
-    """Return the files that an entry's program is made of: those it names, and what Python and cards lie beside it."""
+    """Return the files that an entry's program is made of: those it names, and what Python and cards lie beside it.
+
+    Of a submission, all files that its bundle has.
+    """
     named = {path.resolve() for path in files_in_command(entry, directory)}
     program = find_program(entry, directory)
-    if program is not None:
+    if (root := _bundle_root(entry, directory)) is not None:
+        named |= {path.resolve() for path in list_bundle_files(root)}
+    elif program is not None:
         named.add(program.resolve())
         named |= {path.resolve() for path in list_program_files(program)}
     return sorted(named)
+
+
+def _bundle_root(entry: EntrySpec, directory: Path) -> Path | None:
+    if entry.start.python is not None and not (directory / entry.start.python).is_file():
+        return None
+    program = find_program(entry, directory)
+    return find_bundle_root(program) if program is not None else None
 
 
 def list_program_files(program: Path) -> list[Path]:
@@ -317,7 +332,10 @@ def _kept_program(entry: EntrySpec, directory: Path, folder: Path) -> dict[str, 
     is_bundled = entry.start.python is not None and not (directory / entry.start.python).is_file()
     if is_bundled:
         return start
-    kept = _copied(list_entry_files(entry, directory), folder, f"{AGENTS}/{entry.name}")
+    files, into, root = list_entry_files(entry, directory), f"{AGENTS}/{entry.name}", _bundle_root(entry, directory)
+    kept = _copied([path for path in files if root is None or not path.is_relative_to(root)], folder, into)
+    if root is not None:
+        kept |= copy_bundle_files([path for path in files if path.is_relative_to(root)], root, folder, into)
     if entry.start.python is not None:
         start["python"] = kept[(directory / entry.start.python).resolve()]
     else:

@@ -77,6 +77,14 @@ def _add_run_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="AGENT",
         help="for the suite measured: agents that replay the logs, too: bundled names, Python files, or suites",
     )
+    parser.add_argument(
+        "--bundle",
+        type=Path,
+        action="append",
+        metavar="FILE",
+        help="run the method of this bundle of bench pack in a sandbox, on the cases of SUITE; repeatable",
+    )
+    parser.add_argument("--build", action="store_true", help="run the build commands of the bundles, with your rights")
     parser.add_argument("--retry", action="store_true", help="run trials without a result again")
     parser.add_argument("--no-report", action="store_true", help="write no report")
     add_yes_option(parser)
@@ -193,10 +201,14 @@ def _run_suite(arguments: argparse.Namespace) -> int:
 
     if arguments.suite == MEASURED:
         return _run_measured(arguments)
+    if arguments.build and not arguments.bundle:
+        raise UsageError("--build: expected --bundle, whose commands it runs, found none. Add --bundle FILE.")
     for option in ("data", "agents"):
         if getattr(arguments, option) is not None:
             raise UsageError(f"--{option}: expected the suite {MEASURED}, was {arguments.suite}. Leave the option out.")
     selection, shard = _chosen(arguments)
+    if arguments.bundle:
+        arguments.suite = str(_prepare_bundles(arguments))
     loaded, plan = _planned(arguments, is_quiet=arguments.json)
     check_sandbox_here(arguments, plan)
     name = loaded.suite.name if shard is None else f"{loaded.suite.name}-{shard.index}-of-{shard.count}"
@@ -227,13 +239,25 @@ def _run_suite(arguments: argparse.Namespace) -> int:
     return ExitCode.AGENT_FAILED if summary.n_without_result else 0
 
 
+def _prepare_bundles(arguments: argparse.Namespace) -> Path:
+    from gslcosim.bench.cases import load_suite
+    from gslcosim.bench.cases.models import MAX_NAME_LENGTH
+    from gslcosim.bench.cases.submission_bundles import prepare_bundles
+
+    loaded = load_suite(arguments.suite)
+    ending = "_bundles"
+    name = f"{loaded.suite.name[: MAX_NAME_LENGTH - len(ending)]}{ending}"
+    results = arguments.results or RESULTS_DIR / name
+    return prepare_bundles(arguments.bundle, loaded.path, name=name, results=results, builds=arguments.build)
+
+
 def _run_measured(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.cases.models import Selection
     from gslcosim.bench.store import ResultsFolder
     from gslcosim.validation.measured_suite.page import HEADINGS, compute_figures, table_rows, to_json
     from gslcosim.validation.measured_suite.run import run_measured
 
-    for option in ("seed", "filter", "shard", "jobs", "ray", "retry"):
+    for option in ("seed", "filter", "shard", "jobs", "ray", "retry", "bundle"):
         if getattr(arguments, option) not in (None, False):
             raise UsageError(f"--{option}: expected a suite that is flown, was {MEASURED}. Leave the option out.")
     patterns = Selection.of(arguments.only).patterns

@@ -1,4 +1,4 @@
-"""Submissions of `gslcosim bench`: keys, signed results, the log of submissions, and audits."""
+"""Submissions of `gslcosim bench`: bundles, keys, signed results, the log of submissions, and audits."""
 
 import argparse
 from pathlib import Path
@@ -186,7 +186,33 @@ def _audit(arguments: argparse.Namespace) -> int:
     return ExitCode.DIVERGENCE if verification.differences else 0
 
 
+def _add_pack_arguments(parser: argparse.ArgumentParser) -> None:
+    add_json_option(parser)
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="folder with submission.yaml")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="the bundle (default: the entry's name with .tar)")
+
+
+def _pack(arguments: argparse.Namespace) -> int:
+    from gslcosim.bench.cases.submission_bundles import load_submission, pack_bundle
+
+    out = arguments.out or Path(f"{load_submission(arguments.folder).entry.name}.tar")
+    bundle = pack_bundle(arguments.folder, out)
+    if arguments.json:
+        write_json({"bundle": str(out), "sha256": bundle.digest, "files": list(bundle.files)})
+    else:
+        listed = "".join(f"\n  {name}" for name in bundle.files)
+        write(f"Bundle: {out}, SHA-256 {bundle.digest}, {len(bundle.files)} files:{listed}")
+    return 0
+
+
 COMMANDS = (
+    Command(
+        name="pack",
+        summary="pack a program, its card, lock and build recipe into one file",
+        examples="  gslcosim bench pack my_method\n  gslcosim bench pack my_method --out my_method-2.tar",
+        add_arguments=_add_pack_arguments,
+        run=_pack,
+    ),
     Command(
         name="keygen",
         summary="make a key that signs results",

@@ -148,3 +148,42 @@ def test_a_machine_without_a_sandbox_is_reported_before_anything_runs(
     with pytest.raises(UsageError, match="sandbox: expected a machine that has a sandbox for agents"):
         run(required, tmp_path / "results", jobs=1)
     assert not (tmp_path / "results").exists()
+
+
+PROGRAM = """
+import json
+from pathlib import Path
+
+from gslcosim.agent_kit import run
+from gslcosim_agents.dung_beetle.agent import DungBeetle
+
+json.loads((Path(__file__).parent / "parts" / "data.json").read_text())
+
+if __name__ == "__main__":
+    run(DungBeetle)
+"""
+
+
+@pytest.mark.end_to_end
+def test_a_bundle_is_flown_sealed_and_its_results_are_verified(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A program that needs a file in a folder of its own finds it where it is flown, and where it is verified."""
+    monkeypatch.setenv("GSLCOSIM_STATE", str(tmp_path / "state"))
+    author, results = tmp_path / "author", tmp_path / "results" / "sealed"
+    (author / "parts").mkdir(parents=True)
+    (author / "parts" / "data.json").write_text("{}")
+    (author / "agent.py").write_text(PROGRAM)
+    (author / "method.yaml").write_text(
+        "schema: gslcosim/method/1\ntitle: Mine\nfamily: reactive\nsummary: Flies.\npaper: none yet\n"
+        "needs: {sensors: [gas, wind]}\n"
+    )
+    (author / "submission.yaml").write_text(
+        "schema: gslcosim/submission/1\nentry: {name: mine, start: {python: agent.py}}\nbuild: []\nlock: []\n"
+    )
+    bundle = str(tmp_path / "mine.tar")
+    assert main(["bench", "pack", str(author), "--out", bundle]) == 0
+    shutil.rmtree(author)
+    only = ["--only", "entry=mine", "--only", "repetition=0", "--only", "control=no"]
+    fly = ["bench", "run", "smoke", "--bundle", bundle, "--results", str(results), "--jobs", "1", "--no-report"]
+    assert main([*fly, *only]) == 0
+    shutil.rmtree(tmp_path / "results" / "bundles")
+    assert main(["bench", "verify", str(results), "--sample", "1", "--jobs", "1"]) == 0

@@ -1,0 +1,146 @@
+"""Submission bundles: the same files have one hash, and what is unpacked, built and flown is what was packed."""
+
+import io
+import os
+import shutil
+import sys
+import tarfile
+from pathlib import Path
+
+import pytest
+
+from gslcosim.base.errors import GslCosimError, UsageError
+from gslcosim.bench.cases.submission_bundles import build_program, pack_bundle, prepare_bundles, unpack_bundle
+from gslcosim.bench.cases.suite_files import agent_hash, find_suite, load_suite, write_suite
+from gslcosim.cli.main import main
+
+TEMPLATE = Path(__file__).parents[4] / "gslcosim" / "conformance" / "templates" / "agents" / "python" / "agent.py"
+CARD = """schema: gslcosim/method/1
+title: Mine
+family: reactive
+summary: Flies up the wind while it smells gas.
+paper: none yet
+needs: {sensors: [gas, wind]}
+"""
+SUBMISSION = f"""schema: gslcosim/submission/1
+entry: {{name: mine, start: {{python: agent.py}}}}
+build: [[{sys.executable}, -c, "open('parts/built.txt', 'w').write('built')"]]
+lock: [requirements.lock]
+leaves_out: [parts/built.txt, notes]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """An author's folder: a program with data in a folder of its own, and what is not packed."""
+    folder = tmp_path / "author" / "mine"
+    for name, text in {
+        "agent.py": TEMPLATE.read_text().replace("NAME", "mine"), "method.yaml": CARD, "submission.yaml": SUBMISSION,
+        "requirements.lock": "", "parts/data.json": "{}", "notes/idea.txt": "x", ".git/config": "x",
+        "__pycache__/agent.pyc": "x", "parts/built.txt": "x",
+    }.items():  # fmt: skip
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    return folder
+
+
+def test_the_same_files_have_one_hash_wherever_and_whenever_they_are_packed(folder, tmp_path):
+    first = pack_bundle(folder, tmp_path / "first.tar")
+    assert first.files == ("agent.py", "method.yaml", "parts/data.json", "requirements.lock", "submission.yaml")
+    other = tmp_path / "elsewhere"
+    # In another order, at another time, with other rights of the group.
+    for name in reversed(first.files):
+        (other / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(folder / name, other / name)
+        (other / name).chmod(0o640)
+        os.utime(other / name, (1, 1))
+    assert pack_bundle(other, tmp_path / "second.tar").digest == first.digest
+    assert (tmp_path / "first.tar").read_bytes() == (tmp_path / "second.tar").read_bytes()
+    (other / "agent.py").chmod(0o755)
+    assert pack_bundle(other, tmp_path / "second.tar").digest != first.digest
+
+
+def test_an_organiser_flies_what_the_author_has_packed(folder, tmp_path):
+    """The entry keeps its hash from the author's folder to the results, with every file of the bundle."""
+    bundle = pack_bundle(folder, tmp_path / "mine.tar")
+    with pytest.raises(UsageError, match="expected --build"):
+        prepare_bundles([tmp_path / "mine.tar"], find_suite("smoke"), name="x", results=tmp_path / "r", builds=False)
+    suite = prepare_bundles([tmp_path / "mine.tar"], find_suite("smoke"), name="x", results=tmp_path / "r", builds=True)
+    loaded = load_suite(suite, is_flown=True)
+    assert loaded.demands_sandbox
+    assert [inner.suite.name for inner in loaded.included] == ["smoke"]
+    (entry,) = loaded.suite.entries
+    unpacked = suite.parent / bundle.digest[:16]
+    assert (unpacked / "parts" / "built.txt").read_text() == "built"
+    write_suite(loaded, tmp_path / "r")
+    kept = load_suite(tmp_path / "r", is_flown=True)
+    assert (tmp_path / "r" / "agents" / "mine" / "parts" / "data.json").is_file()
+    hashes = {
+        agent_hash(entry, suite.parent), agent_hash(kept.suite.entries[0], kept.directory),
+        agent_hash(bundle.submission.entry, folder),
+    }  # fmt: skip
+    assert len(hashes) == 1
+    # Data beside the program decides too.
+    (unpacked / "parts" / "data.json").write_text("[]")
+    assert agent_hash(entry, suite.parent) not in hashes
+
+
+def test_a_build_that_fails_says_why(folder, tmp_path):
+    text = SUBMISSION.replace("open('parts/built.txt', 'w').write('built')", "raise SystemExit('no compiler')")
+    (folder / "submission.yaml").write_text(text)
+    pack_bundle(folder, tmp_path / "mine.tar")
+    with pytest.raises(UsageError, match=r"was exit code 1.*\nno compiler"):
+        build_program(unpack_bundle(tmp_path / "mine.tar", tmp_path), is_agreed=True)
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        (lambda folder: (folder / "method.yaml").unlink(), "expected the method's card, method.yaml"),
+        (lambda folder: (folder / "requirements.lock").unlink(), "a file that lock names, requirements.lock"),
+        (lambda folder: (folder / "submission.yaml").unlink(), "expected a folder with submission.yaml"),
+        (lambda folder: (folder / "submission.yaml").write_text("schema: x"), "lock: expected"),
+        (lambda folder: (folder / "link").symlink_to("/etc/passwd"), "expected a plain file, was a link"),
+    ],
+)
+def test_what_cannot_be_packed_is_refused(folder, tmp_path, change, what):
+    change(folder)
+    with pytest.raises(GslCosimError) as caught:
+        pack_bundle(folder, tmp_path / "mine.tar")
+    assert what in str(caught.value)
+
+
+def member(name, kind=tarfile.REGTYPE, content=b"x"):
+    info = tarfile.TarInfo(name)
+    info.type, info.size, info.linkname = kind, len(content) if kind == tarfile.REGTYPE else 0, "/etc/passwd"
+    return info, content
+
+
+@pytest.mark.parametrize(
+    "members",
+    [
+        [member("/etc/x")], [member("../x")], [member("a/../../x")], [member("x", tarfile.SYMTYPE)],
+        [member("x", tarfile.LNKTYPE)], [member("x", tarfile.FIFOTYPE)], [member("x"), member("x")], [member("x")], [],
+    ],
+)  # fmt: skip
+def test_a_tar_that_reaches_outside_is_no_bundle(tmp_path, members):
+    with tarfile.open(tmp_path / "evil.tar", "w") as tar:
+        for info, content in members:
+            tar.addfile(info, io.BytesIO(content))
+    below = tmp_path / "below"
+    with pytest.raises(UsageError, match=r"expected a bundle of gslcosim bench pack"):
+        unpack_bundle(tmp_path / "evil.tar", below)
+    assert not below.exists()
+    for content in (b"", b"x" * 2000):
+        (tmp_path / "evil.tar").write_bytes(content)
+        with pytest.raises(UsageError, match=r"expected a bundle"):
+            unpack_bundle(tmp_path / "evil.tar", below)
+
+
+def test_the_command_line_packs_and_refuses(folder, tmp_path, capsys):
+    out = str(tmp_path / "mine.tar")
+    assert main(["bench", "pack", str(folder), "--out", out]) == 0
+    assert "SHA-256" in capsys.readouterr().out
+    assert main(["bench", "run", "smoke", "--build"]) == 2
+    assert main(["bench", "run", "smoke", "--bundle", out, "--results", str(tmp_path / "r")]) == 2
+    assert "which run with all your rights" in capsys.readouterr().err
