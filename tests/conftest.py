@@ -23,12 +23,21 @@ settings.register_profile("explore", deadline=None, database=None, suppress_heal
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 GOLDEN_DIR = Path(__file__).parent / "golden"
+# A module's tests go to one worker. The longest modules begin first: begun last, one would run while no other does.
+LONGEST_MODULES = (
+    "test_ray_pool", "test_two_hosts", "test_sandboxes", "test_tutorials", "test_method_ports", "test_fork",
+    "test_new_agents", "test_snapshots", "test_readme", "test_live", "test_machine_faults", "test_languages",
+    "test_runner", "test_hostile_submissions", "test_get_started", "test_faults", "test_gateway",
+    "test_transport_pages", "test_compose_run", "test_openfoam", "test_submission", "test_events", "test_methods",
+)  # fmt: skip
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Give a second try to who is named for it; before tests are left out, so that no name is missed."""
     mark_flaky_tests(config, items, Path(__file__).with_name("flaky_tests.yaml"))
+    ranks = {name: rank for rank, name in enumerate(LONGEST_MODULES)}
+    items.sort(key=lambda item: ranks.get(item.path.stem, len(ranks)))
 
 
 @pytest.fixture(scope="session", autouse=True)
