@@ -12,7 +12,7 @@ INSTALL = -m pip install --quiet --disable-pip-version-check $(if $(LOCK),--cons
 # The last commit of 0.1.0.
 BASE ?= 9693e5e
 
-.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers bench-table crossings plume-statistics reality soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check capabilities golden docs docs-site docs-serve readability dist contract setup lock bench-training
+.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers bench-table crossings plume-statistics reality soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check capabilities golden docs docs-site docs-serve readability dist contract setup lock bench-training simulated-entries
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -53,6 +53,9 @@ bench-gas: .venv/ready-test-all  # how fast the gas is, beside its targets
 
 bench-suite: .venv/ready-test-all  # what a flight of a suite costs and its parts, how busy workers are, whether memory stays flat
 	$(BIN)/python tests/benchmarks/bench_suite.py $(SUITE)
+
+simulated-entries: .venv/ready-dev  # how often ranks and intervals of simulated suites err, beside binomial bands
+	$(BIN)/python tests/benchmarks/simulated_entries.py
 
 bench-training: .venv/ready-test-all  # agent steps per second in batches, beside single environments, in turns; how far batched rotorcraft are from full flights
 	$(BIN)/python tests/benchmarks/bench_training.py

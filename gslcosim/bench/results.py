@@ -12,14 +12,20 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
 from gslcosim.bench.statistics.estimates import Estimate
-from gslcosim.bench.statistics.pairs import mcnemar, paired_difference, probability_better, sign_flip
-from gslcosim.bench.statistics.rates import wilson
+from gslcosim.bench.statistics.pairs import sign_flip
+from gslcosim.bench.statistics.ranking import estimate_means
+from gslcosim.bench.statistics.rates import rate_over_units
+from gslcosim.bench.statistics.sampling_units import Level, SamplingUnits, find_sampling_units
 from gslcosim.bench.statistics.times import restricted_mean
 from gslcosim.bench.store import TRACKS, TRIALS, ResultsFolder
 
 _compute: Any = pc
 # Rows that agree in these are runs of the same case, repetition and gas: they make a pair.
 PAIR = ("case", "repetition", "is_control")
+
+
+UNIT_COLUMNS = ("environment_hash", "gas_seed", "case")
+"""Columns that say which room, plume and case a run was of."""
 
 
 @dataclass(frozen=True)
@@ -100,16 +106,23 @@ class Results:
         return table.filter(_compute.is_in(table["trial"], value_set=self.trials["trial"].combine_chunks()))
 
     def success(self, entry: str) -> Estimate:
-        """Return the success rate of an entry, with Wilson's interval."""
-        reached = self._of(entry).array("success").astype(bool)
-        return wilson(int(reached.sum()), len(reached))
+        """Return the success rate of an entry, with Wilson's interval for as many runs as its rooms are worth."""
+        rows = self._of(entry)
+        return rate_over_units(rows.array("success").astype(bool), rows.sampling_units())
 
     def mean_time_s(self, entry: str) -> Estimate:
         """Return the mean of min(time to source, limit) of an entry [s]; failures count with the limit."""
         rows = self._of(entry)
         return restricted_mean(
-            rows.array("time_s"), rows.array("success").astype(bool), rows.array("time_limit_s").astype(float)
+            rows.array("time_s"),
+            rows.array("success").astype(bool),
+            rows.array("time_limit_s").astype(float),
+            clusters=rows.sampling_units().clusters,
         )
+
+    def sampling_units(self) -> SamplingUnits:
+        """Return what intervals draw: whole rooms where there are six or more, else whole plumes, else single runs."""
+        return find_sampling_units(*(self.array(name) for name in UNIT_COLUMNS))
 
     def paired(self, column: str, a: str, b: str) -> tuple[NDArray[Any], NDArray[Any]]:
         """Return a column of two entries on the runs that both have made, pair by pair.
@@ -189,8 +202,9 @@ def read_state(folder: str | Path) -> dict[str, Any]:
 class Comparison:
     """Two entries on their pairs: `a` minus `b`.
 
-    `success` is the difference in success, `success_p` McNemar's exact p; `time_s` that in the restricted mean time
-    [s], `time_p` that of the sign-flip test; `better` how likely `a` is the quicker one on a pair, ties half.
+    `success` is the difference in success, `time_s` that in the restricted mean time [s], `success_p` and `time_p`
+    those of the sign-flip test; `better` is how likely `a` is the quicker one on a pair, ties half. Intervals and tests
+    draw what `drawn` says: whole rooms, whole plumes or single runs.
     """
 
     a: str
@@ -201,10 +215,13 @@ class Comparison:
     time_s: Estimate
     time_p: float
     better: Estimate
+    drawn: Level = "flights"
 
 
 def compare(results: Results, a: str, b: str) -> Comparison:
     """Return the comparison of an entry with another on the runs that both have made, controls apart.
+
+    It is that of these two alone: of many pairs, the report's comparison holds for all of them together.
 
     Args:
         results: All rows, or some of them.
@@ -217,13 +234,17 @@ def compare(results: Results, a: str, b: str) -> Comparison:
     rows = results.select(is_control=False)
     success_a, success_b = (values.astype(float) for values in rows.paired("success", a, b))
     time_a, time_b = (values.astype(float) for values in rows.paired("time_s", a, b))
+    units = find_sampling_units(*(rows.paired(name, a, b)[0] for name in UNIT_COLUMNS))
+    is_quicker = 0.5 + 0.5 * np.sign(time_b - time_a)
+    success, better = estimate_means(np.stack([success_a - success_b, is_quicker], axis=1), units)
     return Comparison(
         a=a,
         b=b,
         n=len(success_a),
-        success=paired_difference(success_a, success_b),
-        success_p=mcnemar(success_a.astype(bool), success_b.astype(bool)).p,
-        time_s=paired_difference(time_a, time_b),
-        time_p=sign_flip(time_a, time_b),
-        better=probability_better(time_a, time_b),
+        success=success,
+        success_p=sign_flip(success_a, success_b, clusters=units.clusters),
+        time_s=estimate_means((time_a - time_b)[:, None], units)[0],
+        time_p=sign_flip(time_a, time_b, clusters=units.clusters),
+        better=better,
+        drawn=units.level,
     )

@@ -398,6 +398,7 @@ class ResultsManifest(TypedDict, total=False):
     suite: str | None
     title: str | None
     question: str | None
+    smallest_difference_points: float | None
     seed: int | None
     suite_hash: str | None
     software_hash: str | None

@@ -308,7 +308,10 @@ def _manifest(
                 home = homes[name]
                 entries.setdefault(name, {**listed, "name": name, "submission": home.label, "key": home.key})
     first = submissions[0].manifest
-    kept = ("schema", "suite", "title", "question", "seed", "suite_hash", "versions", "anchors", "scenarios", "dropped")
+    kept = (
+        "schema", "suite", "title", "question", "smallest_difference_points", "seed", "suite_hash", "versions",
+        "anchors", "scenarios", "dropped",
+    )  # fmt: skip
     demands = any(submission.manifest.get("sandbox") == "required" for submission in submissions)
     return {
         **{key: first[key] for key in kept if key in first},

@@ -456,11 +456,13 @@ def format_signature(signed: "SignedResults | None") -> str:
 
 
 def format_ranking(ranking: "Ranking") -> str:
-    """Return a merged leaderboard: equal ranks where entries cannot be distinguished, and who has been verified."""
+    """Return a merged leaderboard: the places each entry may have, who has been verified, and what follows from it."""
+    from gslcosim.bench.report.number_formats import format_ranks
+
     view = ranking.leaderboard["views"][0]
     rows = [
         (
-            str(row["rank"]),
+            format_ranks(row["rank"], row["last_rank"]),
             row["entry"],
             _format_figure(row["score"], 1.0, 3),
             f"{_format_figure(row['success'], 100.0, 0)} %",
@@ -473,7 +475,9 @@ def format_ranking(ranking: "Ranking") -> str:
         for row in view["rows"]
     ]
     head = ("RANK", "ENTRY", "SCORE", "SUCCESS", "TIME [s]", "N", "SUBMISSION", "VERIFIED", "SIGNED BY")
-    return f"{table(head, rows)}\nIntervals are 95 %. Entries of one rank have not been told apart."
+    said = ranking.leaderboard["conclusions"]
+    lines = [f"- {text}" for text in (*said["holds"], *said["limits"])]
+    return f"{table(head, rows)}\nIntervals are 95 %; RANK is the best and the worst place.\n" + "\n".join(lines)
 
 
 # Enough of a fingerprint to tell keys of a table apart; --json has all of it.

@@ -31,6 +31,9 @@ MAX_SETTINGS = 500
 MAX_COMPARED_SETTINGS = 60
 """Most settings that `bench sweep` writes a report of, and a report compares in each case: more take minutes."""
 
+SMALLEST_DIFFERENCE_POINTS = 10.0
+"""Difference in success below which two entries are the same, unless a suite states another [percentage points]."""
+
 Values = dict[str, Any]
 """Values of a scenario by their paths, such as `agents[0].vehicle.hold_s`."""
 
@@ -292,6 +295,8 @@ class Suite(Spec):
     suite is included; `optional` flies Python agents as objects in the worker, which is quicker and for agents one
     trusts.
     `sealed`, in the suite of results, is the commitment to a seed that is secret.
+    `smallest_difference_points` is the difference in success that matters: the report calls entries the same whose
+    difference is smaller.
     """
 
     schema_: Literal["gslcosim/suite/1"] = Field(alias="schema")
@@ -315,6 +320,7 @@ class Suite(Spec):
     limits: LimitsSpec = LimitsSpec()
     sandbox: Literal["optional", "required"] = "optional"
     sealed: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")] | None = None
+    smallest_difference_points: Annotated[float, Field(gt=0, lt=100)] = SMALLEST_DIFFERENCE_POINTS
 
     @property
     def entries_with_anchors(self) -> tuple[EntrySpec, ...]:

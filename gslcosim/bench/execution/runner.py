@@ -57,6 +57,7 @@ def build_manifest(plan: Plan, sessions: list[dict[str, Any]], *, recorded: Sequ
         "suite": suite.name,
         "title": suite.title,
         "question": suite.question,
+        "smallest_difference_points": suite.smallest_difference_points,
         "seed": suite.seed if suite.sealed is None else None,
         "suite_hash": plan.suite_hash,
         "software_hash": plan.software_hash,

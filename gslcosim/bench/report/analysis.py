@@ -20,6 +20,7 @@ from gslcosim.bench.report.curves import (
     belief_tracks,
     build_plan_drawings,
     compute_start_success,
+    error_curves,
     profile_curves,
     runtime_curves,
     select_tracks,
@@ -29,7 +30,7 @@ from gslcosim.bench.report.curves import (
     summarise_times,
 )
 from gslcosim.bench.report.labels import LevelSuccess, compare_levels
-from gslcosim.bench.report.leaderboard import LeaderboardRow, build_leaderboard, build_matrix, plume_clusters
+from gslcosim.bench.report.leaderboard import LeaderboardRow, build_leaderboard
 from gslcosim.bench.report.report_data import EnvironmentMap, Flags, Floats, Ints, ReportData
 from gslcosim.bench.report.responses import ParameterResponse, compute_responses
 from gslcosim.bench.statistics.difficulty import (
@@ -41,10 +42,10 @@ from gslcosim.bench.statistics.difficulty import (
     plume_legibility,
     wind_difficulty,
 )
-from gslcosim.bench.statistics.estimates import N_DRAWS, UNDEFINED, Estimate, two_sided_z
-from gslcosim.bench.statistics.pairs import N_FLIPS
-from gslcosim.bench.statistics.ranking import PairsMatrix, pairs_matrix
+from gslcosim.bench.statistics.estimates import UNDEFINED, Estimate, two_sided_z
+from gslcosim.bench.statistics.ranking import EntryComparison
 from gslcosim.bench.statistics.rates import wilson
+from gslcosim.bench.statistics.sampling_units import SamplingUnits
 from gslcosim.bench.statistics.times import restricted_mean
 
 BLIND, SWEEP = "persistent_walk", "sweep"
@@ -307,40 +308,42 @@ def group_failures(material: ReportData) -> tuple[FailureGroup, ...]:
     return tuple(groups)
 
 
-SIGNIFICANT = 0.05
-"""Corrected p below which one entry is said to beat another."""
-
 _MOST_VIEWS = 24
 # Of more pairs only those over all cases are reported.
 _MANY_PAIRS = 200
 
 
 @dataclass(frozen=True, kw_only=True)
-class EntryComparison:
+class PairComparison:
     """One entry against another over their pairs.
 
     Attributes:
         a: The one.
         b: The other.
-        verdict: 1 where a beats b, -1 where b beats a, 0 where they cannot be distinguished.
-        score: Mean difference of the score.
-        success: Difference of the rates.
+        verdict: 1 where a beats b, -1 where b beats a, 0 where they are not told apart.
+        is_same: Whether they are not told apart and any difference in success is smaller than one that matters.
+        score: Mean difference of the score, with its simultaneous interval.
+        success: The same of the success.
         a_better: Share of pairs in which a's score is higher, ties half.
-        p_holm: Of the score, corrected for all pairs of the view; nan where no test is possible.
+        p: Of the score, corrected for all pairs of the view.
     """
 
     a: int
     b: int
     verdict: int
+    is_same: bool
     score: Estimate
     success: Estimate
     a_better: Estimate
-    p_holm: float
+    p: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReportView:
-    """All figures over some of the cases: all of them, those of a family, or those of a scenario."""
+    """All figures over some of the cases: all of them, those of a family, or those of a scenario.
+
+    `units` is what is drawn, `critical_value` how many standard errors simultaneous intervals reach to each side.
+    """
 
     key: str
     label: str
@@ -348,13 +351,16 @@ class ReportView:
     scenarios: tuple[str, ...]
     n_trials: int
     n_controls: int
+    units: SamplingUnits
+    critical_value: float
     standings: tuple[LeaderboardRow, ...]
     curves: tuple[CurveWithBand, ...]
     times: tuple[TimeSummary, ...]
     profiles: tuple[CurveWithBand, ...]
     runtimes: Mapping[str, tuple[CurveWithBand, ...]]
-    pairs: tuple[EntryComparison, ...]
+    pairs: tuple[PairComparison, ...]
     declarations: tuple[DeclarationCounts, ...]
+    errors: tuple[CurveWithBand, ...]
     beliefs: Mapping[str, tuple[CurveWithBand, ...]]
     last_beliefs: tuple[FinalBelief, ...]
     responses: tuple[ParameterResponse, ...]
@@ -362,10 +368,7 @@ class ReportView:
 
 @dataclass(frozen=True, kw_only=True)
 class Analysis:
-    """All figures of the report. `draws_plumes` says whether intervals draw whole plumes or single runs.
-
-    `levels` are empty where the suite labels no cases.
-    """
+    """All figures of the report; `levels` are empty where the suite labels no cases."""
 
     material: ReportData
     views: tuple[ReportView, ...]
@@ -374,7 +377,6 @@ class Analysis:
     tracks: tuple[DrawnTrack, ...]
     grades: tuple[CaseDifficulty, ...]
     failures: tuple[FailureGroup, ...]
-    draws_plumes: bool
     levels: tuple[LevelSuccess, ...] = ()
 
     @property
@@ -398,7 +400,6 @@ def analyse(material: ReportData) -> Analysis:
         tracks=select_tracks(material, rooms),
         grades=grade_cases(material, rooms),
         failures=group_failures(material),
-        draws_plumes=plume_clusters(material.rows, np.flatnonzero(~material.rows.is_control)) is not None,
         levels=compare_levels(material),
     )
 
@@ -420,7 +421,7 @@ def _view(
     material: ReportData, within: Flags, *, key: str, label: str, kind: str, tracks: BeliefTracks | None
 ) -> ReportView:
     rows = material.rows
-    standings = build_leaderboard(material, within)
+    standings, comparison = build_leaderboard(material, within)
     return ReportView(
         key=key,
         label=label,
@@ -428,61 +429,43 @@ def _view(
         scenarios=tuple(dict.fromkeys(rows["scenario"][within].tolist())),
         n_trials=int(within.sum()),
         n_controls=int((within & rows.is_control).sum()),
+        units=comparison.units,
+        critical_value=comparison.critical_value,
         standings=standings,
         curves=success_curves(material, within),
         times=summarise_times(material, within),
         profiles=profile_curves(material, within),
         runtimes=runtime_curves(material, within),
-        pairs=_compared(material, within, [row.entry for row in standings]),
+        pairs=_pairs(material, comparison, is_whole=bool(within.all())),
         declarations=summarise_declarations(material, within),
+        errors=error_curves(material, within),
         beliefs=belief_curves(material, within, tracks) if tracks is not None else {},
         last_beliefs=summarise_final_beliefs(material, within),
         responses=compute_responses(material, within),
     )
 
 
-def _compared(material: ReportData, within: Flags, entries: list[int]) -> tuple[EntryComparison, ...]:
-    n_pairs = _n_pairs(entries)
-    if not n_pairs or (n_pairs > _MANY_PAIRS and not within.all()):
+def _pairs(material: ReportData, comparison: EntryComparison, *, is_whole: bool) -> tuple[PairComparison, ...]:
+    if len(comparison.pairs) > _MANY_PAIRS and not is_whole:
         return ()
-    rows = material.rows
-    # The least p that tosses can show is one in their number, and Holm's correction multiplies it by the pairs.
-    n_flips = max(N_FLIPS, round(2.0 * n_pairs / SIGNIFICANT))
-    scores, success = (
-        _matrix(material, within, entries, rows.score, n_flips=n_flips),
-        # Of success only the differences are reported, not their p.
-        _matrix(material, within, entries, rows["success"].astype(np.float64), n_flips=1),
-    )
-    index = {entry.name: i for i, entry in enumerate(material.entries)}
+    margin = material.smallest_difference
     return tuple(
-        EntryComparison(
-            a=index[s.a], b=index[s.b], verdict=_verdict(s.difference, s.p_holm), score=s.difference,
-            success=r.difference, a_better=s.a_better, p_holm=s.p_holm,
+        PairComparison(
+            a=pair.a, b=pair.b, verdict=pair.verdict,
+            is_same=not pair.verdict and pair.differences["success"].is_within(margin),
+            score=pair.differences["score"], success=pair.differences["success"], a_better=pair.a_better, p=pair.p,
         )
-        for s, r in zip(scores.pairs, success.pairs, strict=True)
-        if s.difference.n
+        for pair in comparison.pairs
     )  # fmt: skip
 
 
-def _n_pairs(entries: list[int]) -> int:
-    return len(entries) * (len(entries) - 1) // 2
+def find_beaten(view: ReportView, entry: int) -> list[int]:
+    """Return the entries that an entry beats, in the order of the leaderboard."""
+    beaten = {p.b if p.verdict > 0 else p.a for p in view.pairs if p.verdict and entry == (p.a, p.b)[p.verdict < 0]}
+    return [row.entry for row in view.standings if row.entry in beaten]
 
 
-def _matrix(
-    material: ReportData, within: Flags, entries: list[int], values: np.ndarray, *, n_flips: int
-) -> PairsMatrix:
-    rows = material.rows
-    matrix, some = build_matrix(rows, within, entries, values)
-    return pairs_matrix(
-        matrix,
-        [material.entries[i].name for i in entries],
-        lower_is_better=False,
-        clusters=plume_clusters(rows, some),
-        strata=rows.cells[some],
-        n_draws=500 if _n_pairs(entries) > _MANY_PAIRS else N_DRAWS,
-        n_flips=n_flips,
-    )
-
-
-def _verdict(difference: Estimate, p: float) -> int:
-    return int(np.sign(difference.value)) if not math.isnan(p) and p < SIGNIFICANT else 0
+def find_same(view: ReportView, entry: int) -> list[int]:
+    """Return the entries that are shown to be the same as an entry, in the order of the leaderboard."""
+    same = {other for p in view.pairs if p.is_same for one, other in ((p.a, p.b), (p.b, p.a)) if one == entry}
+    return [row.entry for row in view.standings if row.entry in same]

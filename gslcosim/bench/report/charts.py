@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from gslcosim.bench.report.analysis import ReportView
-from gslcosim.bench.report.curves import RADII_M, CurveWithBand
+from gslcosim.bench.report.curves import LARGEST_ERROR_M, RADII_M, CurveWithBand
 from gslcosim.bench.report.report_data import Floats
 from gslcosim.bench.report.responses import ParameterResponse, ResponsePoint
 from gslcosim.bench.statistics.estimates import Estimate
@@ -124,6 +124,13 @@ def build_line_charts(view: ReportView, limit_s: float) -> Mapping[str, LineChar
                 title=f"Share of trials that had come within {within} of the source, over time",
                 x=time, y=_share(f"within {within} [%]"), lines=_lines(lines), is_step=True,
             )  # fmt: skip
+    if view.errors:
+        charts["errors"] = LineChart(
+            title="Share of trials declared within a distance of the source",
+            x=ChartAxis(label="error of the declared place [m]", name="within", low=0.0, high=LARGEST_ERROR_M,
+                        format="metres"),
+            y=_share("declared so near [%]"), lines=_lines(view.errors), is_step=True,
+        )  # fmt: skip
     alarms = ChartAxis(
         label="false alarms: share of flights without gas", name="false alarms", low=0.0, high=1.0, format="percent"
     )

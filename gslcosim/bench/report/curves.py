@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.untrusted_input import JsonObject, parse_json
-from gslcosim.bench.report.leaderboard import paired_rows, plume_clusters
+from gslcosim.bench.report.leaderboard import paired_rows, sampling_units
 from gslcosim.bench.report.report_data import EnvironmentMap, Flags, Floats, Ints, ReportData, TrialRows
 from gslcosim.bench.statistics.aggregates import mean, stratified_bootstrap
 from gslcosim.bench.statistics.estimates import UNDEFINED, Estimate
-from gslcosim.bench.statistics.rates import wilson
+from gslcosim.bench.statistics.rates import rates_over_units, wilson
 from gslcosim.bench.statistics.roc import Roc, localisation_roc, roc
 from gslcosim.bench.statistics.times import (
     Curve,
@@ -29,6 +29,8 @@ from gslcosim.bench.statistics.times import (
 RADII_M = {"5": 5.0, "2": 2.0, "1": 1.0, "05": 0.5}
 _TIMES, _FACTORS, _BINS, _BELIEF_TIMES = 61, 41, 30, 21
 _LARGEST_FACTOR = 50.0
+LARGEST_ERROR_M, _ERRORS = 5.0, 101
+"""Errors of declarations that are drawn, up to [m], and at how many distances."""
 _FEWER_DRAWS = 500
 
 
@@ -111,8 +113,9 @@ def success_curves(material: ReportData, within: Flags) -> tuple[CurveWithBand, 
     rows, at_s = material.rows, np.linspace(0.0, limit_s(material.rows), _TIMES)
     lines: list[CurveWithBand] = []
     for entry, some in rows_by_entry(material, within):
-        c = cumulative_success(rows.time_s[some], rows["success"][some], at_s)
-        lines.append(CurveWithBand(entry=entry, x=at_s, value=c.value, low=c.low, high=c.high, n=c.n))
+        units = sampling_units(rows, some)
+        c = cumulative_success(rows.time_s[some], rows["success"][some], at_s, units=units)
+        lines.append(_line(entry, c))
     return tuple(lines)
 
 
@@ -123,7 +126,7 @@ def summarise_times(material: ReportData, within: Flags) -> tuple[TimeSummary, .
 
 
 def _times(rows: TrialRows, entry: int, some: Ints, edges_s: Floats) -> TimeSummary:
-    time_s, success, clusters = rows.time_s[some], rows["success"][some], plume_clusters(rows, some)
+    time_s, success, clusters = rows.time_s[some], rows["success"][some], sampling_units(rows, some).clusters
     end_s = np.nan_to_num(rows["end_s"][some], nan=0.0)
     run_s = np.where(success, time_s, np.where(end_s > 0.0, end_s, rows["time_limit_s"][some]))
     return TimeSummary(
@@ -151,7 +154,8 @@ def profile_curves(material: ReportData, within: Flags) -> tuple[CurveWithBand, 
         own, best = own[found], best[found]
         if not own.size:
             continue
-        p = performance_profile(np.where(rows["success"][own], rows.time_s[own], math.inf), rows.time_s[best], factors)
+        times_s = np.where(rows["success"][own], rows.time_s[own], math.inf)
+        p = performance_profile(times_s, rows.time_s[best], factors, units=sampling_units(rows, own))
         lines.append(CurveWithBand(entry=entry, x=factors, value=p.value, low=p.low, high=p.high, n=p.n))
     return tuple(lines)
 
@@ -163,13 +167,36 @@ def runtime_curves(material: ReportData, within: Flags) -> Mapping[str, tuple[Cu
     lines: dict[str, list[CurveWithBand]] = {key: [] for key in ("all", *RADII_M)}
     for entry, some in rows_by_entry(material, within):
         met_s = np.stack([rows[name][some] for name in names], axis=1)
-        pooled = runtime_distribution(met_s, at_s, clusters=plume_clusters(rows, some), n_draws=_FEWER_DRAWS)
+        clusters = sampling_units(rows, some).clusters
+        pooled = runtime_distribution(met_s, at_s, clusters=clusters, n_draws=_FEWER_DRAWS)
         lines["all"].append(_line(entry, pooled))
         for column, radius in enumerate(RADII_M):
             reached = np.isfinite(met_s[:, column])
             time_s = np.where(reached, met_s[:, column], rows["time_limit_s"][some])
-            lines[radius].append(_line(entry, cumulative_success(time_s, reached, at_s)))
+            lines[radius].append(
+                _line(entry, cumulative_success(time_s, reached, at_s, units=sampling_units(rows, some)))
+            )
     return {key: tuple(found) for key, found in lines.items()}
+
+
+# The share of some runs for which something holds, at each x.
+def _share_line(rows: TrialRows, entry: int, some: Ints, x: Floats, holds: Flags) -> CurveWithBand:
+    value, low, high = rates_over_units(holds, sampling_units(rows, some))
+    return CurveWithBand(entry=entry, x=x, value=value, low=low, high=high, n=len(some))
+
+
+def error_curves(material: ReportData, within: Flags) -> tuple[CurveWithBand, ...]:
+    """Return for each entry which share had declared within a distance of the source; none where none declares.
+
+    Of each run with gas the first declaration counts; a run without one is within no distance.
+    """
+    rows, at_m = material.rows, np.linspace(0.0, LARGEST_ERROR_M, _ERRORS)
+    lines: list[CurveWithBand] = []
+    for entry, some in rows_by_entry(material, within):
+        if rows["declared"][some].any():
+            error_m = np.where(rows["declared"][some], rows["declared_error_m"][some], math.inf)
+            lines.append(_share_line(rows, entry, some, at_m, error_m[:, None] <= at_m))
+    return tuple(lines)
 
 
 def _line(entry: int, curve: Curve) -> CurveWithBand:
@@ -281,7 +308,8 @@ def summarise_final_beliefs(material: ReportData, within: Flags) -> tuple[FinalB
 
 def _mean_of(rows: TrialRows, column: str, some: Ints) -> Estimate:
     some = some[np.isfinite(rows[column][some])]
-    return stratified_bootstrap(rows[column][some], rows.cells[some], mean, clusters=plume_clusters(rows, some))
+    units = sampling_units(rows, some)
+    return stratified_bootstrap(rows[column][some], units.stratum, mean, clusters=units.clusters)
 
 
 def belief_curves(material: ReportData, within: Flags, tracks: BeliefTracks) -> Mapping[str, tuple[CurveWithBand, ...]]:
@@ -300,16 +328,17 @@ def _belief_lines(
         having = np.array([i for i in some.tolist() if i in series], dtype=np.int64)
         if having.size:
             values = np.stack([series[i] for i in having.tolist()])
-            points = [_mean_at(values[:, k], material.rows.cells[having]) for k in range(at_s.size)]
+            points = [_mean_at(values[:, k], material.rows, having) for k in range(at_s.size)]
             lines.append(_line_of(entry, at_s, points, having.size))
     return tuple(lines)
 
 
-def _mean_at(values: Floats, cells: Ints) -> Estimate:
+def _mean_at(values: Floats, rows: TrialRows, some: Ints) -> Estimate:
     known = np.isfinite(values)
     if known.sum() * 2 < values.size:
         return UNDEFINED
-    return stratified_bootstrap(values[known], cells[known], mean, n_draws=_FEWER_DRAWS)
+    units = sampling_units(rows, some[known])
+    return stratified_bootstrap(values[known], units.stratum, mean, clusters=units.clusters, n_draws=_FEWER_DRAWS)
 
 
 def _line_of(entry: int, x: Floats, points: Sequence[Estimate], n: int) -> CurveWithBand:

@@ -18,6 +18,7 @@ from gslcosim.bench.report.curves import (
     limit_s,
     rows_by_entry,
 )
+from gslcosim.bench.report.number_formats import format_ranks
 from gslcosim.bench.report.page import LineStyle, assign_line_styles
 from gslcosim.bench.report.report_data import Ints, ReportData, load_report_data
 from gslcosim.data.figures.plans import success_by_start
@@ -37,7 +38,7 @@ from gslcosim.data.figures.style import (
 )
 
 _MOST_DRAWN = 12
-_LINE_CHARTS = ("success_over_time", "profile", "runtime", "beliefs", "roc")
+_LINE_CHARTS = ("success_over_time", "profile", "runtime", "errors", "beliefs", "roc")
 
 
 def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
@@ -139,7 +140,10 @@ def _leaderboard(analysis: Analysis, axes: Any) -> None:
         color, e = _color(looks[row.entry]), row.score
         axes.plot([e.low, e.high], [place, place], color=color, lw=2)
         axes.plot([e.value], [place], "o", color=color, ms=4)
-    names = [f"{row.rank}  {safe_text(analysis.material.entries[row.entry].name)}" for row in rows]
+    names = [
+        f"{format_ranks(row.rank, row.last_rank)}  {safe_text(analysis.material.entries[row.entry].name)}"
+        for row in rows
+    ]
     axes.set(xlim=(0, 1), xlabel="score: mean of q over cases, with 95 % interval")
     axes.set_yticks(range(len(rows)), names)
     axes.invert_yaxis()

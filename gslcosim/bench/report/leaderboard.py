@@ -6,14 +6,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gslcosim.bench.report.report_data import Flags, Floats, Ints, ReportData, TrialRows
-from gslcosim.bench.statistics.aggregates import bootstrap_cells, mean, stratified_bootstrap, worst_quarter_mean
-from gslcosim.bench.statistics.estimates import UNDEFINED, Estimate
-from gslcosim.bench.statistics.ranking import ranks
-from gslcosim.bench.statistics.rates import lift, wilson
+from gslcosim.bench.statistics.aggregates import (
+    bootstrap_cells,
+    mean,
+    stratified_bootstrap,
+    worst_quarter_of_cells,
+)
+from gslcosim.bench.statistics.estimates import UNDEFINED, Estimate, encode_labels
+from gslcosim.bench.statistics.ranking import EntryComparison, compare_entries
+from gslcosim.bench.statistics.rates import lift, rate_over_units, wilson
+from gslcosim.bench.statistics.sampling_units import SamplingUnits, find_sampling_units
 from gslcosim.bench.statistics.times import restricted_mean
 
-# With fewer plumes in a room a bootstrap over plumes would find intervals that are too narrow.
-_FEWEST_PLUMES = 5
+DECLARED_WITHIN_M = {"declared_05": 0.5, "declared_1": 1.0, "declared_2": 2.0}
+"""Radii by the figures of success by declaration [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,11 +27,16 @@ class LeaderboardRow:
     """An entry's row: its rank, and its figures over the runs with gas.
 
     Attributes:
-        rank: One more than the number of entries that are shown to be better.
+        rank: One more than the number of entries that beat it: the best place it may have.
+        last_rank: The worst place it may have: the number of entries less those that it beats.
         score: Mean over cases of the mean q of each.
         worst: The same over the quarter of the cases in which it is worst.
         normalised: (score - walker) / (oracle - walker), both anchors taken as they are; undefined without them.
         success: Share of runs.
+        declared_05: Share of runs whose first declaration was within 0.5 m of the source; undefined where no entry of
+            the results declares.
+        declared_1: The same within 1 m.
+        declared_2: The same within 2 m.
         lift: Success less luck in runs without gas; undefined without such runs.
         time_s: Restricted mean time [s].
         spl: Mean of SPL.
@@ -38,10 +49,14 @@ class LeaderboardRow:
 
     entry: int
     rank: int
+    last_rank: int
     score: Estimate
     worst: Estimate
     normalised: Estimate
     success: Estimate
+    declared_05: Estimate
+    declared_1: Estimate
+    declared_2: Estimate
     lift: Estimate
     time_s: Estimate
     spl: Estimate
@@ -51,8 +66,8 @@ class LeaderboardRow:
     n: int
 
 
-def build_leaderboard(material: ReportData, within: Flags) -> tuple[LeaderboardRow, ...]:
-    """Return the rows of all entries that flew, best first.
+def build_leaderboard(material: ReportData, within: Flags) -> tuple[tuple[LeaderboardRow, ...], EntryComparison]:
+    """Return the rows of all entries that flew, best first, and the comparison that their ranks follow from.
 
     Args:
         material: What was run.
@@ -64,40 +79,71 @@ def build_leaderboard(material: ReportData, within: Flags) -> tuple[LeaderboardR
     bare = [row for row in bare if row.n]
     lower = next((r.score.value for r in bare if material.entries[r.entry].anchor == "upper"), None)
     upper = next((r.score.value for r in bare if material.entries[r.entry].anchor == "lower"), None)
-    ranked = zip(bare, _ranks(rows, within, bare), strict=True)
-    completed = [replace(row, rank=rank, normalised=_normalised(row.score, lower, upper)) for row, rank in ranked]
-    return tuple(sorted(completed, key=lambda row: (row.rank, -row.score.value, row.entry)))
+    comparison = compare_within(rows, within, [row.entry for row in bare])
+    completed = [
+        replace(row, rank=first, last_rank=last, normalised=_normalised(row.score, lower, upper))
+        for row, (first, last) in zip(bare, comparison.ranks, strict=True)
+    ]
+    return tuple(sorted(completed, key=lambda row: (row.rank, -row.score.value, row.entry))), comparison
 
 
-def plume_clusters(rows: TrialRows, chosen: Ints) -> Ints | None:
-    """Return which of the chosen rows met one plume and are drawn together; None where rooms have too few plumes.
+def compare_within(rows: TrialRows, within: Flags, entries: Sequence[int]) -> EntryComparison:
+    """Return the comparison of entries in score and success, in one family; its pairs have indices of entries.
+
+    Args:
+        rows: All rows.
+        within: (n,) which count; runs without gas do not.
+        entries: Which are compared.
+    """
+    score, some = build_matrix(rows, within, entries, rows.score)
+    success, _ = build_matrix(rows, within, entries, rows["success"].astype(np.float64))
+    compared = compare_entries(
+        {"score": score, "success": success},
+        ranked_by="score",
+        lower_is_better=False,
+        units=sampling_units(rows, some),
+        cases=encode_labels(rows.cells[some]) if some.size else rows.cells[some],
+        limit=1.0,
+    )
+    return replace(compared, pairs=tuple(replace(p, a=entries[p.a], b=entries[p.b]) for p in compared.pairs))
+
+
+def sampling_units(rows: TrialRows, chosen: Ints) -> SamplingUnits:
+    """Return what is drawn of some rows: whole rooms, whole plumes or single runs.
 
     Args:
         rows: All rows.
         chosen: Indices of some.
     """
-    rooms, plumes = rows["environment_hash"][chosen], rows.clusters[chosen]
-    counts = [len(set(plumes[rooms == room].tolist())) for room in set(rooms.tolist())]
-    return plumes if counts and min(counts) >= _FEWEST_PLUMES and max(counts) < len(chosen) else None
+    return find_sampling_units(rows.rooms[chosen], rows.gas[chosen], rows.cells[chosen])
 
 
 def _standing(rows: TrialRows, entry: int, chosen: Ints) -> LeaderboardRow:
     controls = chosen[rows.is_control[chosen]]
     chosen = chosen[~rows.is_control[chosen]]
-    success, clusters, cells = rows["success"][chosen], plume_clusters(rows, chosen), rows.cells[chosen]
+    success, cells, units = rows["success"][chosen], rows.cells[chosen], sampling_units(rows, chosen)
     overhead, decision_ms = rows["travel_overhead"][chosen], rows["wall_decision_p50_ms"][chosen]
+    error_m = np.where(rows["declared"][chosen], rows["declared_error_m"][chosen], np.nan)
+    declares = bool(rows["declared"].any())
     return LeaderboardRow(
         entry=entry,
         rank=0,
-        score=bootstrap_cells(rows.score[chosen], cells, mean, clusters=clusters),
-        worst=bootstrap_cells(rows.score[chosen], cells, worst_quarter_mean, clusters=clusters),
+        last_rank=0,
+        score=bootstrap_cells(rows.score[chosen], cells, clusters=units.clusters, strata=units.stratum),
+        worst=bootstrap_cells(
+            rows.score[chosen], cells, worst_quarter_of_cells, clusters=units.clusters, strata=units.stratum
+        ),
         normalised=UNDEFINED,
-        success=wilson(int(success.sum()), len(chosen)),
+        success=rate_over_units(success, units),
+        **{
+            name: rate_over_units(error_m <= radius_m, units) if declares else UNDEFINED
+            for name, radius_m in DECLARED_WITHIN_M.items()
+        },
         lift=lift_with_interval(rows, chosen, controls),
-        time_s=restricted_mean(rows.time_s[chosen], success, rows["time_limit_s"][chosen], clusters=clusters)
+        time_s=restricted_mean(rows.time_s[chosen], success, rows["time_limit_s"][chosen], clusters=units.clusters)
         if len(chosen)
         else UNDEFINED,
-        spl=stratified_bootstrap(np.nan_to_num(rows["spl"][chosen]), cells, mean, clusters=clusters),
+        spl=stratified_bootstrap(np.nan_to_num(rows["spl"][chosen]), units.stratum, mean, clusters=units.clusters),
         overhead=median_with_interval(overhead[np.isfinite(overhead)]),
         false_alarms=_false_alarms(rows, chosen, controls),
         decision_ms=median_with_interval(decision_ms[np.isfinite(decision_ms)]),
@@ -160,11 +206,6 @@ def build_matrix(rows: TrialRows, within: Flags, entries: Sequence[int], values:
     matrix = np.full((len(units), len(entries)), np.nan)
     matrix[place, [column[entry] for entry in rows.entry[chosen].tolist()]] = values[chosen]
     return matrix, chosen[first]
-
-
-def _ranks(rows: TrialRows, within: Flags, bare: Sequence[LeaderboardRow]) -> list[int]:
-    matrix, some = build_matrix(rows, within, [row.entry for row in bare], rows.score)
-    return ranks(matrix, lower_is_better=False, clusters=plume_clusters(rows, some))
 
 
 def paired_rows(rows: TrialRows, within: Flags, a: int, b: int) -> tuple[Ints, Ints]:

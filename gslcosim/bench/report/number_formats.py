@@ -61,6 +61,11 @@ def format_interval(estimate: Estimate, form: Format, frame: str = "{}") -> str:
     return frame.format(low + between + high)
 
 
+def format_ranks(first: int, last: int) -> str:
+    """Return the places that an entry may have: 2, or 2–5."""
+    return str(first) if first == last else f"{first}{ABSENT}{last}"
+
+
 def format_duration(seconds: float) -> str:
     """Return a time by the clock: 540 ms, 12.3 s, 4 min 5 s, 2 h 3 min."""
     if seconds < 1.0:

@@ -14,6 +14,7 @@ from markupsafe import Markup, escape
 from gslcosim.bench.report import number_formats
 from gslcosim.bench.report.analysis import Analysis, ReportView
 from gslcosim.bench.report.charts import RESPONSE_FIGURES, ChartAxis, ChartLine, LineChart, build_line_charts
+from gslcosim.bench.report.conclusions import describe_conclusions
 from gslcosim.bench.report.curves import QUANTUM_M, RADII_M, PlanDrawing, encode_plan, limit_s
 from gslcosim.bench.report.report_data import Floats, ReportEntry
 from gslcosim.bench.report.tables import describe_provenance
@@ -97,6 +98,7 @@ def build_page_values(analysis: Analysis) -> dict[str, Any]:
         "looks": looks,
         "view": analysis.everything,
         "facts": describe_provenance(analysis),
+        "conclusions": describe_conclusions(analysis, analysis.everything),
         "columns": TRIAL_COLUMNS,
         "radii_m": RADII_M,
         "response_figures": RESPONSE_FIGURES,
@@ -212,7 +214,10 @@ def _view(view: ReportView, limit: float) -> dict[str, Any]:
         "pairs": {
             "order": [row.entry for row in view.standings],
             "cells": [
-                [p.a, p.b, p.verdict, _to_list(p.score), _to_list(p.success), _to_list(p.a_better), _number(p.p_holm)]
+                [
+                    p.a, p.b, p.verdict, _to_list(p.score), _to_list(p.success), _to_list(p.a_better), _number(p.p),
+                    int(p.is_same),
+                ]
                 for p in view.pairs
             ],
         }

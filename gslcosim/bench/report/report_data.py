@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.yaml_core import CoreLoader
+from gslcosim.bench.cases.models import SMALLEST_DIFFERENCE_POINTS
 from gslcosim.bench.store import ResultsFolder
 from gslcosim.bench.verification_marks import VerificationMark, find_mark
 
@@ -119,14 +120,18 @@ class TrialRows:
 
     @cached_property
     def cells(self) -> Ints:
-        """(n,) index of the case, the stratum of bootstrap samples."""
+        """(n,) index of the case."""
         return _codes(self.columns["case"])
 
     @cached_property
-    def clusters(self) -> Ints:
-        """(n,) index of room and gas: rows that share one met the same plume."""
-        rooms, seeds = _codes(self.columns["environment_hash"]), _codes(self.columns["gas_seed"])
-        return _codes(rooms * (int(seeds.max(initial=0)) + 1) + seeds)
+    def rooms(self) -> Ints:
+        """(n,) index of the room with its wind."""
+        return _codes(self.columns["environment_hash"])
+
+    @cached_property
+    def gas(self) -> Ints:
+        """(n,) index of the seed of the gas; in one room, rows that share it met the same plume."""
+        return _codes(self.columns["gas_seed"])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,6 +153,13 @@ class ReportData:
         """Number of planned trials; None where that is unknown, as for merged results."""
         planned = self.manifest.get("n_planned")
         return planned if isinstance(planned, int) and "merged_from" not in self.manifest else None
+
+    @property
+    def smallest_difference(self) -> float:
+        """The least difference of success that matters, as a share: below it, two entries are the same."""
+        stated = self.manifest.get("smallest_difference_points", self.suite.get("smallest_difference_points"))
+        is_stated = isinstance(stated, int | float) and 0.0 < stated < 100.0
+        return (stated if is_stated else SMALLEST_DIFFERENCE_POINTS) / 100.0
 
     def command_of(self, entry: int) -> str:
         """Return the beginning of the command that runs a trial again, up to its id."""

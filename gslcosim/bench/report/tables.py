@@ -6,16 +6,17 @@ import json
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gslcosim.bench.report import number_formats
-from gslcosim.bench.report.analysis import Analysis, DifficultyCauses
+from gslcosim.bench.report.analysis import Analysis, DifficultyCauses, ReportView, find_beaten, find_same
+from gslcosim.bench.report.conclusions import Conclusions, describe_conclusions
 from gslcosim.bench.report.curves import BELIEF_FIGURES, CurveWithBand
-from gslcosim.bench.report.leaderboard import LeaderboardRow
+from gslcosim.bench.report.leaderboard import DECLARED_WITHIN_M, LeaderboardRow
 from gslcosim.bench.report.number_formats import format_duration
 from gslcosim.bench.report.report_data import ReportData
 from gslcosim.bench.report.validity import describe_validity
@@ -185,6 +186,7 @@ FIGURES = (
     "worst",
     "normalised",
     "success",
+    *DECLARED_WITHIN_M,
     "lift",
     "time_s",
     "spl",
@@ -208,7 +210,8 @@ _NOTES = (
     "Score: mean over cases of q = S (1 - 0.5 t / T), halved for each false declaration, 0 after a collision; worst "
     "quarter: the same over the cases in which it is worst.",
     "Intervals are 95 %.",
-    "Rank: one more than how many are shown to be better; where none is, all have rank 1 in 95 % of comparisons.",
+    "Rank: the best and the worst place that an entry may have, by how many beat it and how many it beats; all pairs "
+    "are compared in one family, so that equal entries all share the first rank in 95 % of comparisons.",
 )
 
 Table = Iterable[Sequence[Any]]
@@ -233,6 +236,7 @@ def write_tables(analysis: Analysis, folder: Path) -> None:
         "runtime": _lines(analysis, "time_s", lambda view: list(view.runtimes.items()), "radius"),
         "pairs": _pairs(analysis),
         "declarations": _declarations(analysis),
+        "declared_errors": _lines(analysis, "error_m", lambda view: [("", view.errors)]),
         "roc": _rocs(analysis),
         "beliefs": _lines(analysis, "time_s", lambda view: list(view.beliefs.items()), "figure"),
         "last_beliefs": _last_beliefs(analysis),
@@ -262,12 +266,12 @@ def _names(analysis: Analysis) -> list[str]:
 
 
 def _leaderboard(analysis: Analysis) -> Iterator[Sequence[Any]]:
-    yield ["view", "rank", "entry", "n", *(head for name in FIGURES for head in _heads(name))]
+    yield ["view", "rank", "last_rank", "entry", "n", *(head for name in FIGURES for head in _heads(name))]
     names = _names(analysis)
     for view in analysis.views:
         for row in view.standings:
             figures = [part for name in FIGURES for part in _parts(getattr(row, name))]
-            yield [view.key, row.rank, names[row.entry], row.n, *figures]
+            yield [view.key, row.rank, row.last_rank, names[row.entry], row.n, *figures]
 
 
 def _starts(analysis: Analysis) -> Iterator[Sequence[Any]]:
@@ -312,13 +316,13 @@ def _times(analysis: Analysis) -> Iterator[Sequence[Any]]:
 
 
 def _pairs(analysis: Analysis) -> Iterator[Sequence[Any]]:
-    yield ["view", "a", "b", "better", "p_holm", *_heads("score"), *_heads("success"), *_heads("a_better")]
+    yield ["view", "a", "b", "better", "is_same", "p", *_heads("score"), *_heads("success"), *_heads("a_better")]
     names = _names(analysis)
     for view in analysis.views:
         for p in view.pairs:
             better = {1: names[p.a], -1: names[p.b], 0: ""}[p.verdict]
             parts = [part for estimate in (p.score, p.success, p.a_better) for part in _parts(estimate)]
-            yield [view.key, names[p.a], names[p.b], better, p.p_holm, *parts]
+            yield [view.key, names[p.a], names[p.b], better, p.is_same, p.p, *parts]
 
 
 def _declarations(analysis: Analysis) -> Iterator[Sequence[Any]]:
@@ -402,27 +406,32 @@ def build_leaderboard_json(analysis: Analysis) -> str:
         "software_hash": manifest.get("software_hash"),
         "sorted_by": "score",
         "level": LEVEL,
+        "smallest_difference_points": 100.0 * material.smallest_difference,
         "n_trials": len(material.rows),
         "n_planned": material.n_planned,
         "complete": material.n_planned in (None, len(material.rows)),
         "verified": material.mark.model_dump(include={"same", "sample", "at"})
         if material.mark is not None and material.mark.sample else None,
+        "conclusions": asdict(describe_conclusions(analysis, analysis.everything)),
         "views": [
-            {"key": view.key, "kind": view.kind, "label": view.label,
-             "rows": [_json_row(analysis, row) for row in view.standings]}
+            {"key": view.key, "kind": view.kind, "label": view.label, "drawn": view.units.level,
+             "n_rooms": view.units.n_rooms, "n_plumes": view.units.n_plumes,
+             "rows": [_json_row(analysis, view, row) for row in view.standings]}
             for view in analysis.views
         ],
     }  # fmt: skip
     return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _json_row(analysis: Analysis, row: LeaderboardRow) -> dict[str, Any]:
+def _json_row(analysis: Analysis, view: ReportView, row: LeaderboardRow) -> dict[str, Any]:
     entry = analysis.material.entries[row.entry]
+    names = _names(analysis)
     facts = {
-        "rank": row.rank, "entry": entry.name, "title": entry.title, "family": entry.family,
+        "rank": row.rank, "last_rank": row.last_rank, "entry": entry.name, "title": entry.title, "family": entry.family,
         "language": entry.language, "knows": entry.knows, "anchor": entry.anchor or None,
         "agent_hash": entry.agent_hash or None, "submission": entry.submission or None, "verified": entry.is_verified,
-        "n": row.n,
+        "n": row.n, "beats": [names[i] for i in find_beaten(view, row.entry)],
+        "same_as": [names[i] for i in find_same(view, row.entry)],
     }  # fmt: skip
     return facts | {name: _json_figure(getattr(row, name)) for name in FIGURES}
 
@@ -442,11 +451,17 @@ def write_summary(analysis: Analysis) -> str:
     lines += [facts.flown, ""]
     lines += [*(f"- Note: {warning}" for warning in facts.warnings), ""] if facts.warnings else []
     if view.standings:
+        lines += _conclusions(describe_conclusions(analysis, view))
         lines += _table(analysis)
         lines += ["", *_NOTES, ""]
         lines += _verdicts(analysis)
     lines += ["## How it was made", "", *(f"- {what}: {_plain(how)}" for what, how in facts.made)]
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _conclusions(said: Conclusions) -> list[str]:
+    parts = (("What may be concluded", said.holds), ("What may not", said.limits))
+    return [line for head, some in parts for line in (f"## {head}", "", *(f"- {_plain(text)}" for text in some), "")]
 
 
 def _table(analysis: Analysis) -> list[str]:
@@ -467,7 +482,7 @@ def build_leaderboard_table(analysis: Analysis) -> Leaderboard:
     ]
     rows = [
         [
-            str(row.rank),
+            number_formats.format_ranks(row.rank, row.last_rank),
             names[row.entry],
             *(number_formats.format_estimate(getattr(row, name), form) for name, _, form in columns),
             str(row.n),
@@ -483,12 +498,12 @@ def _verdicts(analysis: Analysis) -> list[str]:
         return []
     lines = ["## Who beats whom", ""]
     for row in view.standings:
-        pairs = ((p.a, p.b) if p.verdict > 0 else (p.b, p.a) for p in view.pairs if p.verdict)
-        beaten = [worse for better, worse in pairs if row.entry == better]
-        if beaten:
-            lines.append(f"- {names[row.entry]}: better than {', '.join(names[i] for i in beaten)}.")
+        found = (("better than", find_beaten(view, row.entry)), ("the same as", find_same(view, row.entry)))
+        said = [f"{words} {', '.join(names[i] for i in some)}" for words, some in found if some]
+        if said:
+            lines.append(f"- {names[row.entry]}: {'; '.join(said)}.")
     if len(lines) == 2:
-        lines.append("No two entries have been told apart.")
+        lines.append("No two entries have been told apart, and none are shown to be the same.")
     return [*lines, ""]
 
 

@@ -1,8 +1,4 @@
-"""Aggregates over cells (environment, source, start), with trials resampled inside each cell.
-
-A statistic here takes values in its last axis, so that it works on one sample and on many bootstrap samples at once:
-from (..., m) to (...). `mean` and `worst_quarter_mean` are such statistics.
-"""
+"""Aggregates over cells (environment, source, start), with whole sampling units resampled."""
 
 from collections.abc import Callable
 
@@ -22,6 +18,10 @@ from gslcosim.bench.statistics.estimates import (
 )
 
 Statistic = Callable[[np.ndarray], np.ndarray]
+"""From (d, m) samples to (d,)."""
+
+CellStatistic = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""From (d, m) means of cells and (d, m) how often each cell was drawn to (d,)."""
 
 
 def mean(values: np.ndarray) -> np.ndarray:
@@ -29,14 +29,23 @@ def mean(values: np.ndarray) -> np.ndarray:
     return np.asarray(values.mean(axis=-1))
 
 
-def worst_quarter_mean(values: np.ndarray) -> np.ndarray:
-    """Return the mean of the lowest ceil(m / 4) values over the last axis: how bad it gets.
+def mean_of_cells(means: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return the mean over cells, each as often as it was drawn."""
+    return (means * weights).sum(axis=-1) / weights.sum(axis=-1)
+
+
+def worst_quarter_of_cells(means: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return the mean over the quarter of the cells in which it is lowest, ceil(m / 4) of m: how bad it gets.
 
     Args:
-        values: (..., m) scores of cells.
+        means: (d, m) scores of cells.
+        weights: (d, m) how often each cell was drawn.
     """
-    n = -(-values.shape[-1] // 4)
-    return mean(np.partition(values, n - 1, axis=-1)[..., :n])
+    order = np.argsort(means, axis=-1, kind="stable")
+    means, weights = (np.take_along_axis(part, order, axis=-1) for part in (means, weights))
+    before = np.cumsum(weights, axis=-1) - weights
+    is_worst = before < 0.25 * weights.sum(axis=-1, keepdims=True) - 1e-9
+    return mean_of_cells(means, weights * is_worst)
 
 
 def stratified_bootstrap(
@@ -57,7 +66,7 @@ def stratified_bootstrap(
         values: (n,) one per trial.
         strata: (n,) label of the cell of each trial; None: one cell.
         statistic: From (d, m) samples to (d,).
-        clusters: (n,) label of the gas seed of each trial, whose trials are drawn as one; None: each for itself.
+        clusters: (n,) label of the room or plume of each trial, whose trials are drawn as one; None: each for itself.
         rng: Seed or generator of the draws.
         n_draws: Bootstrap samples.
         level: Confidence level, 0 to 1.
@@ -85,24 +94,25 @@ def stratified_bootstrap(
 def bootstrap_cells(
     values: np.ndarray,
     cells: np.ndarray,
-    statistic: Statistic = mean,
+    statistic: CellStatistic = mean_of_cells,
     *,
     clusters: np.ndarray | None = None,
+    strata: np.ndarray | None = None,
     rng: Seed = SEED,
     n_draws: int = N_DRAWS,
     level: float = LEVEL,
 ) -> Estimate:
     """Return a statistic of the means of cells: each cell counts the same, however many trials it has.
 
-    With success as 0 and 1 the means are rates. Other arguments as for `stratified_bootstrap`. A cell that a draw
-    leaves empty (possible with clusters only) is left out of that draw, which then goes through the statistic for
-    itself.
+    With success as 0 and 1 the means are rates. A cell counts in a draw as often as it was drawn: twice where its room
+    was drawn twice, not at all where its room was left out.
 
     Args:
         values: (n,) one per trial.
         cells: (n,) label of the cell of each trial.
-        statistic: From (d, n_cells) means to (d,).
-        clusters: (n,) label of the gas seed of each trial.
+        statistic: `mean_of_cells` or `worst_quarter_of_cells`.
+        clusters: (n,) label of the room or plume of each trial, whose trials are drawn as one.
+        strata: (n,) label of what is drawn from apart; None: one stratum.
         rng: Seed or generator of the draws.
         n_draws: Bootstrap samples.
         level: Confidence level, 0 to 1.
@@ -116,14 +126,12 @@ def bootstrap_cells(
         return UNDEFINED
     code = encode_labels(cells)
     n_cells = int(code.max()) + 1
+    size = np.bincount(code)
 
     def of_means(rows: np.ndarray) -> np.ndarray:
         slot = (code[rows] + n_cells * np.arange(len(rows))[:, None]).ravel()
         trials = np.bincount(slot, minlength=n_cells * len(rows)).reshape(len(rows), n_cells)
         sums = np.bincount(slot, weights=values[rows].ravel(), minlength=n_cells * len(rows)).reshape(trials.shape)
-        if trials.all():
-            return statistic(sums / trials)
-        filled = zip(sums, trials, trials > 0)
-        return np.array([float(statistic(s[has] / t[has])) for s, t, has in filled])
+        return statistic(sums / np.maximum(trials, 1), trials / size)
 
-    return bootstrap(values.size, of_means, strata=cells, clusters=clusters, level=level, seed=rng, n_draws=n_draws)
+    return bootstrap(values.size, of_means, strata=strata, clusters=clusters, level=level, seed=rng, n_draws=n_draws)

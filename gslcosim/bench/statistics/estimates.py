@@ -44,6 +44,13 @@ def student_quantile(probability: float, freedom: float) -> float:
     return float(special.stdtrit(freedom, probability))
 
 
+def student_tail(t: float, freedom: float) -> float:
+    """Return the probability that Student's t is above a number."""
+    from scipy import special
+
+    return float(special.stdtr(freedom, -t))
+
+
 LEVEL = 0.95
 """Confidence level of every interval unless another is asked for."""
 
@@ -74,6 +81,10 @@ class Estimate:
     def holds_zero(self) -> bool:
         """True where zero lies within the interval, its ends included, so there may be no difference; or undefined."""
         return not (self.low > 0.0 or self.high < 0.0)
+
+    def is_within(self, margin: float) -> bool:
+        """Return whether the whole interval is nearer to zero than a margin; False where there is no interval."""
+        return -margin < self.low and self.high < margin
 
 
 UNDEFINED = Estimate(math.nan, math.nan, math.nan, 0)

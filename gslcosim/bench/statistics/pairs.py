@@ -173,52 +173,6 @@ def sign_flips(
     return p
 
 
-def joint_sign_flips(
-    differences: np.ndarray, *, clusters: np.ndarray | None = None, seed: Seed = SEED, n_flips: int = N_FLIPS
-) -> np.ndarray:
-    """Return p values of `sign_flip` for many columns, corrected for all of them together.
-
-    T = |sum d| / sqrt(sum d^2)        d sums of differences of a cluster
-    p = share of the patterns of signs whose largest T of all columns reaches the column's
-
-    The chance that any column without a difference gets a p below the level stays below the level. The tosses carry how
-    the columns hang together, so that it is less strict than Bonferroni's or Holm's correction, and its least p does
-    not grow with the number of columns.
-
-    Args:
-        differences: (n, m) differences of n pairs, m times; nan where there is no pair.
-        clusters: (n,) labels of pairs whose signs are tossed as one.
-        seed: Of the tosses.
-        n_flips: Drawn patterns; up to 14 clusters all patterns are gone through.
-
-    Returns:
-        (m,) two-sided p; 1 for columns without pairs or without any difference.
-
-    Source:
-        Single-step maxT of Westfall and Young 1993, Resampling-Based Multiple Testing.
-    Held by:
-        tests/unit/bench/statistics/test_ranking.py
-    """
-    sums = _sum_clusters(differences, clusters)
-    size = np.sqrt((sums**2).sum(axis=0))
-    is_any = size > 0.0
-    p = np.ones(sums.shape[1])
-    if not is_any.any():
-        return p
-    scaled = sums[:, is_any] / size[is_any]
-    scaled = scaled[(scaled != 0.0).any(axis=1)]
-    reached = np.abs(scaled.sum(axis=0)) - 1e-9
-    if len(scaled) <= _EXACT_SIGNS:
-        patterns = np.arange(2 ** len(scaled))[:, None] >> np.arange(len(scaled)) & 1
-        largest = np.sort(np.abs((1 - 2 * patterns) @ scaled).max(axis=1))
-        p[is_any] = 1.0 - np.searchsorted(largest, reached) / len(largest)
-        return p
-    drawn = [np.abs(sums).max(axis=1) for sums in _tossed_sums(scaled, n_flips, seed)]
-    largest = np.sort(np.concatenate(drawn))
-    p[is_any] = (1 + n_flips - np.searchsorted(largest, reached)) / (1 + n_flips)
-    return p
-
-
 # Pairs that share their signs are one difference, their sum.
 def _sum_clusters(differences: np.ndarray, clusters: np.ndarray | None) -> np.ndarray:
     sums = np.nan_to_num(differences)

@@ -1,222 +1,260 @@
-"""Ranking of entries: all pairs over the same cases, and ranks that are tested for all entries together."""
+"""Comparison of all entries in one family: differences with simultaneous intervals, who beats whom, and ranks."""
 
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gslcosim.base.errors import ShapeError
 from gslcosim.bench.statistics.estimates import (
     LEVEL,
-    N_DRAWS,
     SEED,
-    UNDEFINED,
     Estimate,
-    Seed,
-    check_same_length,
-    degrees_of_freedom,
-    draw_counts,
-    percentile_interval,
+    student_quantile,
+    student_tail,
 )
-from gslcosim.bench.statistics.pairs import N_FLIPS, holm, joint_sign_flips, sign_flips
+from gslcosim.bench.statistics.sampling_units import LinearisedMeans, SamplingUnits, compute_means
+
+Floats = NDArray[np.float64]
+
+N_SIGNS = 4000
+"""Drawn patterns of signs: the level of a family has a standard error of 0.3 points."""
+
+# Up to here all patterns of signs are gone through instead of drawn: 2^12 rows.
+_EXACT_UNITS = 12
+_ENTRIES_AT_ONCE = 4_000_000
+_ROUNDING = 1e-9
 
 
-@dataclass(frozen=True)
-class Pair:
-    """One entry against another over the cases that both flew.
+@dataclass(frozen=True, kw_only=True)
+class EntryPair:
+    """One entry against another over the flights of the same cases that both made.
 
     Attributes:
-        a: Name of the one.
-        b: Name of the other.
-        difference: Mean of a minus b with its paired bootstrap interval; n counts pairs.
-        p: Of the sign-flip test that there is no difference.
-        p_holm: The same, corrected for all pairs of the matrix.
-        a_better: Share of pairs in which a is better, ties half, with its interval.
+        a: Index of the one.
+        b: Index of the other.
+        verdict: 1 where a beats b, -1 where b beats a, 0 where they are not told apart.
+        differences: Mean of a minus b of each figure with its simultaneous interval; n counts pairs of flights.
+        p: Of the figure that ranks, corrected for the family; below 1 - level where there is a verdict.
+        a_better: Share of pairs in which a ranks higher, ties half, with an interval of its own.
     """
 
-    a: str
-    b: str
-    difference: Estimate
+    a: int
+    b: int
+    verdict: int
+    differences: Mapping[str, Estimate]
     p: float
-    p_holm: float
     a_better: Estimate
 
-    def turned(self) -> "Pair":
-        """Return the same comparison seen from the other entry."""
-        difference, better = self.difference, self.a_better
-        return Pair(
-            self.b,
-            self.a,
-            Estimate(-difference.value, -difference.high, -difference.low, difference.n),
-            self.p,
-            self.p_holm,
-            Estimate(1.0 - better.value, 1.0 - better.high, 1.0 - better.low, better.n),
-        )
 
-
-@dataclass(frozen=True)
-class PairsMatrix:
-    """All pairs of entries.
+@dataclass(frozen=True, kw_only=True)
+class EntryComparison:
+    """All entries compared in one family, from which ranks and verdicts follow.
 
     Attributes:
-        names: The entries, in the order given.
-        pairs: One `Pair` for each two of them, the earlier one as a.
+        pairs: Each two entries with flights in common, the earlier one as a.
+        ranks: Lowest and highest place that each entry may have.
+        critical_value: Standard errors to each side in simultaneous intervals; nan without pairs.
+        level: Of the whole family.
+        units: What is drawn.
     """
 
-    names: tuple[str, ...]
-    pairs: tuple[Pair, ...]
-
-    def of(self, a: str, b: str) -> Pair:
-        """Return the comparison of a with b.
-
-        Raises:
-            KeyError: there is no such pair.
-        """
-        for pair in self.pairs:
-            if (pair.a, pair.b) == (a, b):
-                return pair
-            if (pair.a, pair.b) == (b, a):
-                return pair.turned()
-        raise KeyError((a, b))
+    pairs: tuple[EntryPair, ...]
+    ranks: tuple[tuple[int, int], ...]
+    critical_value: float
+    level: float
+    units: SamplingUnits
 
 
-def pairs_matrix(
-    values: np.ndarray,
-    names: list[str],
+def compare_entries(
+    figures: Mapping[str, NDArray[Any]],
     *,
+    ranked_by: str,
     lower_is_better: bool,
-    clusters: np.ndarray | None = None,
-    strata: np.ndarray | None = None,
+    units: SamplingUnits,
+    cases: NDArray[np.int64] | None = None,
     level: float = LEVEL,
+    limit: float = math.inf,
     seed: int = SEED,
-    n_draws: int = N_DRAWS,
-    n_flips: int = N_FLIPS,
-) -> PairsMatrix:
-    """Compare all entries with each other on the cases that both of two flew.
+    n_signs: int = N_SIGNS,
+) -> EntryComparison:
+    """Compare all entries with each other in all figures at once.
 
-    All pairs share the draws, so that the intervals of a matrix fit together.
+    t = difference / standard error, over whole units        interval: difference ± c standard error
+
+    c is the least number that the largest |t| of the family exceeds in at most 1 - level of all patterns of signs,
+    where each unit's differences of all pairs and figures change their sign together. Signs are given to the
+    differences themselves, which bounds false verdicts, and to what is left after taking out means, which makes all
+    intervals hold their true differences together; the larger c serves. It is never below Student's quantile.
+
+    a beats b where its interval leaves zero out. An entry that x others beat and that beats y of n has a rank between
+    1 + x and n - y. So equal entries all have rank 1 in `level` of comparisons, however many they are.
 
     Args:
-        values: (n_cases, n_entries) successes as 0 and 1, counted times or scores; nan where an entry has no result.
-        names: Of the entries.
-        lower_is_better: True for times, False for successes and scores.
-        clusters: (n_cases,) labels of cases that share their gas and are drawn, and tossed, as one.
-        strata: (n_cases,) labels of cells that are drawn from apart.
-        level: Confidence level, 0 to 1.
-        seed: Of draws and tosses.
-        n_draws: Bootstrap samples.
-        n_flips: Drawn patterns of signs.
+        figures: (n_flights, n_entries) each, in the same order; nan where an entry has no result.
+        ranked_by: The figure that verdicts and ranks are of.
+        lower_is_better: True where that is a time, False for successes and scores.
+        units: Of the flights.
+        cases: (n_flights,) case of each, 0 on; each case counts the same. None: each flight does.
+        level: Confidence level of the whole family, 0 to 1.
+        limit: Largest difference that is possible; intervals end there.
+        seed: Of the signs.
+        n_signs: Drawn patterns; up to twelve units all patterns are gone through.
 
     Raises:
-        ShapeError: not one column for each name, or an infinite value.
+        ShapeError: figures of different shapes, or an infinite value.
 
     Source:
-        Paired bootstrap, sign-flip test and Holm's correction: see `gslcosim.bench.statistics.pairs`.
+        Single-step maxT of Westfall and Young 1993, Resampling-Based Multiple Testing; signs of residuals as in the
+        wild bootstrap (Liu 1988, doi:10.1214/aos/1176351062); ranks of Mogstad et al. 2024, Review of Economic
+        Studies 91.
+    Held by:
+        tests/unit/bench/statistics/test_ranking.py and tests/benchmarks/simulated_entries.py (error and coverage)
     """
-    values = np.asarray(values, dtype=np.float64)
-    if values.ndim != 2 or values.shape[1] != len(names) or np.isinf(values).any():
+    arrays = {name: np.asarray(values, dtype=np.float64) for name, values in figures.items()}
+    shape = arrays[ranked_by].shape
+    if any(values.ndim != 2 or values.shape != shape or np.isinf(values).any() for values in arrays.values()):
         raise ShapeError(
-            f"values: expected a finite number or nan for each case and {len(names)} entries, was {values.shape}. "
-            "Count failures with the limit."
+            "figures: expected a finite number or nan for each flight and entry, of one shape, was "
+            f"{', '.join(f'{name} {values.shape}' for name, values in arrays.items())}. Count failures with the limit."
         )
-    index = list(combinations(range(len(names)), 2))
-    if not index:
-        return PairsMatrix(tuple(names), ())
-    differences = np.stack([values[:, a] - values[:, b] for a, b in index], axis=1)
-    sign = -1.0 if lower_is_better else 1.0
-    won = np.where(np.isnan(differences), np.nan, 0.5 + 0.5 * np.sign(sign * differences))
-    both = np.concatenate([differences, won], axis=1)
-    means = _means(both, clusters, strata, level, seed, n_draws)
-    p = sign_flips(differences, clusters=clusters, seed=seed, n_flips=n_flips)
-    corrected = holm(p)
-    m = len(index)
-    pairs = [
-        Pair(names[a], names[b], means[i], float(p[i]), float(corrected[i]), means[m + i])
-        for i, (a, b) in enumerate(index)
+    has_any = np.asarray(~np.isnan(arrays[ranked_by]).all(axis=0))
+    index = [
+        (a, b)
+        for a, b in combinations(np.flatnonzero(has_any).tolist(), 2)
+        if not np.isnan(arrays[ranked_by][:, a] + arrays[ranked_by][:, b]).all()
     ]
-    return PairsMatrix(tuple(names), tuple(pairs))
+    if not index:
+        return EntryComparison(pairs=(), ranks=_ranks({}, has_any), critical_value=math.nan, level=level, units=units)
+    first, second = (np.array(side) for side in zip(*index, strict=True))
+    columns = {name: values[:, first] - values[:, second] for name, values in arrays.items()}
+    means = compute_means(np.concatenate(list(columns.values()), axis=1), units, cases)
+    family = _Family(means, units, level, seed, n_signs)
+    m, names = len(index), list(columns)
+    sign = -1.0 if lower_is_better else 1.0
+    ranked = columns[ranked_by]
+    won = np.where(np.isnan(ranked), np.nan, 0.5 + 0.5 * np.sign(sign * ranked))
+    better = estimate_means(won, units, cases, level=level, bounds=(0.0, 1.0))
+    at = names.index(ranked_by) * m
+    p = family.p_values(at, at + m)
+    verdicts = np.where(p <= 1.0 - level + _ROUNDING, np.sign(sign * means.value[at : at + m]), 0.0).astype(int)
+    pairs = tuple(
+        EntryPair(
+            a=a, b=b, verdict=int(verdicts[i]), p=float(p[i]), a_better=better[i],
+            differences={name: family.estimate(k * m + i, limit) for k, name in enumerate(names)},
+        )
+        for i, (a, b) in enumerate(index)
+    )  # fmt: skip
+    beats = {(pair.a, pair.b): pair.verdict for pair in pairs}
+    return EntryComparison(
+        pairs=pairs, ranks=_ranks(beats, has_any), critical_value=family.critical_value, level=level, units=units
+    )
 
 
-def ranks(
-    values: np.ndarray,
+def estimate_means(
+    values: Floats,
+    units: SamplingUnits,
+    cases: NDArray[np.int64] | None = None,
     *,
-    lower_is_better: bool,
-    clusters: np.ndarray | None = None,
     level: float = LEVEL,
-    seed: int = SEED,
-    n_flips: int = N_FLIPS,
-) -> list[int]:
-    """Return the rank of each entry: one more than the number of entries that are shown to be better.
-
-    All pairs are tested together (`joint_sign_flips`): where no two entries differ, the chance that any of them gets
-    another rank than 1 is at most 1 - level, however many there are. A rank is the best place that an entry may have;
-    one that flew few cases may share a rank with entries of a better mean.
+    bounds: tuple[float, float] = (-math.inf, math.inf),
+) -> list[Estimate]:
+    """Return the mean of each column over whole units, each with Student's interval of its own.
 
     Args:
-        values: (n_cases, n_entries) as for `pairs_matrix`; nan where an entry has no result.
-        lower_is_better: True for times, False for successes and scores.
-        clusters: (n_cases,) labels of cases whose signs are tossed as one.
-        level: Confidence level of all ranks together, 0 to 1.
-        seed: Of the tosses.
-        n_flips: Drawn patterns of signs.
-
-    Returns:
-        (n_entries,) ranks. Entries without results come last, all of one rank.
-
-    Source:
-        The best plausible place of Mogstad et al. 2024, Review of Economic Studies 91, with a permutation test.
+        values: (n, m) a row per flight; nan where there is none.
+        units: Of the flights.
+        cases: (n,) case of each, 0 on; None: each flight counts the same.
+        level: Confidence level, 0 to 1.
+        bounds: What the ends cannot exceed.
     """
-    values = np.asarray(values, dtype=np.float64)
-    has_any = ~np.isnan(values).all(axis=0)
-    rank = np.where(has_any, 1, int(has_any.sum()) + 1)
-    index = list(combinations(np.flatnonzero(has_any).tolist(), 2))
-    if not index:
-        return [int(place) for place in rank]
-    differences = np.stack([values[:, a] - values[:, b] for a, b in index], axis=1)
-    p = joint_sign_flips(differences, clusters=clusters, seed=seed, n_flips=n_flips)
-    total = np.nan_to_num(differences).sum(axis=0)
-    for k in np.flatnonzero(p <= 1.0 - level + 1e-12):
-        a, b = index[k]
-        is_first_worse = total[k] > 0.0 if lower_is_better else total[k] < 0.0
-        rank[a if is_first_worse else b] += 1
-    return [int(place) for place in rank]
+    means = compute_means(values, units, cases)
+    error = means.standard_error
+    found: list[Estimate] = []
+    for i, value in enumerate(means.value.tolist()):
+        half = student_quantile(0.5 + level / 2.0, units.freedom) * float(error[i]) if units.freedom else math.nan
+        found.append(_bounded(value, half, bounds, int(means.n[i])))
+    return found
 
 
-# Mean of each column, nan left out, with its interval; all columns share the draws.
-def _means(
-    columns: np.ndarray,
-    clusters: np.ndarray | None,
-    strata: np.ndarray | None,
-    level: float,
-    seed: Seed,
-    n_draws: int,
-) -> list[Estimate]:
-    n = len(columns)
-    known = ~np.isnan(columns)
-    n_known = known.sum(axis=0)
-    if n == 0 or not n_known.any():
-        return [UNDEFINED] * columns.shape[1]
-    if clusters is not None:
-        check_same_length(values=columns, clusters=clusters)
-    filled = np.where(known, columns, 0.0)
-    draws = []
-    with np.errstate(invalid="ignore"):
-        for counts in draw_counts(n, strata=strata, clusters=clusters, seed=seed, n_draws=n_draws):
-            weight = counts.sum(axis=1, keepdims=True) if known.all() else counts @ known
-            draws.append(counts @ filled / weight)
-        values = filled.sum(axis=0) / n_known
-    drawn = np.concatenate(draws)
-    freedom_of_all = degrees_of_freedom(n, strata=strata, clusters=clusters)
-    estimates = []
-    for i, value in enumerate(values):
-        freedom = freedom_of_all if n_known[i] == n else _freedom_of_known(known[:, i], strata, clusters)
-        estimates.append(Estimate(float(value), *percentile_interval(drawn[:, i], level, freedom), int(n_known[i])))
-    return estimates
+def _bounded(value: float, half: float, bounds: tuple[float, float], n: int) -> Estimate:
+    low, high = (min(max(end, bounds[0]), bounds[1]) for end in (value - half, value + half))
+    return Estimate(value, low, high, n) if not math.isnan(half) else Estimate(value, math.nan, math.nan, n)
 
 
-def _freedom_of_known(known: np.ndarray, strata: np.ndarray | None, clusters: np.ndarray | None) -> int:
-    return degrees_of_freedom(
-        int(known.sum()),
-        strata=None if strata is None else np.asarray(strata)[known],
-        clusters=None if clusters is None else np.asarray(clusters)[known],
-    )
+# The largest |t| of the family in each pattern of signs, and what follows from it.
+class _Family:
+    def __init__(self, means: LinearisedMeans, units: SamplingUnits, level: float, seed: int, n_signs: int) -> None:
+        self._means, self._freedom = means, units.freedom
+        error = means.standard_error
+        self._t = np.abs(means.value) / error
+        self._error = error
+        self._largest = [
+            _largest_of_signs(part, means.n_units, units.freedom, seed, n_signs)
+            for part in (means.total, means.residual)
+        ]
+        self._is_drawn = units.n > _EXACT_UNITS
+        student = student_quantile(0.5 + level / 2.0, units.freedom) if units.freedom else math.inf
+        # A tie is no verdict.
+        self.critical_value = (1.0 + _ROUNDING) * max(student, *(self._critical(each, level) for each in self._largest))
+
+    def _critical(self, largest: Floats, level: float) -> float:
+        allowed = math.floor((1.0 - level) * (len(largest) + self._is_drawn) + _ROUNDING) - self._is_drawn
+        return float(largest[::-1][max(allowed, 0)]) if len(largest) else 0.0
+
+    def p_values(self, start: int, stop: int) -> Floats:
+        t = self._t[start:stop] * (1.0 - _ROUNDING)
+        found = np.array([2.0 * student_tail(each, self._freedom) if self._freedom else 1.0 for each in t.tolist()])
+        for largest in self._largest:
+            if len(largest):
+                reached = len(largest) - np.searchsorted(largest, t)
+                found = np.maximum(found, (self._is_drawn + reached) / (self._is_drawn + len(largest)))
+        return found
+
+    def estimate(self, column: int, limit: float) -> Estimate:
+        half = self.critical_value * float(self._error[column])
+        half = half if math.isfinite(half) else math.nan
+        return _bounded(float(self._means.value[column]), half, (-limit, limit), int(self._means.n[column]))
+
+
+# Sorted. U = |sum s e| / sqrt(sum e^2) is that of a t with its own spread: t = U sqrt(freedom / (k - U^2)).
+def _largest_of_signs(parts: Floats, n_units: NDArray[np.int64], freedom: int, seed: int, n_signs: int) -> Floats:
+    size = np.sqrt((parts**2).sum(axis=0))
+    is_any = size > 0.0
+    if not is_any.any() or freedom <= 0:
+        return np.zeros(0)
+    scaled = parts[:, is_any] / size[is_any]
+    largest = np.zeros(0)
+    # t grows with U, so that of columns with the same units the largest U is enough.
+    for k in np.unique(n_units[is_any]):
+        columns = scaled[:, n_units[is_any] == k]
+        signs = _signs(len(columns), columns.shape[1], seed, n_signs)
+        u = np.concatenate([np.abs(some @ columns).max(axis=1) for some in signs])
+        t = u * np.sqrt(freedom / np.maximum(k - u**2, 1e-12))
+        largest = np.maximum(largest, t) if largest.size else t
+    return np.sort(largest)
+
+
+def _signs(n: int, m: int, seed: int, n_signs: int) -> Iterable[Floats]:
+    if n <= _EXACT_UNITS:
+        patterns = np.arange(2**n)[:, None] >> np.arange(n) & 1
+        return (chunk for chunk in np.array_split(1.0 - 2.0 * patterns, max(1, 2**n * m // _ENTRIES_AT_ONCE)))
+    rng, at_once = np.random.default_rng(seed), max(1, _ENTRIES_AT_ONCE // max(n, m))
+    counts = [min(at_once, n_signs - start) for start in range(0, n_signs, at_once)]
+    return (1.0 - 2.0 * rng.integers(0, 2, (count, n), dtype=np.int8).astype(np.float64) for count in counts)
+
+
+# Those without results come last.
+def _ranks(beats: Mapping[tuple[int, int], int], has_any: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
+    n = int(has_any.sum())
+    low, high = np.where(has_any, 1, n + 1), np.where(has_any, n, len(has_any))
+    for (a, b), verdict in beats.items():
+        if verdict:
+            better, worse = (a, b) if verdict > 0 else (b, a)
+            low[worse] += 1
+            high[better] -= 1
+    return tuple((int(first), int(last)) for first, last in zip(low, high, strict=True))

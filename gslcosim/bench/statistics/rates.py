@@ -11,8 +11,10 @@ from gslcosim.bench.statistics.estimates import (
     Estimate,
     beta_quantile,
     check_same_length,
+    student_quantile,
     two_sided_z,
 )
+from gslcosim.bench.statistics.sampling_units import SamplingUnits, compute_means
 
 
 def wilson(successes: int, n: int, level: float = LEVEL) -> Estimate:
@@ -70,6 +72,59 @@ def clopper_pearson(successes: int, n: int, level: float = LEVEL) -> Estimate:
 def _check_counts(successes: int, n: int) -> None:
     if not 0 <= successes <= n:
         raise ShapeError(f"successes: expected 0 to n = {n}, was {successes}. Give counts of the same trials.")
+
+
+def rates_over_units(
+    outcomes: np.ndarray, units: SamplingUnits, level: float = LEVEL
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return rates with Wilson's intervals for as many flights as whole units are worth.
+
+    n_e = min(n, p (1 - p) / v) (z / t)^2        v variance over units, z normal and t Student's quantile
+
+    Where each flight is a unit this is Wilson's interval itself.
+
+    Args:
+        outcomes: (n, m) a row per flight.
+        units: Of the n flights.
+        level: Confidence level, 0 to 1.
+
+    Returns:
+        Rates, lower and upper ends, (m,) each; nan without flights, ends nan where units show no spread.
+
+    Source:
+        Korn and Graubard 1998, Survey Methodology 24, 193-201 (their effective size, with Wilson's interval: Franco et
+        al. 2019, doi:10.1093/jssam/smy019).
+    Held by:
+        tests/unit/bench/statistics/test_sampling_units.py (coverage)
+    """
+    outcomes = np.asarray(outcomes, dtype=np.float64)
+    n, m = outcomes.shape
+    if n == 0:
+        unknown = np.full(m, math.nan)
+        return unknown, unknown, unknown
+    p, z, size = outcomes.mean(axis=0), two_sided_z(level), np.full(m, float(n))
+    if units.level != "flights":
+        if units.freedom < 1:
+            unknown = np.full(m, math.nan)
+            return p, unknown, unknown
+        variance = (compute_means(outcomes, units, None).residual ** 2).sum(axis=0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            size = np.where(variance > 0.0, np.minimum(p * (1 - p) / variance, n), n)
+        size = size * (z / student_quantile(0.5 + level / 2.0, units.freedom)) ** 2
+    # With a variance of all there can be, p (1 - p), a rate stands on one flight at least.
+    size = np.maximum(size, 1.0)
+    centre = (p + z * z / (2 * size)) / (1 + z * z / size)
+    half = z * np.sqrt(p * (1 - p) / size + z * z / (4 * size * size)) / (1 + z * z / size)
+    return p, np.where(p <= 0.0, 0.0, centre - half), np.where(p >= 1.0, 1.0, centre + half)
+
+
+def rate_over_units(outcomes: np.ndarray, units: SamplingUnits, level: float = LEVEL) -> Estimate:
+    """Return one rate of `rates_over_units`; `outcomes` are (n,)."""
+    outcomes = np.asarray(outcomes, dtype=bool)
+    if not outcomes.size:
+        return UNDEFINED
+    value, low, high = (float(part[0]) for part in rates_over_units(outcomes[:, None], units, level))
+    return Estimate(value, low, high, outcomes.size)
 
 
 def lift(success: np.ndarray, luck: np.ndarray, *, paired: bool, level: float = LEVEL) -> Estimate:

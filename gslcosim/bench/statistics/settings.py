@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from gslcosim.bench.statistics.aggregates import stratified_bootstrap
 from gslcosim.bench.statistics.estimates import Estimate
 from gslcosim.bench.statistics.pairs import paired_difference, sign_flip
-from gslcosim.bench.statistics.rates import wilson
+from gslcosim.bench.statistics.rates import rate_over_units
+from gslcosim.bench.statistics.sampling_units import SamplingUnits, find_sampling_units
 from gslcosim.bench.statistics.times import restricted_mean
 
-# With fewer plumes in a room than this, drawing whole plumes tells nothing; as in the report.
-_FEWEST_PLUMES = 5
 _FLOWN = "flown"
 
 
@@ -28,8 +27,7 @@ class SettingRuns:
         success: (n,) whether the source was found.
         time_s: (n,) time as it is counted, the limit for every failure [s].
         limit_s: (n,) time limit [s].
-        strata: (n,) cell that is drawn from apart; None: one.
-        clusters: (n,) plume, where there are enough of them to draw whole ones; None: each run for itself.
+        units: Rooms, plumes or runs that are drawn.
         n_without_result: Crashed, hung and the like: they count as failures.
     """
 
@@ -37,8 +35,7 @@ class SettingRuns:
     success: NDArray[np.bool_]
     time_s: NDArray[np.float64]
     limit_s: NDArray[np.float64]
-    strata: NDArray[Any] | None
-    clusters: NDArray[Any] | None
+    units: SamplingUnits
     n_without_result: int
 
 
@@ -63,8 +60,9 @@ def group_runs(rows: Iterable[Mapping[str, Any]]) -> SettingRuns:
         success=np.array([bool(row["success"]) for row in ordered], dtype=np.bool_),
         time_s=np.array(time_s, dtype=np.float64),
         limit_s=limit_s,
-        strata=_strata(ordered),
-        clusters=_clusters(ordered),
+        units=find_sampling_units(
+            *([row[name] for row in ordered] for name in ("environment_hash", "gas_seed", "case"))
+        ),
         n_without_result=sum(row["status"] != _FLOWN for row in ordered),
     )
 
@@ -74,41 +72,26 @@ def compute_figures(runs: SettingRuns) -> SettingFigures:
     return SettingFigures(
         n=runs.score.size,
         n_without_result=runs.n_without_result,
-        success=wilson(int(runs.success.sum()), runs.success.size),
-        score=_with_spread(stratified_bootstrap(runs.score, runs.strata, clusters=runs.clusters), runs.score),
-        time_s=restricted_mean(runs.time_s, runs.success, runs.limit_s, clusters=runs.clusters),
+        success=rate_over_units(runs.success, runs.units),
+        score=_with_spread(
+            stratified_bootstrap(runs.score, runs.units.stratum, clusters=runs.units.clusters), runs.score
+        ),
+        time_s=restricted_mean(runs.time_s, runs.success, runs.limit_s, clusters=runs.units.clusters),
     )
 
 
 def compute_difference(a: SettingRuns, b: SettingRuns) -> Estimate:
     """Return by how much the mean score of a is above that of b over the same runs."""
-    return _with_spread(paired_difference(a.score, b.score, clusters=a.clusters, strata=a.strata), a.score - b.score)
+    units = a.units
+    difference = paired_difference(a.score, b.score, clusters=units.clusters, strata=units.stratum)
+    return _with_spread(difference, a.score - b.score)
 
 
 def paired_p_value(a: SettingRuns, b: SettingRuns) -> float:
     """Return the p value of the paired permutation test that a and b score the same: honest also for few runs."""
-    return sign_flip(a.score, b.score, clusters=a.clusters)
+    return sign_flip(a.score, b.score, clusters=a.units.clusters)
 
 
 # Draws from equal values are all equal: that is no certainty, so no interval is reported.
 def _with_spread(estimate: Estimate, values: NDArray[np.float64]) -> Estimate:
     return estimate if values.size and np.ptp(values) > 0.0 else replace(estimate, low=math.nan, high=math.nan)
-
-
-# The finest cells that all have two runs or more: a cell of one shows no spread.
-def _strata(rows: list[Mapping[str, Any]]) -> NDArray[Any] | None:
-    for column in ("case", "scenario"):
-        labels = np.array([row[column] for row in rows])
-        if labels.size and np.unique(labels, return_counts=True)[1].min() > 1:
-            return labels
-    return None
-
-
-def _clusters(rows: list[Mapping[str, Any]]) -> NDArray[Any] | None:
-    plumes: dict[str, set[str]] = {}
-    labels = [f"{row['environment_hash']}/{row['gas_seed']}" for row in rows]
-    for row, label in zip(rows, labels, strict=True):
-        plumes.setdefault(row["environment_hash"], set()).add(label)
-    counts = [len(some) for some in plumes.values()]
-    is_shared = bool(counts) and min(counts) >= _FEWEST_PLUMES and sum(counts) < len(rows)
-    return np.array(labels) if is_shared else None

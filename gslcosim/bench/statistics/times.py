@@ -27,7 +27,8 @@ from gslcosim.bench.statistics.estimates import (
     student_quantile,
     two_sided_z,
 )
-from gslcosim.bench.statistics.rates import clopper_pearson, wilson
+from gslcosim.bench.statistics.rates import clopper_pearson, rates_over_units, wilson
+from gslcosim.bench.statistics.sampling_units import SamplingUnits
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,14 @@ def kaplan_meier(time_s: np.ndarray, reached: np.ndarray, at_s: np.ndarray, leve
     return Curve(at_s, share, low, high, time_s.size)
 
 
-def cumulative_success(time_s: np.ndarray, reached: np.ndarray, at_s: np.ndarray, level: float = LEVEL) -> Curve:
+def cumulative_success(
+    time_s: np.ndarray,
+    reached: np.ndarray,
+    at_s: np.ndarray,
+    level: float = LEVEL,
+    *,
+    units: SamplingUnits | None = None,
+) -> Curve:
     """Return the share of trials that have reached the source, over time, with a band.
 
     One minus `kaplan_meier` of trials whose failures search for ever. Up to the limit this is the share of all trials
@@ -101,12 +109,16 @@ def cumulative_success(time_s: np.ndarray, reached: np.ndarray, at_s: np.ndarray
         reached: (n,) whether the source was reached.
         at_s: (m,) when to give the fraction, up to the limit [s].
         level: Confidence level, 0 to 1.
+        units: Rooms or plumes whose trials are drawn as one; the band is then that of `rates_over_units`.
 
     Source:
         Aalen and Johansen 1978: an early end is a competing event, not a censoring.
     """
     time_s, reached = _trials(time_s, reached)
     for_ever = np.where(reached, time_s, math.inf)
+    if units is not None:
+        at_s = np.asarray(at_s, dtype=np.float64)
+        return Curve(at_s, *rates_over_units(for_ever[:, None] <= at_s, units, level), time_s.size)
     searching = kaplan_meier(for_ever, reached, at_s, level)
     return Curve(searching.at_s, 1.0 - searching.value, 1.0 - searching.high, 1.0 - searching.low, searching.n)
 
@@ -320,7 +332,12 @@ class Profile:
 
 
 def performance_profile(
-    times: np.ndarray, reference: np.ndarray, tau: np.ndarray | None = None, level: float = LEVEL
+    times: np.ndarray,
+    reference: np.ndarray,
+    tau: np.ndarray | None = None,
+    level: float = LEVEL,
+    *,
+    units: SamplingUnits | None = None,
 ) -> Profile:
     """Return in which share of scenarios an entry is within a factor of the reference.
 
@@ -331,6 +348,7 @@ def performance_profile(
         reference: (n,) time of the reference in each, > 0 [s]: the oracle's, which does not change with the entrants.
         tau: (m,) factors; None: 1, 2, 5, 10.
         level: Confidence level, 0 to 1.
+        units: Rooms or plumes whose scenarios are drawn as one; the band is then that of `rates_over_units`.
 
     Raises:
         ShapeError: lengths differ, or a time of the reference is not finite and above zero.
@@ -348,6 +366,8 @@ def performance_profile(
     factors = np.asarray(PROFILE_TAU if tau is None else tau, dtype=np.float64)
     # Both sides in one unit: a quotient of equal times is 1 to the bit.
     ratio = np.sort(times / reference)
+    if units is not None:
+        return Profile(factors, *rates_over_units((times / reference)[:, None] <= factors, units, level), times.size)
     within = np.searchsorted(ratio, factors, side="right")
     shares = [wilson(int(count), times.size, level) for count in within]
     value, low, high = np.array([(share.value, share.low, share.high) for share in shares]).reshape(-1, 3).T

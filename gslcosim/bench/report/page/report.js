@@ -241,7 +241,7 @@
     const total = left + size * k + 50, height = high + size * k + 4;
     const svg = s("svg", { viewBox: `0 0 ${Math.max(width, total)} ${height}`, role: "img", "aria-label": "Matrix of pairs: the entry of the row against the entry of the column. Figures in the table below." });
     const cells = new Map(pairs.cells.map((cell) => [cell[0] * 1000 + cell[1], cell]));
-    const cellOf = (a, b) => { const c = cells.get(a * 1000 + b); if (c) return { won: c[2], score: c[3], success: c[4], better: c[5], p: c[6] }; const d = cells.get(b * 1000 + a); if (!d) return null; const turn = (x, f) => (x ? [f(x[0]), x[2] === null ? null : f(x[2]), x[1] === null ? null : f(x[1]), x[3]] : null); return { won: -d[2], score: turn(d[3], (v) => -v), success: turn(d[4], (v) => -v), better: turn(d[5], (v) => 1 - v), p: d[6] }; };
+    const cellOf = (a, b) => { const c = cells.get(a * 1000 + b); if (c) return { won: c[2], score: c[3], success: c[4], better: c[5], p: c[6], same: c[7] }; const d = cells.get(b * 1000 + a); if (!d) return null; const turn = (x, f) => (x ? [f(x[0]), x[2] === null ? null : f(x[2]), x[1] === null ? null : f(x[1]), x[3]] : null); return { won: -d[2], score: turn(d[3], (v) => -v), success: turn(d[4], (v) => -v), better: turn(d[5], (v) => 1 - v), p: d[6], same: d[7] }; };
     order.forEach((e, i) => {
       svg.append(s("text", { class: "label ink", x: left - 8, y: high + size * (i + 0.5) + 4, "text-anchor": "end" }, brief(e, Math.floor(left / 7.4))));
       const x = left + size * (i + 0.5);
@@ -253,15 +253,15 @@
       const c = cellOf(a, b);
       if (!c) return;
       const strength = c.won > 0 ? 0.25 + 0.75 * Math.min(1, Math.max(0, 2 * ((c.better && c.better[0]) || 0.5) - 1)) : 0;
-      const group = s("g", {}, s("rect", { x: x + pad, y: y + pad, width: size - 2 * pad, height: size - 2 * pad, rx: size > 20 ? 3 : 0, fill: c.won > 0 ? "var(--accent)" : "var(--panel)", "fill-opacity": c.won > 0 ? strength : 1, stroke: c.won > 0 ? "none" : "var(--line)" }));
+      const group = s("g", {}, s("rect", { x: x + pad, y: y + pad, width: size - 2 * pad, height: size - 2 * pad, rx: size > 20 ? 3 : 0, fill: c.won > 0 ? "var(--accent)" : "var(--panel)", "fill-opacity": c.won > 0 ? strength : 1, stroke: c.won > 0 ? "none" : c.same ? "var(--accent)" : "var(--line)", "stroke-dasharray": c.same ? "2 2" : "none" }));
       if (text && c.success) group.append(s("text", { x: x + size / 2, y: y + size / 2 + 4, "text-anchor": "middle", style: c.won > 0 ? `fill:${strength > 0.6 ? "var(--on-accent)" : "var(--ink)"};font-weight:600` : c.won < 0 ? "fill:var(--faint)" : "fill:var(--soft)" }, signed(c.success[0])));
-      hover(group, () => [h("b", {}, `${name(a)} against ${name(b)}`), h("div", {}, c.won > 0 ? "better" : c.won < 0 ? "worse" : "no difference shown"), h("div", {}, `score, mean difference ${c.score ? interval(c.score[0], c.score[1], c.score[2], plain) : "–"}`), h("div", {}, `success ${c.success ? interval(c.success[0], c.success[1], c.success[2], signed) : "–"} points`), h("div", {}, `better in ${estimate(c.better, percent)} of ${c.score ? c.score[3] : 0} pairs`), h("div", {}, `p ${c.p === null ? "–" : c.p < 0.001 ? "< 0.001" : c.p.toFixed(3)} after Holm`)]);
+      hover(group, () => [h("b", {}, `${name(a)} against ${name(b)}`), h("div", {}, c.won > 0 ? "better" : c.won < 0 ? "worse" : c.same ? "the same" : "open: neither a difference nor equality is shown"), h("div", {}, `score, mean difference ${c.score ? interval(c.score[0], c.score[1], c.score[2], plain) : "–"}`), h("div", {}, `success ${c.success ? interval(c.success[0], c.success[1], c.success[2], signed) : "–"} points`), h("div", {}, `better in ${estimate(c.better, percent)} of ${c.score ? c.score[3] : 0} pairs`), h("div", {}, `p ${c.p === null ? "–" : c.p < 0.001 ? "< 0.001" : c.p.toFixed(3)}, corrected for all pairs`)]);
       svg.append(group);
     }));
     const wrap = h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "Matrix of pairs" }, svg);
     if (total > width) svg.style.minWidth = `${total}px`;
     host.replaceChildren(wrap);
-    figuresTable(figure, ["pair", "n", "score, difference", "success, points", "better in", "p (Holm)", ""], () => order.flatMap((a, i) => order.slice(i + 1).map((b) => { const c = cellOf(a, b); return !c ? [`${name(a)} – ${name(b)}`, "0"] : [`${name(a)} – ${name(b)}`, String(c.score ? c.score[3] : 0), c.score ? interval(c.score[0], c.score[1], c.score[2], plain) : "–", c.success ? interval(c.success[0], c.success[1], c.success[2], signed) : "–", estimate(c.better, percent), c.p === null ? "–" : c.p < 0.001 ? "< 0.001" : c.p.toFixed(3), c.won > 0 ? "first is better" : c.won < 0 ? "second is better" : "tie"]; })));
+    figuresTable(figure, ["pair", "n", "score, difference", "success, points", "better in", "p, corrected", ""], () => order.flatMap((a, i) => order.slice(i + 1).map((b) => { const c = cellOf(a, b); return !c ? [`${name(a)} – ${name(b)}`, "0"] : [`${name(a)} – ${name(b)}`, String(c.score ? c.score[3] : 0), c.score ? interval(c.score[0], c.score[1], c.score[2], plain) : "–", c.success ? interval(c.success[0], c.success[1], c.success[2], signed) : "–", estimate(c.better, percent), c.p === null ? "–" : c.p < 0.001 ? "< 0.001" : c.p.toFixed(3), c.won > 0 ? "first is better" : c.won < 0 ? "second is better" : c.same ? "the same" : "open"]; })));
   }
 
   // ---------------------------------------------------------------- rooms: success by start, tracks

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 import synthetic
 
-from gslcosim.bench.report.analysis import analyse
+from gslcosim.bench.report.analysis import analyse, find_beaten
+from gslcosim.bench.report.conclusions import describe_conclusions
 from gslcosim.bench.report.curves import QUANTUM_M, select_tracks
 from gslcosim.bench.report.report_data import load_report_data
 
@@ -41,9 +42,20 @@ def test_intervals_hold_what_is_true(analysis):
 
 def test_twins_share_a_rank_and_the_poor_one_comes_after(analysis):
     _, _, row = analysis
-    assert row("oracle").rank == 1
-    assert row("good").rank == row("twin").rank == 2
-    assert row("poor").rank == 4
+    assert [(row(name).rank, row(name).last_rank) for name in ("oracle", "good", "twin", "poor")] == [
+        (1, 1), (2, 3), (2, 3), (4, 4)
+    ]  # fmt: skip
+
+
+def test_ranks_follow_from_the_verdicts_of_pairs(analysis):
+    analysed, _, _ = analysis
+    for view in analysed.views:
+        for standing in view.standings:
+            beaten_by = sum(standing.entry in find_beaten(view, other.entry) for other in view.standings)
+            places = (1 + beaten_by, len(view.standings) - len(find_beaten(view, standing.entry)))
+            assert (standing.rank, standing.last_rank) == places
+        for pair in view.pairs:
+            assert (pair.verdict != 0) == (pair.p <= 0.05) == (not pair.score.holds_zero)
 
 
 def test_pairs_show_who_is_better(analysis):
@@ -112,12 +124,61 @@ def test_grades_are_easier_where_more_succeed(analysis):
     assert {grade.grade for grade in analysed.grades} <= {"easy", "medium", "hard"}
 
 
-def test_plumes_are_drawn_whole_only_where_there_are_enough(tmp_path):
+def test_rooms_are_drawn_where_there_are_enough_else_plumes_else_flights(tmp_path):
     material = load_report_data(synthetic.make_results(tmp_path, replace(PLAN, tracks=False)))
-    assert not analyse(material).draws_plumes
-    columns = dict(material.rows.columns) | {"gas_seed": material.rows["repetition"]}
-    rows = replace(material.rows, columns=columns)
-    assert analyse(replace(material, rows=rows)).draws_plumes
+    rows = material.rows
+
+    def drawn(**columns):
+        changed = replace(rows, columns=dict(rows.columns) | columns)
+        view = analyse(replace(material, rows=changed)).everything
+        return view.units.level, view.units.n_rooms, view.units.n_plumes
+
+    assert drawn() == ("flights", 2, 6)
+    assert drawn(gas_seed=rows["repetition"]) == ("plumes", 2, 24)
+    assert drawn(environment_hash=rows["case"]) == ("rooms", 6, 18)
+
+
+def test_conclusions_say_who_is_best_for_which_rooms_and_what_is_open(analysis):
+    analysed, _, _ = analysis
+    said = describe_conclusions(analysed, analysed.everything)
+    assert "No entry but oracle, which knows the source, beats twin or good" in said.holds[0]
+    assert said.holds[1].startswith("Of 6 pairs of entries, 5 are told apart by score, ")
+    assert "all true together in 95 of 100" in said.holds[2]
+    assert said.limits[0].startswith("They hold for these 2 rooms and these 6 plumes")
+    assert any("needs no declaration" in text for text in said.limits)
+
+
+def test_conclusions_of_single_flights_claim_nothing(tmp_path):
+    one = replace(PLAN, n_scenarios=1, starts_m=((3, 3),), repetitions=1, controls_frac=0.0, tracks=False)
+    analysed = analyse(load_report_data(synthetic.make_results(tmp_path, one)))
+    said = describe_conclusions(analysed, analysed.everything)
+    assert said.holds[1].startswith("Of 6 pairs of entries, 0 are told apart")
+    assert "An open pair is not shown to be equal, even where both have one rank. More cases would tell." in said.limits
+
+
+def test_entries_are_the_same_where_no_difference_that_matters_is_left(tmp_path):
+    folder = synthetic.make_results(tmp_path, replace(PLAN, tracks=False, maps=False))
+    material = load_report_data(folder)
+    assert material.smallest_difference == 0.1
+    same = {}
+    for points in (10, 30):
+        stated = replace(material, manifest=dict(material.manifest) | {"smallest_difference_points": points})
+        view = analyse(stated).everything
+        same[points] = [(stated.entries[p.a].name, stated.entries[p.b].name) for p in view.pairs if p.is_same]
+        assert all(max(-p.success.low, p.success.high) < points / 100 for p in view.pairs if p.is_same)
+    assert same == {10: [], 30: [("good", "twin")]}
+
+
+def test_errors_of_declarations_rise_to_the_share_that_declared_and_hold_the_rates_of_the_table(analysis):
+    analysed, names, row = analysis
+    assert {names[line.entry] for line in analysed.everything.errors} == {"good", "twin"}
+    for line in analysed.everything.errors:
+        assert np.all(np.diff(line.value) >= 0.0)
+        for radius_m, figure in ((0.5, "declared_05"), (1.0, "declared_1"), (2.0, "declared_2")):
+            shown = getattr(row(names[line.entry]), figure)
+            at = np.searchsorted(line.x, radius_m - 1e-9)
+            assert (line.value[at], line.low[at]) == pytest.approx((shown.value, shown.low))
+    assert row("poor").declared_2.value == 0.0
 
 
 def test_tracks_are_thinned_and_keep_their_ends(analysis):

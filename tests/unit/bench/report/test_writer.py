@@ -163,12 +163,12 @@ def test_tables_read_back(usual):
             assert (line[name] and float(line[name])) == ("" if row[name] is None else row[name])
         assert (line["trial"], line["success"], int(line["seed"])) == (row["trial"], str(row["success"]), row["seed"])
     tables = {path.name: read_csv(path) for path in (usual / "tables").glob("*.csv")}
-    assert len(tables) == 14
+    assert len(tables) == 15
     assert all(tables.values())
     board = {(row["view"], row["entry"]): row for row in tables["leaderboard.csv"]}
     page = page_of(usual)
     for name in ("surge_cast", "infotaxis"):
-        assert float(board["all", name]["time_s"]) == pytest.approx(float(page.board["0", name][7]["v"]), rel=1e-5)
+        assert float(board["all", name]["time_s"]) == pytest.approx(float(page.board["0", name][10]["v"]), rel=1e-5)
     pairs = [row for row in tables["pairs.csv"] if row["view"] == "all"]
     assert len(pairs) == 15
     assert {row["better"] for row in pairs} <= {"", *(row["entry"] for row in board.values())}
@@ -195,6 +195,9 @@ FIGURES = [
     "worst",
     "normalised",
     "success",
+    "declared_05",
+    "declared_1",
+    "declared_2",
     "lift",
     "time_s",
     "spl",
@@ -204,23 +207,55 @@ FIGURES = [
 ]
 LEADERBOARD = {
     "type": "object",
-    "required": ["schema", "suite", "suite_hash", "complete", "n_trials", "n_planned", "verified", "views"],
+    "required": [
+        "schema",
+        "suite",
+        "suite_hash",
+        "complete",
+        "n_trials",
+        "n_planned",
+        "verified",
+        "views",
+        "conclusions",
+        "smallest_difference_points",
+    ],
     "properties": {
         "schema": {"const": "gslcosim/leaderboard/1"},
+        "smallest_difference_points": {"type": "number", "exclusiveMinimum": 0},
+        "conclusions": {
+            "required": ["holds", "limits"],
+            "additionalProperties": {"type": "array", "items": {"type": "string", "minLength": 1}},
+        },
         "views": {
             "type": "array",
             "items": {
                 "type": "object",
-                "required": ["key", "kind", "label", "rows"],
+                "required": ["key", "kind", "label", "drawn", "n_rooms", "n_plumes", "rows"],
                 "properties": {
+                    "drawn": {"enum": ["rooms", "plumes", "flights"]},
                     "rows": {
                         "type": "array",
                         "items": {
                             "type": "object",
-                            "required": ["rank", "entry", "knows", "anchor", "agent_hash", "n", *FIGURES],
-                            "properties": {"rank": {"type": "integer", "minimum": 1}} | dict.fromkeys(FIGURES, FIGURE),
+                            "required": [
+                                "rank",
+                                "last_rank",
+                                "entry",
+                                "knows",
+                                "anchor",
+                                "agent_hash",
+                                "n",
+                                "beats",
+                                "same_as",
+                                *FIGURES,
+                            ],
+                            "properties": {
+                                "rank": {"type": "integer", "minimum": 1},
+                                "last_rank": {"type": "integer", "minimum": 1},
+                            }
+                            | dict.fromkeys(FIGURES, FIGURE),
                         },
-                    }
+                    },
                 },
             },
         },
@@ -247,6 +282,7 @@ def test_summary_has_question_leaderboard_and_verdicts(usual):
     assert len({line.count("|") for line in lines}) == 1
     assert "- oracle: better than" in text
     assert "q = S (1 - 0.5 t / T)" in text
+    assert text.index("## What may be concluded") < text.index("## What may not") < text.index("| # | Entry")
 
 
 @pytest.mark.slow

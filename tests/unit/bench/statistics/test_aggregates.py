@@ -7,9 +7,9 @@ from scipy import stats
 from gslcosim.base.errors import ShapeError
 from gslcosim.bench.statistics.aggregates import (
     bootstrap_cells,
-    mean,
+    mean_of_cells,
     stratified_bootstrap,
-    worst_quarter_mean,
+    worst_quarter_of_cells,
 )
 
 
@@ -34,11 +34,10 @@ def test_differences_between_strata_do_not_widen_the_interval():
 def test_entries_with_the_same_cells_get_the_same_draws():
     """A constant added to an entry moves its interval by that constant, to rounding."""
     values, strata = np.random.default_rng(2).normal(size=60), np.repeat(np.arange(6), 10)
-    a = stratified_bootstrap(values, strata, worst_quarter_mean)
-    b = stratified_bootstrap(values + 1.0, strata, worst_quarter_mean)
+    a, b = (bootstrap_cells(some, strata, worst_quarter_of_cells) for some in (values, values + 1.0))
     assert (b.low, b.high) == pytest.approx((a.low + 1.0, a.high + 1.0))
-    assert a == stratified_bootstrap(values, strata, worst_quarter_mean)
-    assert a != stratified_bootstrap(values, strata, worst_quarter_mean, rng=np.random.default_rng(7))
+    assert a == bootstrap_cells(values, strata, worst_quarter_of_cells)
+    assert a != bootstrap_cells(values, strata, worst_quarter_of_cells, rng=np.random.default_rng(7))
 
 
 def test_each_cell_counts_the_same():
@@ -49,15 +48,24 @@ def test_each_cell_counts_the_same():
 
 def test_cells_of_equal_size_need_no_weights():
     values, cells = np.random.default_rng(3).normal(size=60), np.tile(np.arange(6), 10)
-    ours, rows = bootstrap_cells(values, cells, mean), stratified_bootstrap(values, cells)
+    ours, rows = bootstrap_cells(values, cells, strata=cells), stratified_bootstrap(values, cells)
     assert (ours.value, ours.low, ours.high) == pytest.approx((rows.value, rows.low, rows.high))
 
 
-def test_a_cell_that_a_draw_leaves_empty_is_left_out_of_it():
-    values, cells, clusters = np.array([1.0, 2.0, 3.0]), np.array([0, 0, 1]), np.array([0, 1, 1])
-    ours = bootstrap_cells(values, cells, clusters=clusters)
-    assert ours.value == pytest.approx(2.25)
-    assert (ours.low, ours.high) == pytest.approx((1.0, 2.5))
+def test_a_cell_counts_as_often_as_its_room_was_drawn():
+    """Eight rooms of one cell: the mean of cells is that of rooms, and its interval that of a bootstrap of rooms."""
+    rooms = np.repeat(np.arange(8), 5)
+    values = rooms + np.random.default_rng(4).normal(size=40)
+    ours = bootstrap_cells(values, rooms, clusters=rooms)
+    alone = stratified_bootstrap(np.array([values[rooms == room].mean() for room in range(8)]), None)
+    assert (ours.value, ours.low, ours.high) == pytest.approx((alone.value, alone.low, alone.high))
+
+
+def test_the_worst_quarter_is_that_of_the_cells_drawn():
+    means = np.array([[0.9, 0.1, 0.5, 0.7, 0.3]])
+    assert worst_quarter_of_cells(means, np.ones((1, 5))) == pytest.approx([0.2])
+    assert worst_quarter_of_cells(means, np.array([[1.0, 0.0, 1.0, 1.0, 2.0]])) == pytest.approx([0.3])
+    assert mean_of_cells(means, np.array([[1.0, 0.0, 1.0, 1.0, 2.0]])) == pytest.approx([0.54])
 
 
 def test_what_is_undefined_or_refused():

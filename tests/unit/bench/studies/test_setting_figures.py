@@ -36,17 +36,17 @@ def test_the_mean_score_has_the_interval_of_draws_within_cases():
 
 def test_cells_of_one_run_are_joined_so_that_they_show_spread():
     some = [rows.row(case=f"room/start={i}", score=0.5 + i / 10) for i in range(4)]
-    assert list(group_runs(some).strata) == ["room"] * 4
+    assert set(group_runs(some).units.stratum) == {0}
     apart = [rows.row(case=f"room_{i}", score=0.5 + i / 10) for i in range(4)]
-    assert group_runs(apart).strata is None
+    assert set(group_runs(apart).units.stratum) == {0}
     assert compute_figures(group_runs(apart)).score.low < 0.65 < compute_figures(group_runs(apart)).score.high
 
 
-def test_plumes_are_drawn_whole_where_there_are_enough_and_they_are_shared():
-    shared = [rows.row(case=case, repetition=i) for case in "ab" for i in range(5)]
-    assert len(set(group_runs(shared).clusters)) == 5
-    assert group_runs(shared[:5]).clusters is None
-    assert group_runs(row for row in shared if row["repetition"] < 4).clusters is None
+def test_plumes_are_drawn_whole_where_there_are_enough():
+    shared = [rows.row(case=case, repetition=i) for case in "ab" for i in range(6)]
+    assert (group_runs(shared).units.level, group_runs(shared).units.n) == ("plumes", 6)
+    few = group_runs(row for row in shared if row["repetition"] < 5).units
+    assert (few.level, few.clusters) == ("flights", None)
 
 
 def test_pairs_do_not_depend_on_the_order_of_rows():
