@@ -122,6 +122,7 @@ OTHERS = {
     "fly": "the same, and demands a terminal",
     "validate": "the same",
     "environment generate": "the same",
+    "bench failures": "reads rows as bench run and tune do, and flies too much for each damage",
     "serve": "reads nothing",
     "list": "reads what is installed",
     "schema": "writes files of the contract",

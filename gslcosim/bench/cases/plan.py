@@ -346,7 +346,7 @@ def build_plan(loaded: LoadedSuite, *, progress: Progress = lambda _: None) -> P
         dropped=tuple(dropped),
         moved=tuple(planner.moved),
         entries=tuple(planner.entries.values()),
-        suite_hash=_hash_of_texts(sorted({trial.case_hash for trial in trials})),
+        suite_hash=combine_hashes([trial.case_hash for trial in trials]),
         software_hash=software_hash(),
     )
 
@@ -559,6 +559,11 @@ def _with_seeds(scenario: Scenario, seed: int, gas_seed: int) -> Scenario:
 def _tape_key(scenario: Scenario, room: str) -> str:
     gas = scenario.gas.model_dump_json()
     return _hash_of_texts([room, gas, f"{scenario.tick_ms}/{scenario.referee.stop.time_limit_s}"])
+
+
+def combine_hashes(case_hashes: Sequence[str]) -> str:
+    """Return the hash of a suite from those of its cases and repetitions, in whatever order and number."""
+    return _hash_of_texts(sorted(set(case_hashes)))
 
 
 def _hash_of_texts(texts: Sequence[str]) -> str:

@@ -9,6 +9,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -18,7 +19,7 @@ from typing import Any
 import gslcosim
 from gslcosim.base.code_identity import COMPUTING_PACKAGES
 from gslcosim.base.disk_cache import mark_used
-from gslcosim.base.errors import SimulationFault, UsageError
+from gslcosim.base.errors import MachineError, SimulationFault, UsageError
 from gslcosim.bench.cases.models import LOWER_ANCHOR, UPPER_ANCHOR, Selection, Shard, Trial, choose_trials
 from gslcosim.bench.cases.plan import Plan, build_plan, group_settings, save_pace
 from gslcosim.bench.cases.suite_files import LoadedSuite, load_suite, write_suite
@@ -483,7 +484,9 @@ class SuiteRun:
         now_s = time.monotonic()
         if now_s - self._status_written_at_s >= _STATUS_EVERY_S:
             self._status_written_at_s = now_s
-            self._folder.write_json(self._folder.status, build_status(progress))
+            # Nothing of the results depends on it.
+            with suppress(MachineError):
+                self._folder.write_json(self._folder.status, build_status(progress))
 
     def _fly_all(self, pool: Pool, todo: Sequence[Trial]) -> None:
         began = time.perf_counter()

@@ -70,12 +70,7 @@ def find_target(source: str, entry: str, *, repetitions: int | None = None, seed
         UsageError: there is no such entry.
     """
     if is_scenario(source):
-        chosen = _bundled_or_file(entry)
-        if chosen is None:
-            raise UsageError(
-                f"--entry: expected a bundled method or a Python file, was '{entry}'. "
-                f"{did_you_mean(entry, list(bundled_agents()))}".rstrip()
-            )
+        chosen = find_method_entry(entry, option="--entry")
         loaded = _suite_around(source, chosen, repetitions=repetitions or REPETITIONS, seed=seed)
     else:
         loaded = load_suite(source, seed=seed, is_flown=True)
@@ -164,6 +159,25 @@ def _givers(loaded: LoadedSuite) -> list[LoadedSuite]:
     if loaded.suite.entries:
         return [loaded]
     return [loaded, *(giver for inner in loaded.included for giver in _givers(inner))]
+
+
+def find_method_entry(name: str, *, option: str) -> EntrySpec:
+    """Return the entry of a bundled method or a Python file.
+
+    Args:
+        name: Its name or file.
+        option: What of the command line names it, for the error.
+
+    Raises:
+        UsageError: it is neither.
+    """
+    entry = _bundled_or_file(name)
+    if entry is None:
+        raise UsageError(
+            f"{option}: expected a bundled method or a Python file, was '{name}'. "
+            f"{did_you_mean(name, list(bundled_agents()))}".rstrip()
+        )
+    return entry
 
 
 def _bundled_or_file(name: str) -> EntrySpec | None:

@@ -19,7 +19,7 @@ from gslcosim.cli.bench_workers import (
     start_pool,
     verify_here,
 )
-from gslcosim.cli.commands import sealing, submission, sweep, tune
+from gslcosim.cli.commands import failures, sealing, submission, sweep, tune
 from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import add_json_option, table, write, write_json
 
@@ -35,6 +35,7 @@ EXAMPLES = """  gslcosim bench list
   gslcosim bench report results/smoke
   gslcosim bench verify results/smoke --sample 5
   gslcosim bench sweep tiny_room --entry dung_beetle --vary leg_m=0.4,0.8,1.6
+  gslcosim bench failures surge_cast --budget 40
   gslcosim bench run measured --data FOLDER"""
 
 RESULTS_DIR = Path("results")
@@ -557,5 +558,6 @@ COMMAND = CommandFamily(
         ),
         sweep.COMMAND,
         tune.COMMAND,
+        failures.COMMAND,
     ),
 )
