@@ -53,6 +53,7 @@ _SOLID_RGBA, _GAS_RGB, _GAS_OPACITY = (128, 129, 126, 205), (205, 155, 35), 0.82
 _WIND_PER_SIDE = 14
 _MOST_FAMILY_LINES = 100
 _SAME_PLACE_M = 0.05
+_FEWEST_LETTERS = 8
 _WITHOUT_GAS = "-without-gas"
 _CONTROL, _SUCCESS, _NO_RESULT = 1, 2, 4
 
@@ -83,6 +84,11 @@ class _Site:
     method_files: Mapping[str, str]
     cases: Sequence[CaseFacts]
     methods: Sequence[MethodFacts]
+    n_letters: int
+
+    def trial_id(self, row: int) -> str:
+        """Return the beginning of a trial's id that no other trial has."""
+        return str(self.data.analysis.material.rows["trial"][row])[: self.n_letters]
 
 
 def build_site(data: SiteData) -> Iterator[tuple[str, bytes]]:
@@ -104,6 +110,7 @@ def build_site(data: SiteData) -> Iterator[tuple[str, bytes]]:
         method_files=method_files,
         cases=cases,
         methods=describe_methods(analysis, cases, method_files, cards=data.cards, keys=data.keys),
+        n_letters=_count_letters(material.rows["trial"].tolist()),
     )
     for path, text in (*_shared_files(site), *_pages(site), *_track_files(site)):
         yield path, text.encode()
@@ -112,6 +119,13 @@ def build_site(data: SiteData) -> Iterator[tuple[str, bytes]]:
             yield f"{PLANS}/{_plan_file(site, room)}.png", _draw_plan(room)
             if any(_own_source(site, room, row) for row in room.rows.tolist()):
                 yield f"{PLANS}/{_plan_file(site, room)}{_WITHOUT_GAS}.png", _draw_plan(room, with_gas=False)
+
+
+# With as many letters no two ids begin alike.
+def _count_letters(trials: Sequence[str]) -> int:
+    longest = max(map(len, trials), default=0)
+    lengths = range(_FEWEST_LETTERS, longest)
+    return next((n for n in lengths if len({trial[:n] for trial in trials}) == len(trials)), longest)
 
 
 def _shared_files(site: _Site) -> Iterator[tuple[str, str]]:
@@ -135,8 +149,13 @@ def _pages(site: _Site) -> Iterator[tuple[str, str]]:
         ),
     )
     inner = _environment(site, "../")
-    inner.globals |= {"sorts": False, "run": partial(_link_of_run, site)}
-    common = {"title": describe_provenance(analysis).title, "entries": entries, "looks": site.looks}
+    inner.globals["sorts"] = False
+    common = {
+        "title": describe_provenance(analysis).title,
+        "entries": entries,
+        "looks": site.looks,
+        "files": site.method_files,
+    }
     template = inner.get_template("case.html")
     for before, case, after in _with_neighbours(site.cases):
         has_wind = bool(_wind_strokes(case.room.plan))
@@ -185,19 +204,8 @@ def _link_with_seal(site: _Site, root: str, entry: ReportEntry) -> Markup:
 
 
 def _link_of_case(site: _Site, root: str, case: str, trial: str = "") -> Markup:
-    place = f"#{quote(trial, safe='')}" if trial else ""
+    place = f"#{quote(trial[: site.n_letters], safe='')}" if trial else ""
     return Markup('<a href="{}{}/{}.html{}">{}</a>').format(root, CASES, site.case_files[case], place, case)
-
-
-# On the page of its case.
-def _link_of_run(site: _Site, row: int) -> Markup:
-    rows = site.data.analysis.material.rows
-    is_found = bool(rows["success"][row])
-    text = f"{rows.time_s[row]:.0f} s" if is_found else _outcome(site, row).replace("_", " ")
-    link = Markup('<a class="run{}" href="#{}" title="repetition {}">{}</a>')
-    return link.format(
-        " found" if is_found else "", quote(str(rows["trial"][row]), safe=""), rows["repetition"][row], text
-    )
 
 
 def _outcome(site: _Site, row: int) -> str:
@@ -228,6 +236,7 @@ def _case_data(
 ) -> dict[str, Any]:
     room = case.room
     full_ppm = max((float(agent.gas_ppm.max()) for row in flown for agent in tracks.get(row, ())), default=0.0)
+    outcomes = list(dict.fromkeys(_outcome(site, row) for row in flown))
     return {
         "name": case.name,
         "box": [_short(x) for x in room.box_m],
@@ -238,7 +247,8 @@ def _case_data(
         "full_ppm": _short(full_ppm),
         "decades": GAS_DECADES,
         "methods": [_method_data(site, each.entry) for each in case.entries],
-        "flights": [_flight(site, case, row, tracks.get(row, ()), form, full_ppm) for row in flown],
+        "outcomes": outcomes,
+        "flights": [_flight(site, case, row, tracks.get(row, ()), form, full_ppm, outcomes) for row in flown],
     }
 
 
@@ -257,7 +267,13 @@ def _method_data(site: _Site, i: int) -> dict[str, Any]:
 
 
 def _flight(
-    site: _Site, case: CaseFacts, row: int, team: Sequence[AgentTrack], form: TrackFormat, full_ppm: float
+    site: _Site,
+    case: CaseFacts,
+    row: int,
+    team: Sequence[AgentTrack],
+    form: TrackFormat,
+    full_ppm: float,
+    outcomes: Sequence[str],
 ) -> list[Any]:
     rows = site.data.analysis.material.rows
     trial, repetition, end_s = str(rows["trial"][row]), int(rows["repetition"][row]), float(rows["end_s"][row])
@@ -273,7 +289,8 @@ def _flight(
     own = _own_source(site, case.room, row)
     method = next(k for k, each in enumerate(case.entries) if each.entry == rows.entry[row])
     return [
-        trial, method, repetition, int(flags), _outcome(site, row), _short(end_s), _short(float(rows.time_s[row])),
+        site.trial_id(row), method, repetition, int(flags), outcomes.index(_outcome(site, row)),
+        _short(end_s), _short(float(rows.time_s[row])),
         _short(float(rows["nearest_m"][row])),
         [encode_track(agent, form.tolerance_m) for agent in team] if is_kept else [],
         encode_gas(team, end_s, full_ppm),

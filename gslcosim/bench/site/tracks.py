@@ -11,7 +11,7 @@ from gslcosim.bench.report.report_data import Floats, Ints, ReportData
 QUANTUM_M, QUANTUM_S = 0.05, 0.1
 """Resolution of places and times in the player."""
 
-GAS_COLUMNS = 60
+GAS_COLUMNS = 40
 GAS_DECADES = 3.0
 """A gas trace has a level in so many equal parts of the flight, on a logarithmic scale of so many decades."""
 
@@ -19,7 +19,7 @@ _LEVELS = 15
 _MOST_OF_A_TEAM = 10
 # What a player shows may be off by so much; the least that keeps all tracks within the budget counts.
 _TOLERANCES_M = (0.1, 0.2, 0.4, 0.8)
-_MOST_BYTES = 2_500_000
+_MOST_BYTES = 1_300_000
 _MOST_SAMPLED = 200
 
 

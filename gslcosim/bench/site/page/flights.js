@@ -10,7 +10,7 @@ const flights = (() => {
   const loaded = new Map(), waiting = new Map();
 
   function receive(file, data) {
-    const made = { ...data, flights: data.flights.map(([id, method, repetition, flags, outcome, end, time, nearest, tracks, gas, view, source]) => ({ id, method: data.methods[method], repetition, flags, outcome, end, time, nearest, packed: tracks, gas, view, source })) };
+    const made = { ...data, flights: data.flights.map(([id, method, repetition, flags, outcome, end, time, nearest, tracks, gas, view, source]) => ({ id, method: data.methods[method], repetition, flags, outcome: data.outcomes[outcome], end, time, nearest, packed: tracks, gas, view, source })) };
     loaded.set(file, made);
     (waiting.get(file) || []).forEach((work) => work(made));
     waiting.delete(file);
@@ -100,6 +100,16 @@ const flights = (() => {
   }
 
   // ---------------------------------------------------------------- player
+  // Links in the table of entries, each to a flight.
+  function linkFlights(cell, data) {
+    const mine = data.flights.filter((flight) => flight.method.file === cell.dataset.entry).sort((a, b) => isControl(a) - isControl(b));
+    mine.forEach((flight, i) => {
+      if (isControl(flight) && (!i || !isControl(mine[i - 1]))) cell.append(h("span", { class: "without" }, "without gas: "));
+      const text = hasFound(flight) ? `${flight.time.toFixed(0)}${NARROW}s` : flight.outcome.replace(/_/g, " ");
+      cell.append(h("a", { class: hasFound(flight) ? "run found" : "run", href: `#${encodeURIComponent(flight.id)}`, title: `repetition ${flight.repetition}` }, text), " ");
+    });
+  }
+
   const SPEEDS = [1, 2, 5, 10, 20, 50, 100], WHOLE_S = 12, MOST_AT_FIRST = 8, FEW_PICTURES = 24;
   function player(root, data) {
     const groups = [...new Map(data.flights.map((flight) => [groupOf(flight), flight])).entries()].sort(([, a], [, b]) => isControl(a) - isControl(b) || a.repetition - b.repetition).map(([key]) => key);
@@ -108,7 +118,7 @@ const flights = (() => {
 
     const stage = h("div", { class: "stage" });
     const play = h("button", { type: "button", class: "play" }, "Play");
-    const slider = h("input", { type: "range", min: 0, max: 1000, value: 1000, "aria-label": "time" });
+    const slider = h("input", { type: "range", min: 0, max: 1000, step: 5, value: 1000, "aria-label": "time" });
     const clock = h("output", {});
     const speed = h("select", { "aria-label": "speed" }, ...SPEEDS.map((factor) => h("option", { value: factor }, `${factor} ×`)));
     const pick = h("select", {}, ...groups.map((key) => h("option", { value: key }, key)));
@@ -170,8 +180,12 @@ const flights = (() => {
     function move(t) {
       state.t = t;
       for (const { flight, parts, Y, unit, cursor } of drawn) {
-        for (const { track, way, halo, robot } of parts) {
-          const [last, x, y] = placeAt(track, t), level = gasAt(flight, t);
+        for (const part of parts) {
+          const { track, way, halo, robot } = part, at = Math.min(t, track.t[track.t.length - 1]);
+          // What has ended stays as it is.
+          if (part.at === at) continue;
+          part.at = at;
+          const [last, x, y] = placeAt(track, at), level = gasAt(flight, at);
           way.setAttribute("d", `${wayOf(track, Y, last)}L${x.toFixed(2)} ${Y(y).toFixed(2)}`);
           for (const mark of [halo, robot]) { mark.setAttribute("cx", x.toFixed(2)); mark.setAttribute("cy", Y(y).toFixed(2)); }
           halo.setAttribute("r", level ? (1.6 + 0.2 * level) * unit : 0);
@@ -217,7 +231,7 @@ const flights = (() => {
     function follow() {
       let wanted = "";
       try { wanted = decodeURIComponent(location.hash.slice(1)); } catch { /* somebody has typed it */ }
-      const flight = data.flights.find(({ id }) => id === wanted);
+      const flight = wanted && data.flights.find(({ id }) => wanted.startsWith(id));
       const file = wanted.startsWith("entry=") ? wanted.slice(6) : null, method = data.methods.find((each) => each.file === file);
       if (flight) { state.group = groupOf(flight); state.chosen = flight.id; }
       else if (method) { state.on = new Set([method]); state.chosen = null; }
@@ -229,7 +243,10 @@ const flights = (() => {
     follow();
   }
 
-  all(".player").forEach((root) => whenLoaded(root.dataset.case, (data) => player(root, data)));
+  all(".player").forEach((root) => whenLoaded(root.dataset.case, (data) => {
+    all("td.runs").forEach((cell) => linkFlights(cell, data));
+    player(root, data);
+  }));
   const panels = all(".panel[data-case]"), open = new Set(panels);
   function show(panel) {
     watcher.unobserve(panel);
