@@ -13,7 +13,7 @@ from gslcosim.bench.report.leaderboard import paired_rows, sampling_units
 from gslcosim.bench.report.report_data import EnvironmentMap, Flags, Floats, Ints, ReportData, TrialRows
 from gslcosim.bench.statistics.aggregates import mean, stratified_bootstrap
 from gslcosim.bench.statistics.estimates import UNDEFINED, Estimate
-from gslcosim.bench.statistics.rates import rates_over_units, wilson
+from gslcosim.bench.statistics.rates import rate_over_units, rates_over_units, wilson
 from gslcosim.bench.statistics.roc import Roc, localisation_roc, roc
 from gslcosim.bench.statistics.times import (
     Curve,
@@ -219,14 +219,15 @@ def _declared(rows: TrialRows, entry: int, some: Ints, controls: Ints) -> Declar
     declared, near = rows["declared"][some], rows["declared_error_m"][some] <= rows["within_m"][some]
     right, n = int((declared & near).sum()), len(some)
     elsewhere, alarms = int((declared & ~near).sum()), int(rows["declared"][controls].sum())
-    both = np.concatenate([some, controls])
+    both, units = np.concatenate([some, controls]), sampling_units(rows, some)
     score = np.nan_to_num(rows["declared_confidence"][both], nan=0.0)
     positive = ~rows.is_control[both]
     at_place = np.concatenate([declared & near, np.zeros(len(controls), dtype=bool)])
     return DeclarationCounts(
         entry=entry, right=right, elsewhere=elsewhere, silent=n - right - elsewhere, alarms=alarms,
-        quiet=len(controls) - alarms, right_frac=wilson(right, n), elsewhere_frac=wilson(elsewhere, n),
-        silent_frac=wilson(n - right - elsewhere, n), alarm_frac=wilson(alarms, len(controls)),
+        quiet=len(controls) - alarms, right_frac=rate_over_units(declared & near, units),
+        elsewhere_frac=rate_over_units(declared & ~near, units), silent_frac=rate_over_units(~declared, units),
+        alarm_frac=rate_over_units(rows["declared"][controls], sampling_units(rows, controls)),
         curve=roc(score, positive) if len(controls) else None,
         place_curve=localisation_roc(score, positive, at_place) if len(controls) else None,
     )  # fmt: skip

@@ -8,9 +8,10 @@ import numpy as np
 
 from gslcosim.base.untrusted_input import JsonObject, parse_json
 from gslcosim.bench.cases.models import LABELS, select_labels
+from gslcosim.bench.report.leaderboard import sampling_units
 from gslcosim.bench.report.report_data import Flags, ReportData, TrialRows
-from gslcosim.bench.statistics.estimates import Estimate
-from gslcosim.bench.statistics.rates import lift, wilson
+from gslcosim.bench.statistics.estimates import UNDEFINED, Estimate
+from gslcosim.bench.statistics.rates import lift, rate_over_units
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,13 +73,17 @@ def _level_success(
         level=level,
         entry=entry,
         is_core=is_core,
-        success=wilson(int(success[here].sum()), int(here.sum())),
-        approach=wilson(int(np.isfinite(rows["time_within_1_m_s"][here]).sum()), int(here.sum())),
-        alone=wilson(int(success[alone].sum()), int(alone.sum())),
+        success=_rate(rows, success, here),
+        approach=_rate(rows, np.isfinite(rows["time_within_1_m_s"]), here),
+        alone=_rate(rows, success, alone),
         difference=lift(success[alone], success[core], paired=False)
         if alone.any() and core.any() and not is_core
-        else wilson(0, 0),
+        else UNDEFINED,
     )
+
+
+def _rate(rows: TrialRows, holds: Flags, within: Flags) -> Estimate:
+    return rate_over_units(holds[within], sampling_units(rows, np.flatnonzero(within)))
 
 
 # The level of each row by axis; empty where a case has no such label.

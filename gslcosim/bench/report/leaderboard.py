@@ -14,7 +14,7 @@ from gslcosim.bench.statistics.aggregates import (
 )
 from gslcosim.bench.statistics.estimates import UNDEFINED, Estimate, encode_labels
 from gslcosim.bench.statistics.ranking import EntryComparison, compare_entries
-from gslcosim.bench.statistics.rates import lift, rate_over_units, wilson
+from gslcosim.bench.statistics.rates import lift, lift_over_units, rate_over_units
 from gslcosim.bench.statistics.sampling_units import SamplingUnits, find_sampling_units
 from gslcosim.bench.statistics.times import restricted_mean
 
@@ -161,7 +161,7 @@ def median_with_interval(values: Floats) -> Estimate:
 
 
 def lift_with_interval(rows: TrialRows, chosen: Ints, controls: Ints) -> Estimate:
-    """Return success less luck; paired where every run has its control.
+    """Return success less luck, over whole rooms or plumes; over single runs paired where every run has its control.
 
     Args:
         rows: All rows.
@@ -170,6 +170,10 @@ def lift_with_interval(rows: TrialRows, chosen: Ints, controls: Ints) -> Estimat
     """
     if not len(controls) or not len(chosen):
         return UNDEFINED
+    both = np.concatenate([chosen, controls])
+    units = sampling_units(rows, both)
+    if units.level != "flights":
+        return lift_over_units(rows["success"][both], rows.is_control[both], units)
     places = [{(rows["case"][i], rows["repetition"][i]): i for i in some} for some in (chosen, controls)]
     success = rows["success"]
     if places[0].keys() == places[1].keys():
@@ -179,9 +183,9 @@ def lift_with_interval(rows: TrialRows, chosen: Ints, controls: Ints) -> Estimat
 
 
 def _false_alarms(rows: TrialRows, chosen: Ints, controls: Ints) -> Estimate:
-    if len(controls):
-        return wilson(int(rows["declared"][controls].sum()), len(controls))
-    return wilson(int((rows["n_false_declarations"][chosen] > 0).sum()), len(chosen))
+    some = controls if len(controls) else chosen
+    is_false = rows["declared"][some] if len(controls) else rows["n_false_declarations"][some] > 0
+    return rate_over_units(is_false, sampling_units(rows, some))
 
 
 def _normalised(score: Estimate, walker: float | None, oracle: float | None) -> Estimate:

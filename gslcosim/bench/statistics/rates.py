@@ -154,6 +154,28 @@ def lift(success: np.ndarray, luck: np.ndarray, *, paired: bool, level: float = 
     return difference_of_rates(int(success.sum()), success.size, int(luck.sum()), luck.size, level)
 
 
+def lift_over_units(outcomes: np.ndarray, is_luck: np.ndarray, units: SamplingUnits, level: float = LEVEL) -> Estimate:
+    """Return the lift with Student's interval over whole units, each with its trials and its controls.
+
+    Args:
+        outcomes: (n,) whether each trial or control came near the source, or the place where it would be.
+        is_luck: (n,) which of them are controls.
+        units: Of all n.
+        level: Confidence level, 0 to 1.
+
+    Returns:
+        The lift; n counts trials and controls together; no interval where units show no spread.
+    """
+    both = np.stack([np.where(is_luck, np.nan, outcomes), np.where(is_luck, outcomes, np.nan)], axis=1)
+    means = compute_means(both, units, None)
+    value = float(means.value[0] - means.value[1])
+    if units.freedom < 1 or math.isnan(value):
+        return Estimate(value, math.nan, math.nan, len(both)) if not math.isnan(value) else UNDEFINED
+    spread = math.sqrt(float(((means.residual[:, 0] - means.residual[:, 1]) ** 2).sum()))
+    half = student_quantile(0.5 + level / 2.0, units.freedom) * max(spread, 1.0 / len(both))
+    return Estimate(value, max(value - half, -1.0), min(value + half, 1.0), len(both))
+
+
 def difference_of_rates(successes_a: int, n_a: int, successes_b: int, n_b: int, level: float = LEVEL) -> Estimate:
     """Return the difference of two independent rates, p_a - p_b, with Newcombe's interval.
 

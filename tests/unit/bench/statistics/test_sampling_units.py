@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import ShapeError
-from gslcosim.bench.statistics.rates import rate_over_units, rates_over_units, wilson
+from gslcosim.bench.statistics.rates import lift_over_units, rate_over_units, rates_over_units, wilson
 from gslcosim.bench.statistics.sampling_units import compute_means, find_sampling_units
 
 
@@ -89,3 +89,16 @@ def test_rates_over_rooms_hold_that_of_all_rooms(n_rooms):
     assert abs(held - 0.95) < 3.0 * math.sqrt(0.95 * 0.05 / n) + 0.01
     single = [wilson(int(k), len(room)) for k in outcomes.sum(axis=0)]
     assert np.mean([each.low <= 0.5 <= each.high for each in single]) < 0.7
+
+
+def test_lift_over_rooms_holds_the_truth():
+    """Rooms in which all come near the place by luck, and rooms in which none does: luck of a room is in both."""
+    rng, n, held = np.random.default_rng(5), 300, 0
+    room, plume, case = nested(12, 2, 4)
+    is_luck = plume == 1
+    units = find_sampling_units(room, plume, case)
+    for _ in range(n):
+        luck = rng.uniform(0.0, 0.5, 12)[room]
+        found = lift_over_units(rng.random(len(room)) < np.where(is_luck, luck, luck + 0.3), is_luck, units)
+        held += found.low <= 0.3 <= found.high
+    assert abs(held / n - 0.95) < 3.0 * math.sqrt(0.95 * 0.05 / n) + 0.01
