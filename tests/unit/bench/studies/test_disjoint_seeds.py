@@ -6,6 +6,7 @@ import pytest
 
 from gslcosim.bench.cases import Suite, build_plan, load_suite
 from gslcosim.bench.cases.models import EntrySpec, derive_seed
+from gslcosim.bench.cases.plan import expand_cases
 from gslcosim.bench.cases.suite_files import write_suite
 from gslcosim.bench.studies import target
 from gslcosim.bench.studies.target import (
@@ -16,6 +17,8 @@ from gslcosim.bench.studies.target import (
     with_disjoint_seeds,
 )
 from gslcosim.scenario.models.scenario import StartSpec
+
+LAYOUT_SEED = "environment.layout.seed"
 
 
 def settings_of(entry, varied):
@@ -163,3 +166,18 @@ def test_seeds_that_a_scenario_lists_stay_with_its_cases_and_are_never_tuned_on(
     assert {11, 12} <= collect_seeds(subject.loaded)
     assert collect_seeds(other).isdisjoint(collect_seeds(subject.loaded))
     assert [case.repetitions for _, case in target.expand_cases(other)] == [3, 3, 3]
+
+
+def layout_seeds(loaded):
+    return {case.varied[LAYOUT_SEED] for _, case in expand_cases(loaded) if LAYOUT_SEED in case.varied}
+
+
+def test_tuning_on_the_open_comparison_meets_none_of_its_rooms_plumes_and_starts():
+    subject = find_target("open_2026", "surge_cast")
+    taken = target.collect_bundled_seeds()
+    parts = [with_disjoint_seeds(subject, p, 1, repetitions=2, taken=taken) for p in ("training", "validation")]
+    rooms = [layout_seeds(loaded) for loaded in (subject.loaded, *parts)]
+    assert [len(seeds) for seeds in rooms] == [2, 2, 2]
+    assert len(set.union(*rooms)) == 6
+    for loaded in parts:
+        assert not collect_seeds(loaded) & taken

@@ -1,0 +1,41 @@
+"""The tables of the open comparison's pilot, from results that were never flown."""
+
+import importlib.util
+import re
+import sys
+from pathlib import Path
+
+import pytest
+import synthetic
+
+SCRIPT = Path(__file__).parents[4] / "docs" / "studies" / "open_2026_pilot.py"
+GOOD = synthetic.Method(name="good", success=0.8, declares=1.0)
+POOR = synthetic.Method(name="poor", success=0.2, declares=0.5)
+SWEEP = synthetic.Method(name="sweep", success=0.9, mean_s=40.0)
+
+
+@pytest.fixture(scope="module")
+def pilot():
+    spec = importlib.util.spec_from_file_location("open_2026_pilot", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_tables_have_each_entry_scenario_and_stratum(pilot, tmp_path, capsys, monkeypatch):
+    plan = synthetic.Plan(
+        methods=(SWEEP, POOR, GOOD, synthetic.ORACLE), n_scenarios=2, starts_m=synthetic.STARTS_M[-2:], maps=False,
+        tracks=False, repetitions=6, harder=0.0,
+    )  # fmt: skip
+    folder = synthetic.make_results(tmp_path / "results", plan)
+    monkeypatch.setattr(sys, "argv", ["open_2026_pilot.py", str(folder)])
+    pilot.main()
+    entries, scenarios, strata = capsys.readouterr().out.strip().split("\n\n")
+    assert set(re.findall(r"^\| `(\w+)` \| 24 \|", entries, re.MULTILINE)) == {"sweep", "poor", "good", "oracle"}
+    assert entries.index("`good`") < entries.index("`poor`")
+    for scenario in ("room_1", "room_2"):
+        (line,) = re.findall(rf"^\| `{scenario}` \|.*$", scenarios, re.MULTILINE)
+        assert "(`sweep`)" in line
+        assert "(`good`)" in line
+    assert "oracle" not in scenarios
+    assert re.search(r"\| (below 1|1 to 2|2 to 4|4 and more) \| \d \| \d+ \| \d", strata)
