@@ -41,9 +41,9 @@ def options_of(path):
         (["zzz"], f"gslcosim: expected one of the commands {ALL}, was 'zzz'."),
         (
             ["bench", "run", "smoke", "--out", "x"],
-            "gslcosim bench run: expected one of the options --agents, --data, --filter, --help, --jobs, --json, "
-            "--no-report, --only, --ray, --results, --retry, --seed, --shard, --yes, was '--out'. "
-            "Did you mean --results?",
+            "gslcosim bench run: expected one of the options --agents, --build, --bundle, --data, --filter, --help, "
+            "--jobs, --json, --no-report, --only, --ray, --results, --retry, --sealed, --seed, --shard, --yes, "
+            "was '--out'. Did you mean --results?",
         ),
         (["--foo"], "gslcosim: expected one of the options --help, --version, was '--foo'."),
         (["up", "x", "--sed", "3"], "gslcosim up: expected one of the options --elsewhere, --help, --in-process, "
