@@ -10,7 +10,7 @@ import os
 import shutil
 import subprocess
 import tarfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
@@ -20,8 +20,9 @@ from pydantic import Field
 
 from gslcosim.base.errors import UsageError, build_machine_error
 from gslcosim.base.files import read_regular_file, replace_file
-from gslcosim.bench.cases.models import EntrySpec
+from gslcosim.bench.cases.models import LOWER_ANCHOR, UPPER_ANCHOR, EntrySpec
 from gslcosim.methods.card import CARD_FILE, load_card
+from gslcosim.runtime.processes.sandbox.policy import is_system_path
 from gslcosim.scenario.loader import read_spec_file
 from gslcosim.scenario.models.base import Spec
 from gslcosim.scenario.serialization import dump_values
@@ -30,6 +31,7 @@ SUBMISSION_FILE = "submission.yaml"
 _BUILT_FILE = ".built"
 _MAX_BYTES, _MAX_FILES = 200_000_000, 10_000
 _MAX_LEVELS_UP = 4
+_MAX_PATH = 4096
 _MAX_LOG_LINES = 20
 _BUNDLES = "bundles"
 
@@ -61,12 +63,20 @@ class Bundle:
     root: Path
 
 
+@dataclass(frozen=True, kw_only=True)
+class PreparedBundles:
+    """Bundles that are ready to fly: the suite with their entries, and where each is unpacked, by the entry's name."""
+
+    suite: Path
+    roots: Mapping[str, Path]
+
+
 def load_submission(folder: Path) -> Submission:
     """Return the submission file of a folder.
 
     Raises:
         ScenarioError: it cannot be read, or has problems: all of them in one error.
-        UsageError: there is none, or no card.
+        UsageError: there is none, or no card; its entry has the name of an anchor or names files outside the folder.
         MethodError: the card is not what it should be.
     """
     path = folder / SUBMISSION_FILE
@@ -80,7 +90,42 @@ def load_submission(folder: Path) -> Submission:
             what = "the method's card" if name == CARD_FILE else "a file that lock names"
             raise UsageError(f"{folder}: expected {what}, {name}, found none. Add it beside {SUBMISSION_FILE}.")
     load_card(folder / CARD_FILE)
+    _check_entry(submission.entry, folder)
     return submission
+
+
+def _check_entry(entry: EntrySpec, folder: Path) -> None:
+    path = folder / SUBMISSION_FILE
+    if entry.name in (LOWER_ANCHOR, UPPER_ANCHOR):
+        raise UsageError(
+            f"{path}: entry.name: expected a name of its own, was that of an anchor, {entry.name}. Choose another."
+        )
+    words = [entry.start.python] if entry.start.python is not None else [*(entry.start.command or ())]
+    # The program alone may be one of the system: other files that a command names are kept with the results.
+    is_installed = entry.start.python is None and Path(words[0]).is_absolute() and is_system_path(Path(words[0]))
+    for word in words[is_installed:]:
+        if outside := next((text for text in _list_paths(word) if _is_outside(text, folder)), None):
+            raise UsageError(
+                f"{path}: entry.start: expected paths from this folder to what lies in it, was {outside}. Put the file "
+                "into the folder, and name it from there."
+            )
+
+
+# `--option=path` names one too, and `-cp here:there` several.
+def _list_paths(word: str) -> list[str]:
+    return [word, *word.replace("=", os.pathsep).split(os.pathsep)]
+
+
+def _is_outside(text: str, folder: Path) -> bool:
+    if not text or len(text) >= _MAX_PATH or "\0" in text:
+        return False
+    if not Path(text).is_absolute() and ".." in Path(os.path.normpath(text)).parts:
+        return True
+    try:
+        place = folder / text
+        return os.path.lexists(place) and not place.resolve().is_relative_to(folder.resolve())
+    except OSError:
+        return False
 
 
 def find_bundle_root(program: Path) -> Path | None:
@@ -278,7 +323,8 @@ def write_bundle_suite(bundles: Sequence[Bundle], suite: Path, *, name: str, bel
             start["python"] = f"{place}/{start['python']}"
         if "command" in start:
             start["command"] = [
-                f"{place}/{word}" if (bundle.root / word).is_file() else word for word in start["command"]
+                f"{place}/{word}" if not Path(word).is_absolute() and (bundle.root / word).is_file() else word
+                for word in start["command"]
             ]
         entries.append(values)
     text = dump_values(
@@ -294,8 +340,8 @@ def write_bundle_suite(bundles: Sequence[Bundle], suite: Path, *, name: str, bel
     return below / f"{name}.yaml"
 
 
-def prepare_bundles(paths: Sequence[Path], suite: Path, *, name: str, results: Path, builds: bool) -> Path:
-    """Unpack and build bundles beside results, and return the suite that flies them.
+def prepare_bundles(paths: Sequence[Path], suite: Path, *, name: str, results: Path, builds: bool) -> PreparedBundles:
+    """Unpack and build bundles beside results, and write the suite that flies them.
 
     Args:
         paths: The bundles.
@@ -316,7 +362,10 @@ def prepare_bundles(paths: Sequence[Path], suite: Path, *, name: str, results: P
     bundles = [unpack_bundle(path, below) for path in paths]
     for bundle in bundles:
         build_program(bundle, is_agreed=builds)
-    return write_bundle_suite(bundles, suite, name=name, below=below)
+    return PreparedBundles(
+        suite=write_bundle_suite(bundles, suite, name=name, below=below),
+        roots={bundle.submission.entry.name: bundle.root for bundle in bundles},
+    )
 
 
 def copy_bundle_files(paths: Sequence[Path], root: Path, folder: Path, into: str) -> dict[Path, str]:

@@ -80,6 +80,38 @@ def check_confinable(trials: Sequence[Trial], folder: Path) -> None:
             f"{folder}: expected a machine that has a sandbox for the programs of these results, was one without "
             f"({_reasons()}). Install bubblewrap. {trusting}"
         )
+    _check_programs([(trial, _programs(trial)) for trial in trials], folder, trusting)
+
+
+def check_bundles(plan: Plan, roots: Mapping[str, Path]) -> None:
+    """Refuse to fly bundles whose programs would see more than their own files, before any of them is started.
+
+    Args:
+        plan: Of the suite that flies them.
+        roots: Where each bundle is unpacked, by the name of its entry.
+
+    Raises:
+        UsageError: a command names what lies elsewhere, or a Python agent is no program.
+    """
+    for entry in plan.loaded.suite.entries:
+        names = {setting.name for setting in entry.settings}
+        # Participants are the suite's own, and its cases start an agent in a few ways alone.
+        of_kind = {_read_starts(trial): trial for trial in plan.trials if trial.entry in names}
+        trials = [(trial, _agent_programs(trial)) for trial in of_kind.values()]
+        _check_programs(trials, roots[entry.name], "Ask its author for another bundle.")
+
+
+def _read_starts(trial: Trial) -> tuple[Path, str]:
+    agents = json.loads(trial.scenario_json)["agents"]
+    return trial.directory, json.dumps([[agent.get(key) for key in _SEEING] for agent in agents])
+
+
+_SEEING = ("start", "may_read", "may_write")
+_Program = tuple[str, list[str], tuple[str, ...]]
+
+
+def _check_programs(programs: Sequence[tuple[Trial, Iterable[_Program]]], folder: Path, trusting: str) -> None:
+    trials = [trial for trial, _ in programs]
     for entry, program in {(trial.entry, program) for trial in trials for program in _python_programs(trial)}:
         if "__main__" not in program.read_text(encoding="utf-8", errors="replace"):
             raise UsageError(
@@ -88,8 +120,8 @@ def check_confinable(trials: Sequence[Trial], folder: Path) -> None:
             )
     allowed = [folder.resolve(), *(place.resolve() for place in list_python_folders())]
     seen: set[tuple[Any, ...]] = set()
-    for trial in trials:
-        for place, command, granted in _programs(trial):
+    for trial, of_trial in programs:
+        for place, command, granted in of_trial:
             if (key := (place, tuple(command), granted, trial.directory)) in seen:
                 continue
             seen.add(key)
@@ -103,7 +135,7 @@ def check_confinable(trials: Sequence[Trial], folder: Path) -> None:
                     seen_folder.resolve()
                 ):
                     raise UsageError(
-                        f"{folder}: {trial.entry}: {place}.start: expected a command that names files of these results "
+                        f"{folder}: {trial.entry}: {place}.start: expected a command that names files of its folder "
                         f"or of the system, was one that names something in {seen_folder}. {trusting}"
                     )
 
@@ -133,14 +165,17 @@ def _python_programs(trial: Trial) -> Iterator[Path]:
 
 
 # Of each program of a trial: its place in the scenario, its command line, and the folders that it asks for.
-def _programs(trial: Trial) -> Iterator[tuple[str, list[str], tuple[str, ...]]]:
-    scenario = trial.resolved
-    for agent in scenario.agents:
+def _programs(trial: Trial) -> Iterator[_Program]:
+    yield from _agent_programs(trial)
+    for own in trial.resolved.participants:
+        yield own.place, resolve_command(own.start.command, trial.directory), (*own.may_read, *own.may_write)
+
+
+def _agent_programs(trial: Trial) -> Iterator[_Program]:
+    for agent in trial.resolved.agents:
         command = build_start_command(agent, trial.directory)
         if command is not None:
             yield agent.place, command, (*agent.may_read, *agent.may_write)
-    for own in scenario.participants:
-        yield own.place, resolve_command(own.start.command, trial.directory), (*own.may_read, *own.may_write)
 
 
 def _reasons() -> str:

@@ -26,6 +26,7 @@ from gslcosim.cli.terminal import add_json_option, table, write, write_json
 if TYPE_CHECKING:
     from gslcosim.bench.cases import LoadedSuite, Plan
     from gslcosim.bench.cases.models import Selection, Shard
+    from gslcosim.bench.cases.submission_bundles import PreparedBundles
 
 EXAMPLES = """  gslcosim bench list
   gslcosim bench plan gsl_bench_2023
@@ -197,6 +198,7 @@ def _run_suite(arguments: argparse.Namespace) -> int:
     from dataclasses import asdict
 
     from gslcosim.bench.execution.runner import SuiteRun
+    from gslcosim.bench.execution.verification import check_bundles
     from gslcosim.bench.store import ResultsFolder
     from gslcosim.cli.run_output import format_suite_summary, show_suite_progress
 
@@ -208,10 +210,13 @@ def _run_suite(arguments: argparse.Namespace) -> int:
         if getattr(arguments, option) is not None:
             raise UsageError(f"--{option}: expected the suite {MEASURED}, was {arguments.suite}. Leave the option out.")
     selection, shard = _chosen(arguments)
-    if arguments.bundle:
-        arguments.suite = str(_prepare_bundles(arguments))
+    bundles = _prepare_bundles(arguments) if arguments.bundle else None
+    if bundles is not None:
+        arguments.suite = str(bundles.suite)
     loaded, plan = _planned(arguments, is_quiet=arguments.json)
     check_sandbox_here(arguments, plan)
+    if bundles is not None:
+        check_bundles(plan, bundles.roots)
     name = loaded.suite.name if shard is None else f"{loaded.suite.name}-{shard.index}-of-{shard.count}"
     folder = ResultsFolder(arguments.results or RESULTS_DIR / name)
     with show_suite_progress(loaded.suite.name, is_quiet=arguments.json) as report:
@@ -240,7 +245,7 @@ def _run_suite(arguments: argparse.Namespace) -> int:
     return ExitCode.AGENT_FAILED if summary.n_without_result else 0
 
 
-def _prepare_bundles(arguments: argparse.Namespace) -> Path:
+def _prepare_bundles(arguments: argparse.Namespace) -> "PreparedBundles":
     from gslcosim.bench.cases import load_suite
     from gslcosim.bench.cases.models import MAX_NAME_LENGTH
     from gslcosim.bench.cases.submission_bundles import prepare_bundles

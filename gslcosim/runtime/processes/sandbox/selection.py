@@ -54,9 +54,10 @@ _RECORDINGS = (".rrd", ".mcap", ".bag", ".db3")
 _RECORDING_BEGINS = (b"RRF", b"RRIO", b"\x89MCAP", b"#ROSBAG")
 # Of other files only so much is looked at: a schema stands at the beginning.
 _HEAD_BYTES = 64 << 10
-_SCHEMA = re.compile(rb"gslcosim/(scenario|suite|results?|maps|environment)/")
-# Files with passwords of other processes are none of an agent's business either.
+_SCHEMA = re.compile(rb"gslcosim/(scenario|suite|results?|maps|environment|seal)/")
+# Files with passwords of other processes and private keys are none of an agent's business either.
 _PASSWORD = re.compile(rb'"password"')
+_PRIVATE_KEY = re.compile(rb"-----BEGIN [A-Z ]*PRIVATE KEY-----")
 _ESCAPE = re.compile(rb"\\(?:x([0-9a-fA-F]{2})|u00([0-9a-fA-F]{2})|U000000([0-9a-fA-F]{2}))")
 _NO_MATTER = re.compile(rb"[\s\0\\]+")
 # What stands together in the folder of a run, of results of a suite, and of an environment.
@@ -178,7 +179,8 @@ def _is_truth(path: Path, budget: _Budget, inodes: set[tuple[int, int]]) -> bool
         return True
     if data.startswith(_CODE_BEGINS):
         return False
-    return _names_schema(data) or (is_data and _PASSWORD.search(data) is not None)
+    has_secret = _PRIVATE_KEY.search(data) is not None or (is_data and _PASSWORD.search(data) is not None)
+    return has_secret or _names_schema(data)
 
 
 # In each spelling of YAML and JSON: escaped, folded over lines, and in two bytes a character.

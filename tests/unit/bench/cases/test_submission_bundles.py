@@ -14,6 +14,12 @@ from gslcosim.bench.cases.submission_bundles import build_program, pack_bundle, 
 from gslcosim.bench.cases.suite_files import agent_hash, find_suite, load_suite, write_suite
 from gslcosim.cli.main import main
 
+ONE_CASE = """schema: gslcosim/suite/1
+name: x
+scenarios: [tiny_room]
+anchors: []
+entries: [{name: surge, start: {python: surge_cast}}]
+"""
 TEMPLATE = Path(__file__).parents[4] / "gslcosim" / "conformance" / "templates" / "agents" / "python" / "agent.py"
 CARD = """schema: gslcosim/method/1
 title: Mine
@@ -65,7 +71,11 @@ def test_an_organiser_flies_what_the_author_has_packed(folder, tmp_path):
     bundle = pack_bundle(folder, tmp_path / "mine.tar")
     with pytest.raises(UsageError, match="expected --build"):
         prepare_bundles([tmp_path / "mine.tar"], find_suite("smoke"), name="x", results=tmp_path / "r", builds=False)
-    suite = prepare_bundles([tmp_path / "mine.tar"], find_suite("smoke"), name="x", results=tmp_path / "r", builds=True)
+    prepared = prepare_bundles(
+        [tmp_path / "mine.tar"], find_suite("smoke"), name="x", results=tmp_path / "r", builds=True
+    )
+    suite = prepared.suite
+    assert prepared.roots == {"mine": suite.parent / bundle.digest[:16]}
     loaded = load_suite(suite, is_flown=True)
     assert loaded.demands_sandbox
     assert [inner.suite.name for inner in loaded.included] == ["smoke"]
@@ -85,12 +95,35 @@ def test_an_organiser_flies_what_the_author_has_packed(folder, tmp_path):
     assert agent_hash(entry, suite.parent) not in hashes
 
 
+@pytest.mark.parametrize("word", ["HASH/agent.py", "x_bundles.yaml"])
+def test_a_bundle_that_names_what_lies_beside_it_is_not_flown(folder, tmp_path, capsys, word):
+    """Beside it lie rivals, and the suite: the folders that a command names are seen, and kept with the results."""
+    text = SUBMISSION.replace("build: [[", "build: [] #")
+    (folder / "submission.yaml").write_text(text)
+    rival = pack_bundle(folder, tmp_path / "rival.tar").digest[:16]
+    word = word.replace("HASH", rival)
+    text = text.replace("python: agent.py", f"command: [sh, parts/data.json, {word}], door: stdio")
+    (folder / "submission.yaml").write_text(text.replace("name: mine", "name: evil"))
+    pack_bundle(folder, tmp_path / "evil.tar")
+    (tmp_path / "x.yaml").write_text(ONE_CASE)
+    bundles = ["--bundle", str(tmp_path / "rival.tar"), "--bundle", str(tmp_path / "evil.tar")]
+    assert main(["bench", "run", str(tmp_path / "x.yaml"), *bundles, "--results", str(tmp_path / "r" / "x")]) == 2
+    found = "expected a command that names files of its folder or of the system, was one that names something in"
+    assert found in capsys.readouterr().err
+    assert not (tmp_path / "r" / "x" / "agents").exists()
+
+
 def test_a_build_that_fails_says_why(folder, tmp_path):
     text = SUBMISSION.replace("open('parts/built.txt', 'w').write('built')", "raise SystemExit('no compiler')")
     (folder / "submission.yaml").write_text(text)
     pack_bundle(folder, tmp_path / "mine.tar")
     with pytest.raises(UsageError, match=r"was exit code 1.*\nno compiler"):
         build_program(unpack_bundle(tmp_path / "mine.tar", tmp_path), is_agreed=True)
+
+
+def start_with(folder, start, name="mine"):
+    text = SUBMISSION.replace("python: agent.py", start).replace("name: mine", f"name: {name}")
+    (folder / "submission.yaml").write_text(text)
 
 
 @pytest.mark.parametrize(
@@ -101,6 +134,11 @@ def test_a_build_that_fails_says_why(folder, tmp_path):
         (lambda folder: (folder / "submission.yaml").unlink(), "expected a folder with submission.yaml"),
         (lambda folder: (folder / "submission.yaml").write_text("schema: x"), "lock: expected"),
         (lambda folder: (folder / "link").symlink_to("/etc/passwd"), "expected a plain file, was a link"),
+        (lambda folder: start_with(folder, "python: ../x.py"), "entry.start: expected paths from this folder"),
+        (lambda folder: start_with(folder, "command: [./a, ../../x], door: stdio"), "was ../../x"),
+        (lambda folder: start_with(folder, "command: [a, --x=/etc/passwd], door: stdio"), "was /etc/passwd"),
+        (lambda folder: start_with(folder, "command: [a, 'parts:/etc'], door: stdio"), "was /etc"),
+        (lambda folder: start_with(folder, "python: agent.py", name="oracle"), "that of an anchor, oracle"),
     ],
 )
 def test_what_cannot_be_packed_is_refused(folder, tmp_path, change, what):

@@ -81,6 +81,9 @@ SCHEMA = "schema: gslcosim/scenario/1\n"
         ("recording.rrd", b"whatever"),
         ("copy_of_recording", b"RRF2\0\0\0\0"),
         ("bag.mcap", b""),
+        ("one.secret.json", b'{"schema": "gslcosim/seal/1", "seed": 1}'),
+        ("id_ed25519", b"-----BEGIN OPENSSH PRIVATE KEY-----\nb3Bl"),
+        ("certificate_key.pem", b"-----BEGIN RSA PRIVATE KEY-----\nMIIE"),
     ],
 )
 def test_copies_are_found_in_each_spelling_under_each_name(tmp_path, name, content):
