@@ -457,6 +457,7 @@ def format_signature(signed: "SignedResults | None") -> str:
 
 def format_ranking(ranking: "Ranking") -> str:
     """Return a merged leaderboard: the places each entry may have, who has been verified, and what follows from it."""
+    from gslcosim.bench.report.conclusions import CONCLUDED, NOT_CONCLUDED
     from gslcosim.bench.report.number_formats import format_ranks
 
     view = ranking.leaderboard["views"][0]
@@ -476,8 +477,10 @@ def format_ranking(ranking: "Ranking") -> str:
     ]
     head = ("RANK", "ENTRY", "SCORE", "SUCCESS", "TIME [s]", "N", "SUBMISSION", "VERIFIED", "SIGNED BY")
     said = ranking.leaderboard["conclusions"]
-    lines = [f"- {text}" for text in (*said["holds"], *said["limits"])]
-    return f"{table(head, rows)}\nIntervals are 95 %; RANK is the best and the worst place.\n" + "\n".join(lines)
+    parts = ((CONCLUDED, said["holds"]), (NOT_CONCLUDED, said["limits"]))
+    lines = [line for title, some in parts if some for line in (f"\n{title}:", *(f"- {text}" for text in some))]
+    order = "Highest score first. Intervals are 95 %; RANK is the best and the worst place."
+    return f"{table(head, rows)}\n{order}\n" + "\n".join(lines)
 
 
 # Enough of a fingerprint to tell keys of a table apart; --json has all of it.

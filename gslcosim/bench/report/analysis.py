@@ -384,6 +384,16 @@ class Analysis:
         """The view of all cases."""
         return self.views[0]
 
+    @property
+    def is_about_declarations(self) -> bool:
+        """Whether success is by declaration, or an entry declares in most of its runs with gas."""
+        rows = self.material.rows
+        flown = ~rows.is_control
+        if "declaration" in rows["success_of"][flown].tolist():
+            return True
+        own = (flown & (rows.entry == entry) for entry in range(len(self.material.entries)))
+        return any(bool(rows["declared"][some].mean() > 0.5) for some in own if some.any())
+
 
 def analyse(material: ReportData) -> Analysis:
     """Return all figures of a report."""

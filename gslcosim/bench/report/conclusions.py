@@ -5,10 +5,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
 
+import numpy as np
+
 from gslcosim.bench.report.analysis import Analysis, ReportView, find_beaten
 from gslcosim.bench.report.report_data import ReportData
 
-# Names listed in a sentence; of more their number is given.
+CONCLUDED, NOT_CONCLUDED = "What may be concluded", "What may not be concluded"
+"""Headings of the two lists."""
+
+# Names listed in a sentence; more are hinted at.
 _MAX_LISTED = 6
 
 
@@ -31,8 +36,8 @@ def describe_conclusions(analysis: Analysis, view: ReportView) -> Conclusions:
         return Conclusions(holds=(), limits=("There are no two entries with flights in common to compare.",))
     material = analysis.material
     return Conclusions(
-        holds=(_describe_best(material, view), _describe_pairs(material, view), _describe_certainty(view)),
-        limits=(_describe_scope(view), *_describe_open_pairs(view), *_describe_success(material, view)),
+        holds=(_describe_best(material, view), _describe_pairs(material, view), _describe_certainty(material, view)),
+        limits=(_describe_scope(material, view), *_describe_open_pairs(view), *_describe_success(material, view)),
     )
 
 
@@ -41,69 +46,120 @@ def _describe_best(material: ReportData, view: ReportView) -> str:
     oracle = material.index_of_anchor("lower")
     methods = [row.entry for row in view.standings if row.entry != oracle]
     beaten = {loser for entry in methods for loser in find_beaten(view, entry)}
-    best = [material.entries[entry].name for entry in methods if entry not in beaten]
+    best = [entry for entry in methods if entry not in beaten]
+    names = [entry.name for entry in material.entries]
     if not best:
-        return "Each entry is beaten by another: they flew different cases."
+        return "Each method is beaten by another: they flew different cases."
+    worse = [] if oracle is None else [entry for entry in find_beaten(view, oracle) if entry in best]
     if len(methods) == 1:
-        return f"{best[0]} is the only entry that does not know the source."
-    others = f" but {material.entries[oracle].name}, which knows the source," if oracle is not None else ""
-    if len(best) == 1:
-        rest = find_beaten(view, next(entry for entry in methods if entry not in beaten))
-        n_beaten = len([entry for entry in rest if entry != oracle])
-        return f"{best[0]} is beaten by no entry{others} and beats {n_beaten} of the {len(methods) - 1} others."
-    return f"No entry{others} beats {_listed(best)}: each of them may be the best."
+        said = f"{names[best[0]]} is the only entry that does not know the source."
+    elif len(best) == 1:
+        n_beaten = len([entry for entry in find_beaten(view, best[0]) if entry != oracle])
+        said = f"{names[best[0]]} is beaten by no other method and beats {n_beaten} of the {len(methods) - 1} others."
+    else:
+        said = (
+            f"{len(best)} entries are beaten by no other method: {_listed([names[entry] for entry in best])}; any of "
+            "them may be the best."
+        )
+    if oracle is None or not worse:
+        return said
+    whom = "it" if len(best) == 1 else f"{len(worse)} of them ({_listed([names[entry] for entry in worse])})"
+    return f"{said} The anchor {names[oracle]}, which knows the source, beats {whom}."
 
 
 def _describe_pairs(material: ReportData, view: ReportView) -> str:
-    points = f"{100 * material.smallest_difference:g} points of success"
+    alike = f"(not told apart, and less than {100 * material.smallest_difference:g} points of success apart)"
     n, apart = len(view.pairs), sum(pair.verdict != 0 for pair in view.pairs)
     same = sum(pair.is_same for pair in view.pairs)
+    if n == 1:
+        found = "told apart by score" if apart else f"equally successful {alike}" if same else "open"
+        return f"The one pair of entries is {found}."
     return (
-        f"Of {n} pairs of entries, {apart} {'is' if apart == 1 else 'are'} told apart by score, {same} "
-        f"{'is' if same == 1 else 'are'} the same (not told apart, and less than {points} apart), and "
-        f"{n - apart - same} {'is' if n - apart - same == 1 else 'are'} open."
+        f"Of {n} pairs of entries, {apart} {_is(apart)} told apart by score, {same} {_is(same)} equally successful "
+        f"{alike}, and {n - apart - same} {_is(n - apart - same)} open."
     )
 
 
-def _describe_certainty(view: ReportView) -> str:
-    drawn = {
-        "rooms": f"It draws whole rooms ({view.units.n_rooms}), each with all its plumes and flights.",
-        "plumes": f"It draws whole plumes ({view.units.n_plumes}) within rooms, each with all its flights.",
-        "flights": "It draws flights within cases.",
-    }[view.units.level]
+def _is(n: int) -> str:
+    return "is" if n == 1 else "are"
+
+
+def _describe_certainty(material: ReportData, view: ReportView) -> str:
     return (
         "These statements follow from one comparison of all pairs and are all true together in 95 of 100 such "
-        f"comparisons. {drawn}"
+        f"comparisons. It draws {describe_units(material, view)}."
     )
 
 
-def _describe_scope(view: ReportView) -> str:
+def describe_units(material: ReportData, view: ReportView) -> str:
+    """Return what intervals of a view draw, in words: whole rooms, whole plumes or flights, and within what.
+
+    Args:
+        material: What was run.
+        view: All cases, or some of them.
+    """
+    units, within = view.units, _find_stratum(material, view)
+    place = f"within {within}" if within else "of all cases together"
+    if units.level == "rooms":
+        return f"whole rooms ({units.n_rooms}), each with all its plumes and flights"
+    if units.level == "plumes":
+        return f"whole plumes ({units.n_plumes}) {place}, each with all its flights"
+    return f"single flights {place}"
+
+
+# Strata are nested, so their number tells which they are; none: all units are drawn together.
+def _find_stratum(material: ReportData, view: ReportView) -> str:
+    rows, units = material.rows, view.units
+    if units.stratum is None:
+        return ""
+    flown = ~rows.is_control & np.isin(rows["scenario"], view.scenarios)
+    numbers = {
+        "cases": np.unique(rows.cells[flown]).size,
+        "plumes": units.n_plumes,
+        "rooms": units.n_rooms,
+    }
+    kinds = ("rooms",) if units.level == "plumes" else tuple(numbers)
+    n_strata = np.unique(units.stratum).size
+    return next((kind for kind in kinds if numbers[kind] == n_strata), kinds[-1])
+
+
+def _describe_scope(material: ReportData, view: ReportView) -> str:
     rooms, plumes = (_count(n, word) for n, word in ((view.units.n_rooms, "room"), (view.units.n_plumes, "plume")))
     if view.units.level == "rooms":
         return (
-            f"They hold for rooms like these {view.units.n_rooms}, with these sensors, winds and time limits; of rooms "
-            "of another kind they say nothing."
+            f"The conclusions hold for rooms like these {view.units.n_rooms}, with these sensors, winds and time "
+            "limits; of rooms of another kind they say nothing."
         )
     if view.units.level == "plumes":
         return (
-            f"They hold in {rooms}, for other plumes there: rooms are too few to speak of others, for which at least "
-            "six are needed."
+            f"The conclusions hold in {rooms}, for other plumes there: rooms are too few to speak of others, for which "
+            "at least six are needed."
         )
+    others = {
+        "cases": "for other noise in the same cases",
+        "plumes": "for other flights like these in the same gas",
+        "rooms": "for other flights like these in the same air",
+        "": "for other flights like these",
+    }[_find_stratum(material, view)]
     return (
-        f"They hold for {rooms} and {plumes}, with other noise: both are too few to speak of others, for which six "
-        "at least are needed."
+        f"The conclusions hold for {rooms} and {plumes}, {others}: rooms and plumes are too few to speak of others, "
+        "for which at least six are needed."
     )
 
 
+# An interval that ends at the largest possible difference reaches as far on its other side as it would there.
 def _describe_open_pairs(view: ReportView) -> list[str]:
-    is_open = [pair for pair in view.pairs if not pair.verdict and not pair.is_same]
+    is_open = [pair.score for pair in view.pairs if not pair.verdict and not pair.is_same]
     if not is_open:
         return []
-    reaches = [0.5 * (p.success.high - p.success.low) for p in is_open if not math.isnan(p.success.low)]
+    reaches = [max(d.high - d.value, d.value - d.low) for d in is_open if not math.isnan(d.low)]
     about = (
-        f": differences below some {100 * median(reaches):.0f} points of success were hidden there" if reaches else ""
+        f": their intervals reach some {median(reaches):.2f} of score to each side, so smaller differences stayed "
+        "hidden"
+        if reaches
+        else ""
     )
-    return [f"An open pair is not shown to be equal, even where both have one rank{about}. More cases would tell."]
+    return [f"Open pairs are not shown to be equal, even where both have one rank{about}. More cases would tell."]
 
 
 def _describe_success(material: ReportData, view: ReportView) -> list[str]:
@@ -126,5 +182,5 @@ def _count(n: int, word: str) -> str:
 
 def _listed(names: Sequence[str]) -> str:
     if len(names) > _MAX_LISTED:
-        return f"{len(names)} entries ({', '.join(names[:_MAX_LISTED])}, …)"
-    return " or ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
+        return f"{', '.join(names[:_MAX_LISTED])}, …"
+    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]

@@ -67,7 +67,7 @@ class LeaderboardRow:
 
 
 def build_leaderboard(material: ReportData, within: Flags) -> tuple[tuple[LeaderboardRow, ...], EntryComparison]:
-    """Return the rows of all entries that flew, best first, and the comparison that their ranks follow from.
+    """Return the rows of all entries that flew, highest score first, and the comparison that ranks follow from.
 
     Args:
         material: What was run.
@@ -84,7 +84,7 @@ def build_leaderboard(material: ReportData, within: Flags) -> tuple[tuple[Leader
         replace(row, rank=first, last_rank=last, normalised=_normalised(row.score, lower, upper))
         for row, (first, last) in zip(bare, comparison.ranks, strict=True)
     ]
-    return tuple(sorted(completed, key=lambda row: (row.rank, -row.score.value, row.entry))), comparison
+    return tuple(sorted(completed, key=lambda row: (-row.score.value, row.entry))), comparison
 
 
 def compare_within(rows: TrialRows, within: Flags, entries: Sequence[int]) -> EntryComparison:

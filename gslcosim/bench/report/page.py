@@ -14,7 +14,7 @@ from markupsafe import Markup, escape
 from gslcosim.bench.report import number_formats
 from gslcosim.bench.report.analysis import Analysis, ReportView
 from gslcosim.bench.report.charts import RESPONSE_FIGURES, ChartAxis, ChartLine, LineChart, build_line_charts
-from gslcosim.bench.report.conclusions import describe_conclusions
+from gslcosim.bench.report.conclusions import describe_conclusions, describe_units
 from gslcosim.bench.report.curves import QUANTUM_M, RADII_M, PlanDrawing, encode_plan, limit_s
 from gslcosim.bench.report.report_data import Floats, ReportEntry
 from gslcosim.bench.report.tables import describe_provenance
@@ -99,6 +99,7 @@ def build_page_values(analysis: Analysis) -> dict[str, Any]:
         "view": analysis.everything,
         "facts": describe_provenance(analysis),
         "conclusions": describe_conclusions(analysis, analysis.everything),
+        "drawn": describe_units(analysis.material, analysis.everything),
         "columns": TRIAL_COLUMNS,
         "radii_m": RADII_M,
         "response_figures": RESPONSE_FIGURES,

@@ -14,7 +14,7 @@ import numpy as np
 
 from gslcosim.bench.report import number_formats
 from gslcosim.bench.report.analysis import Analysis, DifficultyCauses, ReportView, find_beaten, find_same
-from gslcosim.bench.report.conclusions import Conclusions, describe_conclusions
+from gslcosim.bench.report.conclusions import CONCLUDED, NOT_CONCLUDED, Conclusions, describe_conclusions
 from gslcosim.bench.report.curves import BELIEF_FIGURES, CurveWithBand
 from gslcosim.bench.report.leaderboard import DECLARED_WITHIN_M, LeaderboardRow
 from gslcosim.bench.report.number_formats import format_duration
@@ -210,8 +210,9 @@ _NOTES = (
     "Score: mean over cases of q = S (1 - 0.5 t / T), halved for each false declaration, 0 after a collision; worst "
     "quarter: the same over the cases in which it is worst.",
     "Intervals are 95 %.",
-    "Rank: the best and the worst place that an entry may have, by how many beat it and how many it beats; all pairs "
-    "are compared in one family, so that equal entries all share the first rank in 95 % of comparisons.",
+    "Highest score first. Rank: the best and the worst place that an entry may have, by how many beat it and how many "
+    "it beats; all pairs are compared in one family, so that equal entries all share the first rank in 95 % of "
+    "comparisons.",
 )
 
 Table = Iterable[Sequence[Any]]
@@ -395,7 +396,8 @@ def _trials(analysis: Analysis) -> Iterator[Sequence[Any]]:
 def build_leaderboard_json(analysis: Analysis) -> str:
     """Return the leaderboard as JSON of the schema `gslcosim/leaderboard/1`: what `bench rank` and web pages read.
 
-    A figure is `{"value", "low", "high", "n"}`; null is undefined.
+    A figure is `{"value", "low", "high", "n"}`; null is undefined. `beats` and `same_as` are null in views whose pairs
+    are not reported: part of the cases with more than 20 entries, or no two entries with flights in common.
     """
     material, manifest = analysis.material, analysis.material.manifest
     content = {
@@ -430,8 +432,8 @@ def _json_row(analysis: Analysis, view: ReportView, row: LeaderboardRow) -> dict
         "rank": row.rank, "last_rank": row.last_rank, "entry": entry.name, "title": entry.title, "family": entry.family,
         "language": entry.language, "knows": entry.knows, "anchor": entry.anchor or None,
         "agent_hash": entry.agent_hash or None, "submission": entry.submission or None, "verified": entry.is_verified,
-        "n": row.n, "beats": [names[i] for i in find_beaten(view, row.entry)],
-        "same_as": [names[i] for i in find_same(view, row.entry)],
+        "n": row.n, "beats": [names[i] for i in find_beaten(view, row.entry)] if view.pairs else None,
+        "same_as": [names[i] for i in find_same(view, row.entry)] if view.pairs else None,
     }  # fmt: skip
     return facts | {name: _json_figure(getattr(row, name)) for name in FIGURES}
 
@@ -460,8 +462,10 @@ def write_summary(analysis: Analysis) -> str:
 
 
 def _conclusions(said: Conclusions) -> list[str]:
-    parts = (("What may be concluded", said.holds), ("What may not", said.limits))
-    return [line for head, some in parts for line in (f"## {head}", "", *(f"- {_plain(text)}" for text in some), "")]
+    parts = ((CONCLUDED, said.holds), (NOT_CONCLUDED, said.limits))
+    return [
+        line for head, some in parts if some for line in (f"## {head}", "", *(f"- {_plain(text)}" for text in some), "")
+    ]
 
 
 def _table(analysis: Analysis) -> list[str]:
@@ -498,12 +502,12 @@ def _verdicts(analysis: Analysis) -> list[str]:
         return []
     lines = ["## Who beats whom", ""]
     for row in view.standings:
-        found = (("better than", find_beaten(view, row.entry)), ("the same as", find_same(view, row.entry)))
+        found = (("better than", find_beaten(view, row.entry)), ("as successful as", find_same(view, row.entry)))
         said = [f"{words} {', '.join(names[i] for i in some)}" for words, some in found if some]
         if said:
             lines.append(f"- {names[row.entry]}: {'; '.join(said)}.")
     if len(lines) == 2:
-        lines.append("No two entries have been told apart, and none are shown to be the same.")
+        lines.append("No two entries have been told apart, and none are shown to be equally successful.")
     return [*lines, ""]
 
 

@@ -3,6 +3,8 @@
 import argparse
 import io
 from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, cast
 
 import pytest
 from rich.console import Console
@@ -17,10 +19,14 @@ from gslcosim.cli.run_output import (
     format_agents_table,
     format_merge,
     format_progress,
+    format_ranking,
     format_status,
     show_run_progress,
 )
 from gslcosim.runtime.status import RunStatus
+
+if TYPE_CHECKING:
+    from gslcosim.bench.submissions import Ranking
 
 
 class TerminalText(io.StringIO):
@@ -177,3 +183,12 @@ def test_a_merge_ends_with_the_leaderboard_of_its_report():
     nothing = WrittenReport(page=Path("out/report.html"), leaderboard=(["#", "Entry", "n"], []))
     assert format_merge(summary, nothing).splitlines()[1:] == ["Results: out", "Report: out/report.html"]
     assert format_merge(summary, None).splitlines()[1:] == ["Results: out"]
+
+
+def test_a_ranking_heads_what_follows_from_it_and_what_does_not() -> None:
+    said = {"holds": ["a beats b."], "limits": ["Rooms are too few."]}
+    ranking = SimpleNamespace(leaderboard={"views": [{"rows": []}], "conclusions": said})
+    lines = format_ranking(cast("Ranking", ranking)).splitlines()
+    assert lines[-5:] == [
+        "What may be concluded:", "- a beats b.", "", "What may not be concluded:", "- Rooms are too few.",
+    ]  # fmt: skip

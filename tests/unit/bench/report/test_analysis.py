@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 from functools import cache
 
@@ -9,6 +10,7 @@ from gslcosim.bench.report.analysis import analyse, find_beaten
 from gslcosim.bench.report.conclusions import describe_conclusions
 from gslcosim.bench.report.curves import QUANTUM_M, select_tracks
 from gslcosim.bench.report.report_data import load_report_data
+from gslcosim.bench.report.tables import build_leaderboard_json
 
 GOOD = synthetic.Method(name="good", success=0.8, mean_s=60.0, luck=0.1, declares=1.0, has_belief=True)
 TWIN = replace(GOOD, name="twin")
@@ -141,10 +143,14 @@ def test_rooms_are_drawn_where_there_are_enough_else_plumes_else_flights(tmp_pat
 def test_conclusions_say_who_is_best_for_which_rooms_and_what_is_open(analysis):
     analysed, _, _ = analysis
     said = describe_conclusions(analysed, analysed.everything)
-    assert "No entry but oracle, which knows the source, beats twin or good" in said.holds[0]
+    assert said.holds[0] == (
+        "2 entries are beaten by no other method: twin and good; any of them may be the best. The anchor oracle, which "
+        "knows the source, beats 2 of them (twin and good)."
+    )
     assert said.holds[1].startswith("Of 6 pairs of entries, 5 are told apart by score, ")
     assert "all true together in 95 of 100" in said.holds[2]
-    assert said.limits[0].startswith("They hold for these 2 rooms and these 6 plumes")
+    assert said.holds[2].endswith("It draws single flights within cases.")
+    assert said.limits[0].startswith("The conclusions hold for these 2 rooms and these 6 plumes, for other noise")
     assert any("needs no declaration" in text for text in said.limits)
 
 
@@ -152,8 +158,46 @@ def test_conclusions_of_single_flights_claim_nothing(tmp_path):
     one = replace(PLAN, n_scenarios=1, starts_m=((3, 3),), repetitions=1, controls_frac=0.0, tracks=False)
     analysed = analyse(load_report_data(synthetic.make_results(tmp_path, one)))
     said = describe_conclusions(analysed, analysed.everything)
+    assert said.holds[0].endswith("any of them may be the best.")
     assert said.holds[1].startswith("Of 6 pairs of entries, 0 are told apart")
-    assert "An open pair is not shown to be equal, even where both have one rank. More cases would tell." in said.limits
+    assert said.holds[2].endswith("It draws single flights of all cases together.")
+    assert "Open pairs are not shown to be equal, even where both have one rank. More cases would tell." in said.limits
+
+
+def test_conclusions_name_what_is_drawn_where_each_case_has_one_flight(tmp_path):
+    plan = replace(PLAN, methods=PLAN.methods[:2], n_scenarios=1, repetitions=1, controls_frac=0.0, tracks=False)
+    material = load_report_data(synthetic.make_results(tmp_path, plan))
+    rows = material.rows
+    one_plume = replace(rows, columns=dict(rows.columns) | {"gas_seed": np.zeros(len(rows), dtype=np.int64)})
+    analysed = analyse(replace(material, rows=one_plume))
+    said = describe_conclusions(analysed, analysed.everything)
+    assert said.holds[1].startswith("The one pair of entries is ")
+    assert said.holds[2].endswith("It draws single flights within plumes.")
+    assert "for other flights like these in the same gas" in said.limits[0]
+    assert ": their intervals reach some " in said.limits[1]
+
+
+def test_entries_without_reported_pairs_have_no_verdicts_in_the_leaderboard(analysis):
+    analysed, _, _ = analysis
+    first, second, *_ = analysed.views
+    shown = json.loads(build_leaderboard_json(replace(analysed, views=(first, replace(second, pairs=())))))
+    whole, part = (view["rows"] for view in shown["views"])
+    assert whole[-1]["beats"] == []
+    assert [(row["beats"], row["same_as"]) for row in part] == [(None, None)] * 4
+
+
+def test_radii_of_declarations_are_shown_where_declaring_matters(analysis):
+    analysed, _, _ = analysis
+    rows = analysed.material.rows
+
+    def shown(**columns):
+        changed = replace(rows, columns=dict(rows.columns) | columns)
+        return replace(analysed, material=replace(analysed.material, rows=changed)).is_about_declarations
+
+    some = rows["repetition"] == 0
+    assert shown()
+    assert not shown(declared=rows["declared"] & some)
+    assert shown(declared=rows["declared"] & some, success_of=np.full(len(rows), "declaration"))
 
 
 def test_entries_are_the_same_where_no_difference_that_matters_is_left(tmp_path):

@@ -252,6 +252,8 @@ LEADERBOARD = {
                             "properties": {
                                 "rank": {"type": "integer", "minimum": 1},
                                 "last_rank": {"type": "integer", "minimum": 1},
+                                "beats": {"type": ["array", "null"]},
+                                "same_as": {"type": ["array", "null"]},
                             }
                             | dict.fromkeys(FIGURES, FIGURE),
                         },
@@ -269,7 +271,8 @@ def test_leaderboard_for_programs_keeps_its_schema(usual):
     rows = shown["views"][0]["rows"]
     assert shown["complete"]
     assert [view["kind"] for view in shown["views"]] == ["all", "family", "family"]
-    assert [row["rank"] for row in rows] == sorted(row["rank"] for row in rows)
+    scores = [row["score"]["value"] for row in rows]
+    assert scores == sorted(scores, reverse=True)
     assert rows[0]["entry"] == "oracle"
     assert rows[0]["anchor"] == "lower"
 
@@ -327,6 +330,8 @@ def test_every_folder_gets_a_page(name, tmp_path):
     data = data_of(page.html)
     assert all(chart["lines"] for view in data["views"] for chart in view["charts"].values())
     jsonschema.validate(json.loads((folder / "leaderboard.json").read_text(encoding="utf-8")), LEADERBOARD)
+    summary = (folder / "summary.md").read_text(encoding="utf-8")
+    assert not re.search(r"^## .*\n+## ", summary, re.MULTILINE), "a heading has nothing below it"
 
 
 @pytest.mark.parametrize(
