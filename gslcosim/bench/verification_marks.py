@@ -2,13 +2,14 @@
 
 import hashlib
 import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gslcosim.base.errors import build_machine_error, find_remedy
+from gslcosim.base.errors import UsageError, build_machine_error, find_remedy
 from gslcosim.base.files import replace_file, user_state_folder
 
 STATEMENT_FILE, SIGNATURE_FILE = "signed.json", "signed.json.sig"
@@ -16,8 +17,7 @@ STATEMENT_FILE, SIGNATURE_FILE = "signed.json", "signed.json.sig"
 
 _FOLDER = "verified"
 _PIECE_BYTES = 1 << 20
-# Reports are made from the rest, recordings are looked at and not believed, signatures have checks of their own, Python
-# writes its own.
+# Reports are made from the rest, recordings are looked at and not believed, signatures have checks of their own.
 _MADE_FROM_THE_REST = {
     "recordings", "tables", "figures", "report.html", "leaderboard.json", "summary.md", ".lock", STATEMENT_FILE,
     SIGNATURE_FILE,
@@ -45,15 +45,17 @@ class VerificationMark(BaseModel):
 
 
 def results_hash(folder: Path) -> str:
-    """Return the hash of all that a results folder says, and of the programs in it; reports and recordings aside."""
+    """Return the hash of all that a results folder says, and of the programs in it; reports and recordings aside.
+
+    Raises:
+        UsageError: something in it has contents that a hash of its files misses: see `find_unhashed`.
+    """
+    if problem := next(find_unhashed(folder), None):
+        raise UsageError(f"{folder}: expected plain files, {problem}.")
     digest = hashlib.blake2b(digest_size=24)
     for path in list_content_files(folder):
         name = os.fsencode(path.relative_to(folder))
         digest.update(len(name).to_bytes(8, "big") + name)
-        if path.is_symlink():
-            target = os.fsencode(path.readlink())
-            digest.update(b"L" + len(target).to_bytes(8, "big") + target)
-            continue
         digest.update(b"F" + path.stat().st_size.to_bytes(8, "big"))
         with path.open("rb") as file:
             while piece := file.read(_PIECE_BYTES):
@@ -99,12 +101,12 @@ def save_mark(contents: str, mark: VerificationMark) -> None:
 
 def find_mark(folder: Path) -> VerificationMark | None:
     """Return this user's verification of results with the contents of a folder; None without one."""
-    path = _path(results_hash(folder))
     try:
+        path = _path(results_hash(folder))
         if path.stat().st_size > _MOST_BYTES:
             return None
         return VerificationMark.model_validate_json(path.read_bytes())
-    except (OSError, ValidationError):
+    except (OSError, UsageError, ValidationError):
         return None
 
 
@@ -113,18 +115,38 @@ def _path(contents: str) -> Path:
 
 
 def list_content_files(folder: Path) -> Iterator[Path]:
-    """Yield the files and links that say something in a results folder, in order; reports and recordings aside."""
+    """Yield the files that say something in a results folder, in order; reports and recordings aside."""
     # What is no regular file has no contents, and is not opened.
     for path in sorted(_below(folder, is_top=True)):
-        if path.is_symlink() or path.is_file():
+        if path.is_file() and not path.is_symlink():
             yield path
+
+
+def find_unhashed(folder: Path) -> Iterator[str]:
+    """Yield what in a results folder has contents that hashes of its files miss, and what to do about it.
+
+    Links have those of another file, and Python runs what is in its caches whatever the source beside them says.
+    """
+    for path in sorted(_below(folder, is_top=True)):
+        name = path.relative_to(folder).as_posix()
+        if path.is_symlink():
+            yield f"{name}: is a link; put the file itself in its place"
+        elif path.name == _OF_PYTHON:
+            yield f"{name}: is a cache of Python, which runs it in place of the source; remove it"
+
+
+def remove_caches(folder: Path) -> None:
+    """Remove caches that Python has written into a results folder while its programs ran with their author's trust."""
+    for path in list(_below(folder, is_top=True)):
+        if path.name == _OF_PYTHON and path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
 
 
 def _below(folder: Path, *, is_top: bool) -> Iterator[Path]:
     for path in folder.iterdir():
-        if path.name == _OF_PYTHON or (is_top and (path.name in _MADE_FROM_THE_REST or _is_put_aside(path))):
+        if is_top and (path.name in _MADE_FROM_THE_REST or _is_put_aside(path)):
             continue
-        if path.is_dir() and not path.is_symlink():
+        if path.is_dir() and not path.is_symlink() and path.name != _OF_PYTHON:
             yield from _below(path, is_top=False)
         else:
             yield path

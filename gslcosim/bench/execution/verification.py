@@ -17,7 +17,7 @@ from gslcosim.bench.cases.suite_files import LoadedSuite, load_suite
 from gslcosim.bench.execution.pool import Job, Pool, iterate_results
 from gslcosim.bench.execution.scoring import COMPLETED, Row
 from gslcosim.bench.store import ResultsFolder, is_machine_dependent
-from gslcosim.bench.verification_marks import VerificationMark, results_hash, save_mark
+from gslcosim.bench.verification_marks import VerificationMark, remove_caches, results_hash, save_mark
 from gslcosim.runtime.agents.loader import build_start_command, find_python_agent, resolve_command
 from gslcosim.runtime.processes.sandbox.policy import find_own_folders, is_system_path, list_python_folders
 from gslcosim.runtime.processes.sandbox.selection import (
@@ -320,6 +320,8 @@ def verify_trials(
             columns = {name: (before[name], now.get(name)) for name in _differing(before, now)}
         if columns:
             differences.append(Difference(trial=trial.id, case=trial.case, entry=trial.entry, columns=columns))
+    if is_trusted:
+        remove_caches(again.folder.path)
     if results_hash(again.folder.path) != contents:
         raise UsageError(
             f"{again.folder.path}: expected results that stay as they are while they are verified, they were changed. "

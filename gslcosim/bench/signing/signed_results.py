@@ -17,7 +17,7 @@ from gslcosim.base.files import read_regular_file
 from gslcosim.base.untrusted_input import MalformedFileError, parse_json
 from gslcosim.bench.signing.keys import PublicKey, SignatureError, check_digest, read_signature, sign_digest
 from gslcosim.bench.store import ResultsFolder, write_at_once
-from gslcosim.bench.verification_marks import SIGNATURE_FILE, STATEMENT_FILE, list_content_files
+from gslcosim.bench.verification_marks import SIGNATURE_FILE, STATEMENT_FILE, find_unhashed, list_content_files
 
 SCHEMA = "gslcosim/signed/1"
 _MAX_BYTES = 1_000_000_000
@@ -62,7 +62,7 @@ def sign_results(folder: Path, key_path: Path, *, author: str, signed_at: str) -
         signed_at: Time of signing, by the author's clock.
 
     Raises:
-        UsageError: there are no complete results, they have links, or the file has no key.
+        UsageError: there are no complete results, they have links or caches of Python, or the file has no key.
         MachineError: it cannot be written.
     """
     results = ResultsFolder(folder)
@@ -84,8 +84,8 @@ def sign_results(folder: Path, key_path: Path, *, author: str, signed_at: str) -
     }
     if odd := next((name for name in statement["files"] if _is_no_text(name)), None):
         raise UsageError(f"{folder}: expected names of files that are UTF-8, was {odd!r}. Rename or remove it.")
-    if link := next((name for name, digest in statement["files"].items() if digest.startswith("link")), None):
-        raise UsageError(f"{folder}: expected plain files, was a link: {link}. Put the file itself in its place.")
+    if problem := next(find_unhashed(folder), None):
+        raise UsageError(f"{folder}: expected plain files, {problem}.")
     content = _encode(statement)
     signature, key = sign_digest(hashlib.sha256(content).digest(), key_path)
     write_at_once(folder / STATEMENT_FILE, lambda path: path.write_bytes(content))
@@ -146,6 +146,7 @@ def _read_statement(folder: Path) -> tuple[_Statement, bytes, str, PublicKey]:
 
 
 def _find_changes(folder: Path, statement: _Statement) -> Iterator[str]:
+    yield from find_unhashed(folder)
     found, signed = _hash_files(folder), statement["files"]
     for name in sorted(found.keys() | signed.keys()):
         if name not in signed:
@@ -212,8 +213,6 @@ def _hash_files(folder: Path) -> dict[str, str]:
 
 
 def _hash_file(path: Path) -> str:
-    if path.is_symlink():
-        return f"link to {os.fspath(path.readlink())}"
     digest = hashlib.sha256()
     with path.open("rb") as file:
         while piece := file.read(_PIECE_BYTES):

@@ -1,5 +1,6 @@
 """Signed results: what differs from what was signed is found and named, whatever was altered."""
 
+import hashlib
 import json
 import re
 import shutil
@@ -12,11 +13,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from gslcosim.base.errors import UsageError
-from gslcosim.bench.signing.keys import NAMESPACE, SignatureError, parse_author, write_key
+from gslcosim.bench.signing.keys import NAMESPACE, SignatureError, parse_author, sign_digest, write_key
 from gslcosim.bench.signing.signed_results import check_signature, sign_results
 from gslcosim.bench.site.writer import write_site
 from gslcosim.bench.store import TRIALS
-from gslcosim.bench.verification_marks import results_hash
+from gslcosim.bench.verification_marks import find_mark, remove_caches, results_hash
 from gslcosim.cli.main import main
 
 N_ALTERATIONS = 1000
@@ -216,6 +217,40 @@ def test_a_signature_leaves_the_mark_of_a_verification(folder):
     assert "were unsigned ones" in error_of(folder, author="SHA256:" + "A" * 43)
 
 
+def test_contents_that_hashes_of_files_miss_are_refused(folder, key):
+    """A link to what is not signed could be signed, and Python runs its caches whatever the source says."""
+    rows, outside, caches = folder / "trials.parquet", folder / "recordings", folder / "agents" / "mine" / "__pycache__"
+    outside.mkdir()
+    shutil.move(rows, outside / "rows")
+    rows.symlink_to("recordings/rows")
+    statement = json.loads((folder / "signed.json").read_text())
+    statement["files"]["trials.parquet"] = "link to recordings/rows"
+    resign(folder, key, statement)
+    assert "trials.parquet: is a link; put the file" in error_of(folder)
+    with pytest.raises(UsageError, match=r"trials\.parquet: is a link"):
+        results_hash(folder)
+    rows.unlink()
+    shutil.move(outside / "rows", rows)
+    sign_results(folder, key, author="", signed_at="")
+    before = results_hash(folder)
+    caches.mkdir()
+    (caches / "helper.cpython-311.pyc").write_bytes(b"other code")
+    assert "agents/mine/__pycache__: is a cache of Python" in error_of(folder)
+    for refuse in (results_hash, lambda place: sign_results(place, key, author="", signed_at="")):
+        with pytest.raises(UsageError, match="is a cache of Python"):
+            refuse(folder)
+    assert find_mark(folder) is None
+    remove_caches(folder)
+    assert results_hash(folder) == before
+
+
+def resign(folder, key, statement):
+    """Sign a statement that gslcosim would not write."""
+    content = (json.dumps(statement, indent=0) + "\n").encode()
+    (folder / "signed.json").write_bytes(content)
+    (folder / "signed.json.sig").write_text(sign_digest(hashlib.sha256(content).digest(), key)[0])
+
+
 def test_another_key_is_another_author(folder, key, tmp_path):
     """Somebody who alters results and signs them again is found by the key that the author has published."""
     change_figure(folder, np.random.default_rng(0))
@@ -252,7 +287,7 @@ def test_what_cannot_sign_is_refused(folder, key, tmp_path):
         sign_results(folder, key, author="", signed_at="")
     (folder / "rows.jsonl").unlink()
     (folder / "agents" / "link").symlink_to("/etc/passwd")
-    with pytest.raises(UsageError, match="was a link: agents/link"):
+    with pytest.raises(UsageError, match="agents/link: is a link"):
         sign_results(folder, key, author="", signed_at="")
     with pytest.raises(UsageError, match="--author: expected an Ed25519 key"):
         parse_author("ssh-ed25519 AAAA")
