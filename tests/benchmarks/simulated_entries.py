@@ -4,8 +4,9 @@
     python tests/benchmarks/simulated_entries.py --suites 1000
 
 A simulated entry succeeds with its quality, plus an effect of the room on all entries, and effects of room and plume on
-each entry. Each room has two plumes with two flights each. A share that is promised to be 5 % at most passes up to the
-97.5 % point of the binomial distribution of 5 %; a coverage of 95 % passes from its 2.5 % point on.
+each entry. Each room has two plumes with two flights each, and in one row the first of the rooms has seven times as
+many, as in a suite most of whose cases share one environment. A share that is promised to be 5 % at most passes up to
+the 97.5 % point of the binomial distribution of 5 %; a coverage of 95 % passes from its 2.5 % point on.
 """
 
 import argparse
@@ -21,7 +22,8 @@ from gslcosim.bench.statistics.ranking import EntryComparison, compare_entries, 
 from gslcosim.bench.statistics.sampling_units import SamplingUnits, find_sampling_units
 
 PLUMES, FLIGHTS = 2, 2
-EQUALS = ((2, 6), (2, 30), (6, 6), (6, 12), (6, 30), (12, 12), (12, 30), (39, 30))
+# Entries, rooms, and how many times as many plumes the first room has.
+EQUALS = ((2, 6, 1), (2, 30, 1), (6, 6, 1), (6, 12, 1), (6, 20, 7), (6, 30, 1), (12, 12, 1), (12, 30, 1), (39, 30, 1))
 DIFFERENT = ((6, 6), (6, 12), (6, 30), (12, 12), (12, 30))
 # A score is the success times a number of this mean.
 SCORE_OF_SUCCESS = 0.75
@@ -45,14 +47,15 @@ def equals(n: int) -> Iterator[str]:
     yield f"Equal entries, {n} suites each: share of suites with any rank but the first (band: up to {percent(most)})."
     yield "| entries | rooms | one family | leader against each other, uncorrected | |"
     yield "|---|---|---|---|---|"
-    for n_entries, n_rooms in EQUALS:
+    for n_entries, n_rooms, times in EQUALS:
         rng, split, naive = np.random.default_rng([1, n_entries, n_rooms]), 0, 0
         for seed in range(n):
-            found, figures = compared(rng, np.full(n_entries, 0.5), n_rooms, seed)
+            found, figures = compared(rng, np.full(n_entries, 0.5), n_rooms, seed, times)
             split += len(set(found.ranks)) > 1
             naive += leader_beats_any(figures["score"], found.units)
         yield (
-            f"| {n_entries} | {n_rooms} | {percent(split / n)} | {percent(naive / n)} | "
+            f"| {n_entries} | {n_rooms}{', one with a quarter of the weight' if times > 1 else ''} | "
+            f"{percent(split / n)} | {percent(naive / n)} | "
             f"{'PASS' if split / n <= most else 'MISS'} |"
         )
 
@@ -120,24 +123,26 @@ def levels(n: int) -> Iterator[str]:
 
 
 def simulate(
-    rng: np.random.Generator, quality: np.ndarray, n_rooms: int
+    rng: np.random.Generator, quality: np.ndarray, n_rooms: int, times: int = 1
 ) -> tuple[dict[str, np.ndarray], SamplingUnits, np.ndarray]:
-    """Return figures of a suite, its units and its cases."""
-    n_entries, room = len(quality), np.repeat(np.arange(n_rooms), PLUMES * FLIGHTS)
+    """Return figures of a suite, its units and its cases; the first room has `times` as many plumes as the others."""
+    plumes = np.full(n_rooms, PLUMES)
+    plumes[0] *= times
+    n_entries, room = len(quality), np.repeat(np.arange(n_rooms), plumes * FLIGHTS)
     plume = np.arange(len(room)) // FLIGHTS
     rate = quality + rng.uniform(-0.15, 0.15, n_rooms)[room, None]
     rate = rate + rng.uniform(-0.1, 0.1, (n_rooms, n_entries))[room]
-    rate = rate + rng.uniform(-0.1, 0.1, (PLUMES * n_rooms, n_entries))[plume]
+    rate = rate + rng.uniform(-0.1, 0.1, (plumes.sum(), n_entries))[plume]
     success = rng.random(rate.shape) < rate
     score = success * (1.0 - 0.5 * rng.random(rate.shape))
     return {"score": score, "success": success.astype(float)}, find_sampling_units(room, plume, plume), plume
 
 
 def compared(
-    rng: np.random.Generator, quality: np.ndarray, n_rooms: int, seed: int
+    rng: np.random.Generator, quality: np.ndarray, n_rooms: int, seed: int, times: int = 1
 ) -> tuple[EntryComparison, dict[str, np.ndarray]]:
     """Return the comparison of the entries of a suite, and their figures."""
-    figures, units, cases = simulate(rng, quality, n_rooms)
+    figures, units, cases = simulate(rng, quality, n_rooms, times)
     found = compare_entries(
         figures, ranked_by="score", lower_is_better=False, units=units, cases=cases, limit=1.0, seed=seed, n_signs=1000
     )

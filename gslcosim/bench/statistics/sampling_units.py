@@ -123,23 +123,28 @@ class LinearisedMeans:
     Attributes:
         value: (m,) means.
         total: (n_units, m) weighted sum of a unit's values; they add up to the mean.
+        share: (n_units, m) weight of a unit; they add up to 1.
         residual: (n_units, m) the same less what is expected of its stratum; the root of the sum of squares is the
             standard error.
         n: (m,) flights with a value.
-        n_units: (m,) units with a value.
     """
 
     value: NDArray[np.float64]
     total: NDArray[np.float64]
+    share: NDArray[np.float64]
     residual: NDArray[np.float64]
     n: NDArray[np.int64]
-    n_units: NDArray[np.int64]
 
     @property
     def standard_error(self) -> NDArray[np.float64]:
         """(m,) standard errors, at least what one flight with another result would make: 1 / n."""
         spread = np.sqrt((self.residual**2).sum(axis=0))
-        return np.maximum(spread, 1.0 / np.maximum(self.n, 1))
+        return np.maximum(spread, self.least_error)
+
+    @property
+    def least_error(self) -> NDArray[np.float64]:
+        """(m,) what one flight with another result would make."""
+        return 1.0 / np.maximum(self.n, 1)
 
 
 def compute_means(
@@ -177,8 +182,7 @@ def compute_means(
     residual = scale[stratum] * (total - mean[stratum] * share)
     n = known.sum(axis=0)
     value = np.where(n > 0, total.sum(axis=0), np.nan)
-    n_units = (share > 0.0).sum(axis=0)
-    return LinearisedMeans(value=value, total=total, residual=residual, n=n, n_units=n_units)
+    return LinearisedMeans(value=value, total=total, share=share, residual=residual, n=n)
 
 
 def _sum_by(code: NDArray[np.int64], values: NDArray[np.float64], n_codes: int | None = None) -> NDArray[np.float64]:

@@ -192,3 +192,15 @@ def test_entries_of_known_quality_are_put_in_order():
         tied += ranks[1] == ranks[2] == (2, 3)
     assert right == 40
     assert tied >= 33
+
+
+def test_equal_entries_seldom_differ_where_one_room_has_a_quarter_of_the_weight():
+    """Eleven of 42 cases in one of twenty rooms; with a t of units of one weight, one suite in six had a verdict."""
+    room = np.concatenate([np.zeros(10, dtype=int), np.arange(20), np.arange(8, 20)])
+    case, rng, n_suites, found = np.arange(42), np.random.default_rng(8), 150, 0
+    units = find_sampling_units(room, case, case)
+    for seed in range(n_suites):
+        values = rng.normal(0.0, 1.0, (20, 5))[room] + rng.normal(0.0, 0.5, (42, 5))
+        pairs = compared(values, lower_is_better=False, units=units, cases=case, seed=seed, n_signs=400).pairs
+        found += any(pair.verdict for pair in pairs)
+    assert found <= stats.binom.ppf(0.999, n_suites, 0.05)
