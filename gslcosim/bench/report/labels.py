@@ -22,8 +22,8 @@ class LevelSuccess:
         entry: Index of the entry.
         is_core: Whether the core has this level.
         success: Over all cases with the level.
-        approach: Share of the same runs that came within 1 m of a source at any time, whatever the criterion.
         alone: Success over the cases that differ from the core in this axis alone; of the core's level, over the core.
+        approach: Share of the runs of `alone` that came within 1 m of a source at any time, whatever the criterion.
         difference: Alone less the core, each with runs of its own; undefined for the core and where no case is alone.
     """
 
@@ -32,8 +32,8 @@ class LevelSuccess:
     entry: int
     is_core: bool
     success: Estimate
-    approach: Estimate
     alone: Estimate
+    approach: Estimate
     difference: Estimate
 
 
@@ -74,8 +74,8 @@ def _level_success(
         entry=entry,
         is_core=is_core,
         success=_rate(rows, success, here),
-        approach=_rate(rows, np.isfinite(rows["time_within_1_m_s"]), here),
         alone=_rate(rows, success, alone),
+        approach=_rate(rows, np.isfinite(rows["time_within_1_m_s"]), alone),
         difference=lift(success[alone], success[core], paired=False)
         if alone.any() and core.any() and not is_core
         else UNDEFINED,

@@ -284,7 +284,7 @@ def _starts(analysis: Analysis) -> Iterator[Sequence[Any]]:
 
 
 def _levels(analysis: Analysis) -> Iterator[Sequence[Any]]:
-    figures = ("success", "approach", "alone", "difference")
+    figures = ("success", "alone", "approach", "difference")
     yield ["axis", "level", "is_core", "entry", *(head for name in figures for head in _heads(name))]
     names = _names(analysis)
     for each in analysis.levels:

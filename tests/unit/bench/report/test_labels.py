@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
@@ -10,6 +11,7 @@ import pytest
 import synthetic
 
 from gslcosim.bench.report.analysis import analyse
+from gslcosim.bench.report.labels import compare_levels
 from gslcosim.bench.report.page import render_page
 from gslcosim.bench.report.report_data import load_report_data
 from gslcosim.bench.report.tables import write_tables
@@ -68,6 +70,27 @@ def test_the_table_and_the_page_show_each_level(folder, tmp_path):
     page = render_page(analysis)
     assert "What breaks a method" in page
     assert "gusting" in page
+
+
+def test_approach_is_of_the_same_flights_as_the_core_and_a_suite_without_one_says_so(folder, tmp_path):
+    material = load_report_data(folder)
+    rows = material.rows
+    varied = np.array([json.loads(text) for text in rows["varied"].tolist()])
+    is_core = np.array([each == {"labels.wind": "steady", "labels.room": "hall"} for each in varied])
+
+    def changed(**columns):
+        return replace(material, rows=replace(rows, columns=dict(rows.columns) | columns))
+
+    near = changed(time_within_1_m_s=np.where(is_core, 10.0, np.nan))
+    levels = {(each.axis, each.level): each for each in compare_levels(near)}
+    assert levels["wind", "steady"].approach.value == levels["room", "hall"].approach.value == 1.0
+    assert levels["wind", "gusting"].approach.value == 0.0
+
+    places = ("a2", "a3", "b1", "c1", "d1", "a4")
+    cases = dict(zip(dict.fromkeys(rows["case"].tolist()), places, strict=True))
+    labels = [json.dumps({"labels.wind": cases[case][0], "labels.room": cases[case][1]}) for case in rows["case"]]
+    coreless = changed(varied=np.array(labels))
+    assert "there is no core to compare with" in render_page(analyse(coreless))
 
 
 def test_suites_without_labels_have_no_such_table(usual):
