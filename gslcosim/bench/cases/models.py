@@ -80,6 +80,8 @@ Axis = dict[str, DrawSpec | Annotated[tuple[Any, ...], Field(min_length=1)]]
 """Values that vary, by their paths: lists of one item go together."""
 
 START_PATH = "agents[0].vehicle.start_m"
+SEED_PATHS = ("seed", "gas.seed")
+"""Values that `seeds` of a scenario give to each repetition."""
 
 
 class ScenarioSpec(Spec):
@@ -395,6 +397,22 @@ class Suite(Spec):
                     expected="all values of an item of the suite's vary, which go together, or none of them",
                     found=f"{next(path for path in part if path in own)} without {missing}",
                     remedy=f"Vary {missing} in this scenario too.",
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _check_seeds(self) -> Self:
+        for i, spec in enumerate(self.scenarios):
+            varied = {path for axis in self.axes_of(spec) for path in axis}
+            places = (("vary", varied), ("set", {*self.set, *spec.set}))
+            twice = next(((path, key) for key, paths in places for path in SEED_PATHS if path in paths), None)
+            if spec.seeds is not None and twice is not None:
+                path, key = twice
+                raise broken_rule_error(
+                    key=f"scenarios[{i}].seeds",
+                    expected="one place that gives the seeds of runs and gas",
+                    found=f"{path} in {key} too",
+                    remedy=f"Leave out seeds or {path}.",
                 )
         return self
 

@@ -114,15 +114,27 @@ def expand_cases(loaded: LoadedSuite) -> Iterator[tuple[LoadedSuite, Case]]:
     Raises:
         ScenarioError: two scenarios have one name, or a scenario is not there.
     """
-    seen: dict[str, str] = {}
+    seen: dict[str, tuple[LoadedSuite, Case]] = {}
     for owner, case in _cases(loaded, is_sandboxed=False):
         if case.name in seen:
+            first, other = seen[case.name]
             raise ScenarioError(
                 f"{loaded.shown_path}: scenarios: expected cases with names of their own, was {case.name} twice "
-                f"(in {seen[case.name]} and {owner.suite.name}). Give one of the scenarios a name."
+                f"(in {' and '.join(dict.fromkeys((first.suite.name, owner.suite.name)))}). "
+                f"{_how_to_tell_apart(other, case)}"
             )
-        seen[case.name] = owner.suite.name
+        seen[case.name] = owner, case
         yield owner, case
+
+
+def _how_to_tell_apart(one: Case, other: Case) -> str:
+    if one.set_in != other.set_in:
+        return "Give one of the scenarios a name."
+    if one.varied == other.varied:
+        return "Write each value of starts and vary once; for more runs of a case raise repetitions."
+    if one.overrides == other.overrides:
+        return "Labels alone make no case: vary a value with them, or list the scenario once for each, under two names."
+    return "Names show six digits of a value: vary values that differ in these."
 
 
 def _cases(loaded: LoadedSuite, *, is_sandboxed: bool) -> Iterator[tuple[LoadedSuite, Case]]:

@@ -297,7 +297,26 @@ WRONG = {
         "scenarios: [tiny_room]\nset: {pace: 1, 'agents[0].mode': free}\n" + ONE_ENTRY,
         "tiny_room: agents[0].mode: expected a mode that waits for the agent, was free",
     ),
-    "a scenario twice": ("scenarios: [tiny_room, tiny_room]\n" + ONE_ENTRY, "tiny_room twice"),
+    "a scenario twice": (
+        "scenarios: [tiny_room, tiny_room]\n" + ONE_ENTRY,
+        "tiny_room twice (in mine). Give one of the scenarios a name.",
+    ),
+    "a start twice": (
+        "scenarios: [{source: tiny_room, starts: [[4.5, 2.5, 0.2], [4.5, 2.5, 0.2]]}]\n" + ONE_ENTRY,
+        "tiny_room/start=4.5,2.5,0.2 twice (in mine). Write each value of starts and vary once",
+    ),
+    "labels alone": (
+        "scenarios: [tiny_room]\nvary: [labels.wind: [a, b]]\n" + ONE_ENTRY,
+        "tiny_room twice (in mine). Labels alone make no case",
+    ),
+    "seeds beside seeds that vary": (
+        "scenarios: [{source: tiny_room, seeds: [1, 2], vary: [seed: [7, 8]]}]\n" + ONE_ENTRY,
+        "scenarios[0].seeds: expected one place that gives the seeds of runs and gas, was seed in vary too",
+    ),
+    "seeds beside a seed that is set": (
+        "scenarios: [{source: tiny_room, seeds: [1, 2]}]\nset: {gas.seed: 9}\n" + ONE_ENTRY,
+        "scenarios[0].seeds: expected one place that gives the seeds of runs and gas, was gas.seed in set too",
+    ),
 }
 
 
