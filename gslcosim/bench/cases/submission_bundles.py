@@ -7,10 +7,11 @@ files, and modes are 644 or 755, so the same files have the same bytes wherever 
 import hashlib
 import io
 import os
+import re
 import shutil
 import subprocess
 import tarfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
@@ -18,22 +19,28 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from gslcosim.base.bundled import SUITE_FILE
 from gslcosim.base.errors import UsageError, build_machine_error
 from gslcosim.base.files import read_regular_file, replace_file
 from gslcosim.bench.cases.models import LOWER_ANCHOR, UPPER_ANCHOR, EntrySpec
 from gslcosim.methods.card import CARD_FILE, load_card
 from gslcosim.runtime.processes.sandbox.policy import is_system_path
+from gslcosim.runtime.processes.sandbox.selection import holds_secret
 from gslcosim.scenario.loader import read_spec_file
 from gslcosim.scenario.models.base import Spec
 from gslcosim.scenario.serialization import dump_values
 
 SUBMISSION_FILE = "submission.yaml"
-_BUILT_FILE = ".built"
+_BUILT = ".built"
 _MAX_BYTES, _MAX_FILES = 200_000_000, 10_000
 _MAX_LEVELS_UP = 4
 _MAX_PATH = 4096
+# What a tar of this kind has room for.
+_MAX_NAME_BYTES = 256
 _MAX_LOG_LINES = 20
 _BUNDLES = "bundles"
+_ENDING = ".tar"
+_DIGEST = re.compile(r"[0-9a-f]{16}")
 
 Word = Annotated[str, Field(min_length=1)]
 
@@ -135,27 +142,45 @@ def find_bundle_root(program: Path) -> Path | None:
 
 
 def list_bundle_files(root: Path) -> list[Path]:
-    """Return the files of a bundle's folder by name; hidden ones, caches of Python and what it leaves out apart.
+    """Return the files of a bundle's folder by name.
+
+    Hidden ones, caches of Python, results, the bundle itself and what it leaves out are not among them.
 
     Raises:
         ScenarioError: the submission file cannot be read, or has problems.
     """
     path = root / SUBMISSION_FILE
-    left_out = read_spec_file(path, Submission, shown_path=str(path), keys="schema, entry, build and lock").leaves_out
-    return sorted(_iterate_files(root, root, left_out), key=lambda path: path.relative_to(root).as_posix())
+    submission = read_spec_file(path, Submission, shown_path=str(path), keys="schema, entry, build and lock")
+    return [path for path in _list_entries(root, submission) if path.is_file()]
 
 
-def _iterate_files(folder: Path, root: Path, left_out: Sequence[str]) -> Iterator[Path]:
+# Pipes and links to nowhere too, so that whoever packs learns of them.
+def _list_entries(root: Path, submission: Submission) -> list[Path]:
+    left_out = (*submission.leaves_out, f"{submission.entry.name}{_ENDING}")
+    return sorted(_iterate_entries(root, root, left_out), key=lambda path: path.relative_to(root).as_posix())
+
+
+def _iterate_entries(folder: Path, root: Path, left_out: Sequence[str]) -> Iterator[Path]:
     for path in folder.iterdir():
         name = path.relative_to(root).as_posix()
-        if path.name.startswith(".") or path.name == "__pycache__":
+        if is_never_packed(path.name) or any(fnmatchcase(name, pattern.rstrip("/")) for pattern in left_out):
             continue
-        if any(fnmatchcase(name, pattern.rstrip("/")) for pattern in left_out):
-            continue
-        if path.is_dir() and not path.is_symlink():
-            yield from _iterate_files(path, root, left_out)
-        elif path.is_file():
+        if path.is_symlink() or not path.is_dir():
             yield path
+        elif not _is_made_by_runs(path):
+            yield from _iterate_entries(path, root, left_out)
+
+
+def is_never_packed(name: str) -> bool:
+    """Return whether files and folders of a name are left out of every bundle."""
+    return name.startswith(".") or name == "__pycache__"
+
+
+# Results of a method that lies at a project's root, and the bundles beside them.
+def _is_made_by_runs(folder: Path) -> bool:
+    if (folder / SUITE_FILE).is_file() and ((folder / "manifest.json").is_file() or (folder / "agents").is_dir()):
+        return True
+    return folder.name == _BUNDLES and any(_DIGEST.fullmatch(path.name) for path in folder.iterdir())
 
 
 def pack_bundle(folder: Path, out: Path) -> Bundle:
@@ -172,9 +197,19 @@ def pack_bundle(folder: Path, out: Path) -> Bundle:
         MachineError: it cannot be written.
     """
     submission = load_submission(folder)
-    files = list_bundle_files(folder)
-    if link := next((path for path in files if path.is_symlink()), None):
-        raise UsageError(f"{link}: expected a plain file, was a link. Put the file itself in its place.")
+    files = [path for path in _list_entries(folder, submission) if path.resolve() != out.resolve()]
+    for path in files:
+        if path.is_symlink():
+            raise UsageError(f"{path}: expected a plain file, was a link. Put the file itself in its place.")
+        if not path.is_file():
+            raise UsageError(f"{path}: expected a plain file, was a pipe or a device. Remove it.")
+        if problem := _find_problem_of_name(path.relative_to(folder).as_posix()):
+            raise UsageError(f"{folder}: expected a name that every system takes, {problem}. Give the file another.")
+        if holds_secret(path):
+            raise UsageError(
+                f"{path}: expected a file for everybody, was a private key or the secret of a seal. Move it elsewhere."
+            )
+    _check_packed(submission, {path.relative_to(folder).as_posix() for path in files}, folder / SUBMISSION_FILE)
     size = sum(path.stat().st_size for path in files)
     if size > _MAX_BYTES or len(files) > _MAX_FILES:
         raise UsageError(
@@ -192,6 +227,36 @@ def pack_bundle(folder: Path, out: Path) -> Bundle:
     except OSError as error:
         raise build_machine_error(error, "bundle", "a file that can be written", path=out) from error
     return _bundle(content, submission, files, folder)
+
+
+def _find_problem_of_name(name: str) -> str:
+    if not name.isprintable():
+        return f"was {name!a}, with characters that are not shown"
+    if name != PurePosixPath(name).as_posix() or "\\" in name:
+        return f"was {name!r}"
+    if len(name.encode()) > _MAX_NAME_BYTES:
+        return f"was one of {len(name.encode())} bytes, more than {_MAX_NAME_BYTES}"
+    return ""
+
+
+# What is flown must be among the files that are packed, or made of them.
+def _check_packed(submission: Submission, names: Collection[str], place: Path) -> None:
+    lock = [PurePosixPath(name).as_posix() for name in submission.lock]
+    if missing := next((name for name in (SUBMISSION_FILE, CARD_FILE, *lock) if name not in names), None):
+        raise UsageError(
+            f"{place}: expected {missing} to be packed, is left out: hidden files, caches and what leaves_out names "
+            "are. Rename it, or change leaves_out."
+        )
+    start = submission.entry.start
+    words = [start.python] if start.python is not None else [*(start.command or ())]
+    if not submission.build and not any(PurePosixPath(word).as_posix() in names for word in words):
+        raise UsageError(f"{place}: entry.start: {_NO_PROGRAM}")
+
+
+_NO_PROGRAM = (
+    "expected a word that names a file of the bundle, such as ./agent or run.sh in [sh, run.sh], found none. Name the "
+    "program by its file, or start it from a script in the folder; what build makes counts too."
+)
 
 
 def _add_file(tar: tarfile.TarFile, path: Path, name: str) -> None:
@@ -229,35 +294,50 @@ def unpack_bundle(path: Path, below: Path) -> Bundle:
     if SUBMISSION_FILE not in files:
         raise UsageError(f"{expected}, was one without {SUBMISSION_FILE}. Take it from a copy.")
     root = below / hashlib.sha256(content).hexdigest()[:16]
+    if root.is_dir():
+        return _bundle(content, load_submission(root), [root / name for name in files], root)
+    beside = below / f".{root.name}.{os.getpid()}"
     try:
-        if not root.is_dir():
-            beside = below / f".{root.name}.{os.getpid()}"
-            for name, (mode, data) in files.items():
-                target = beside / name
-                target.parent.mkdir(parents=True, exist_ok=True)
-                target.write_bytes(data)
-                target.chmod(mode)
-            beside.rename(root)
+        for name, (mode, data) in files.items():
+            target = beside / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(data)
+            target.chmod(mode)
+        submission = load_submission(beside)
+        _check_packed(submission, files, path)
+        if others := sorted(files.keys() - {each.relative_to(beside).as_posix() for each in list_bundle_files(beside)}):
+            raise UsageError(f"{expected}, was one with a file that pack leaves out: {others[0]}. Pack it again.")
+        beside.rename(root)
     except OSError as error:
         raise build_machine_error(error, "bundle", "a folder that can be written", path=root) from error
-    return _bundle(content, load_submission(root), [root / name for name in files], root)
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+    return _bundle(content, submission, [root / name for name in files], root)
 
 
 # Plain files below the folder alone, each once: what else a tar can hold is no bundle.
 def _read_files(content: bytes) -> dict[str, tuple[int, bytes]]:
     files: dict[str, tuple[int, bytes]] = {}
+    folders: set[str] = set()
     n_bytes = 0
     with tarfile.open(fileobj=io.BytesIO(content), mode="r:") as tar:
         for member in tar:
-            parts = PurePosixPath(member.name).parts
-            is_below = bool(parts) and not member.name.startswith("/") and not {"..", "."} & {*member.name.split("/")}
+            name = member.name
+            if problem := _find_problem_of_name(name):
+                raise ValueError(f"a name {problem}")
+            parts = PurePosixPath(name).parts
+            is_below = bool(parts) and not name.startswith("/") and ".." not in parts
             n_bytes += member.size
-            data = tar.extractfile(member) if member.isreg() and is_below and "\\" not in member.name else None
-            if data is None or member.name in files:
-                raise ValueError(f"{member.name!r} is no plain file of it")
+            data = tar.extractfile(member) if member.isreg() and is_below else None
+            above = {parent.as_posix() for parent in PurePosixPath(name).parents}
+            if data is None or name in files or name in folders or above & files.keys():
+                raise ValueError(f"{name!r} is no plain file of it")
+            if any(map(is_never_packed, parts)):
+                raise ValueError(f"{name!r} is a hidden file or a cache, which pack leaves out")
             if n_bytes > _MAX_BYTES or len(files) >= _MAX_FILES:
                 raise ValueError("too much is in it")
-            files[member.name] = 0o755 if member.mode & 0o100 else 0o644, data.read()
+            folders |= above
+            files[name] = 0o755 if member.mode & 0o100 else 0o644, data.read()
     return files
 
 
@@ -271,7 +351,8 @@ def build_program(bundle: Bundle, *, is_agreed: bool) -> None:
     Raises:
         UsageError: there are commands and nobody has agreed to them, or one has failed.
     """
-    built = bundle.root / _BUILT_FILE
+    # Beside the files, where none of them can be it.
+    built = bundle.root.with_name(f"{bundle.root.name}{_BUILT}")
     if not bundle.submission.build or built.is_file():
         return
     lines = "\n".join(f"  {' '.join(words)}" for words in bundle.submission.build)
@@ -309,7 +390,7 @@ def write_bundle_suite(bundles: Sequence[Bundle], suite: Path, *, name: str, bel
         below: Folder of the new file.
 
     Raises:
-        UsageError: two bundles have one name.
+        UsageError: two bundles have one name, or one names no program.
     """
     names = [bundle.submission.entry.name for bundle in bundles]
     if twice := next((each for each in names if names.count(each) > 1), None):
@@ -319,6 +400,9 @@ def write_bundle_suite(bundles: Sequence[Bundle], suite: Path, *, name: str, bel
         values = bundle.submission.entry.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
         start = values["start"]
         place = bundle.root.name
+        words = (start.get("python", ""), *start.get("command", ()))
+        if not any((bundle.root / word).is_file() and not Path(word).is_absolute() for word in words):
+            raise UsageError(f"{bundle.root}: entry.start: {_NO_PROGRAM}")
         if "python" in start and (bundle.root / start["python"]).is_file():
             start["python"] = f"{place}/{start['python']}"
         if "command" in start:

@@ -333,6 +333,9 @@ def _kept_program(entry: EntrySpec, directory: Path, folder: Path) -> dict[str, 
     if is_bundled:
         return start
     files, into, root = list_entry_files(entry, directory), f"{AGENTS}/{entry.name}", _bundle_root(entry, directory)
+    if root is not None and folder.resolve().is_relative_to(root):
+        # What was written of another entry just now.
+        files = [path for path in files if not path.is_relative_to(folder.resolve())]
     kept = _copied([path for path in files if root is None or not path.is_relative_to(root)], folder, into)
     if root is not None:
         kept |= copy_bundle_files([path for path in files if path.is_relative_to(root)], root, folder, into)

@@ -58,6 +58,7 @@ _SCHEMA = re.compile(rb"gslcosim/(scenario|suite|results?|maps|environment|seal)
 # Files with passwords of other processes and private keys are none of an agent's business either.
 _PASSWORD = re.compile(rb'"password"')
 _PRIVATE_KEY = re.compile(rb"-----BEGIN [A-Z ]*PRIVATE KEY-----")
+_SEAL = re.compile(rb"gslcosim/seal/")
 _ESCAPE = re.compile(rb"\\(?:x([0-9a-fA-F]{2})|u00([0-9a-fA-F]{2})|U000000([0-9a-fA-F]{2}))")
 _NO_MATTER = re.compile(rb"[\s\0\\]+")
 # What stands together in the folder of a run, of results of a suite, and of an environment.
@@ -110,6 +111,25 @@ def find_exposed_truth(folders: Iterable[Path], sources: Collection[Path] = ()) 
         passed_over = NOT_SEARCHED | _INSTALLED if (folder / "bin").is_dir() else NOT_SEARCHED
         found += _search(folder, _Budget(folder, MAX_ENTRIES, MAX_BYTES), inodes, passed_over)
     return found
+
+
+def holds_secret(path: Path) -> bool:
+    """Return whether a file is a private key or the secret of a sealed suite, which nobody else may have.
+
+    Args:
+        path: A file; of a long one, which is neither, nothing is read.
+    """
+    try:
+        if path.stat().st_size > _HEAD_BYTES:
+            return False
+        data = path.read_bytes()
+    except OSError:
+        return False
+    return _holds_private_key(data) or (_SEAL.search(data) is not None and b'"nonce"' in data)
+
+
+def _holds_private_key(data: bytes) -> bool:
+    return _PRIVATE_KEY.search(data) is not None
 
 
 def is_truth_folder(folder: Path) -> bool:
@@ -179,7 +199,7 @@ def _is_truth(path: Path, budget: _Budget, inodes: set[tuple[int, int]]) -> bool
         return True
     if data.startswith(_CODE_BEGINS):
         return False
-    has_secret = _PRIVATE_KEY.search(data) is not None or (is_data and _PASSWORD.search(data) is not None)
+    has_secret = _holds_private_key(data) or (is_data and _PASSWORD.search(data) is not None)
     return has_secret or _names_schema(data)
 
 

@@ -121,6 +121,15 @@ def test_a_build_that_fails_says_why(folder, tmp_path):
         build_program(unpack_bundle(tmp_path / "mine.tar", tmp_path), is_agreed=True)
 
 
+PRIVATE_KEY = "-----BEGIN OPENSSH PRIVATE KEY-----\nb3Bl"
+SECRET = '{"schema": "gslcosim/seal/1", "seed": 1, "nonce": "0"}'
+
+
+def edit(folder, old, new, *, builds=True):
+    text = SUBMISSION if builds else SUBMISSION.replace("build: [[", "build: [] #")
+    (folder / "submission.yaml").write_text(text.replace(old, new))
+
+
 def start_with(folder, start, name="mine"):
     text = SUBMISSION.replace("python: agent.py", start).replace("name: mine", f"name: {name}")
     (folder / "submission.yaml").write_text(text)
@@ -134,6 +143,17 @@ def start_with(folder, start, name="mine"):
         (lambda folder: (folder / "submission.yaml").unlink(), "expected a folder with submission.yaml"),
         (lambda folder: (folder / "submission.yaml").write_text("schema: x"), "lock: expected"),
         (lambda folder: (folder / "link").symlink_to("/etc/passwd"), "expected a plain file, was a link"),
+        (lambda folder: (folder / "data").symlink_to(folder / "parts"), "data: expected a plain file, was a link"),
+        (lambda folder: (folder / "gone").symlink_to("nowhere"), "gone: expected a plain file, was a link"),
+        (lambda folder: os.mkfifo(folder / "pipe"), "pipe: expected a plain file, was a pipe"),
+        (lambda folder: (folder / "a\nb").touch(), "'a\\nb', with characters that are not shown"),
+        (lambda folder: (folder / os.fsdecode(b"\xe9t\xe9")).touch(), "with characters that are not shown"),
+        (lambda folder: (folder / "my_key").write_text(PRIVATE_KEY), "my_key: expected a file for everybody"),
+        (lambda folder: (folder / "s.json").write_text(SECRET), "s.json: expected a file for everybody"),
+        (lambda folder: edit(folder, "[requirements.lock]", "[.git/config]"), "expected .git/config to be packed"),
+        (lambda folder: edit(folder, "[parts/", "[submission.yaml, parts/"), "expected submission.yaml to be packed"),
+        (lambda folder: edit(folder, "[parts/built.txt", "['*.py'", builds=False), "names a file of the bundle"),
+        (lambda folder: edit(folder, "python: agent.py", "command: [sh, -c, x], door: stdio", builds=False), "run.sh"),
         (lambda folder: start_with(folder, "python: ../x.py"), "entry.start: expected paths from this folder"),
         (lambda folder: start_with(folder, "command: [./a, ../../x], door: stdio"), "was ../../x"),
         (lambda folder: start_with(folder, "command: [a, --x=/etc/passwd], door: stdio"), "was /etc/passwd"),
@@ -154,17 +174,58 @@ def member(name, kind=tarfile.REGTYPE, content=b"x"):
     return info, content
 
 
+def write_tar(path, members):
+    with tarfile.open(path, "w") as tar:
+        for info, content in members:
+            info.pax_headers = {"path": info.name} if "\0" in info.name else {}
+            tar.addfile(info, io.BytesIO(content))
+
+
+def test_a_tar_of_what_pack_leaves_out_is_no_bundle(folder, tmp_path):
+    """It would be run, and counted neither as part of the program nor of the results."""
+    names = ("agent.py", "method.yaml", "submission.yaml", "requirements.lock")
+    members = [member(name, content=(folder / name).read_bytes()) for name in names]
+    write_tar(tmp_path / "evil.tar", [*members, member("notes/idea.txt")])
+    below = tmp_path / "below"
+    with pytest.raises(UsageError, match=r"was one with a file that pack leaves out: notes/idea\.txt"):
+        unpack_bundle(tmp_path / "evil.tar", below)
+    assert list(below.iterdir()) == []
+    write_tar(tmp_path / "good.tar", members)
+    bundle = unpack_bundle(tmp_path / "good.tar", below)
+    (bundle.root / ".built").touch()
+    with pytest.raises(UsageError, match="expected --build"):
+        build_program(bundle, is_agreed=False)
+
+
+def test_runs_leave_a_program_at_a_project_s_root_as_it_is(folder, tmp_path):
+    """Results, bundles and what is packed lie within its folder then, and are no part of it."""
+    edit(folder, "", "", builds=False)
+    first = pack_bundle(folder, folder / "out.tar")
+    assert pack_bundle(folder, folder / "out.tar").digest == first.digest
+    (folder / "out.tar").unlink()
+    suite = ONE_CASE.replace("anchors: []\nentries: [", "entries: [{name: mine, start: {python: agent.py}}, ")
+    (folder / "notes" / "s.yaml").write_text(suite.replace("agent.py", "../agent.py"))
+    loaded = load_suite(folder / "notes" / "s.yaml")
+    before = agent_hash(loaded.suite.entries[0], loaded.directory)
+    write_suite(loaded, folder / "results" / "s")
+    pack_bundle(folder, folder / "mine.tar")
+    prepare_bundles([folder / "mine.tar"], find_suite("smoke"), name="x", results=folder / "results/x", builds=False)
+    assert agent_hash(loaded.suite.entries[0], loaded.directory) == before
+    assert pack_bundle(folder, folder / "out.tar").digest == first.digest
+
+
 @pytest.mark.parametrize(
     "members",
     [
         [member("/etc/x")], [member("../x")], [member("a/../../x")], [member("x", tarfile.SYMTYPE)],
+        [member("x/a"), member("x//a")], [member("x"), member("x/a")], [member("x/a"), member("x")],
+        [member("n" * 300)], [member(".built")], [member("__pycache__/a.pyc")], [member("a\0b")], [member("a\x1bb")],
+        [member("\udce9t\udce9")],
         [member("x", tarfile.LNKTYPE)], [member("x", tarfile.FIFOTYPE)], [member("x"), member("x")], [member("x")], [],
     ],
 )  # fmt: skip
 def test_a_tar_that_reaches_outside_is_no_bundle(tmp_path, members):
-    with tarfile.open(tmp_path / "evil.tar", "w") as tar:
-        for info, content in members:
-            tar.addfile(info, io.BytesIO(content))
+    write_tar(tmp_path / "evil.tar", members)
     below = tmp_path / "below"
     with pytest.raises(UsageError, match=r"expected a bundle of gslcosim bench pack"):
         unpack_bundle(tmp_path / "evil.tar", below)
