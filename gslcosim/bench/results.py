@@ -236,7 +236,8 @@ def compare(results: Results, a: str, b: str) -> Comparison:
     time_a, time_b = (values.astype(float) for values in rows.paired("time_s", a, b))
     units = find_sampling_units(*(rows.paired(name, a, b)[0] for name in UNIT_COLUMNS))
     is_quicker = 0.5 + 0.5 * np.sign(time_b - time_a)
-    success, better = estimate_means(np.stack([success_a - success_b, is_quicker], axis=1), units)
+    success = estimate_means((success_a - success_b)[:, None], units, bounds=(-1.0, 1.0))[0]
+    better = estimate_means(is_quicker[:, None], units, bounds=(0.0, 1.0))[0]
     return Comparison(
         a=a,
         b=b,

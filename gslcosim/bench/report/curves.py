@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gslcosim.base.untrusted_input import JsonObject, parse_json
 from gslcosim.bench.report.leaderboard import paired_rows, sampling_units
 from gslcosim.bench.report.report_data import EnvironmentMap, Flags, Floats, Ints, ReportData, TrialRows
-from gslcosim.bench.statistics.aggregates import mean, stratified_bootstrap
+from gslcosim.bench.statistics.aggregates import stratified_bootstrap
 from gslcosim.bench.statistics.estimates import UNDEFINED, Estimate
 from gslcosim.bench.statistics.rates import rate_over_units, rates_over_units, wilson
 from gslcosim.bench.statistics.roc import Roc, localisation_roc, roc
@@ -310,7 +310,7 @@ def summarise_final_beliefs(material: ReportData, within: Flags) -> tuple[FinalB
 def _mean_of(rows: TrialRows, column: str, some: Ints) -> Estimate:
     some = some[np.isfinite(rows[column][some])]
     units = sampling_units(rows, some)
-    return stratified_bootstrap(rows[column][some], units.stratum, mean, clusters=units.clusters)
+    return stratified_bootstrap(rows[column][some], units.stratum, clusters=units.clusters)
 
 
 def belief_curves(material: ReportData, within: Flags, tracks: BeliefTracks) -> Mapping[str, tuple[CurveWithBand, ...]]:
@@ -339,7 +339,7 @@ def _mean_at(values: Floats, rows: TrialRows, some: Ints) -> Estimate:
     if known.sum() * 2 < values.size:
         return UNDEFINED
     units = sampling_units(rows, some[known])
-    return stratified_bootstrap(values[known], units.stratum, mean, clusters=units.clusters, n_draws=_FEWER_DRAWS)
+    return stratified_bootstrap(values[known], units.stratum, clusters=units.clusters, n_draws=_FEWER_DRAWS)
 
 
 def _line_of(entry: int, x: Floats, points: Sequence[Estimate], n: int) -> CurveWithBand:

@@ -8,9 +8,8 @@ import numpy as np
 from gslcosim.bench.report.report_data import Flags, Floats, Ints, ReportData, TrialRows
 from gslcosim.bench.statistics.aggregates import (
     bootstrap_cells,
-    mean,
+    bootstrap_worst_quarter,
     stratified_bootstrap,
-    worst_quarter_of_cells,
 )
 from gslcosim.bench.statistics.estimates import UNDEFINED, Estimate, encode_labels
 from gslcosim.bench.statistics.ranking import EntryComparison, compare_entries
@@ -130,9 +129,7 @@ def _standing(rows: TrialRows, entry: int, chosen: Ints) -> LeaderboardRow:
         rank=0,
         last_rank=0,
         score=bootstrap_cells(rows.score[chosen], cells, clusters=units.clusters, strata=units.stratum),
-        worst=bootstrap_cells(
-            rows.score[chosen], cells, worst_quarter_of_cells, clusters=units.clusters, strata=units.stratum
-        ),
+        worst=bootstrap_worst_quarter(rows.score[chosen], cells, clusters=units.clusters, strata=units.stratum),
         normalised=UNDEFINED,
         success=rate_over_units(success, units),
         **{
@@ -143,7 +140,7 @@ def _standing(rows: TrialRows, entry: int, chosen: Ints) -> LeaderboardRow:
         time_s=restricted_mean(rows.time_s[chosen], success, rows["time_limit_s"][chosen], clusters=units.clusters)
         if len(chosen)
         else UNDEFINED,
-        spl=stratified_bootstrap(np.nan_to_num(rows["spl"][chosen]), units.stratum, mean, clusters=units.clusters),
+        spl=stratified_bootstrap(np.nan_to_num(rows["spl"][chosen]), units.stratum, clusters=units.clusters),
         overhead=median_with_interval(overhead[np.isfinite(overhead)]),
         false_alarms=_false_alarms(rows, chosen, controls),
         decision_ms=median_with_interval(decision_ms[np.isfinite(decision_ms)]),

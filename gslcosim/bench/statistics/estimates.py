@@ -4,7 +4,7 @@ import hashlib
 import math
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sized
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from statistics import NormalDist
 
@@ -183,6 +183,49 @@ def bootstrap(
     return Estimate(
         value, *percentile_interval(draws, level, degrees_of_freedom(n, strata=strata, clusters=clusters)), n
     )
+
+
+def bootstrap_mean(
+    values: np.ndarray,
+    *,
+    strata: np.ndarray | None = None,
+    clusters: np.ndarray | None = None,
+    level: float = LEVEL,
+    seed: Seed = SEED,
+    n_draws: int = N_DRAWS,
+) -> Estimate:
+    """Return the mean of values with its bootstrap interval, in which each stratum keeps its weight.
+
+    Args:
+        values: (n,) finite.
+        strata: As in `bootstrap`.
+        clusters: As in `bootstrap`.
+        level: Confidence level, 0 to 1.
+        seed: Of the draws.
+        n_draws: Bootstrap samples.
+    """
+    values = as_finite_row(values, "values")
+    if not values.size:
+        return UNDEFINED
+    weight = draw_weights(values.size, strata=strata, clusters=clusters)
+    if np.ptp(weight) == 0.0:
+        statistic = lambda rows: values[rows].mean(axis=1)  # noqa: E731
+    else:
+        weighted = weight * values
+        statistic = lambda rows: weighted[rows].sum(axis=1) / weight[rows].sum(axis=1)  # noqa: E731
+    drawn = bootstrap(values.size, statistic, strata=strata, clusters=clusters, level=level, seed=seed, n_draws=n_draws)
+    return replace(drawn, value=float(values.mean()))
+
+
+def draw_weights(n: int, *, strata: np.ndarray | None = None, clusters: np.ndarray | None = None) -> np.ndarray:
+    """Return the weight of each row in samples of `iterate_row_draws`: k / (k - 1) in a stratum of k clusters.
+
+    Since k - 1 of k are drawn, a small stratum would count for less than its share; so weighed, all count for theirs.
+    """
+    weight = np.ones(n)
+    for group in _groups(n, strata, clusters) if n else []:
+        weight[np.concatenate([np.ravel(rows) for rows in group])] = len(group) / _n_drawn(group)
+    return weight
 
 
 def iterate_row_draws(

@@ -14,6 +14,7 @@ from gslcosim.bench.statistics.estimates import (
     Seed,
     as_finite_row,
     bootstrap,
+    bootstrap_mean,
     check_same_length,
     encode_labels,
     make_generator,
@@ -95,16 +96,7 @@ def paired_difference(
     Source:
         Efron and Tibshirani 1993, An Introduction to the Bootstrap, chapter 13; ends: `estimates.percentile_interval`.
     """
-    difference = _differences(a, b)
-    return bootstrap(
-        difference.size,
-        lambda rows: difference[rows].mean(axis=1),
-        strata=strata,
-        clusters=clusters,
-        level=level,
-        seed=seed,
-        n_draws=n_draws,
-    )
+    return bootstrap_mean(_differences(a, b), strata=strata, clusters=clusters, level=level, seed=seed, n_draws=n_draws)
 
 
 def sign_flip(
