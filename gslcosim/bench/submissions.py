@@ -47,6 +47,7 @@ def rank(
     demands_sandbox: bool = False,
     demands_signature: bool = False,
     log: Path | None = None,
+    head: str | None = None,
 ) -> Ranking:
     """Return one table of several results folders.
 
@@ -60,6 +61,7 @@ def rank(
             folders demands it.
         demands_signature: Whether all folders must be signed.
         log: Log of submissions in which all folders must be; absent: none.
+        head: Hash of a line that the log must have.
 
     Raises:
         SignatureError: a folder is not what its author has signed, or nobody has although it is demanded; or it is not
@@ -68,7 +70,7 @@ def rank(
             were run by different software, or agents were not in the sandbox that is demanded.
     """
     submissions = _load_submissions(
-        folders, demands_sandbox=demands_sandbox, demands_signature=demands_signature, log=log
+        folders, demands_sandbox=demands_sandbox, demands_signature=demands_signature, log=log, head=head
     )
     names = _entry_names(submissions)
     if out is not None:
@@ -110,7 +112,12 @@ def load_published_results(folders: Sequence[Path]) -> PublishedResults:
 
 
 def _load_submissions(
-    folders: Sequence[Path], *, demands_sandbox: bool = False, demands_signature: bool = False, log: Path | None = None
+    folders: Sequence[Path],
+    *,
+    demands_sandbox: bool = False,
+    demands_signature: bool = False,
+    log: Path | None = None,
+    head: str | None = None,
 ) -> "list[_Submission]":
     names_alone = [folder.resolve().name for folder in folders]
     submissions = [
@@ -122,7 +129,7 @@ def _load_submissions(
     ]
     _check_signatures(submissions, is_asked=demands_signature or log is not None)
     if log is not None:
-        lines = read_log(log)
+        lines = read_log(log, head=head)
         for submission in submissions:
             find_submission(lines, cast("SignedResults", submission.signed), path=log)
     _check_same_cases(submissions)

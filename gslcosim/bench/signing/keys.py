@@ -14,8 +14,8 @@ from gslcosim.base.errors import UsageError, build_machine_error
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.untrusted_input import MalformedFileError
 
-NAMESPACE = "gslcosim-results"
-"""What signatures are for, as `ssh-keygen -Y verify -n` names it: no signature of another program counts as one."""
+NAMESPACE, NOTE_NAMESPACE = "gslcosim-results", "gslcosim-note"
+"""What signatures are for, as `ssh-keygen -Y verify -n` names it: none for another purpose counts as one."""
 
 _KIND = b"ssh-ed25519"
 _MAGIC = b"SSHSIG"
@@ -53,10 +53,11 @@ def write_key(path: Path, comment: str) -> PublicKey:
     """Make a new key: the private one in a file that its owner alone reads, the public one beside it with `.pub`.
 
     Raises:
-        UsageError: one of the files is there, or cryptography is not installed.
+        UsageError: one of the files is there, the comment is no text, or cryptography is not installed.
         MachineError: they cannot be written.
     """
     ed25519, serialization, _ = _load_cryptography()
+    check_text(comment, "--name")
     public_path = path.with_name(f"{path.name}.pub")
     if found := next((each for each in (path, public_path) if os.path.lexists(each)), None):
         raise UsageError(f"{found}: expected the name of a new key, was a file that is there. Choose another name.")
@@ -74,16 +75,52 @@ def write_key(path: Path, comment: str) -> PublicKey:
     return key
 
 
-def sign_digest(digest: bytes, key_path: Path) -> tuple[str, PublicKey]:
+def check_text(text: str, option: str) -> None:
+    """Refuse a text of the command line that is no UTF-8.
+
+    Args:
+        text: The text.
+        option: Where it comes from.
+
+    Raises:
+        UsageError: it is none.
+    """
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise UsageError(f"{option}: expected a text in UTF-8, was {text!a}. Type it anew.") from error
+
+
+def read_public_part(key_path: Path) -> PublicKey:
+    """Return the public part of a private key; as `sign_digest`."""
+    return _public_part(_load_private(key_path))
+
+
+def sign_digest(digest: bytes, key_path: Path, *, namespace: str = NAMESPACE) -> tuple[str, PublicKey]:
     """Return the signature of a SHA-256 in the text form of OpenSSH, and the key that checks it.
 
     Args:
         digest: 32 bytes.
         key_path: File of an Ed25519 key without a passphrase, as `write_key` or ssh-keygen write it.
+        namespace: What it is for.
 
     Raises:
         UsageError: the file has no such key, or cryptography is not installed.
     """
+    private = _load_private(key_path)
+    key = _public_part(private)
+    blob = (
+        _MAGIC
+        + struct.pack(">I", 1)
+        + _pack(_encode_key(key.raw), namespace.encode(), b"", _HASH)
+        + _pack(_pack(_KIND, private.sign(_build_message(digest, namespace))))
+    )
+    text = base64.b64encode(blob).decode()
+    lines = [text[i : i + _COLUMNS] for i in range(0, len(text), _COLUMNS)]
+    return "\n".join([_BEGIN, *lines, _END, ""]), key
+
+
+def _load_private(key_path: Path) -> Any:
     ed25519, serialization, _ = _load_cryptography()
     expected = f"{key_path}: expected the private part of an Ed25519 key without a passphrase"
     remedy = "Make one: gslcosim bench keygen FILE."
@@ -94,38 +131,30 @@ def sign_digest(digest: bytes, key_path: Path) -> tuple[str, PublicKey]:
         raise UsageError(f"{expected}, was a file without one ({error}). {remedy}") from error
     if not isinstance(private, ed25519.Ed25519PrivateKey):
         raise UsageError(f"{expected}, was one of another kind. {remedy}")
-    key = _public_part(private)
-    blob = (
-        _MAGIC
-        + struct.pack(">I", 1)
-        + _pack(_encode_key(key.raw), NAMESPACE.encode(), b"", _HASH)
-        + _pack(_pack(_KIND, private.sign(_build_message(digest))))
-    )
-    text = base64.b64encode(blob).decode()
-    lines = [text[i : i + _COLUMNS] for i in range(0, len(text), _COLUMNS)]
-    return "\n".join([_BEGIN, *lines, _END, ""]), key
+    return private
 
 
-def check_digest(digest: bytes, signature: str, *, place: str) -> PublicKey:
+def check_digest(digest: bytes, signature: str, *, place: str, namespace: str = NAMESPACE) -> PublicKey:
     """Return the key whose owner has signed a SHA-256.
 
     Args:
         digest: 32 bytes.
         signature: As `sign_digest` returns it.
         place: Where it comes from, for errors.
+        namespace: What it has to be for.
 
     Raises:
         SignatureError: it is no such signature, or one of something else.
         UsageError: cryptography is not installed.
     """
     ed25519, _, exceptions = _load_cryptography()
-    expected = f"{place}: expected a signature of OpenSSH by an Ed25519 key for {NAMESPACE}"
+    expected = f"{place}: expected a signature of OpenSSH by an Ed25519 key for {namespace}"
     try:
-        key, signed = _parse_signature(signature)
+        key, signed = _parse_signature(signature, namespace)
     except (ValueError, struct.error, binascii.Error) as error:
         raise SignatureError(f"{expected}, was {error}. Take the file from a copy.") from error
     try:
-        ed25519.Ed25519PublicKey.from_public_bytes(key.raw).verify(signed, _build_message(digest))
+        ed25519.Ed25519PublicKey.from_public_bytes(key.raw).verify(signed, _build_message(digest, namespace))
     except (exceptions.InvalidSignature, ValueError) as error:
         raise SignatureError(
             f"{place}: expected the signature of what stands beside it, was one of something else. One of the two was "
@@ -166,7 +195,7 @@ def parse_author(text: str) -> str:
 
 
 # The text has one form only, so that no altered one passes for the same.
-def _parse_signature(text: str) -> tuple[PublicKey, bytes]:
+def _parse_signature(text: str, purpose: str) -> tuple[PublicKey, bytes]:
     lines = text.split("\n")
     if lines[0] != _BEGIN or lines[-2:] != [_END, ""]:
         raise ValueError("text without its first and last line")
@@ -179,7 +208,7 @@ def _parse_signature(text: str) -> tuple[PublicKey, bytes]:
     if blob[:head] != _MAGIC + struct.pack(">I", 1):
         raise ValueError("one of another version")
     public, namespace, reserved, hash_name, signed = _unpack(blob[head:], 5)
-    if (namespace, reserved, hash_name) != (NAMESPACE.encode(), b"", _HASH):
+    if (namespace, reserved, hash_name) != (purpose.encode(), b"", _HASH):
         raise ValueError("one for another purpose")
     (kind, raw), (signed_kind, signature) = _unpack(public, 2), _unpack(signed, 2)
     if kind != _KIND or signed_kind != _KIND or (len(raw), len(signature)) != (_KEY_BYTES, _SIGNATURE_BYTES):
@@ -192,10 +221,10 @@ def _encode_key(raw: bytes) -> bytes:
 
 
 # What the key signs: PROTOCOL.sshsig of OpenSSH.
-def _build_message(digest: bytes) -> bytes:
+def _build_message(digest: bytes, namespace: str) -> bytes:
     if len(digest) != _DIGEST_BYTES:
         raise ValueError(f"expected a SHA-256, was {len(digest)} bytes")
-    return _MAGIC + _pack(NAMESPACE.encode(), b"", _HASH, digest)
+    return _MAGIC + _pack(namespace.encode(), b"", _HASH, digest)
 
 
 def _pack(*parts: bytes) -> bytes:

@@ -15,9 +15,18 @@ from typing import Any, Required, TypedDict
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.untrusted_input import MalformedFileError, parse_json
-from gslcosim.bench.signing.keys import PublicKey, SignatureError, check_digest, read_signature, sign_digest
+from gslcosim.bench.signing.keys import (
+    PublicKey,
+    SignatureError,
+    check_digest,
+    check_text,
+    read_public_part,
+    read_signature,
+    sign_digest,
+)
 from gslcosim.bench.store import ResultsFolder, write_at_once
 from gslcosim.bench.verification_marks import SIGNATURE_FILE, STATEMENT_FILE, find_unhashed, list_content_files
+from gslcosim.runtime.processes.sandbox.selection import holds_secret
 
 SCHEMA = "gslcosim/signed/1"
 _MAX_BYTES = 1_000_000_000
@@ -27,6 +36,7 @@ _PIECE_BYTES = 1 << 20
 
 class _Statement(TypedDict, total=False):
     schema: Required[str]
+    key: Required[str]
     author: Required[str]
     signed_at: Required[str]
     suite: Required[str]
@@ -65,6 +75,7 @@ def sign_results(folder: Path, key_path: Path, *, author: str, signed_at: str) -
         UsageError: there are no complete results, they have links or caches of Python, or the file has no key.
         MachineError: it cannot be written.
     """
+    check_text(author, "--name")
     results = ResultsFolder(folder)
     results.check()
     if results.journal.is_file() or not results.trials.is_file():
@@ -75,6 +86,8 @@ def sign_results(folder: Path, key_path: Path, *, author: str, signed_at: str) -
     manifest = results.read_json(results.manifest)
     statement: dict[str, Any] = {
         "schema": SCHEMA,
+        # Whoever signs another's statement is not taken for its author.
+        "key": read_public_part(key_path).text,
         "author": author,
         "signed_at": signed_at,
         "suite": str(manifest.get("suite")),
@@ -86,6 +99,10 @@ def sign_results(folder: Path, key_path: Path, *, author: str, signed_at: str) -
         raise UsageError(f"{folder}: expected names of files that are UTF-8, was {odd!r}. Rename or remove it.")
     if problem := next(find_unhashed(folder), None):
         raise UsageError(f"{folder}: expected plain files, {problem}.")
+    if secret := next((path for path in list_content_files(folder) if holds_secret(path)), None):
+        raise UsageError(
+            f"{secret}: expected a file for everybody, was a private key or the secret of a seal. Move it elsewhere."
+        )
     content = _encode(statement)
     signature, key = sign_digest(hashlib.sha256(content).digest(), key_path)
     write_at_once(folder / STATEMENT_FILE, lambda path: path.write_bytes(content))
@@ -142,6 +159,11 @@ def _read_statement(folder: Path) -> tuple[_Statement, bytes, str, PublicKey]:
         raise SignatureError(
             f"{path}: expected schema {SCHEMA}, was {statement['schema']}. Use the gslcosim that wrote it."
         )
+    if statement["key"] != key.text:
+        raise SignatureError(
+            f"{path}: expected the signature of {statement['key']}, which it names, was one by {key.text}. Somebody "
+            "else has signed it: take the folder from its author."
+        )
     return statement, content, signature, key
 
 
@@ -155,12 +177,26 @@ def _find_changes(folder: Path, statement: _Statement) -> Iterator[str]:
             yield f"{name}: was removed"
         elif found[name] != signed[name]:
             yield f"{name}: was altered (SHA-256 {signed[name][:12]}…, is {found[name][:12]}…)"
-            results = ResultsFolder(folder)
-            if name == results.trials.name:
-                yield from _find_changed_rows(results, statement["rows"])
+    results = ResultsFolder(folder)
+    if results.trials.name in found:
+        yield from _find_changed_rows(results, statement["rows"])
+    yield from _find_wrong_claims(results, statement)
 
 
-# The file's hash has said that something differs; this says what.
+# What an author signs of a folder is not always what is in it.
+def _find_wrong_claims(results: ResultsFolder, statement: _Statement) -> Iterator[str]:
+    name = results.manifest.name
+    try:
+        manifest = results.read_json(results.manifest)
+    except UsageError as error:
+        yield f"{name}: cannot be read ({str(error).splitlines()[0]})"
+        return
+    for key, claimed in (("suite", statement["suite"]), ("suite_hash", statement["suite_hash"])):
+        if claimed != (found := str(manifest.get(key))):
+            yield f"{STATEMENT_FILE}: says {key} {claimed}, {name} says {found}"
+
+
+# Hashes of files say that something differs; this says what, and whether it was signed as it is.
 def _find_changed_rows(results: ResultsFolder, signed: Mapping[str, str]) -> Iterator[str]:
     name = results.trials.name
     try:

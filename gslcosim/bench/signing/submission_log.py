@@ -15,12 +15,13 @@ from typing import Any, Required, TypedDict
 from gslcosim.base.errors import UsageError, build_machine_error
 from gslcosim.base.files import append_bytes, hold_lock, read_regular_file
 from gslcosim.base.untrusted_input import MalformedFileError, parse_json
-from gslcosim.bench.signing.keys import SignatureError, check_digest, sign_digest
+from gslcosim.bench.signing.keys import NAMESPACE, NOTE_NAMESPACE, SignatureError, check_digest, check_text, sign_digest
 from gslcosim.bench.signing.signed_results import SignedResults
 
 FIRST = "0" * 64
 """What the first line has for the hash of the line before."""
 
+_PURPOSES = {"submission": NAMESPACE, "note": NOTE_NAMESPACE}
 _MAX_BYTES = 1_000_000_000
 _MAX_LISTED = 8
 
@@ -74,7 +75,7 @@ def read_log(path: Path, *, head: str | None = None) -> list[LogLine]:
     """
     lines, problems = _parse(path)
     problems = [*problems, *_find_broken_links(lines), *_find_wrong_signatures(lines), *_find_repeated(lines)]
-    if head is not None and head not in {line.hash for line in lines}:
+    if head is not None and head not in {FIRST, *(line.hash for line in lines)}:
         problems.append(f"no line has the hash {head}: lines were dropped at the end, or all were written anew")
     if problems:
         more = [f"and {len(problems) - _MAX_LISTED} more"] if len(problems) > _MAX_LISTED else []
@@ -98,24 +99,15 @@ def add_submission(path: Path, signed: SignedResults) -> LogLine:
         UsageError: they are in it.
         MachineError: it cannot be written.
     """
-    return _add(
-        path,
-        kind="submission",
-        key=signed.key.text,
-        author=signed.author,
-        signed_at=signed.signed_at,
-        suite=signed.suite,
-        suite_hash=signed.suite_hash,
-        text="",
-        statement_hash=signed.statement_hash,
-        signature=signed.signature,
-    )
+    return _add(path, kind="submission", text="", **_list_fields(signed))
 
 
 def add_note(path: Path, text: str, key_path: Path, *, author: str, signed_at: str) -> LogLine:
     """Add a signed note to a log, such as the commitment to a seed; as `add_submission`."""
+    check_text(text, "--note")
+    check_text(author, "--name")
     digest = hashlib.sha256(text.encode())
-    signature, key = sign_digest(digest.digest(), key_path)
+    signature, key = sign_digest(digest.digest(), key_path, namespace=NOTE_NAMESPACE)
     return _add(
         path,
         kind="note",
@@ -139,15 +131,33 @@ def find_submission(lines: Sequence[LogLine], signed: SignedResults, *, path: Pa
         path: The log, for errors.
 
     Raises:
-        SignatureError: they are not in it.
+        SignatureError: they are not in it, or the line says something else of them.
     """
     for line in lines:
-        if line.kind == "submission" and (line.key, line.statement_hash) == (signed.key.text, signed.statement_hash):
+        if line.kind == "submission" and line.statement_hash == signed.statement_hash:
+            if wrong := [name for name, value in _list_fields(signed).items() if getattr(line, name) != value]:
+                raise SignatureError(
+                    f"{path}: line {line.number}: expected {wrong[0]} as in what was signed, "
+                    f"{_list_fields(signed)[wrong[0]]}, was {getattr(line, wrong[0])}. Its organiser has written "
+                    "something else: ask why."
+                )
             return line
     raise SignatureError(
         f"{path}: expected a line with the statement {signed.statement_hash}, found none. Its organiser adds it with "
         "bench log --add; results that are signed again are another submission."
     )
+
+
+def _list_fields(signed: SignedResults) -> dict[str, str]:
+    return {
+        "key": signed.key.text,
+        "author": signed.author,
+        "signed_at": signed.signed_at,
+        "suite": signed.suite,
+        "suite_hash": signed.suite_hash,
+        "statement_hash": signed.statement_hash,
+        "signature": signed.signature,
+    }
 
 
 def _add(path: Path, **fields: str) -> LogLine:
@@ -210,8 +220,12 @@ def _find_broken_links(lines: Sequence[LogLine]) -> Iterator[str]:
 def _find_wrong_signatures(lines: Sequence[LogLine]) -> Iterator[str]:
     for line in lines:
         where = f"line {line.number} ({_describe(line)})"
+        if line.kind not in _PURPOSES:
+            yield f"{where}: is neither a submission nor a note"
+            continue
         try:
-            key = check_digest(bytes.fromhex(line.statement_hash), line.signature, place=where)
+            digest = bytes.fromhex(line.statement_hash)
+            key = check_digest(digest, line.signature, place=where, namespace=_PURPOSES[line.kind])
         except (SignatureError, ValueError):
             yield f"{where}: its signature is one of something else"
             continue
@@ -223,9 +237,9 @@ def _find_wrong_signatures(lines: Sequence[LogLine]) -> Iterator[str]:
 
 def _find_repeated(lines: Sequence[LogLine]) -> Iterator[str]:
     # By another key too: whoever signs somebody else's statement is the second.
-    seen: dict[str, int] = {}
+    seen: dict[tuple[str, str], int] = {}
     for line in lines:
-        first = seen.setdefault(line.statement_hash, line.number)
+        first = seen.setdefault((line.kind, line.statement_hash), line.number)
         if first != line.number:
             yield f"line {line.number} ({_describe(line)}): repeats line {first}"
 

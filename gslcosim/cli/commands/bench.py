@@ -135,6 +135,7 @@ def _add_rank_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sandboxed", action="store_true", help="refuse runs whose agents had no sandbox")
     parser.add_argument("--signed", action="store_true", help="refuse results that nobody has signed")
     parser.add_argument("--log", type=Path, metavar="LOG", help="refuse results that are not in this log")
+    submission.add_head(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="write merged results, with a report, to this folder")
 
 
@@ -431,12 +432,15 @@ def _rank(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.submissions import rank
     from gslcosim.cli.run_output import format_ranking
 
+    if arguments.head is not None and arguments.log is None:
+        raise UsageError("--head: expected the log that has this line, --log LOG, found none. Add it.")
     ranking = rank(
         arguments.results,
         arguments.out,
         demands_sandbox=arguments.sandboxed,
         demands_signature=arguments.signed,
         log=arguments.log,
+        head=arguments.head,
     )
     if arguments.json:
         write_json(

@@ -61,6 +61,11 @@ def add_author(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_head(parser: argparse.ArgumentParser) -> None:
+    """Add which line a log is expected to have."""
+    parser.add_argument("--head", metavar="HASH", help="expect a line with this hash, noted when it was the last")
+
+
 def _add_log_arguments(parser: argparse.ArgumentParser) -> None:
     add_json_option(parser)
     parser.add_argument("log", type=Path, metavar="LOG", help="file of the log, made by --add or --note")
@@ -69,7 +74,7 @@ def _add_log_arguments(parser: argparse.ArgumentParser) -> None:
     adding.add_argument("--note", metavar="TEXT", help="add a text signed with --key, such as a commitment to a seed")
     parser.add_argument("--key", type=Path, metavar="FILE", help="private Ed25519 key that signs the note")
     parser.add_argument("--name", default="", metavar="NAME", help="your name, shown beside the key of the note")
-    parser.add_argument("--head", metavar="HASH", help="expect a line with this hash, noted when it was the last")
+    add_head(parser)
 
 
 def _log(arguments: argparse.Namespace) -> int:
@@ -107,6 +112,7 @@ def _add_audit_arguments(parser: argparse.ArgumentParser) -> None:
     add_json_option(parser)
     parser.add_argument("results", type=Path, metavar="RESULTS", help="a signed results folder")
     parser.add_argument("--log", type=Path, required=True, metavar="LOG", help="log of submissions that has RESULTS")
+    add_head(parser)
     parser.add_argument(
         "--beacon",
         required=True,
@@ -140,20 +146,21 @@ def _parse_share(text: str) -> float:
 
 def _audit(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.execution.verification import RepeatableResults
-    from gslcosim.bench.signing.keys import parse_author
+    from gslcosim.bench.signing.keys import check_text, parse_author
     from gslcosim.bench.signing.signed_results import check_signature
     from gslcosim.bench.signing.submission_log import find_submission, read_log
     from gslcosim.bench.statistics.audits import required_draw
     from gslcosim.bench.store import ResultsFolder
     from gslcosim.cli.run_output import format_signature, format_verification, signature_to_json, verification_to_json
 
+    check_text(arguments.beacon, "--beacon")
     folder = ResultsFolder(arguments.results)
     folder.check()
     author = None if arguments.author is None else parse_author(arguments.author)
     signed = check_signature(folder.path, author=author)
     if signed is None:
         raise UsageError(f"{folder.path}: expected signed results, were unsigned ones. Their author signs them.")
-    line = find_submission(read_log(arguments.log), signed, path=arguments.log)
+    line = find_submission(read_log(arguments.log, head=arguments.head), signed, path=arguments.log)
     again = RepeatableResults(folder, choose_loader(arguments))
     n_flown = len(again.list_flown())
     if not n_flown:

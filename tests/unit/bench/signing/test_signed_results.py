@@ -244,6 +244,21 @@ def test_contents_that_hashes_of_files_miss_are_refused(folder, key):
     assert results_hash(folder) == before
 
 
+def test_a_statement_is_compared_with_its_folder_and_its_key(folder, key, tmp_path):
+    """An author can sign anything, and anybody what an author has written."""
+    signed = json.loads((folder / "signed.json").read_text())
+    for change, what in (
+        ({"rows": {}}, r"trials\.parquet: row of trial .* was added"),
+        ({"suite_hash": "other"}, r"signed\.json: says suite_hash other, manifest\.json says "),
+        ({"suite": "open_2026"}, r"signed\.json: says suite open_2026, manifest\.json says synthetic"),
+    ):
+        resign(folder, key, {**signed, **change})
+        assert re.search(what, error_of(folder))
+    write_key(tmp_path / "eve", "")
+    resign(folder, tmp_path / "eve", signed)
+    assert "Somebody else has signed it" in error_of(folder)
+
+
 def resign(folder, key, statement):
     """Sign a statement that gslcosim would not write."""
     content = (json.dumps(statement, indent=0) + "\n").encode()
@@ -289,6 +304,17 @@ def test_what_cannot_sign_is_refused(folder, key, tmp_path):
     (folder / "agents" / "link").symlink_to("/etc/passwd")
     with pytest.raises(UsageError, match="agents/link: is a link"):
         sign_results(folder, key, author="", signed_at="")
+    (folder / "agents" / "link").unlink()
+    shutil.copy(key, folder / "agents" / "mine" / "k")
+    with pytest.raises(UsageError, match="k: expected a file for everybody, was a private key"):
+        sign_results(folder, key, author="", signed_at="")
+    for refuse in (
+        lambda: sign_results(folder, key, author="\udcff", signed_at=""),
+        lambda: write_key(tmp_path / "key", "\udcff"),
+    ):
+        with pytest.raises(UsageError, match="--name: expected a text in UTF-8"):
+            refuse()
+    assert not (tmp_path / "key").exists()
     with pytest.raises(UsageError, match="--author: expected an Ed25519 key"):
         parse_author("ssh-ed25519 AAAA")
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import UsageError
-from gslcosim.bench.signing.keys import SignatureError, write_key
+from gslcosim.bench.signing.keys import SignatureError, check_digest, write_key
 from gslcosim.bench.signing.signed_results import check_signature, sign_results
-from gslcosim.bench.signing.submission_log import add_note, add_submission, find_submission, read_log
+from gslcosim.bench.signing.submission_log import FIRST, add_note, add_submission, find_submission, read_log
 from gslcosim.cli.main import main
 
 N_NOTES = 5
@@ -118,6 +118,53 @@ def test_a_submission_is_there_once_whoever_signs_it(log, signed_once, tmp_path)
     assert add_submission(log, signed).number == len(read_log(log))
 
 
+def test_a_line_that_says_something_else_of_a_submission_is_named(log, signed_once):
+    """The signature is of the statement alone: whoever keeps the log can write the rest."""
+    from gslcosim.bench.signing import submission_log
+
+    signed = check_signature(signed_once)
+    for field in ("author", "signed_at", "suite", "suite_hash"):
+        previous, forged = submission_log.FIRST, []
+        for entry in map(json.loads, log.read_text().splitlines()):
+            if entry["kind"] == "submission":
+                entry[field] = "forged"
+            entry["previous"] = previous
+            entry["hash"] = previous = submission_log._hash(entry)
+            forged.append(json.dumps(entry, separators=(",", ":")) + "\n")
+        other = log.with_name("forged.jsonl")
+        other.write_text("".join(forged))
+        with pytest.raises(SignatureError, match=rf"line 4: expected {field} as in what was signed, .*, was forged"):
+            find_submission(read_log(other), signed, path=other)
+
+
+def test_a_note_is_no_submission(signed_once, key, tmp_path):
+    """Neither does its signature count as one of results, nor does its text keep results out."""
+    text = (signed_once / "signed.json").read_text()
+    log = tmp_path / "log.jsonl"
+    note = add_note(log, text, key, author="", signed_at="")
+    with pytest.raises(SignatureError, match="for another purpose"):
+        check_digest(bytes.fromhex(note.statement_hash), note.signature, place="")
+    assert add_submission(log, check_signature(signed_once)).number == 2
+    for texts in (("\udcff", ""), ("x", "\udcff")):
+        with pytest.raises(UsageError, match="expected a text in UTF-8"):
+            add_note(log, texts[0], key, author=texts[1], signed_at="")
+    assert len(read_log(log, head=FIRST)) == 2
+
+
+def test_audit_and_rank_expect_the_noted_head(log, signed_once, capsys):
+    folder, head = str(signed_once), "1" * 64
+    for words in (
+        ["audit", folder, "--log", str(log), "--beacon", "x", "--head", head],
+        ["rank", folder, "--log", str(log), "--head", head],
+    ):
+        assert main(["bench", *words]) == 2
+        assert f"no line has the hash {head}" in capsys.readouterr().err
+    assert main(["bench", "rank", folder, "--head", head]) == 2
+    assert "--head: expected the log" in capsys.readouterr().err
+    assert main(["bench", "audit", folder, "--log", str(log), "--beacon", "\udcff"]) == 2
+    assert "--beacon: expected a text in UTF-8" in capsys.readouterr().err
+
+
 def test_the_command_line_adds_and_checks(signed_once, key, tmp_path, capsys):
     log = tmp_path / "log.jsonl"
     assert main(["bench", "log", str(log), "--note", "commitment: 1f0c", "--key", str(key), "--name", "Org"]) == 0
@@ -128,6 +175,6 @@ def test_the_command_line_adds_and_checks(signed_once, key, tmp_path, capsys):
     assert f"Note the hash of the last: {head}" in shown
     assert main(["bench", "log", str(log), "--head", head, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["head"] == head
-    assert main(["bench", "log", str(log), "--head", "0" * 64]) == 2
+    assert main(["bench", "log", str(log), "--head", "1" * 64]) == 2
     assert main(["bench", "log", str(tmp_path / "none.jsonl")]) == 2
     assert main(["bench", "log", str(log), "--note", "x"]) == 2
