@@ -97,8 +97,16 @@ def add_trusted(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def verify_here(arguments: argparse.Namespace, again: "RepeatableResults", trials: "Sequence[Trial]") -> "Verification":
+def verify_here(
+    arguments: argparse.Namespace, again: "RepeatableResults", trials: "Sequence[Trial]", contents: str
+) -> "Verification":
     """Run trials of results again where the command line asks for, and compare them with their rows.
+
+    Args:
+        arguments: Of the command line.
+        again: The results.
+        trials: Which of their trials.
+        contents: The `results_hash` of their folder, from before its signature was checked.
 
     Raises:
         UsageError: there are no trials, or their programs cannot be confined here.
@@ -115,7 +123,7 @@ def verify_here(arguments: argparse.Namespace, again: "RepeatableResults", trial
     pool = start_pool(arguments, again.plan.loaded.suite.limits)
     try:
         with ProgressLine("verifying", is_quiet=arguments.json) as line:
-            return verify_trials(again, trials, pool, line.count, is_trusted=arguments.trusted)
+            return verify_trials(again, trials, pool, line.count, contents=contents, is_trusted=arguments.trusted)
     finally:
         pool.close()
 

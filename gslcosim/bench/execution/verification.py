@@ -288,6 +288,7 @@ def verify_trials(
     pool: Pool,
     report: Callable[[int, int], None] = lambda _done, _total: None,
     *,
+    contents: str | None = None,
     is_trusted: bool = False,
 ) -> Verification:
     """Run trials again, compare all columns but those of the clock, and keep the result in this user's state.
@@ -297,13 +298,14 @@ def verify_trials(
         trials: Which of its runs.
         pool: Who flies.
         report: Receives how many of how many are done.
+        contents: The `results_hash` of the folder before anything was read of it; absent: as it is now.
         is_trusted: Whether programs are started as the suite says; otherwise all of them are in a sandbox.
 
     Raises:
         UsageError: the folder was changed meanwhile.
         MachineError: the result cannot be kept.
     """
-    contents = results_hash(again.folder.path)
+    contents = results_hash(again.folder.path) if contents is None else contents
     rooms = _rooms(trials, pool)
     differences: list[Difference] = []
     sandboxes: Counter[str] = Counter()

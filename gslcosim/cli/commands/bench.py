@@ -383,11 +383,14 @@ def _verify(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.signing.keys import parse_author
     from gslcosim.bench.signing.signed_results import check_signature
     from gslcosim.bench.store import ResultsFolder
+    from gslcosim.bench.verification_marks import results_hash
     from gslcosim.cli.run_output import format_signature, format_verification, signature_to_json, verification_to_json
 
     folder = ResultsFolder(arguments.results)
     folder.check()
     author = None if arguments.author is None else parse_author(arguments.author)
+    # Before the signature is checked, so that the mark is of what was signed.
+    contents = "" if arguments.signature_only else results_hash(folder.path)
     signed = check_signature(folder.path, author=author)
     if arguments.signature_only:
         if signed is None:
@@ -399,7 +402,7 @@ def _verify(arguments: argparse.Namespace) -> int:
         return 0
     again = RepeatableResults(folder, choose_loader(arguments))
     seed = secrets.randbelow(1 << 31) if arguments.seed is None else arguments.seed
-    verification = verify_here(arguments, again, again.draw(arguments.sample, seed=str(seed)))
+    verification = verify_here(arguments, again, again.draw(arguments.sample, seed=str(seed)), contents)
     if arguments.json:
         write_json(verification_to_json(verification) | {"seed": seed, "signature": signature_to_json(signed)})
     else:

@@ -151,12 +151,15 @@ def _audit(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.signing.submission_log import find_submission, read_log
     from gslcosim.bench.statistics.audits import required_draw
     from gslcosim.bench.store import ResultsFolder
+    from gslcosim.bench.verification_marks import results_hash
     from gslcosim.cli.run_output import format_signature, format_verification, signature_to_json, verification_to_json
 
     check_text(arguments.beacon, "--beacon")
     folder = ResultsFolder(arguments.results)
     folder.check()
     author = None if arguments.author is None else parse_author(arguments.author)
+    # Before the signature is checked, so that the mark is of what was signed.
+    contents = results_hash(folder.path)
     signed = check_signature(folder.path, author=author)
     if signed is None:
         raise UsageError(f"{folder.path}: expected signed results, were unsigned ones. Their author signs them.")
@@ -185,7 +188,7 @@ def _audit(arguments: argparse.Namespace) -> int:
         listed = "".join(f"\n  {trial.id} {trial.case}, {trial.entry}" for trial in trials)
         write_json(facts) if arguments.json else write(f"{draw}{listed}")
         return 0
-    verification = verify_here(arguments, again, trials)
+    verification = verify_here(arguments, again, trials, contents)
     if arguments.json:
         write_json(verification_to_json(verification) | facts)
     else:

@@ -224,6 +224,9 @@ def test_a_program_that_is_a_link_to_a_file_of_who_verifies_is_refused(here, tmp
     shutil.move(program, private / "program.py")
     program.symlink_to(private / "program.py")
     assert verify(folder) == 2
+    assert "program.py: is a link" in capsys.readouterr().err
+    trial = next(row["trial"] for row in ResultsFolder(folder).rows() if row["entry"] == "command")
+    assert main(["bench", "show", str(folder), "--trial", trial, "--no-view"]) == 2
     assert f"was one that names something in {private}" in capsys.readouterr().err
     assert reached(outside) == set()
 
