@@ -14,7 +14,7 @@ from gslcosim.base.errors import UsageError
 from gslcosim.bench.statistics.estimates import Estimate
 from gslcosim.bench.statistics.pairs import sign_flip
 from gslcosim.bench.statistics.ranking import estimate_means
-from gslcosim.bench.statistics.rates import rate_over_units
+from gslcosim.bench.statistics.rates import pool_design_effect, rate_over_units
 from gslcosim.bench.statistics.sampling_units import Level, SamplingUnits, find_sampling_units
 from gslcosim.bench.statistics.times import restricted_mean
 from gslcosim.bench.store import TRACKS, TRIALS, ResultsFolder
@@ -106,18 +106,27 @@ class Results:
         return table.filter(_compute.is_in(table["trial"], value_set=self.trials["trial"].combine_chunks()))
 
     def success(self, entry: str) -> Estimate:
-        """Return the success rate of an entry, with Wilson's interval for as many runs as its rooms are worth."""
+        """Return the success rate of an entry, with Wilson's interval for as many runs as its rooms are worth.
+
+        Each case counts the same. How alike the runs of a room are is taken from all entries here where an entry
+        always or never succeeds.
+        """
+        effect = pool_design_effect(
+            (rows.array("success").astype(bool), rows.sampling_units()) for rows in map(self._of, self.entries)
+        )
         rows = self._of(entry)
-        return rate_over_units(rows.array("success").astype(bool), rows.sampling_units())
+        return rate_over_units(rows.array("success").astype(bool), rows.sampling_units(), effect=effect)
 
     def mean_time_s(self, entry: str) -> Estimate:
-        """Return the mean of min(time to source, limit) of an entry [s]; failures count with the limit."""
+        """Return the mean over cases of min(time to source, limit) of an entry [s]; failures count with the limit."""
         rows = self._of(entry)
+        units = rows.sampling_units()
         return restricted_mean(
             rows.array("time_s"),
             rows.array("success").astype(bool),
             rows.array("time_limit_s").astype(float),
-            clusters=rows.sampling_units().clusters,
+            clusters=units.clusters,
+            cells=units.case,
         )
 
     def sampling_units(self) -> SamplingUnits:
@@ -203,8 +212,9 @@ class Comparison:
     """Two entries on their pairs: `a` minus `b`.
 
     `success` is the difference in success, `time_s` that in the restricted mean time [s], `success_p` and `time_p`
-    those of the sign-flip test; `better` is how likely `a` is the quicker one on a pair, ties half. Intervals and tests
-    draw what `drawn` says: whole rooms, whole plumes or single runs.
+    those of the sign-flip test; `better` is how likely `a` is the quicker one on a pair, ties half. Cases count the
+    same, however many runs they have. Intervals and tests draw what `drawn` says: whole rooms, whole plumes or single
+    runs.
     """
 
     a: str
@@ -236,16 +246,19 @@ def compare(results: Results, a: str, b: str) -> Comparison:
     time_a, time_b = (values.astype(float) for values in rows.paired("time_s", a, b))
     units = find_sampling_units(*(rows.paired(name, a, b)[0] for name in UNIT_COLUMNS))
     is_quicker = 0.5 + 0.5 * np.sign(time_b - time_a)
-    success = estimate_means((success_a - success_b)[:, None], units, bounds=(-1.0, 1.0))[0]
-    better = estimate_means(is_quicker[:, None], units, bounds=(0.0, 1.0))[0]
+    success = estimate_means((success_a - success_b)[:, None], units, units.case, bounds=(-1.0, 1.0))[0]
+    better = estimate_means(is_quicker[:, None], units, units.case, bounds=(0.0, 1.0))[0]
+    # Cases of few runs weigh as much as others in the sums of the test too.
+    of_case = np.bincount(units.case)
+    weight = of_case.max() / of_case[units.case]
     return Comparison(
         a=a,
         b=b,
         n=len(success_a),
         success=success,
-        success_p=sign_flip(success_a, success_b, clusters=units.clusters),
-        time_s=estimate_means((time_a - time_b)[:, None], units)[0],
-        time_p=sign_flip(time_a, time_b, clusters=units.clusters),
+        success_p=sign_flip(weight * success_a, weight * success_b, clusters=units.clusters),
+        time_s=estimate_means((time_a - time_b)[:, None], units, units.case)[0],
+        time_p=sign_flip(weight * time_a, weight * time_b, clusters=units.clusters),
         better=better,
         drawn=units.level,
     )

@@ -127,11 +127,12 @@ def summarise_times(material: ReportData, within: Flags) -> tuple[TimeSummary, .
 
 def _times(rows: TrialRows, entry: int, some: Ints, edges_s: Floats) -> TimeSummary:
     time_s, success, clusters = rows.time_s[some], rows["success"][some], sampling_units(rows, some).clusters
+    cells = rows.cells[some]
     end_s = np.nan_to_num(rows["end_s"][some], nan=0.0)
     run_s = np.where(success, time_s, np.where(end_s > 0.0, end_s, rows["time_limit_s"][some]))
     return TimeSummary(
         entry=entry,
-        restricted_s=restricted_mean(time_s, success, rows["time_limit_s"][some], clusters=clusters),
+        restricted_s=restricted_mean(time_s, success, rows["time_limit_s"][some], clusters=clusters, cells=cells),
         median_s=median_time(time_s, success, clusters=clusters, n_draws=1000),
         expected_s=expected_running_time(run_s, success, clusters=clusters, n_draws=1000),
         found_s=mean_of_successes(time_s, success),

@@ -13,7 +13,7 @@ from gslcosim.bench.statistics.aggregates import (
 )
 from gslcosim.bench.statistics.estimates import UNDEFINED, Estimate, encode_labels
 from gslcosim.bench.statistics.ranking import EntryComparison, compare_entries
-from gslcosim.bench.statistics.rates import lift, lift_over_units, rate_over_units
+from gslcosim.bench.statistics.rates import lift, lift_over_units, pool_design_effect, rate_over_units
 from gslcosim.bench.statistics.sampling_units import SamplingUnits, find_sampling_units
 from gslcosim.bench.statistics.times import restricted_mean
 
@@ -31,7 +31,7 @@ class LeaderboardRow:
         score: Mean over cases of the mean q of each.
         worst: The same over the quarter of the cases in which it is worst.
         normalised: (score - walker) / (oracle - walker), both anchors taken as they are; undefined without them.
-        success: Share of runs.
+        success: Mean over cases of the share of runs; so are the other shares, the time and SPL.
         declared_05: Share of runs whose first declaration was within 0.5 m of the source; undefined where no entry of
             the results declares.
         declared_1: The same within 1 m.
@@ -74,7 +74,9 @@ def build_leaderboard(material: ReportData, within: Flags) -> tuple[tuple[Leader
     """
     rows = material.rows
     flown = [(i, np.flatnonzero(within & (rows.entry == i))) for i in range(len(material.entries))]
-    bare = [_standing(rows, i, chosen) for i, chosen in flown if chosen.size]
+    with_gas = [chosen[~rows.is_control[chosen]] for _, chosen in flown]
+    effect = pool_design_effect((rows["success"][some], sampling_units(rows, some)) for some in with_gas if some.size)
+    bare = [_standing(rows, i, chosen, effect) for i, chosen in flown if chosen.size]
     bare = [row for row in bare if row.n]
     lower = next((r.score.value for r in bare if material.entries[r.entry].anchor == "upper"), None)
     upper = next((r.score.value for r in bare if material.entries[r.entry].anchor == "lower"), None)
@@ -117,7 +119,8 @@ def sampling_units(rows: TrialRows, chosen: Ints) -> SamplingUnits:
     return find_sampling_units(rows.rooms[chosen], rows.gas[chosen], rows.cells[chosen])
 
 
-def _standing(rows: TrialRows, entry: int, chosen: Ints) -> LeaderboardRow:
+# The design effect of success over all entries serves rates of 0 and 1, which show none themselves.
+def _standing(rows: TrialRows, entry: int, chosen: Ints, effect: float) -> LeaderboardRow:
     controls = chosen[rows.is_control[chosen]]
     chosen = chosen[~rows.is_control[chosen]]
     success, cells, units = rows["success"][chosen], rows.cells[chosen], sampling_units(rows, chosen)
@@ -131,16 +134,18 @@ def _standing(rows: TrialRows, entry: int, chosen: Ints) -> LeaderboardRow:
         score=bootstrap_cells(rows.score[chosen], cells, clusters=units.clusters, strata=units.stratum),
         worst=bootstrap_worst_quarter(rows.score[chosen], cells, clusters=units.clusters, strata=units.stratum),
         normalised=UNDEFINED,
-        success=rate_over_units(success, units),
+        success=rate_over_units(success, units, effect=effect),
         **{
-            name: rate_over_units(error_m <= radius_m, units) if declares else UNDEFINED
+            name: rate_over_units(error_m <= radius_m, units, effect=effect) if declares else UNDEFINED
             for name, radius_m in DECLARED_WITHIN_M.items()
         },
         lift=lift_with_interval(rows, chosen, controls),
-        time_s=restricted_mean(rows.time_s[chosen], success, rows["time_limit_s"][chosen], clusters=units.clusters)
+        time_s=restricted_mean(
+            rows.time_s[chosen], success, rows["time_limit_s"][chosen], clusters=units.clusters, cells=cells
+        )
         if len(chosen)
         else UNDEFINED,
-        spl=stratified_bootstrap(np.nan_to_num(rows["spl"][chosen]), units.stratum, clusters=units.clusters),
+        spl=bootstrap_cells(np.nan_to_num(rows["spl"][chosen]), cells, clusters=units.clusters, strata=units.stratum),
         overhead=median_with_interval(overhead[np.isfinite(overhead)]),
         false_alarms=_false_alarms(rows, chosen, controls),
         decision_ms=median_with_interval(decision_ms[np.isfinite(decision_ms)]),

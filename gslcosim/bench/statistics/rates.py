@@ -1,6 +1,7 @@
 """Success rates with intervals, differences of rates, and lift over luck."""
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -75,18 +76,22 @@ def _check_counts(successes: int, n: int) -> None:
 
 
 def rates_over_units(
-    outcomes: np.ndarray, units: SamplingUnits, level: float = LEVEL
+    outcomes: np.ndarray, units: SamplingUnits, level: float = LEVEL, *, effect: float = math.nan
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return rates with Wilson's intervals for as many flights as whole units are worth.
+    """Return rates over cases with Wilson's intervals for as many flights as whole units are worth.
 
-    n_e = min(n, p (1 - p) / v) (z / t)^2        v variance over units, z normal and t Student's quantile
+    n_e = min(n', p (1 - p) / v) (z / t)^2        v variance over units, z normal and t Student's quantile
+    n' = 1 / sum w^2        w = 1 / (cases x flights of the case), so n where cases have equally many flights
 
-    Where each flight is a unit this is Wilson's interval itself.
+    Where each flight is a unit this is Wilson's interval itself. A rate of 0 or 1 shows no spread, which says nothing
+    of how alike the flights of a unit are: p (1 - p) / v is then n' / `effect`, and at least the number of units.
 
     Args:
         outcomes: (n, m) a row per flight.
         units: Of the n flights.
         level: Confidence level, 0 to 1.
+        effect: Design effect where a rate is 0 or 1; nan: that of the other columns, or, without any, as if each unit
+            was one flight.
 
     Returns:
         Rates, lower and upper ends, (m,) each; nan without flights, ends nan where units show no spread.
@@ -102,14 +107,18 @@ def rates_over_units(
     if n == 0:
         unknown = np.full(m, math.nan)
         return unknown, unknown, unknown
-    p, z, size = outcomes.mean(axis=0), two_sided_z(level), np.full(m, float(n))
+    p, variance, alone = _rates_and_variances(outcomes, units)
+    z, most = two_sided_z(level), _independent_size(units)
+    size = np.full(m, most)
     if units.level != "flights":
         if units.freedom < 1:
             unknown = np.full(m, math.nan)
             return p, unknown, unknown
-        variance = (compute_means(outcomes, units, None).residual ** 2).sum(axis=0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            size = np.where(variance > 0.0, np.minimum(p * (1 - p) / variance, n), n)
+        spread = variance > 0.0
+        if math.isnan(effect):
+            effect = float(variance[spread].sum() / alone[spread].sum()) if spread.any() else math.inf
+        size[spread] = np.minimum(most * alone[spread] / variance[spread], most)
+        size[~spread] = min(max(most / effect, units.n), most)
         size = size * (z / student_quantile(0.5 + level / 2.0, units.freedom)) ** 2
     # With a variance of all there can be, p (1 - p), a rate stands on one flight at least.
     size = np.maximum(size, 1.0)
@@ -118,13 +127,46 @@ def rates_over_units(
     return p, np.where(p <= 0.0, 0.0, centre - half), np.where(p >= 1.0, 1.0, centre + half)
 
 
-def rate_over_units(outcomes: np.ndarray, units: SamplingUnits, level: float = LEVEL) -> Estimate:
+def rate_over_units(
+    outcomes: np.ndarray, units: SamplingUnits, level: float = LEVEL, *, effect: float = math.nan
+) -> Estimate:
     """Return one rate of `rates_over_units`; `outcomes` are (n,)."""
     outcomes = np.asarray(outcomes, dtype=bool)
     if not outcomes.size:
         return UNDEFINED
-    value, low, high = (float(part[0]) for part in rates_over_units(outcomes[:, None], units, level))
+    value, low, high = (float(part[0]) for part in rates_over_units(outcomes[:, None], units, level, effect=effect))
     return Estimate(value, low, high, outcomes.size)
+
+
+def pool_design_effect(samples: Iterable[tuple[np.ndarray, SamplingUnits]]) -> float:
+    """Return the design effect of several rates: variance over units by that of independent flights, nan if unknown.
+
+    sum v / sum (p (1 - p) / n')        over the rates other than 0 and 1, as in `rates_over_units`
+
+    Args:
+        samples: (n,) outcomes with their units, of each entry.
+    """
+    found = [_rates_and_variances(np.asarray(each, dtype=np.float64)[:, None], units) for each, units in samples]
+    seen, alone = (float(sum(each[i].sum() for each in found)) for i in (1, 2))
+    return seen / alone if seen > 0.0 and alone > 0.0 else math.nan
+
+
+# Rates, their variances over units and those of independent flights, (m,) each.
+def _rates_and_variances(outcomes: np.ndarray, units: SamplingUnits) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    if not len(outcomes):
+        nothing = np.zeros(outcomes.shape[1])
+        return nothing, nothing, nothing
+    means = compute_means(outcomes, units, units.case)
+    is_sure = np.ptp(outcomes, axis=0) == 0.0
+    p = np.where(is_sure, outcomes[0], means.value)
+    variance = np.where(is_sure, 0.0, (means.residual**2).sum(axis=0))
+    return p, variance, p * (1.0 - p) / _independent_size(units)
+
+
+def _independent_size(units: SamplingUnits) -> float:
+    of_case = np.bincount(units.case)
+    weight = 1.0 / (of_case[units.case] * len(of_case))
+    return float(1.0 / (weight**2).sum())
 
 
 def lift(success: np.ndarray, luck: np.ndarray, *, paired: bool, level: float = LEVEL) -> Estimate:
@@ -155,7 +197,7 @@ def lift(success: np.ndarray, luck: np.ndarray, *, paired: bool, level: float = 
 
 
 def lift_over_units(outcomes: np.ndarray, is_luck: np.ndarray, units: SamplingUnits, level: float = LEVEL) -> Estimate:
-    """Return the lift with Student's interval over whole units, each with its trials and its controls.
+    """Return the lift over cases, with Student's interval over whole units, each with its trials and its controls.
 
     Args:
         outcomes: (n,) whether each trial or control came near the source, or the place where it would be.
@@ -167,7 +209,7 @@ def lift_over_units(outcomes: np.ndarray, is_luck: np.ndarray, units: SamplingUn
         The lift; n counts trials and controls together; no interval where units show no spread.
     """
     both = np.stack([np.where(is_luck, np.nan, outcomes), np.where(is_luck, outcomes, np.nan)], axis=1)
-    means = compute_means(both, units, None)
+    means = compute_means(both, units, units.case)
     value = float(means.value[0] - means.value[1])
     if units.freedom < 1 or math.isnan(value):
         return Estimate(value, math.nan, math.nan, len(both)) if not math.isnan(value) else UNDEFINED

@@ -23,6 +23,7 @@ class SamplingUnits:
         level: The highest level that has enough units; those above it are taken as they are.
         unit: (n,) index of the unit of each flight.
         stratum: (n,) label of what units are drawn within; None: all units are drawn together.
+        case: (n,) index of the case of each flight: cases count the same, however many flights they have.
         n_rooms: Number of rooms.
         n_plumes: Number of plumes of all rooms.
     """
@@ -30,6 +31,7 @@ class SamplingUnits:
     level: Level
     unit: NDArray[np.int64]
     stratum: NDArray[np.int64] | None
+    case: NDArray[np.int64]
     n_rooms: int
     n_plumes: int
 
@@ -60,7 +62,10 @@ class SamplingUnits:
         """Return the units of some flights, of the same level."""
         unit = encode_labels(self.unit[chosen]) if len(chosen) else self.unit[:0]
         stratum = None if self.stratum is None else self.stratum[chosen]
-        return SamplingUnits(level=self.level, unit=unit, stratum=stratum, n_rooms=self.n_rooms, n_plumes=self.n_plumes)
+        case = encode_labels(self.case[chosen]) if len(chosen) else self.case[:0]
+        return SamplingUnits(
+            level=self.level, unit=unit, stratum=stratum, case=case, n_rooms=self.n_rooms, n_plumes=self.n_plumes
+        )
 
 
 def find_sampling_units(
@@ -91,7 +96,7 @@ def find_sampling_units(
     check_same_length(rooms=room, plumes=plume, cases=case)
     if not len(room):
         nothing = np.zeros(0, dtype=np.int64)
-        return SamplingUnits(level="flights", unit=nothing, stratum=None, n_rooms=0, n_plumes=0)
+        return SamplingUnits(level="flights", unit=nothing, stratum=None, case=nothing, n_rooms=0, n_plumes=0)
     room, case = encode_labels(room), encode_labels(case)
     plume = encode_labels(room * (int(encode_labels(plume).max()) + 1) + encode_labels(plume))
     n_rooms, n_plumes = int(room.max()) + 1, int(plume.max()) + 1
@@ -103,7 +108,7 @@ def find_sampling_units(
     ]
     for level, unit, candidates in levels:
         stratum = next((labels for labels in candidates if _has_two_units(labels, unit)), None)
-        units = SamplingUnits(level=level, unit=unit, stratum=stratum, n_rooms=n_rooms, n_plumes=n_plumes)
+        units = SamplingUnits(level=level, unit=unit, stratum=stratum, case=case, n_rooms=n_rooms, n_plumes=n_plumes)
         if level == "flights" or units.freedom >= MIN_FREEDOM:
             return units
     raise AssertionError("flights are always found")

@@ -76,7 +76,9 @@ def compute_figures(runs: SettingRuns) -> SettingFigures:
         score=_with_spread(
             stratified_bootstrap(runs.score, runs.units.stratum, clusters=runs.units.clusters), runs.score
         ),
-        time_s=restricted_mean(runs.time_s, runs.success, runs.limit_s, clusters=runs.units.clusters),
+        time_s=restricted_mean(
+            runs.time_s, runs.success, runs.limit_s, clusters=runs.units.clusters, cells=runs.units.case
+        ),
     )
 
 

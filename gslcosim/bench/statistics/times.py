@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gslcosim.base.errors import ShapeError
+from gslcosim.bench.statistics.aggregates import bootstrap_cells
 from gslcosim.bench.statistics.estimates import (
     LEVEL,
     N_DRAWS,
@@ -23,6 +24,7 @@ from gslcosim.bench.statistics.estimates import (
     check_same_length,
     degrees_of_freedom,
     draw_counts,
+    encode_labels,
     percentile_interval,
     student_quantile,
     two_sided_z,
@@ -142,6 +144,7 @@ def restricted_mean(
     limit_s: float | np.ndarray,
     *,
     clusters: np.ndarray | None = None,
+    cells: np.ndarray | None = None,
     level: float = LEVEL,
     seed: Seed = SEED,
     n_draws: int = N_DRAWS,
@@ -158,6 +161,7 @@ def restricted_mean(
         reached: (n,) whether the source was reached.
         limit_s: Time limit T of all trials, or (n,) of each [s].
         clusters: (n,) labels of trials that share their gas; with them the interval is a bootstrap over clusters.
+        cells: (n,) cases, which count the same however many trials they have; None: each trial does.
         level: Confidence level, 0 to 1.
         seed: Of the bootstrap.
         n_draws: Bootstrap samples.
@@ -172,7 +176,7 @@ def restricted_mean(
         tests/unit/bench/statistics/test_times.py (lifelines), test_simulated_entries.py (coverage)
     """
     counted_s = counted_times(time_s, reached, limit_s)
-    return _mean(counted_s, np.asarray(reached, dtype=bool), limit_s, clusters, level, seed, n_draws)
+    return _mean(counted_s, np.asarray(reached, dtype=bool), limit_s, clusters, cells, level, seed, n_draws)
 
 
 def median_time(
@@ -264,6 +268,7 @@ def _mean(
     reached: np.ndarray,
     limit_s: float | np.ndarray,
     clusters: np.ndarray | None,
+    cells: np.ndarray | None,
     level: float,
     seed: Seed,
     n_draws: int,
@@ -276,6 +281,8 @@ def _mean(
         return Estimate(
             float(counted_s.mean()), mean_limit_s * (1.0 - clopper_pearson(0, n, level).high), mean_limit_s, n
         )
+    if cells is not None and (clusters is not None or np.ptp(np.bincount(encode_labels(cells))) > 0):
+        return bootstrap_cells(counted_s, cells, clusters=clusters, level=level, rng=seed, n_draws=n_draws)
     if clusters is not None:
         return bootstrap(
             n, lambda rows: counted_s[rows].mean(axis=1), clusters=clusters, level=level, seed=seed, n_draws=n_draws
