@@ -201,6 +201,12 @@ def test_the_open_comparison_changes_one_thing_at_a_time_or_in_balance() -> None
     for case in cases[1:]:
         if case.family != "mixed":
             assert list(labels_of(case, core)) == [f"{LABELS}{case.family}"], case.name
+    airs = [
+        [value for value in case.overrides if value.startswith(("environment.", "wind."))]
+        for case in cases
+        if case.source.name == "core.yaml"
+    ]
+    assert all(one != other for one, other in combinations(airs, 2)), "open scenarios share a room"
     axes = [axis for axis in core.varied if len({case.varied[axis] for case in mixed}) > 1]
     assert len(axes) == 7
     for one, other in combinations(axes, 2):
