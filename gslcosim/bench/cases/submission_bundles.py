@@ -109,7 +109,8 @@ def _check_entry(entry: EntrySpec, folder: Path) -> None:
         )
     words = [entry.start.python] if entry.start.python is not None else [*(entry.start.command or ())]
     # The program alone may be one of the system: other files that a command names are kept with the results.
-    is_installed = entry.start.python is None and Path(words[0]).is_absolute() and is_system_path(Path(words[0]))
+    program = Path(os.path.normpath(words[0]))
+    is_installed = entry.start.python is None and program.is_absolute() and is_system_path(program)
     for word in words[is_installed:]:
         if outside := next((text for text in _list_paths(word) if _is_outside(text, folder)), None):
             raise UsageError(

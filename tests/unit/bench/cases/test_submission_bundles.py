@@ -158,6 +158,7 @@ def start_with(folder, start, name="mine"):
         (lambda folder: start_with(folder, "command: [./a, ../../x], door: stdio"), "was ../../x"),
         (lambda folder: start_with(folder, "command: [a, --x=/etc/passwd], door: stdio"), "was /etc/passwd"),
         (lambda folder: start_with(folder, "command: [a, 'parts:/etc'], door: stdio"), "was /etc"),
+        (lambda folder: start_with(folder, "command: [/usr/../tmp, agent.py], door: stdio"), "was /usr/../tmp"),
         (lambda folder: start_with(folder, "python: agent.py", name="oracle"), "that of an anchor, oracle"),
     ],
 )
