@@ -11,7 +11,7 @@ from gslcosim.bench.cases.models import LABELS, select_labels
 from gslcosim.bench.report.leaderboard import sampling_units
 from gslcosim.bench.report.report_data import Flags, ReportData, TrialRows
 from gslcosim.bench.statistics.estimates import UNDEFINED, Estimate
-from gslcosim.bench.statistics.rates import lift, rate_over_units
+from gslcosim.bench.statistics.rates import rate_over_units, subtract_rates
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +24,8 @@ class LevelSuccess:
         success: Over all cases with the level.
         alone: Success over the cases that differ from the core in this axis alone; of the core's level, over the core.
         approach: Share of the runs of `alone` that came within 1 m of a source at any time, whatever the criterion.
-        difference: Alone less the core, each with runs of its own; undefined for the core and where no case is alone.
+        difference: Alone less the core, each with runs of its own, over whole rooms or plumes; undefined for the core
+            and where no case is alone. It is not corrected for the number of levels.
     """
 
     axis: str
@@ -76,10 +77,12 @@ def _level_success(
         success=_rate(rows, success, here),
         alone=_rate(rows, success, alone),
         approach=_rate(rows, np.isfinite(rows["time_within_1_m_s"]), alone),
-        difference=lift(success[alone], success[core], paired=False)
-        if alone.any() and core.any() and not is_core
-        else UNDEFINED,
+        difference=_difference(rows, alone, core) if alone.any() and core.any() and not is_core else UNDEFINED,
     )
+
+
+def _difference(rows: TrialRows, alone: Flags, core: Flags) -> Estimate:
+    return subtract_rates(_rate(rows, rows["success"], alone), _rate(rows, rows["success"], core))
 
 
 def _rate(rows: TrialRows, holds: Flags, within: Flags) -> Estimate:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gslcosim.bench.report.analysis import Analysis, ReportView
+from gslcosim.bench.report.leaderboard import compare_within
 from gslcosim.bench.statistics.estimates import Estimate
 
 # What is blind finds the source in at least so many runs where that tells something of the criterion; chosen.
@@ -31,26 +32,24 @@ def _describe_blind_success(analysis: Analysis) -> list[str]:
         if not seeing or not rivals:
             continue
         best, rival = (max(some, key=lambda entry: rates[entry].value) for some in (seeing, rivals))
-        gain = _gain(view, best, rival)
-        if gain is None or gain.low > 0.0:
+        gain = _gain(analysis, view, best, rival)
+        if gain is None or not gain.high < analysis.material.smallest_difference:
             continue
         found.append(
             f"No olfaction is needed in {view.label}: {names[rival]}, which is blind, finds the source in "
             f"{_percent(rates[rival])} of the runs, and {names[best]}, the best of the others, in "
-            f"{_percent(rates[best])}: by the interval of the difference as often. Take a smaller success radius, a "
-            "shorter time limit or a larger room, or let methods declare the source."
+            f"{_percent(rates[best])}: at least as often, to the smallest difference that matters. Take "
+            "a smaller success radius, a shorter time limit or a larger room, or let methods declare the source."
         )
     return found
 
 
-# Of the best over the blind one; pairs are kept one way round.
-def _gain(view: ReportView, best: int, blind: int) -> Estimate | None:
-    for pair in view.pairs:
-        if (pair.a, pair.b) == (best, blind):
-            return pair.success
-        if (pair.a, pair.b) == (blind, best):
-            difference = pair.success
-            return Estimate(value=-difference.value, low=-difference.high, high=-difference.low, n=difference.n)
+# Of the best over the blind one, of these two alone: views of many entries have no pairs.
+def _gain(analysis: Analysis, view: ReportView, best: int, blind: int) -> Estimate | None:
+    rows = analysis.material.rows
+    within = np.isin(rows["scenario"], view.scenarios)
+    for pair in compare_within(rows, within, [best, blind]).pairs:
+        return pair.differences["success"]
     return None
 
 

@@ -233,10 +233,15 @@ def difference_of_rates(successes_a: int, n_a: int, successes_b: int, n_b: int, 
     Source:
         Newcombe 1998, doi:10.1002/(SICI)1097-0258(19980430)17:8<873::AID-SIM779>3.0.CO;2-I, method 10.
     """
-    a, b = wilson(successes_a, n_a, level), wilson(successes_b, n_b, level)
-    if n_a == 0 or n_b == 0:
-        return UNDEFINED
-    return _squared_and_added(a, b, 0.0, n_a + n_b)
+    return subtract_rates(wilson(successes_a, n_a, level), wilson(successes_b, n_b, level))
+
+
+def subtract_rates(a: Estimate, b: Estimate) -> Estimate:
+    """Return the difference of two independent rates, a - b, from their intervals, as `difference_of_rates`.
+
+    With intervals of `rate_over_units` it holds for whole rooms or plumes. Rooms that both share make it too wide.
+    """
+    return _squared_and_added(a, b, 0.0, a.n + b.n) if a.n and b.n else UNDEFINED
 
 
 def paired_difference_of_rates(a: np.ndarray, b: np.ndarray, level: float = LEVEL) -> Estimate:

@@ -61,6 +61,22 @@ def test_a_level_that_breaks_a_method_differs_from_the_core_and_others_do_not(fo
     assert np.isnan(levels["wind", "steady"].difference.value)
 
 
+def test_differences_of_levels_are_no_surer_than_rooms_make_them(folder):
+    """No run succeeds in one of ten rooms of the core and two of six of the level: single runs told these apart."""
+    material = load_report_data(folder)
+    rows, n = material.rows, N_REPETITIONS * 6
+    room = np.arange(n) * 16 // n
+    columns = {
+        "environment_hash": np.array([f"{i:064x}" for i in room]), "case": np.array([f"case_{i}" for i in room]),
+        "varied": np.array([json.dumps({"labels.wind": "steady" if i < 10 else "gusting"}) for i in room]),
+        "success": ~np.isin(room, (3, 11, 12)),
+    }  # fmt: skip
+    changed = replace(rows, columns=dict(rows.columns) | columns)
+    (difference,) = (each.difference for each in compare_levels(replace(material, rows=changed)) if not each.is_core)
+    assert difference.value == pytest.approx(-7 / 30, abs=0.02)
+    assert difference.high > 0.0
+
+
 def test_the_table_and_the_page_show_each_level(folder, tmp_path):
     analysis = analyse(load_report_data(folder))
     write_tables(analysis, tmp_path)
