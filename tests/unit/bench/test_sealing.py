@@ -123,7 +123,7 @@ def test_no_room_plume_or_noise_of_a_sealed_suite_is_one_that_is_public(suite: P
 
 
 def test_cases_with_seeds_of_their_own_cannot_be_sealed(suite: Path) -> None:
-    suite.write_text(SUITE.replace("gas.seed: null}", "gas.seed: null}, seeds: [11, 12]"))
+    suite.write_text(SUITE.replace(", gas.seed: null}", "}, seeds: [11, 12]"))
     with pytest.raises(UsageError, match="some have seeds of their own"):
         seal_suite(suite)
 
