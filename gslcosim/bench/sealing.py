@@ -60,7 +60,7 @@ class Seal:
 
 @dataclass(frozen=True, kw_only=True)
 class SealFiles:
-    """Where a seal was written to."""
+    """The two files of a seal: the commitment to publish, and the secret to keep."""
 
     commitment: Path
     secret: Path

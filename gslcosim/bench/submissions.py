@@ -154,7 +154,7 @@ class _Submission:
 
     @cached_property
     def signed(self) -> SignedResults | None:
-        """What its author has signed."""
+        """The statement that its author has signed."""
         return check_signature(self.results.folder)
 
     @property

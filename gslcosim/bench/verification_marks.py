@@ -13,7 +13,7 @@ from gslcosim.base.errors import UsageError, build_machine_error, find_remedy
 from gslcosim.base.files import replace_file, user_state_folder
 
 STATEMENT_FILE, SIGNATURE_FILE = "signed.json", "signed.json.sig"
-"""What an author has signed, and the signature: `gslcosim.bench.signing`."""
+"""Files of an author's statement and of its signature (`gslcosim.bench.signing`)."""
 
 _FOLDER = "verified"
 _PIECE_BYTES = 1 << 20

@@ -1,4 +1,4 @@
-"""What differences the report of `open_2026` tells apart: simulated results of its cases, rooms and entries.
+"""Power of the report of `open_2026` to tell differences apart: simulated results of its cases, rooms and entries.
 
     python tests/benchmarks/open_2026_power.py --suites 100
 

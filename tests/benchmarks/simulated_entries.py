@@ -1,4 +1,4 @@
-"""How often the comparison of entries errs: simulated suites whose truth is known, beside binomial bands.
+"""Error rates of the comparison of entries: simulated suites whose truth is known, beside binomial bands.
 
     make simulated-entries
     python tests/benchmarks/simulated_entries.py --suites 1000

@@ -108,7 +108,7 @@ class ScenarioSpec(Spec):
 
     @property
     def axes(self) -> tuple[Axis, ...]:
-        """What varies in this scenario alone: its starts first."""
+        """The axes of this scenario alone, its starts first."""
         return (*([{START_PATH: self.starts}] if self.starts else []), *self.vary)
 
     @model_validator(mode="after")

@@ -8,6 +8,7 @@ import hashlib
 import io
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import tarfile
@@ -40,6 +41,10 @@ _MAX_NAME_BYTES = 256
 _MAX_LOG_LINES = 20
 _BUNDLES = "bundles"
 _ENDING = ".tar"
+_NO_PROGRAM = (
+    "expected a word that names a file of the bundle, such as ./agent or run.sh in [sh, run.sh], found none. Name the "
+    "program by its file, or start it from a script in the folder; what build makes counts too."
+)
 _DIGEST = re.compile(r"[0-9a-f]{16}")
 
 Word = Annotated[str, Field(min_length=1)]
@@ -91,7 +96,7 @@ def load_submission(folder: Path) -> Submission:
         raise UsageError(
             f"{folder}: expected a folder with {SUBMISSION_FILE}, found none. docs/benchmark/submit.md has an example."
         )
-    submission = read_spec_file(path, Submission, shown_path=str(path), keys="schema, entry, build and lock")
+    submission = _read_submission(folder)
     for name in (CARD_FILE, *submission.lock):
         if not (folder / name).is_file():
             what = "the method's card" if name == CARD_FILE else "a file that lock names"
@@ -99,6 +104,11 @@ def load_submission(folder: Path) -> Submission:
     load_card(folder / CARD_FILE)
     _check_entry(submission.entry, folder)
     return submission
+
+
+def _read_submission(folder: Path) -> Submission:
+    path = folder / SUBMISSION_FILE
+    return read_spec_file(path, Submission, shown_path=str(path), keys="schema, entry, build and lock")
 
 
 def _check_entry(entry: EntrySpec, folder: Path) -> None:
@@ -150,9 +160,7 @@ def list_bundle_files(root: Path) -> list[Path]:
     Raises:
         ScenarioError: the submission file cannot be read, or has problems.
     """
-    path = root / SUBMISSION_FILE
-    submission = read_spec_file(path, Submission, shown_path=str(path), keys="schema, entry, build and lock")
-    return [path for path in _list_entries(root, submission) if path.is_file()]
+    return [path for path in _list_entries(root, _read_submission(root)) if path.is_file()]
 
 
 # Pipes and links to nowhere too, so that whoever packs learns of them.
@@ -254,12 +262,6 @@ def _check_packed(submission: Submission, names: Collection[str], place: Path) -
         raise UsageError(f"{place}: entry.start: {_NO_PROGRAM}")
 
 
-_NO_PROGRAM = (
-    "expected a word that names a file of the bundle, such as ./agent or run.sh in [sh, run.sh], found none. Name the "
-    "program by its file, or start it from a script in the folder; what build makes counts too."
-)
-
-
 def _add_file(tar: tarfile.TarFile, path: Path, name: str) -> None:
     content = path.read_bytes()
     member = tarfile.TarInfo(name)
@@ -356,7 +358,7 @@ def build_program(bundle: Bundle, *, is_agreed: bool) -> None:
     built = bundle.root.with_name(f"{bundle.root.name}{_BUILT}")
     if not bundle.submission.build or built.is_file():
         return
-    lines = "\n".join(f"  {' '.join(words)}" for words in bundle.submission.build)
+    lines = "\n".join(f"  {shlex.join(words)}" for words in bundle.submission.build)
     if not is_agreed:
         raise UsageError(
             f"{bundle.root}: expected --build, or a bundle without commands to build it, was one with commands, which "
@@ -375,7 +377,7 @@ def build_program(bundle: Bundle, *, is_agreed: bool) -> None:
             failure, tail = error.strerror, ""
         if failure:
             raise UsageError(
-                f"{bundle.root}: expected {' '.join(words)} to build the program, was {failure}. Install what it "
+                f"{bundle.root}: expected {shlex.join(words)} to build the program, was {failure}. Install what it "
                 f"needs, or ask its author.\n{tail}".rstrip()
             )
     built.touch()

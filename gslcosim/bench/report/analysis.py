@@ -386,7 +386,7 @@ class Analysis:
 
     @property
     def is_about_declarations(self) -> bool:
-        """Whether success is by declaration, or an entry declares in most of its runs with gas."""
+        """True where success is by declaration, or an entry declares in most of its runs with gas."""
         rows = self.material.rows
         flown = ~rows.is_control
         if "declaration" in rows["success_of"][flown].tolist():

@@ -1,4 +1,4 @@
-"""What breaks a method: success by the labels of cases, and beside that of the core from which one axis differs."""
+"""Success by the labels of cases, beside that in the core: it tells which change of one axis breaks a method."""
 
 from collections import Counter
 from collections.abc import Mapping

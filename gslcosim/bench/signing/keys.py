@@ -6,6 +6,7 @@ import hashlib
 import os
 import re
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from gslcosim.base.files import read_regular_file
 from gslcosim.base.untrusted_input import MalformedFileError
 
 NAMESPACE, NOTE_NAMESPACE = "gslcosim-results", "gslcosim-note"
-"""What signatures are for, as `ssh-keygen -Y verify -n` names it: none for another purpose counts as one."""
+"""Purpose of signatures of results, as `ssh-keygen -Y verify -n` names it: none for another purpose counts as one."""
 
 _KIND = b"ssh-ed25519"
 _MAGIC = b"SSHSIG"
@@ -24,11 +25,27 @@ _KEY_BYTES, _SIGNATURE_BYTES, _DIGEST_BYTES = 32, 64, 32
 _MAX_FILE_BYTES = 64_000
 _BEGIN, _END = "-----BEGIN SSH SIGNATURE-----", "-----END SSH SIGNATURE-----"
 _COLUMNS = 70
+_MAX_LISTED = 8
 _FINGERPRINT = re.compile(r"SHA256:[A-Za-z0-9+/]{43}")
 
 
 class SignatureError(UsageError):
     """Signed content is not what its author has signed, or it is somebody else's; the user takes it from a copy."""
+
+
+def build_change_error(place: Path, expected: str, problems: Sequence[str], *, remedy: str) -> SignatureError:
+    """Return an error that lists what differs from what was signed.
+
+    Args:
+        place: The folder or file.
+        expected: What it should have been.
+        problems: What differs, a line each; the first ones are listed.
+        remedy: What to do.
+    """
+    more = [f"and {len(problems) - _MAX_LISTED} more"] if len(problems) > _MAX_LISTED else []
+    where = "place" if len(problems) == 1 else "places"
+    listed = "\n  - ".join([*problems[:_MAX_LISTED], *more])
+    return SignatureError(f"{place}: expected {expected}, differs in {len(problems)} {where}. {remedy}\n  - {listed}")
 
 
 @dataclass(frozen=True)

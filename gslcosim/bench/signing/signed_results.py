@@ -18,6 +18,7 @@ from gslcosim.base.untrusted_input import MalformedFileError, parse_json
 from gslcosim.bench.signing.keys import (
     PublicKey,
     SignatureError,
+    build_change_error,
     check_digest,
     check_text,
     read_public_part,
@@ -30,8 +31,6 @@ from gslcosim.runtime.processes.sandbox.selection import holds_secret
 
 SCHEMA = "gslcosim/signed/1"
 _MAX_BYTES = 1_000_000_000
-_MAX_LISTED = 8
-_PIECE_BYTES = 1 << 20
 
 
 class _Statement(TypedDict, total=False):
@@ -47,7 +46,7 @@ class _Statement(TypedDict, total=False):
 
 @dataclass(frozen=True, kw_only=True)
 class SignedResults:
-    """What an author has signed: the key, what the author says of name and time, and the hash of the statement.
+    """A signed statement: its key, the name and time that its author gives, and its hash.
 
     `signature` is its text. `suite_hash` stands for the cases, and `n_rows` counts the rows.
     """
@@ -135,12 +134,10 @@ def check_signature(folder: Path, *, author: str | None = None) -> SignedResults
     if author is not None and key.fingerprint != author:
         raise SignatureError(f"{folder}: expected results signed by {author}, were signed by {key.fingerprint}.")
     if problems := list(_find_changes(folder, statement)):
-        more = [f"and {len(problems) - _MAX_LISTED} more"] if len(problems) > _MAX_LISTED else []
-        raise SignatureError(
-            f"{folder}: expected results as {key.fingerprint} has signed them, differ in {len(problems)} "
-            f"{'place' if len(problems) == 1 else 'places'}. Take the folder from a copy, or ask its author:\n  - "
-            + "\n  - ".join([*problems[:_MAX_LISTED], *more])
-        )
+        raise build_change_error(
+            folder, f"the results that {key.fingerprint} has signed", problems,
+            remedy="Take the folder from a copy, or ask its author:",
+        )  # fmt: skip
     return _signed_results(statement, content, signature, key)
 
 
@@ -249,11 +246,8 @@ def _hash_files(folder: Path) -> dict[str, str]:
 
 
 def _hash_file(path: Path) -> str:
-    digest = hashlib.sha256()
     with path.open("rb") as file:
-        while piece := file.read(_PIECE_BYTES):
-            digest.update(piece)
-    return digest.hexdigest()
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 # A row's values in the order of the columns, as JSON; Python writes a number so that it is read back to the bit.

@@ -15,15 +15,22 @@ from typing import Any, Required, TypedDict
 from gslcosim.base.errors import UsageError, build_machine_error
 from gslcosim.base.files import append_bytes, hold_lock, read_regular_file
 from gslcosim.base.untrusted_input import MalformedFileError, parse_json
-from gslcosim.bench.signing.keys import NAMESPACE, NOTE_NAMESPACE, SignatureError, check_digest, check_text, sign_digest
+from gslcosim.bench.signing.keys import (
+    NAMESPACE,
+    NOTE_NAMESPACE,
+    SignatureError,
+    build_change_error,
+    check_digest,
+    check_text,
+    sign_digest,
+)
 from gslcosim.bench.signing.signed_results import SignedResults
 
 FIRST = "0" * 64
-"""What the first line has for the hash of the line before."""
+"""Hash of the line before the first line."""
 
 _PURPOSES = {"submission": NAMESPACE, "note": NOTE_NAMESPACE}
 _MAX_BYTES = 1_000_000_000
-_MAX_LISTED = 8
 
 
 class _Line(TypedDict):
@@ -78,12 +85,9 @@ def read_log(path: Path, *, head: str | None = None) -> list[LogLine]:
     if head is not None and head not in {FIRST, *(line.hash for line in lines)}:
         problems.append(f"no line has the hash {head}: lines were dropped at the end, or all were written anew")
     if problems:
-        more = [f"and {len(problems) - _MAX_LISTED} more"] if len(problems) > _MAX_LISTED else []
-        raise SignatureError(
-            f"{path}: expected a log to which lines were only added, differs in {len(problems)} "
-            f"{'place' if len(problems) == 1 else 'places'}. Take it from a copy:\n  - "
-            + "\n  - ".join([*problems[:_MAX_LISTED], *more])
-        )
+        raise build_change_error(
+            path, "a log to which lines were only added", problems, remedy="Take it from a copy:"
+        )  # fmt: skip
     return lines
 
 

@@ -1,4 +1,4 @@
-"""What a site says of each method and each case, of the rows and of the report's figures."""
+"""Facts that a site shows of each method and each case, taken from the rows and the report's figures."""
 
 import json
 import math
@@ -11,15 +11,15 @@ from gslcosim.base.untrusted_input import JsonObject, parse_json
 from gslcosim.bench.cases.models import select_labels
 from gslcosim.bench.report.analysis import Analysis, CaseDifficulty, FailureGroup
 from gslcosim.bench.report.curves import PlanDrawing
-from gslcosim.bench.report.leaderboard import LeaderboardRow
+from gslcosim.bench.report.leaderboard import LeaderboardRow, sampling_units
 from gslcosim.bench.report.number_formats import format_percent, format_three_digits
 from gslcosim.bench.report.report_data import EnvironmentMap, Floats, Ints, ReportData, ReportEntry
 from gslcosim.bench.report.tables import describe_mark
 from gslcosim.bench.statistics.estimates import Estimate
-from gslcosim.bench.statistics.rates import wilson
+from gslcosim.bench.statistics.rates import rate_over_units, wilson
 from gslcosim.methods.card import MethodCard
 
-_MOST_VALUES = 12
+_MAX_VALUES = 12
 _ANCHORS = {"lower": "it knows the source: the best possible", "upper": "it smells nothing: the trivial one"}
 # Wind whose direction agrees over the room by so much is told as one direction.
 _ONE_DIRECTION = 0.5
@@ -374,9 +374,12 @@ def _factors(analysis: Analysis, entry: int) -> list[tuple[str, tuple[FactorLeve
                 continue
             by_value.setdefault(key, {}).setdefault(json.dumps(value, ensure_ascii=False), []).append(row)
     for key, values in by_value.items():
-        if 1 < len(values) <= _MOST_VALUES:
-            rates = ((value, rows["success"][some]) for value, some in values.items())
-            levels = [FactorLevel(label=value, success=wilson(int(each.sum()), each.size)) for value, each in rates]
+        if 1 < len(values) <= _MAX_VALUES:
+            chosen = ((value, np.array(some)) for value, some in values.items())
+            levels = [
+                FactorLevel(label=value, success=rate_over_units(rows["success"][some], sampling_units(rows, some)))
+                for value, some in chosen
+            ]
             found.append((_brief(key), tuple(levels)))
     return found
 

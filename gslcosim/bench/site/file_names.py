@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Mapping
 
-_MOST_LETTERS = 60
+_MAX_LETTERS = 60
 
 
 def assign_file_names(names: Iterable[str]) -> Mapping[str, str]:
@@ -15,7 +15,7 @@ def assign_file_names(names: Iterable[str]) -> Mapping[str, str]:
     found: dict[str, str] = {}
     taken = set[str]()
     for name in dict.fromkeys(names):
-        stem = re.sub(r"[^a-z0-9_]+", "-", name.lower()).strip("-")[:_MOST_LETTERS] or "unnamed"
+        stem = re.sub(r"[^a-z0-9_]+", "-", name.lower()).strip("-")[:_MAX_LETTERS] or "unnamed"
         number, file = 1, stem
         while file in taken:
             number += 1

@@ -51,9 +51,9 @@ METHODS, CASES, PLANS, TRACKS = "methods", "cases", "plans", "tracks"
 PAGE_FOLDER = Path(__file__).parent / "page"
 _SOLID_RGBA, _GAS_RGB, _GAS_OPACITY = (128, 129, 126, 205), (205, 155, 35), 0.82
 _WIND_PER_SIDE = 14
-_MOST_FAMILY_LINES = 100
+_MAX_FAMILY_LINES = 100
 _SAME_PLACE_M = 0.05
-_FEWEST_LETTERS = 8
+_MIN_LETTERS = 8
 _WITHOUT_GAS = "-without-gas"
 _CONTROL, _SUCCESS, _NO_RESULT = 1, 2, 4
 
@@ -124,7 +124,7 @@ def build_site(data: SiteData) -> Iterator[tuple[str, bytes]]:
 # With as many letters no two ids begin alike.
 def _count_letters(trials: Sequence[str]) -> int:
     longest = max(map(len, trials), default=0)
-    lengths = range(_FEWEST_LETTERS, longest)
+    lengths = range(_MIN_LETTERS, longest)
     return next((n for n in lengths if len({trial[:n] for trial in trials}) == len(trials)), longest)
 
 
@@ -176,7 +176,7 @@ def _pages(site: _Site) -> Iterator[tuple[str, str]]:
 # What is of one method or one case is on its own page, and figures of families only where entries are few.
 def _first_page(analysis: Analysis) -> Analysis:
     families = [view for view in analysis.views if view.kind == "family"]
-    is_small = len(analysis.material.entries) * len(families) <= _MOST_FAMILY_LINES
+    is_small = len(analysis.material.entries) * len(families) <= _MAX_FAMILY_LINES
     views = (analysis.everything, *(families if is_small else ()))
     return replace(analysis, views=views, rooms=(), starts=(), tracks=(), failures=())
 

@@ -16,11 +16,11 @@ GAS_DECADES = 3.0
 """A gas trace has a level in so many equal parts of the flight, on a logarithmic scale of so many decades."""
 
 _LEVELS = 15
-_MOST_OF_A_TEAM = 10
+_MAX_AGENTS = 10
 # What a player shows may be off by so much; the least that keeps all tracks within the budget counts.
 _TOLERANCES_M = (0.1, 0.2, 0.4, 0.8)
-_MOST_BYTES = 1_300_000
-_MOST_SAMPLED = 200
+_MAX_BYTES = 1_300_000
+_MAX_SAMPLED = 200
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class AgentTrack:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackFormat:
-    """How finely tracks are kept: how far a place may be off [m], and that only each `every`th repetition has one."""
+    """Resolution of tracks: a place may be off by `tolerance_m`, and each `every`th repetition has a track."""
 
     tolerance_m: float
     every: int
@@ -50,7 +50,7 @@ def read_tracks(material: ReportData) -> Mapping[int, Sequence[AgentTrack]]:
     for batch in material.tracks.select(["trial", *names]).to_batches(max_chunksize=512):
         for k, trial in enumerate(batch.column(0).to_pylist()):
             team = found.setdefault(index[trial], []) if trial in index else []
-            if trial not in index or len(team) >= _MOST_OF_A_TEAM:
+            if trial not in index or len(team) >= _MAX_AGENTS:
                 continue
             t, x, y, gas = (np.asarray(batch.column(i + 1)[k].values, dtype=np.float64) for i in range(len(names)))
             n = min(map(len, (t, x, y, gas)))
@@ -67,13 +67,13 @@ def read_tracks(material: ReportData) -> Mapping[int, Sequence[AgentTrack]]:
 def choose_format(tracks: Mapping[int, Sequence[AgentTrack]]) -> TrackFormat:
     """Return the finest format in which all tracks fit into the budget, estimated from a sample of them."""
     agents = [agent for team in tracks.values() for agent in team]
-    sample = agents[:: max(1, len(agents) // _MOST_SAMPLED)]
+    sample = agents[:: max(1, len(agents) // _MAX_SAMPLED)]
     n_bytes = 0.0
     for tolerance_m in _TOLERANCES_M:
         n_bytes = sum(len(encode_track(agent, tolerance_m)) for agent in sample) / max(1, len(sample)) * len(agents)
-        if n_bytes <= _MOST_BYTES:
+        if n_bytes <= _MAX_BYTES:
             return TrackFormat(tolerance_m=tolerance_m, every=1)
-    return TrackFormat(tolerance_m=_TOLERANCES_M[-1], every=-int(-n_bytes // _MOST_BYTES))
+    return TrackFormat(tolerance_m=_TOLERANCES_M[-1], every=-int(-n_bytes // _MAX_BYTES))
 
 
 def encode_track(track: AgentTrack, tolerance_m: float) -> str:

@@ -138,7 +138,7 @@ def coverage_stratum(ratio: float) -> str:
 
 @dataclass(frozen=True)
 class Discrimination:
-    """How well a stratum of cases tells entries apart: the slope of success over ability.
+    """Discrimination of a stratum of cases between entries: the slope of success over ability.
 
     Attributes:
         stratum: Its label.

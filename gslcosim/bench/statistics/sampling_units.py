@@ -17,7 +17,7 @@ Level = Literal["rooms", "plumes", "flights"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SamplingUnits:
-    """What counts as one independent observation.
+    """Independent observations of a suite: rooms, plumes or flights, and what they are drawn within.
 
     Attributes:
         level: The highest level that has enough units; those above it are taken as they are.

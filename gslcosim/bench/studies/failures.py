@@ -3,23 +3,18 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
-from gslcosim.base.bundled import bundled_families, bundled_scenarios
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.base.rng import stream
-from gslcosim.base.yaml_core import CoreLoader
-from gslcosim.bench.cases.families import DrawnSpec, find_family_beside
 from gslcosim.bench.cases.models import (
     LOWER_ANCHOR,
     SCHEMA,
-    START_PATH,
     EntrySpec,
     ScenarioSpec,
     Selection,
@@ -33,12 +28,11 @@ from gslcosim.bench.execution.runner import Progress, StaleRows, SuiteRun
 from gslcosim.bench.statistics.estimates import Estimate
 from gslcosim.bench.statistics.rates import wilson
 from gslcosim.bench.store import ResultsFolder
+from gslcosim.bench.studies.search_space import SearchSpace, get_place
 from gslcosim.bench.studies.target import find_method_entry
 from gslcosim.environment.positions import draw_positions, find_position_problems
-from gslcosim.scenario import Scenario, load_scenario
-from gslcosim.scenario.loader import find_scenario
+from gslcosim.scenario import load_scenario
 from gslcosim.scenario.models.scenario import StartSpec
-from gslcosim.scenario.problems import did_you_mean
 from gslcosim.scenario.serialization import read_yaml
 
 Row = Mapping[str, Any]
@@ -49,175 +43,13 @@ EXPLORE_SHARE, REFINE_SHARE = 0.5, 0.3
 """Shares of the budget for random cases and for cases beside failures; the rest flies the worst again."""
 N_AGAIN = 2
 """Other seeds with which each of the worst cases is flown again."""
-# Cases of a batch that is worth its while.
-_FEWEST = 3
-_MOST_PARENTS = 6
+# Fewer cases are not worth a batch.
+_MIN_BATCH = 3
+_MAX_PARENTS = 6
 _MOVE_M = 1.0
 """Standard deviation of a move of a start or source in a case beside another [m]."""
-_STEP = 0.15
-"""The same for a number, as a share of its range."""
-_TRIES = 20
-_DIGITS = 4
+_MAX_TRIES = 20
 _SEED_BITS = 31
-
-
-@dataclass(frozen=True, kw_only=True)
-class Factor:
-    """What is searched: values of a list, numbers from `low` to `high`, or whole numbers below `n`.
-
-    `choices` are blocks of values by path, of which a case has one.
-    """
-
-    name: str
-    paths: tuple[str, ...]
-    choices: tuple[Mapping[str, Any], ...] = ()
-    low: float = 0.0
-    high: float = 0.0
-    is_log: bool = False
-    n: int = 0
-
-    def draw(self, rng: np.random.Generator) -> float:
-        """Return a random level: an index, or a number."""
-        if self.choices or self.n:
-            return int(rng.integers(len(self.choices) or self.n))
-        return self._number(float(rng.random()))
-
-    def mutate(self, level: float, rng: np.random.Generator) -> float:
-        """Return another level: a number nearby, or any other index."""
-        n = len(self.choices) or self.n
-        if n:
-            return int((level + 1 + rng.integers(max(n - 1, 1))) % n)
-        return self._number(min(max(self._share(level) + _STEP * float(rng.normal()), 0.0), 1.0))
-
-    def values(self, level: float) -> dict[str, Any]:
-        """Return what a level sets, by path."""
-        if self.choices:
-            return dict(self.choices[int(level)])
-        return dict.fromkeys(self.paths, int(level) if self.n else level)
-
-    def describe(self, level: float) -> str:
-        """Return a level in a few words."""
-        if not self.choices:
-            return f"{level:g}"
-        return ", ".join(_short(value) for value in self.choices[int(level)].values())
-
-    def _number(self, share: float) -> float:
-        value = self.low * (self.high / self.low) ** share if self.is_log else self.low + (self.high - self.low) * share
-        return float(f"{value:.{_DIGITS}g}")
-
-    def _share(self, value: float) -> float:
-        if self.is_log:
-            return math.log(value / self.low) / math.log(self.high / self.low)
-        return (value - self.low) / (self.high - self.low)
-
-
-def _short(value: Any) -> str:
-    if isinstance(value, dict):
-        return str(value.get("kind", " ".join(f"{key} {_short(inner)}" for key, inner in value.items())))
-    if isinstance(value, list | tuple):
-        return f"[{' '.join(_short(item) for item in value)}]"
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-@dataclass(frozen=True, kw_only=True)
-class SearchSpace:
-    """Cases among which failures are sought: a scenario, values that it always has, and what is searched.
-
-    Starts of the first vehicle are always searched; sources where the scenario has them `random`.
-    """
-
-    name: str
-    scenario: Path
-    set: Mapping[str, Any]
-    factors: tuple[Factor, ...]
-
-    @cached_property
-    def place_paths(self) -> tuple[str, ...]:
-        """The paths of the places that are searched: the start, and sources."""
-        text = self.scenario.read_text(encoding="utf-8-sig")
-        block: dict[str, Any] = read_yaml(text, source=str(self.scenario)).block or {}
-        sources = block.get("gas", {}).get("sources", [])
-        drawn = [f"gas.sources[{i}].position_m" for i, each in enumerate(sources) if each.get("position_m") == "random"]
-        return (START_PATH, *drawn)
-
-
-def find_space(source: str, varied: Sequence[str]) -> SearchSpace:
-    """Return the space that a command line names.
-
-    Args:
-        source: A family of cases, whose `vary` is searched, or a scenario: a file, or the name of a bundled one.
-        varied: More that is searched, such as `wind.cell_m=0.2:0.4` or `agents[0].sensors[0].model=pid,tgs2600`.
-
-    Raises:
-        ScenarioError: there is no such family or scenario.
-        UsageError: a text says nothing that can be searched, or something twice.
-    """
-    path = Path(source)
-    is_family = source in bundled_families() or (path.is_file() and "gslcosim/family/" in path.read_text()[:2000])
-    if is_family:
-        family = find_family_beside(source, Path.cwd())
-        factors = [factor for axis in family.spec.vary for factor in _factors_of_axis(axis)]
-        space = SearchSpace(name=family.name, scenario=family.scenario, set=family.spec.set, factors=())
-    else:
-        try:
-            scenario = find_scenario(source).resolve()
-        except ScenarioError as error:
-            known = [*bundled_families(), *bundled_scenarios()]
-            raise ScenarioError(
-                f"--in: expected a family or a scenario, a file or a bundled one, was '{source}'. "
-                f"{did_you_mean(source, known)}".rstrip()
-            ) from error
-        factors, space = [], SearchSpace(name=scenario.stem, scenario=scenario, set={}, factors=())
-    factors += [_parse_factor(text) for text in varied]
-    paths = [path for factor in factors for path in factor.paths]
-    if twice := next((path for path in paths if paths.count(path) > 1 or path in space.set), None):
-        raise UsageError(f"--vary: expected each value once, was {twice} twice. Leave one out.")
-    return replace(space, factors=tuple(factors))
-
-
-def _factors_of_axis(axis: Mapping[str, DrawnSpec]) -> list[Factor]:
-    listed = {path: drawn.values for path, drawn in axis.items() if drawn.values is not None}
-    found: list[Factor] = []
-    if listed:
-        n = len(next(iter(listed.values())))
-        choices = tuple({path: values[k] for path, values in listed.items()} for k in range(n))
-        found.append(Factor(name="+".join(map(_last_word, listed)), paths=tuple(listed), choices=choices))
-    for path, drawn in axis.items():
-        if drawn.between is not None:
-            low, high = drawn.between
-            found.append(Factor(name=_last_word(path), paths=(path,), low=low, high=high, is_log=drawn.log))
-        elif drawn.rooms is not None:
-            found.append(Factor(name=_last_word(path), paths=(path,), n=drawn.rooms))
-    return found
-
-
-def _last_word(path: str) -> str:
-    parts = path.split(".")
-    return ".".join(parts[-2:]) if parts[-1] in ("seed", "model") else parts[-1]
-
-
-def _parse_factor(text: str) -> Factor:
-    path, equals, words = text.partition("=")
-    ends = words.split(":")
-    if equals and path and len(ends) in (2, 3) and "[" not in words:
-        try:
-            low, high = float(ends[0]), float(ends[1])
-        except ValueError:
-            low, high = 1.0, 0.0
-        is_log = ends[2:] == ["log"]
-        if low < high and (is_log or len(ends) == 2) and (low > 0 or not is_log):
-            return Factor(name=_last_word(path), paths=(path,), low=low, high=high, is_log=is_log)
-    elif equals and path:
-        try:
-            values: Any = yaml.load(f"[{words}]", Loader=CoreLoader)
-        except yaml.YAMLError:
-            values = []
-        if isinstance(values, list) and len(values) > 1:
-            return Factor(name=_last_word(path), paths=(path,), choices=tuple({path: value} for value in values))
-    raise UsageError(
-        f"--vary: expected PATH=LEAST:MOST, with :log behind it if need be, or PATH=VALUE,VALUE, was '{text}'. "
-        "For example: --vary gas.sources[0].filaments_per_s=3:30:log"
-    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -263,7 +95,7 @@ class CaseOutcome:
 
     @property
     def severity(self) -> float:
-        """How bad a failure is, 0 to 1: the oracle's score times how much of the distance was left at best.
+        """Severity of a failure, 0 to 1: the oracle's score times how much of the distance was left at best.
 
         severity = q_oracle min(1, (nearest - r) / (distance at the start - r)); r is the success radius; 0 without a
         failure.
@@ -433,10 +265,10 @@ class FailureFinder:
                 self._fly("random cases", [self._random_case() for _ in range(n)])
             while n := self._batch_within(refine):
                 parents = self._parents()
-                self._fly("cases beside failures", [self._beside(parents[i % len(parents)]) for i in range(n)])
+                self._fly("cases beside failures", [self._mutate(parents[i % len(parents)]) for i in range(n)])
             n_worst = (self._budget - self._n_runs) // (2 * N_AGAIN)
             worst = [each.outcome.case for each in self._ranked()[:n_worst]]
-            self._fly("the worst again", [self._again(case, k + 1) for case in worst for k in range(N_AGAIN)])
+            self._fly("the worst again", [self._reseed(case, k + 1) for case in worst for k in range(N_AGAIN)])
             if self._folder.journal.is_file() and self._plan is not None:
                 self._run(self._plan)
         finally:
@@ -457,7 +289,7 @@ class FailureFinder:
     # A case takes two runs at most: the oracle flies where the method has failed.
     def _batch_within(self, n_runs: int) -> int:
         n = min(BATCH, (n_runs - self._n_runs) // 2)
-        return n if n >= _FEWEST else 0
+        return n if n >= _MIN_BATCH else 0
 
     def _rng(self, *words: object) -> np.random.Generator:
         return stream(self._seed, "/".join(["failures", *map(str, words)]))
@@ -469,22 +301,22 @@ class FailureFinder:
     def _random_case(self) -> SearchedCase:
         name = self._next_name()
         rng = self._rng(name)
-        for _ in range(_TRIES):
+        for _ in range(_MAX_TRIES):
             levels = tuple(factor.draw(rng) for factor in self._space.factors)
             case = SearchedCase(name=name, levels=levels, places={}, seed=_draw_seed(rng), root=name)
-            if (settled := self._settle(case)) is not None:
-                return settled
+            if (placed := self._place(case)) is not None:
+                return placed
         raise UsageError(
-            f"{self._space.name}: expected cases with a place for a start and each source, found none in {_TRIES} "
+            f"{self._space.name}: expected cases with a place for a start and each source, found none in {_MAX_TRIES} "
             "random ones. Vary less, or give the scenario a larger room."
         )
 
     # One or two things change: a level, or a place that moves.
-    def _beside(self, parent: SearchedCase) -> SearchedCase:
+    def _mutate(self, parent: SearchedCase) -> SearchedCase:
         name = self._next_name()
         rng = self._rng(name)
         things: list[int | str] = [*range(len(self._space.factors)), *parent.places]
-        for _ in range(_TRIES):
+        for _ in range(_MAX_TRIES):
             chosen = {int(i) for i in rng.choice(len(things), size=min(len(things), 1 + int(rng.integers(2))))}
             levels, places = list(parent.levels), dict(parent.places)
             for thing in (things[i] for i in sorted(chosen)):
@@ -497,17 +329,17 @@ class FailureFinder:
             case = SearchedCase(
                 name=name, levels=tuple(levels), places=places, seed=parent.seed, root=parent.root, parent=parent.name
             )
-            if (settled := self._settle(case)) is not None:
-                return settled
+            if (placed := self._place(case)) is not None:
+                return placed
         # Nothing about the parent is free: it is flown with another seed.
         return replace(parent, name=name, seed=_draw_seed(rng), parent=parent.name)
 
-    def _again(self, case: SearchedCase, k: int) -> SearchedCase:
+    def _reseed(self, case: SearchedCase, k: int) -> SearchedCase:
         seed = _draw_seed(self._rng(case.name, "again", k))
         return replace(case, name=f"{case.name}_again_{k}", seed=seed, parent=case.name, again=k)
 
     # The case with places that are free, drawn by its seed where it has none; None where there are none.
-    def _settle(self, case: SearchedCase) -> SearchedCase | None:
+    def _place(self, case: SearchedCase) -> SearchedCase | None:
         missing = {path: "random" for path in self._space.place_paths if path not in case.places}
         values = {**case.values(self._space), **missing}
         try:
@@ -527,7 +359,7 @@ class FailureFinder:
         if not ranked:
             # Nothing has failed: the slowest successes are nearest to it.
             ranked = sorted(self._outcomes, key=lambda each: (each.row["score"] or 0.0, each.case.name))
-        return [each.case for each in ranked[:_MOST_PARENTS]]
+        return [each.case for each in ranked[:_MAX_PARENTS]]
 
     def _ranked(self) -> list[RankedFailure]:
         by_root: dict[str, list[CaseOutcome]] = {}
@@ -627,13 +459,6 @@ class FailureFinder:
 
 def _draw_seed(rng: np.random.Generator) -> int:
     return int(rng.integers(1 << _SEED_BITS))
-
-
-def get_place(scenario: Scenario, path: str) -> tuple[float, ...]:
-    """Return a start or the position of a source of a resolved scenario, world frame [m]."""
-    if path == START_PATH:
-        return scenario.agents[0].vehicle.start_m
-    return scenario.gas.sources[int(path.partition("[")[2].partition("]")[0])].position_m
 
 
 def compute_contrasts(space: SearchSpace, outcomes: Sequence[CaseOutcome]) -> list[Contrast]:

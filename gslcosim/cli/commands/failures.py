@@ -72,8 +72,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.cases.models import LimitsSpec
     from gslcosim.bench.studies.failure_output import failures_to_json, write_failures
-    from gslcosim.bench.studies.failures import FailureFinder, find_space
+    from gslcosim.bench.studies.failures import FailureFinder
     from gslcosim.bench.studies.output import write_fields
+    from gslcosim.bench.studies.search_space import find_space
 
     space = find_space(arguments.space, arguments.vary)
     stem = Path(arguments.method).stem

@@ -16,7 +16,8 @@ from gslcosim.bench.studies.failure_output import (
     failures_to_json,
     write_failures,
 )
-from gslcosim.bench.studies.failures import FailureFinder, find_space
+from gslcosim.bench.studies.failures import FailureFinder
+from gslcosim.bench.studies.search_space import find_space
 from gslcosim.cli.arguments import build_parser, parse
 from gslcosim.cli.main import GROUPS
 
