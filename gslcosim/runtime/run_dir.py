@@ -45,6 +45,8 @@ from gslcosim.environment.model import VariantValues
 from gslcosim.scenario.models.scenario import Processes, Scenario
 
 LOCK_FILE = Path(__file__).resolve().parents[2] / "requirements.lock"
+# A new environment has its own versions of these.
+_INSTALLERS = ("pip", "setuptools", "wheel")
 _PIN = re.compile(r"^([A-Za-z0-9._-]+)==([^\s;]+)", re.MULTILINE)
 _INSTALLED = re.compile(r"^([A-Za-z0-9._]+)-([^-]+)\.dist-info$")
 
@@ -74,7 +76,7 @@ def versions_hash(versions: Mapping[str, str]) -> str:
 def compare_with_lock(versions: Mapping[str, str], file: Path = LOCK_FILE) -> dict[str, Any] | None:
     """Return the hash of a lock file and the installed packages whose version it does not name; None without the file.
 
-    What is installed besides what the file names does not count.
+    What is installed besides what the file names does not count, nor what installs packages and is in no run.
     """
     try:
         content = file.read_bytes()
@@ -83,7 +85,11 @@ def compare_with_lock(versions: Mapping[str, str], file: Path = LOCK_FILE) -> di
     pins: dict[str, set[str]] = {}
     for name, version in _PIN.findall(content.decode(errors="replace")):
         pins.setdefault(_normalised(name), set()).add(version)
-    differing = sorted(name for name, allowed in pins.items() if name in versions and versions[name] not in allowed)
+    differing = sorted(
+        name
+        for name, allowed in pins.items()
+        if name not in _INSTALLERS and name in versions and versions[name] not in allowed
+    )
     return {"sha256": hashlib.sha256(content).hexdigest(), "differing": differing}
 
 

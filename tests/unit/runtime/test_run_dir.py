@@ -37,6 +37,12 @@ def test_versions_that_the_lock_does_not_name_are_reported(tmp_path):
     assert compare_with_lock({"a": "1.1", "b-c": "4"}, lock)["differing"] == ["a", "b-c"]
 
 
+def test_a_new_environments_own_installers_do_not_differ_from_the_lock(tmp_path):
+    lock = tmp_path / "requirements.lock"
+    lock.write_text("setuptools==84.2.1\n")
+    assert compare_with_lock({"setuptools": "65.5.0"}, lock)["differing"] == []
+
+
 def test_without_a_lock_nothing_is_reported(tmp_path):
     assert compare_with_lock({"a": "1"}, tmp_path / "none") is None
 
