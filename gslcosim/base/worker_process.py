@@ -18,7 +18,7 @@ from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
 from typing import Any, cast
 
-from gslcosim.base.processes import describe_exit
+from gslcosim.base.processes import build_python_command, describe_exit
 from gslcosim.base.spawn import Streams, spawn
 
 _LOG_BYTES = 8192
@@ -50,10 +50,13 @@ class WorkerProcess:
         self.connection: Connection[Any, Any] = ours
         number = os.dup(theirs.fileno())
         theirs.close()
-        command = [sys.executable, "-u", "-m", _MODULE, target, str(number)]
+        command = build_python_command("-u", "-m", _MODULE, target, str(number))
         streams = Streams(stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         # It watches its standard input: Linux would end it with the thread that starts it.
         self._process = spawn(name, command, streams=streams, inherited=[number], ends_with_parent=False)
+        # A folder of the working directory must not take the package's place; tasks are of modules that we can import.
+        with contextlib.suppress(OSError):
+            ours.send(sys.path)
         self._output = bytearray()
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
@@ -197,7 +200,9 @@ def main() -> None:
     """Call the function that the first argument names with the connection whose number is the second."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     module, _, function = sys.argv[1].partition(":")
-    getattr(importlib.import_module(module), function)(Connection(int(sys.argv[2])))
+    connection: Connection[Any, Any] = Connection(int(sys.argv[2]))
+    sys.path[:] = connection.recv()
+    getattr(importlib.import_module(module), function)(connection)
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ from packaging.specifiers import SpecifierSet
 from packaging.version import Version
 
 from gslcosim.base.code_identity import COMPUTING_PACKAGES
+from gslcosim.base.processes import build_python_command
 
 if TYPE_CHECKING:
     from gslcosim.bus.interface import Bus
@@ -90,7 +91,7 @@ def check_packages(requirements: list[str] | None = None) -> Iterator[CheckResul
 
 def check_imports() -> Iterator[CheckResult]:
     """Check that the packages with compiled code can be loaded, in a process of its own."""
-    call = [sys.executable, "-c", f"import {', '.join(COMPILED_MODULES)}"]
+    call = build_python_command("-c", f"import {', '.join(COMPILED_MODULES)}")
     loading = subprocess.run(call, capture_output=True, text=True, timeout=PROBE_LIMIT_S, check=False)
     lines = loading.stderr.strip().splitlines()
     text = lines[-1] if loading.returncode and lines else f"{', '.join(COMPILED_MODULES)} can be loaded"
@@ -150,7 +151,7 @@ def check_zenoh() -> Iterator[CheckResult]:
 
 def check_rendering() -> Iterator[CheckResult]:
     """Check whether pictures can be drawn without a display."""
-    call = [sys.executable, "-m", "gslcosim.cli.rendering_probe"]
+    call = build_python_command("-m", "gslcosim.cli.rendering_probe")
     try:
         probe = subprocess.run(call, capture_output=True, text=True, timeout=PROBE_LIMIT_S, check=True)
         found = json.loads(probe.stdout)

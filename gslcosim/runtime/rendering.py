@@ -1,11 +1,11 @@
 """Rendering on this machine: whether pictures of a scenario's cameras can be drawn here."""
 
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 from gslcosim.base.problems import Problem
+from gslcosim.base.processes import build_python_command
 from gslcosim.scenario import Scenario
 
 PROBE_LIMIT_S = 60.0
@@ -36,7 +36,7 @@ def find_rendering_problems(scenario: Scenario, directory: Path) -> Iterator[Pro
 
 def rendering_unavailable_reason() -> str:
     """Return why no pictures can be drawn here and what helps; empty where they can. Takes half a second."""
-    call = [sys.executable, "-P", "-m", "gslcosim_services.cameras.offscreen_renderer"]
+    call = build_python_command("-m", "gslcosim_services.cameras.offscreen_renderer")
     try:
         done = subprocess.run(call, capture_output=True, text=True, timeout=PROBE_LIMIT_S, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:

@@ -2,6 +2,7 @@
 
 import os
 import signal
+from pathlib import Path
 
 import pytest
 
@@ -9,6 +10,12 @@ from gslcosim.base import worker_process
 from gslcosim.base.worker_process import WorkerProcess, list_descendants, run_tasks
 
 N_TASKS = 7
+
+
+@pytest.fixture(autouse=True)
+def importable(monkeypatch):
+    """Workers can import this module, whose functions are their tasks."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[3]))
 
 
 def square(number):
@@ -48,6 +55,20 @@ def test_an_error_is_told_with_its_trace():
     results = {result.index: result for result in run_tasks(raise_at_one, range(3), 2)}
     assert "RuntimeError: one is none" in results[1].failure
     assert results[2].value == 2
+
+
+def find_package(_):
+    import gslcosim
+
+    return gslcosim.__file__
+
+
+def test_a_folder_named_like_the_package_does_not_take_its_place(tmp_path, monkeypatch):
+    """Whoever has cloned the repository works beside such a folder."""
+    (tmp_path / "gslcosim").mkdir()
+    monkeypatch.chdir(tmp_path)
+    [result] = run_tasks(find_package, range(1), 1)
+    assert result.value == find_package(0)
 
 
 def test_no_tasks_need_no_worker():
