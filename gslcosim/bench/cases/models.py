@@ -32,7 +32,7 @@ MAX_COMPARED_SETTINGS = 60
 """Most settings that `bench sweep` writes a report of, and a report compares in each case: more take minutes."""
 
 SMALLEST_DIFFERENCE_POINTS = 10.0
-"""Difference in success below which two entries are the same, unless a suite states another [percentage points]."""
+"""Difference in success below which entries are equally successful, unless a suite says otherwise [percentage points]."""
 
 Values = dict[str, Any]
 """Values of a scenario by their paths, such as `agents[0].vehicle.hold_s`."""
@@ -297,7 +297,7 @@ class Suite(Spec):
     suite is included; `optional` flies Python agents as objects in the worker, which is quicker and for agents one
     trusts.
     `sealed`, in the suite of results, is the commitment to a seed that is secret.
-    `smallest_difference_points` is the difference in success that matters: the report calls entries the same whose
+    `smallest_difference_points` is the difference in success that matters: entries are called equally successful whose
     difference is smaller.
     """
 

@@ -156,7 +156,7 @@ class ReportData:
 
     @property
     def smallest_difference(self) -> float:
-        """The least difference of success that matters, as a share: below it, two entries are the same."""
+        """The least difference of success that matters, as a share: below it, two entries are equally successful."""
         stated = self.manifest.get("smallest_difference_points", self.suite.get("smallest_difference_points"))
         is_stated = isinstance(stated, int | float) and 0.0 < stated < 100.0
         return (stated if is_stated else SMALLEST_DIFFERENCE_POINTS) / 100.0

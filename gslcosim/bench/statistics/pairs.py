@@ -13,7 +13,6 @@ from gslcosim.bench.statistics.estimates import (
     Estimate,
     Seed,
     as_finite_row,
-    bootstrap,
     bootstrap_mean,
     check_same_length,
     encode_labels,
@@ -175,42 +174,6 @@ def _sum_clusters(differences: np.ndarray, clusters: np.ndarray | None) -> np.nd
     by_cluster = np.zeros((code.max() + 1, sums.shape[1]))
     np.add.at(by_cluster, code, sums)
     return by_cluster
-
-
-def probability_better(
-    a: np.ndarray,
-    b: np.ndarray,
-    *,
-    lower_is_better: bool = True,
-    clusters: np.ndarray | None = None,
-    level: float = LEVEL,
-    seed: Seed = SEED,
-    n_draws: int = N_DRAWS,
-) -> Estimate:
-    """Return the share of pairs in which a is better than b, ties counted half: the effect size.
-
-    Args:
-        a: (n,) values of one entry: times with failures at the limit (or infinite), scores.
-        b: (n,) values of the other in the same cases.
-        lower_is_better: True for times, False for scores.
-        clusters: (n,) labels of pairs that are drawn as one.
-        level: Confidence level, 0 to 1.
-        seed: Of the bootstrap.
-        n_draws: Bootstrap samples.
-
-    Raises:
-        ShapeError: the lengths differ.
-
-    Source:
-        The paired form of Vargha and Delaney 2000, doi:10.3102/10769986025002101.
-    """
-    a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
-    check_same_length(a=a, b=b)
-    better = (a < b) if lower_is_better else (a > b)
-    won = np.where(a == b, 0.5, better.astype(np.float64))
-    return bootstrap(
-        won.size, lambda rows: won[rows].mean(axis=1), clusters=clusters, level=level, seed=seed, n_draws=n_draws
-    )
 
 
 def holm(p_values: Sequence[float] | np.ndarray) -> np.ndarray:

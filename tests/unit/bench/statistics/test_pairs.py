@@ -10,7 +10,6 @@ from gslcosim.bench.statistics.pairs import (
     mcnemar,
     mean_ranks,
     paired_difference,
-    probability_better,
     sign_flip,
 )
 
@@ -94,13 +93,6 @@ def test_what_cannot_be_paired_is_refused():
         paired_difference(np.zeros(2), np.zeros(3))
     with pytest.raises(ShapeError, match="finite"):
         sign_flip(np.array([math.nan]), np.zeros(1))
-
-
-def test_probability_better_counts_ties_half():
-    a, b = np.array([1.0, 5.0, 3.0, math.inf]), np.array([2.0, 4.0, 3.0, math.inf])
-    assert probability_better(a, b).value == pytest.approx((1 + 0 + 0.5 + 0.5) / 4)
-    scores = probability_better(np.array([1.0, 1.0, 0.0]), np.array([0.0, 1.0, 0.0]), lower_is_better=False)
-    assert scores.value == pytest.approx(2 / 3)
 
 
 @pytest.mark.extras
