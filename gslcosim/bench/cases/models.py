@@ -32,7 +32,7 @@ MAX_COMPARED_SETTINGS = 60
 """Most settings that `bench sweep` writes a report of, and a report compares in each case: more take minutes."""
 
 SMALLEST_DIFFERENCE_POINTS = 10.0
-"""Difference in success below which entries are equally successful, unless a suite says otherwise [percentage points]."""
+"""Difference below which entries are equally successful, unless a suite gives another [points of success]."""
 
 Values = dict[str, Any]
 """Values of a scenario by their paths, such as `agents[0].vehicle.hold_s`."""
