@@ -108,7 +108,7 @@ def test_cameras_where_nothing_draws_are_problems_of_the_scenario(capsys, monkey
 
 
 def test_a_driver_that_crashes_is_reported(monkeypatch):
-    monkeypatch.setattr(rendering.sys, "executable", "false")
+    monkeypatch.setattr(rendering, "build_python_command", lambda *words: ["false", *words])
     assert rendering.rendering_unavailable_reason() == "The driver crashed; `gslcosim doctor` tells more."
 
 
