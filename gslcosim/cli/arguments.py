@@ -83,7 +83,13 @@ class Parser(argparse.ArgumentParser):
         Raises:
             UsageError: always.
         """
-        raise UsageError(f"{self.prog}: {message}. See {self.prog} --help.")
+        raise UsageError(f"{self.prog}: {message}{'' if message[-1] in '.?' else '.'} See {self.prog} --help.")
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            known = [str(choice) for choice in action.choices]
+            hint = _hint(str(value), {text: text for text in known})
+            raise argparse.ArgumentError(action, f"expected one of {', '.join(known)}, was '{value}'.{hint}")
 
     # Python's own swallows what the machine refuses.
     def _print_message(self, message: str, file: "SupportsWrite[str] | None" = None) -> None:

@@ -34,12 +34,12 @@ def test_the_report_for_people_names_rule_and_remedy(capsys):
     [
         (["agent", "check", "--", "./there-is-no-such-agent"], "expected an agent's command that can be started"),
         (["agent", "check"], "the following arguments are required: COMMAND"),
-        (["agent", "check", "--door", "window", "--", "true"], "invalid choice: 'window'"),
+        (["agent", "check", "--door", "window", "--", "true"], "expected one of zenoh, stdio, tcp, unix, was 'window'"),
         (["agent", "check", "--timeout", "0", "--", "true"], "expected a number of seconds above 0, was '0'"),
         (["participant", "check", "--timeout", "0", "--", "true"], "expected a number of seconds above 0, was '0'"),
         (["agent"], "the following arguments are required: ACTION"),
         (["agent", "new", "cobol", "x"], "expected one of the languages python"),
-        (["agent", "chekc", "--", "true"], "invalid choice: 'chekc'"),
+        (["agent", "chekc", "--", "true"], "was 'chekc'. Did you mean check? See"),
     ],
 )
 def test_a_wrong_call_is_exit_code_2(capsys, words, expected):
