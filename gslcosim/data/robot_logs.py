@@ -30,8 +30,8 @@ from gslcosim.contract.messages import (
     Verdict,
 )
 from gslcosim.contract.participant import Inbox
-from gslcosim.data.export.ros_types import REMEDY, RosTypes, ros_types
 from gslcosim.environment.generation import prepare_environment
+from gslcosim.ros.types import REMEDY, RosTypes, ros_types
 from gslcosim.runtime.digest import HashChain, RunDigest
 from gslcosim.runtime.outcome import RunOutcome
 from gslcosim.runtime.replay.past_run import IMPORTED_FROM

@@ -232,7 +232,7 @@ def test_what_cannot_be_written_is_reported(flown, tmp_path, capsys, monkeypatch
     assert main(["extract", str(flown), "--to", "mcap", "--out", str(tmp_path / "full")]) == 2
     assert "Choose a new or empty folder" in capsys.readouterr().err
     monkeypatch.setitem(__import__("sys").modules, "rosbags.typesys", None)
-    from gslcosim.data.export.ros_types import ros_types
+    from gslcosim.ros.types import ros_types
 
     ros_types.cache_clear()
     assert main(["extract", str(flown), "--to", "mcap", "--out", str(tmp_path / "new")]) == 2

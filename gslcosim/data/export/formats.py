@@ -7,10 +7,10 @@ from typing import Literal, get_args
 from gslcosim.base.errors import UsageError
 from gslcosim.data.export.datasets import write_run_datasets
 from gslcosim.data.export.ros_topics import iterate_messages, write_mcap, write_rosbag2
-from gslcosim.data.export.ros_types import ros_types
 from gslcosim.data.export.tables import write_tables
 from gslcosim.data.run import RunData
 from gslcosim.environment.formats.datasets import import_xarray
+from gslcosim.ros.types import ros_types
 
 ExtractFormat = Literal["parquet", "csv", "netcdf", "zarr", "mcap", "rosbag2"]
 EXTRACT_FORMATS: tuple[ExtractFormat, ...] = get_args(ExtractFormat)

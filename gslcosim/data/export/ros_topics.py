@@ -14,12 +14,12 @@ from PIL import Image
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.frames import quaternion_from_rotation, rotation_from_rpy, world_from_body_rotation
-from gslcosim.data.export import ros_types
-from gslcosim.data.export.ros_types import ANEMOMETER, GAS_SENSOR, MAP_FRAME, REMEDY, RosTypes, Vector
 from gslcosim.data.export.tables import safe_name
 from gslcosim.data.run import RunData
 from gslcosim.data.streams import RecordedPictures, RecordedSeries, RecordedShapes, RecordedTrack
 from gslcosim.environment.plan_view import PlanView
+from gslcosim.ros import types as ros_types
+from gslcosim.ros.types import ANEMOMETER, GAS_SENSOR, MAP_FRAME, REMEDY, RosTypes, Vector
 from gslcosim.scenario.models.sensors import (
     LidarSensorSpec,
     ReachingSensorSpec,

@@ -1,13 +1,16 @@
-"""ROS 2 message types of runs: the standard ones, and GADEN's for gas and wind."""
+"""ROS 2 message types of runs: the standard ones, GADEN's for gas and wind, and those that are defined by text."""
 
 from functools import cache
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
+from gslcosim.ros.wire import NO_HASH
 
+Distribution = Literal["humble", "jazzy", "kilted"]
+DISTRIBUTIONS: tuple[Distribution, ...] = get_args(Distribution)
 REMEDY = "pip install 'gslcosim[ros]'"
 GAS_SENSOR = "olfaction_msgs/msg/GasSensor"
 ANEMOMETER = "olfaction_msgs/msg/Anemometer"
@@ -43,21 +46,104 @@ _FLOAT32 = 7
 Vector = NDArray[np.float64]
 
 
+# In ROS 2 a `char` of a `.msg` file is a `uint8`, of which hashes are made, too; rosbags leaves it as it is.
+def _without_char(field: Any) -> Any:
+    if field == ("char", 0):
+        return ("uint8", 0)
+    return tuple(_without_char(part) for part in field) if isinstance(field, tuple) else field
+
+
 class RosTypes:
-    """Makes messages of ROS 2 and writes them as CDR.
+    """Makes messages of ROS 2, writes them as CDR and reads them.
+
+    A service is known by the types of its request and response, for example `std_srvs/srv/Trigger_Request`.
 
     Raises:
         UsageError: the extra `ros` is not installed.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, distribution: Distribution = "humble") -> None:
         try:
             from rosbags.typesys import Stores, get_types_from_msg, get_typestore
         except ImportError as error:
             raise UsageError(f"rosbags: expected the package, found none. Install it with: {REMEDY}") from error
-        self.store: Any = get_typestore(Stores.ROS2_HUMBLE)
-        self.store.register(get_types_from_msg(_GAS_SENSOR_FIELDS, GAS_SENSOR))
-        self.store.register(get_types_from_msg(_ANEMOMETER_FIELDS, ANEMOMETER))
+        self.distribution: Distribution = distribution
+        self.store: Any = get_typestore(Stores[f"ROS2_{distribution.upper()}"])
+        for kind, (constants, fields) in self.store.fielddefs.items():
+            self.store.fielddefs[kind] = (constants, [(name, _without_char(field)) for name, field in fields])
+        self._parse = get_types_from_msg
+        self._hashes: dict[str, str] = {}
+        self.define_message(GAS_SENSOR, _GAS_SENSOR_FIELDS)
+        self.define_message(ANEMOMETER, _ANEMOMETER_FIELDS)
+
+    def define_message(self, kind: str, fields: str) -> None:
+        """Add a message type by the text of its `.msg` file; the types that it uses are known already.
+
+        Args:
+            kind: Such as `gaden_msgs/msg/GasInCell`.
+            fields: The file's text.
+        """
+        # The parser takes every name for that of a message.
+        package, _, name = kind.split("/")
+        parsed = self._parse(fields, f"{package}/msg/{name}")
+        constants, parts = parsed[f"{package}/msg/{name}"]
+        self.store.register({kind: (constants, [(part, _without_char(field)) for part, field in parts])})
+
+    def define_service(self, kind: str, request: str, response: str) -> None:
+        """Add a service by the texts above and below the line of its `.srv` file.
+
+        Its request and response, and the event whose type is part of the service's hash, are types of their own.
+
+        Args:
+            kind: Such as `std_srvs/srv/Trigger`.
+            request: Fields of the request.
+            response: Fields of the response.
+        """
+        from rosbags.interfaces import Nodetype
+
+        self.define_message(f"{kind}_Request", request)
+        self.define_message(f"{kind}_Response", response)
+        if self.distribution == "humble":
+            # It has neither events of services nor hashes.
+            return
+
+        def name(text: str) -> Any:
+            return (Nodetype.NAME, text)
+
+        def at_most_one(text: str) -> Any:
+            return (Nodetype.SEQUENCE, (name(text), 1))
+
+        event = [
+            ("info", name("service_msgs/msg/ServiceEventInfo")),
+            ("request", at_most_one(f"{kind}_Request")),
+            ("response", at_most_one(f"{kind}_Response")),
+        ]
+        parts = [
+            ("request_message", name(f"{kind}_Request")),
+            ("response_message", name(f"{kind}_Response")),
+            ("event_message", name(f"{kind}_Event")),
+        ]
+        self.store.register({f"{kind}_Event": ([], event), kind: ([], parts)})
+
+    def hash(self, kind: str) -> str:
+        """Return the hash of a message or service, RIHS01: SHA-256 of its description; a text without it for humble."""
+        if self.distribution == "humble":
+            return NO_HASH
+        if kind not in self._hashes:
+            self._hashes[kind] = self.store.hash_rihs01(kind)
+        return self._hashes[kind]
+
+    def from_cdr(self, data: bytes, kind: str) -> Any:
+        """Return the message of bytes from anybody.
+
+        Raises:
+            ValueError: they are no message of that type.
+        """
+        try:
+            return self.store.deserialize_cdr(data, kind)
+        except Exception as error:
+            # The package raises of many types, and so does what it calls with lengths that the sender invents.
+            raise ValueError(f"expected {kind} as CDR, was something else ({error})") from error
 
     def make(self, kind: str, **fields: Any) -> Any:
         """Return a message of a type such as `nav_msgs/msg/Odometry`."""
