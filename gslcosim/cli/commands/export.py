@@ -1,21 +1,25 @@
-"""`gslcosim environment export`: an environment in the format of another program."""
+"""`gslcosim environment export`: an environment in the format of another program, or as an FMI unit."""
 
 import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import build_path_error
-from gslcosim.cli.arguments import Command
+from gslcosim.cli.arguments import Command, build_number_parser, parse_whole_number
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
+    from gslcosim.environment.formats.export import ExportResult
     from gslcosim.environment.model import Environment
+    from gslcosim.scenario import Scenario
 
 EXAMPLES = """  gslcosim environment export hall --to gaden --out hall_gaden
   gslcosim environment export warehouse_empty --to vtk --out warehouse_vtk
-  gslcosim environment export hall --to gaden --gaden-wind points --out hall_points"""
+  gslcosim environment export hall --to gaden --gaden-wind points --out hall_points
+  gslcosim environment export tiny_room --to fmu --fmu-points 4 --out tiny_room_fmu"""
 
-FORMATS = ("gaden", "gsl_bench", "vtk", "netcdf", "zarr", "stl", "openfoam_points", "mjcf")
+FMU = "fmu"
+FORMATS = ("gaden", "gsl_bench", "vtk", "netcdf", "zarr", "stl", "openfoam_points", "mjcf", FMU)
 GADEN_WINDS = ("components", "components_text", "points", "iterations")
 
 
@@ -32,15 +36,25 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
             "its preprocessing, or iterations as in its results"
         ),
     )
+    parser.add_argument(
+        "--fmu-points",
+        type=parse_whole_number,
+        default=1,
+        metavar="N",
+        help="number of moving points of an FMI unit (default: 1)",
+    )
+    parser.add_argument(
+        "--fmu-until",
+        type=build_number_parser("a number of seconds greater than 0", lambda seconds: seconds > 0.0),
+        metavar="S",
+        help="end of the gas that an FMI unit plays, in seconds (default: the scenario's time limit)",
+    )
     add_json_option(parser)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.environment.formats.export import export_environment
-
-    environment = _environment_of(arguments.source)
     try:
-        export = export_environment(environment, arguments.out, arguments.to, gaden_wind=arguments.gaden_wind)
+        export = _export(arguments)
     except OSError as error:
         raise build_path_error(error, "--out", "a folder that can be written", path=arguments.out) from error
     if arguments.json:
@@ -54,21 +68,37 @@ def _run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _environment_of(source: str) -> "Environment":
+def _export(arguments: argparse.Namespace) -> "ExportResult":
+    environment, scenario = _load(arguments.source)
+    if arguments.to == FMU:
+        from gslcosim.data.export.room_unit import export_room_unit
+
+        return export_room_unit(
+            environment, arguments.out, scenario, n_points=arguments.fmu_points, until_s=arguments.fmu_until
+        )
+    from gslcosim.environment.formats.export import export_environment
+
+    return export_environment(environment, arguments.out, arguments.to, gaden_wind=arguments.gaden_wind)
+
+
+# A folder is a room without gas.
+def _load(source: str) -> "tuple[Environment, Scenario | None]":
     from gslcosim.environment.generation import prepare_environment
+    from gslcosim.environment.positions import draw_positions
     from gslcosim.environment.store import load_environment
     from gslcosim.scenario import load_scenario
 
     if Path(source).is_dir():
-        return load_environment(Path(source), with_meshes=True)
-    loaded = load_scenario(source)
-    return load_environment(prepare_environment(loaded.scenario, scenario_dir=loaded.directory))
+        return load_environment(Path(source), with_meshes=True), None
+    loaded = load_scenario(source, placer=draw_positions)
+    environment = load_environment(prepare_environment(loaded.scenario, scenario_dir=loaded.directory))
+    return environment, loaded.scenario
 
 
 COMMAND = Command(
     name="export",
     old_name="export",
-    summary=("export an environment as GADEN, GSL-Bench, VTK, NetCDF, Zarr, STL, OpenFOAM points or MJCF"),
+    summary=("export an environment as GADEN, GSL-Bench, VTK, NetCDF, Zarr, STL, OpenFOAM points, MJCF or FMI unit"),
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

@@ -168,12 +168,8 @@ def export_environment(
         EnvironmentDataError: the folder holds something.
         UsageError: the extra `xarray` is needed and not installed.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    if any(folder.iterdir()):
-        raise EnvironmentDataError(
-            f"The folder is not empty: {folder}. Choose a new or empty folder, so that files do not mix."
-        )
-    name = re.sub(r"[^\w.-]+", "_", environment.name)
+    create_export_folder(folder)
+    name = build_file_name(environment.name)
     if to == "gaden":
         return _to_gaden(environment, folder, name, gaden_wind)
     if to == "gsl_bench":
@@ -187,6 +183,24 @@ def export_environment(
     if to == "stl":
         return ExportResult(files=(_written(folder / f"{name}.stl", build_stl(environment)),))
     return ExportResult(files=(_written(folder / SCENE_FILE, build_mjcf(environment).encode()),))
+
+
+def create_export_folder(folder: Path) -> None:
+    """Make a folder for exported files where there is none.
+
+    Raises:
+        EnvironmentDataError: the folder holds something.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    if any(folder.iterdir()):
+        raise EnvironmentDataError(
+            f"The folder is not empty: {folder}. Choose a new or empty folder, so that files do not mix."
+        )
+
+
+def build_file_name(name: str) -> str:
+    """Return the name of a room as files have it, without blanks and separators."""
+    return re.sub(r"[^\w.-]+", "_", name)
 
 
 def _written(path: Path, content: bytes) -> Path:

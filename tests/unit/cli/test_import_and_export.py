@@ -89,7 +89,8 @@ def test_the_environment_of_a_scenario_is_exported(tmp_path, capsys):
 
 
 def test_formats_of_the_command_are_those_that_there_are():
-    assert (export.FORMATS, export.GADEN_WINDS) == (FORMATS, GADEN_WINDS)
+    assert (*FORMATS, export.FMU) == export.FORMATS
+    assert export.GADEN_WINDS == GADEN_WINDS
 
 
 @pytest.mark.parametrize(
