@@ -4,7 +4,7 @@ import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.declaration import ReactiveDeclarer
+from gslcosim.search.motion.declaration import PlumeEndWatch, ReactiveDeclarer
 from gslcosim.search.motion.legs import LegSpace, next_leg
 from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.taxis import lateral_pair, speed_and_turn, wheel_speeds_m_s
@@ -35,7 +35,17 @@ class Braitenberg(Agent):
         self.height_m = briefing.search_height_m
         self.draws = RandomStream(briefing.seed)
         self.heading_rad: float | None = None
-        self.declarer = ReactiveDeclarer(left, height_m=self.height_m, is_on=self.settings.declares, apart_m=0.5)
+        self.declarer = ReactiveDeclarer(
+            left,
+            height_m=self.height_m,
+            is_on=self.settings.declares,
+            apart_m=0.5,
+            plume_end=PlumeEndWatch(briefing, left, setting=self.settings.plume_end),
+        )
+
+    def observe(self, observation: Observation) -> None:
+        """Take note of gas on the way."""
+        self.declarer.observe(observation)
 
     def decide(self, observation: Observation) -> Command:
         """Return how to go on for the next moment, or a declaration."""

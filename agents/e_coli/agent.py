@@ -3,7 +3,7 @@
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.commands import LegCommander
-from gslcosim.search.motion.declaration import ReactiveDeclarer
+from gslcosim.search.motion.declaration import PlumeEndWatch, ReactiveDeclarer
 from gslcosim.search.motion.legs import LegSpace
 from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.random_walks import RunAndTumble
@@ -22,10 +22,16 @@ class EColi(Agent):
         self.walk = RunAndTumble(LegSpace.of(briefing, settings.wall_margin_m), self.draws, leg_m=settings.step_m)
         self.most_turn_rad = settings.surge_turn_rad
         self.pacer = LegCommander(briefing, hold_s=settings.hold_s, leg_s=settings.leg_s)
-        self.declarer = ReactiveDeclarer(nose, height_m=briefing.search_height_m, is_on=settings.declares)
+        self.declarer = ReactiveDeclarer(
+            nose,
+            height_m=briefing.search_height_m,
+            is_on=settings.declares,
+            plume_end=PlumeEndWatch(briefing, nose, setting=settings.plume_end),
+        )
 
     def observe(self, observation: Observation) -> None:
-        """Take note of the gas during the hold."""
+        """Take note of the gas during the hold, and on the way."""
+        self.declarer.observe(observation)
         self.gas.add(observation)
 
     def decide(self, observation: Observation) -> Command:

@@ -3,7 +3,7 @@
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.commands import LegCommander
-from gslcosim.search.motion.declaration import ReactiveDeclarer
+from gslcosim.search.motion.declaration import PlumeEndWatch, ReactiveDeclarer
 from gslcosim.search.motion.legs import LegSpace, next_leg
 from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.taxis import RecentReadings, mount_position_m
@@ -24,12 +24,18 @@ class Gradient(Agent):
         self.draws = RandomStream(briefing.seed)
         self.room = LegSpace.of(briefing, self.settings.wall_margin_m)
         self.pacer = LegCommander(briefing, hold_s=self.settings.hold_s)
-        self.declarer = ReactiveDeclarer(self.noses[0], height_m=briefing.search_height_m, is_on=self.settings.declares)
+        self.declarer = ReactiveDeclarer(
+            self.noses[0],
+            height_m=briefing.search_height_m,
+            is_on=self.settings.declares,
+            plume_end=PlumeEndWatch(briefing, self.noses[0], setting=self.settings.plume_end),
+        )
         self.side = 1
         self.end_m: tuple[float, ...] | None = None
 
     def observe(self, observation: Observation) -> None:
-        """Take note of the gas during the hold."""
+        """Take note of the gas during the hold, and on the way."""
+        self.declarer.observe(observation)
         self.stop.add(observation)
 
     def decide(self, observation: Observation) -> Command:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, Waypoint, run
 from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import waypoint
+from gslcosim.search.motion.commands import declaration, waypoint
 from gslcosim.search.motion.coverage import lawnmower_path_m
 from gslcosim.search.motion.legs import LegSpace
 
@@ -26,6 +26,7 @@ class Sweep(Agent):
         self.heights_m = settings.heights_m or (briefing.search_height_m,)
         self.bends_m: deque[tuple[float, float, float]] = deque()
         self.is_one_by_one = False
+        self.guess_m = middle_m(briefing) if settings.guesses else None
 
     def observe(self, observation: Observation) -> None:
         """Cross off the bends that the vehicle comes to."""
@@ -33,8 +34,11 @@ class Sweep(Agent):
             self.bends_m.popleft()
 
     def decide(self, observation: Observation) -> Command:
-        """Return what is left of the lanes in one mission; after a refusal one bend after the other."""
+        """Return what is left of the lanes in one mission; after a refusal one bend after the other; a guess first."""
         self.observe(observation)
+        if self.guess_m is not None:
+            guess_m, self.guess_m = self.guess_m, None
+            return declaration(observation, guess_m, 0.0)
         if observation.notice is not None and self.bends_m:
             self.give_in()
         if not self.bends_m:
@@ -70,6 +74,12 @@ class Sweep(Agent):
             bends_m += [(x_m, y_m, height_m) for x_m, y_m in lawnmower_path_m(self.room, self.spacing_m, start_m)]
         solid = self.room.obstacles
         return [bend_m for bend_m in bends_m if solid is None or not solid.is_solid(bend_m)] or bends_m
+
+
+def middle_m(briefing: Briefing) -> tuple[float, float, float]:
+    """Return the middle of the room at the search height, whose surroundings no wall cuts off."""
+    low, high = briefing.bounds.min_m, briefing.bounds.max_m
+    return (low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0, briefing.search_height_m
 
 
 def passed(start_m: Sequence[float], unit: Sequence[float], along_m: float, speed_m_s: float) -> Waypoint:

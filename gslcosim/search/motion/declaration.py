@@ -1,6 +1,7 @@
 """Declaration rules of each family of methods, and a guard against repeated declarations."""
 
 import math
+import re
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,15 +10,17 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.contract.messages import Command, Observation
+from gslcosim.contract.messages import Briefing, Command, Observation
 from gslcosim.search import beliefs
 from gslcosim.search.beliefs import CellGrid
 from gslcosim.search.motion.commands import declaration
-from gslcosim.search.senses.hit_detection import GasLevel
+from gslcosim.search.senses.hit_detection import GasHits, GasLevel
 from gslcosim.search.senses.instruments import Nose
 
 Point = tuple[float, ...]
 Array = NDArray[np.float64]
+# As `gslcosim.scenario.models.success` words the task where success is by declaration.
+_DECLARE = re.compile(r"declare a position within [0-9.]+ m of it")
 # And a bit, for three stops exactly that far apart.
 _THIRD_TURN_RAD = math.tau / 3.0 + 1e-6
 
@@ -143,8 +146,149 @@ class ReactiveRule:
         return upwind_rad is not None or _widest_gap_rad(best, beyond) <= _THIRD_TURN_RAD
 
 
+def asks_for_declaration(briefing: Briefing) -> bool:
+    """Return True if the mission text asks for the source's position, so that silence cannot succeed."""
+    return _DECLARE.search(briefing.mission) is not None
+
+
+# A reading of gas on the way, and the wind then.
+@dataclass(frozen=True, kw_only=True)
+class _Whiff(_Stop):
+    upwind_rad: float | None
+
+
+class PlumeEndRule:
+    """Declares the upwind end of the gas that was met, when it has stayed where it is, or when time runs out.
+
+    1. strong readings: at least `share` of the greatest one, at most `reach_m` from it, in a wind within 60 degrees of
+       the one there
+    2. the end: the strong reading farthest upwind; without a wind the greatest reading
+    3. the estimate: the mean place of the strong readings within `near_m` of the end, weighted by their gas
+    4. it is declared when the greatest reading is above `factor` thresholds, and the estimate has stayed within
+       `still_m` for `wait_s` or it is later than `latest_s`
+
+    The confidence is the share of the strong readings' gas that lies within `near_m` of the end. Gas is met downwind of
+    a source and not upwind of it, so the end is a better estimate than the greatest reading: where the source is higher
+    or lower than the nose, the most gas is metres downwind.
+
+    State: the readings with gas, one a period, the greatest of them, and for how long the estimate has stayed.
+
+    Source:
+        The upwind end of what was detected as the source, and a stop of its own for declaring: Li, Farrell, Pang,
+        Arrieta 2006, doi:10.1109/TRO.2006.870627 (remembered, unverified). That declaration is a stage of its own after
+        finding and tracking a plume: Macedo, Marques, Costa 2019, doi:10.3390/s19102231.
+    Deviation:
+        One pass up the plume is enough, readings on the way count, and it is judged after a time: Li's rule
+        (`reactive_searcher.LossPoints`) waits for losses of the plume that agree, and often for longer than a run.
+    Held by:
+        tests/unit/search/motion/test_plume_end.py
+    """
+
+    def __init__(
+        self,
+        *,
+        threshold: float,
+        wait_s: float,
+        latest_s: float,
+        factor: float = 5.0,
+        share: float = 0.1,
+        reach_m: float = 4.0,
+        near_m: float = 1.5,
+        still_m: float = 0.5,
+        period_s: float = 1.0,
+    ) -> None:
+        """Begin without gas.
+
+        Args:
+            threshold: The least gas that counts, in the unit in which gas is added.
+            wait_s: For how long the estimate must stay [s].
+            latest_s: When it is declared even if it has not stayed [s].
+            factor: How many thresholds the greatest reading must have.
+            share: Which share of the greatest reading is strong.
+            reach_m: How far from the greatest reading the end may be, in the plane [m].
+            near_m: How far from the end readings belong to it, in the plane [m].
+            still_m: How far the estimate may move and count as the same [m].
+            period_s: Time from one reading to the next that counts [s].
+        """
+        self._threshold, self._factor, self._share = threshold, factor, share
+        self._reach_m, self._near_m = reach_m, near_m
+        self._latest_s, self._period_s = latest_s, period_s
+        self._unchanged = UnchangedRule(radius_m=still_m, n_legs=1, for_s=wait_s)
+        self._whiffs: list[_Whiff] = []
+        self._peak: _Whiff | None = None
+        self._last_s = -math.inf
+
+    def add(self, time_s: float, position_m: Sequence[float], gas: float, upwind_rad: float | None) -> None:
+        """Take note of a reading: its place, what grows with the gas, and where the wind comes from [rad]."""
+        if not (self._threshold < gas < math.inf) or time_s < self._last_s + self._period_s:
+            return
+        self._last_s = time_s
+        whiff = _Whiff(position_m=tuple(position_m), gas=gas, upwind_rad=upwind_rad)
+        self._whiffs.append(whiff)
+        if self._peak is None or gas > self._peak.gas:
+            self._peak = whiff
+
+    def estimate(self, time_s: float) -> Estimate | None:
+        """Return the estimate of the source, if all conditions hold now."""
+        if self._peak is None or not self._peak.gas > self._factor * self._threshold:
+            return None
+        found = self._find_end(self._peak)
+        is_still = self._unchanged.add(found.position_m, time_s=time_s)
+        return found if is_still or time_s >= self._latest_s else None
+
+    def _find_end(self, peak: _Whiff) -> Estimate:
+        strong = [whiff for whiff in self._whiffs if self._is_strong(whiff, peak)]
+        end = peak if peak.upwind_rad is None else max(strong, key=lambda one: _ahead_m(peak, one, peak.upwind_rad))
+        near = [whiff for whiff in strong if math.dist(whiff.position_m[:2], end.position_m[:2]) <= self._near_m]
+        confidence = sum(whiff.gas for whiff in near) / sum(whiff.gas for whiff in strong)
+        return Estimate(position_m=_centre(near), confidence=min(1.0, confidence))
+
+    def _is_strong(self, whiff: _Whiff, peak: _Whiff) -> bool:
+        if whiff.gas < self._share * peak.gas or not _agree(whiff.upwind_rad, peak.upwind_rad):
+            return False
+        return math.dist(whiff.position_m[:2], peak.position_m[:2]) <= self._reach_m
+
+
+# Directions no more than 60 degrees apart; one that is not known agrees with all.
+def _agree(upwind_rad: float | None, other_rad: float | None) -> bool:
+    return upwind_rad is None or other_rad is None or math.cos(upwind_rad - other_rad) >= 0.5
+
+
+class PlumeEndWatch:
+    """Applies `PlumeEndRule` to what a nose shows above clean air, where the mission asks for a declaration.
+
+    A third of the time limit without a change is long enough, and nine tenths of it are late. A MOX sensor that
+    recovers shows gas of before: its readings count while it has a hit.
+
+    State: that of the rule, the cleanest air, and the rule of the hits.
+
+    Held by:
+        tests/unit/search/motion/test_plume_end.py
+    """
+
+    def __init__(self, briefing: Briefing, nose: Nose, *, setting: str = "by_mission") -> None:
+        """Begin without gas; `setting` is `by_mission`, or `never`."""
+        self._nose, self._level, self._hits = nose, GasLevel(nose), GasHits(nose)
+        self._rule: PlumeEndRule | None = None
+        if setting == "by_mission" and asks_for_declaration(briefing):
+            limit_s = briefing.time_limit_s
+            self._rule = PlumeEndRule(threshold=self._level.threshold, wait_s=limit_s / 3.0, latest_s=0.9 * limit_s)
+
+    def add(self, observation: Observation, upwind_rad: float | None = None) -> None:
+        """Take note of an observation, from `Agent.observe`; without a wind that is trusted there is no direction."""
+        if self._rule is None or not self._nose.is_ready(observation):
+            return
+        gas = self._level.of(self._nose.value(observation))
+        if self._hits.add(observation):
+            self._rule.add(observation.time_s, observation.position_world_m, gas, upwind_rad)
+
+    def estimate(self, observation: Observation) -> Estimate | None:
+        """Return the estimate of the source, if it is to be declared now."""
+        return None if self._rule is None else self._rule.estimate(observation.time_s)
+
+
 class ReactiveDeclarer:
-    """Gives the declarations of a reactive method with one nose: `ReactiveRule` on what is above clean air.
+    """Gives the declarations of a reactive method with one nose: by `ReactiveRule`, and by `PlumeEndRule` if asked.
 
     State: the rule's stops, the cleanest air that was met, and what was declared.
 
@@ -152,7 +296,15 @@ class ReactiveDeclarer:
         tests/unit/search/motion/test_declaration.py
     """
 
-    def __init__(self, nose: Nose, *, height_m: float, is_on: bool = True, apart_m: float = 0.1) -> None:
+    def __init__(
+        self,
+        nose: Nose,
+        *,
+        height_m: float,
+        is_on: bool = True,
+        apart_m: float = 0.1,
+        plume_end: PlumeEndWatch | None = None,
+    ) -> None:
         """Begin with nothing declared.
 
         Args:
@@ -160,12 +312,19 @@ class ReactiveDeclarer:
             height_m: Where the source is said to be, for a method in the plane [m].
             is_on: Whether to declare at all.
             apart_m: Questions no farther apart than this are asked at one stop [m].
+            plume_end: The rule for missions that ask for a declaration; absent: none.
         """
+        self._plume_end = plume_end
         self._apart_m = apart_m
         self._level, self._height_m, self._is_on = GasLevel(nose), height_m, is_on
         self._rule = ReactiveRule(threshold=self._level.threshold)
         self._declared = DeclarationGuard()
         self._stop_m: Point | None = None
+
+    def observe(self, observation: Observation) -> None:
+        """Take note of gas on the way, from `Agent.observe`; these methods know no wind."""
+        if self._plume_end is not None:
+            self._plume_end.add(observation)
 
     def command(
         self, observation: Observation, value: float | None, *, upwind_rad: float | None = None, is_planar: bool = True
@@ -186,7 +345,10 @@ class ReactiveDeclarer:
         if self._stop_m is None or math.dist(stop_m, self._stop_m) > self._apart_m:
             self._stop_m = stop_m
             self._rule.add(stop_m, level)
-        estimate = self._declared.passes(self._rule.estimate(upwind_rad))
+        found = self._rule.estimate(upwind_rad)
+        if found is None and self._plume_end is not None:
+            found = self._plume_end.estimate(observation)
+        estimate = self._declared.passes(found)
         if estimate is None:
             return None
         place_m = (*estimate.position_m, self._height_m)[:3]
