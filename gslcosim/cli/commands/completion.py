@@ -60,6 +60,12 @@ def _participant_languages() -> Iterable[str]:
     return PARTICIPANT_SUFFIXES
 
 
+def _unit_sensors() -> tuple[str, ...]:
+    from gslcosim.data.export.room_unit import list_unit_sensors
+
+    return list_unit_sensors()
+
+
 def _picture_formats() -> Iterable[str]:
     from gslcosim.data.figures.style import FORMATS
 
@@ -113,6 +119,7 @@ COMPLETIONS: Mapping[str, Sequence[FindWords]] = {
     "NAMES": [_named(lambda: FIGURES)],
     "KINDS": [_named(_picture_formats)],
     "KIND": [_named(lambda: FOLDERS)],
+    "MODELS": [_named(_unit_sensors)],
     "COLUMN": [_named(lambda: COLUMNS)],
     "ENV_OR_RUN": [_run_ids, _SCENARIOS, _folders],
     "environment export ENV": [_SCENARIOS, _folders],
@@ -122,7 +129,7 @@ COMPLETIONS: Mapping[str, Sequence[FindWords]] = {
     **dict.fromkeys(("DIR", "ENV", "FOLDER", "RESULTS"), (_folders,)),
     **dict.fromkeys(("FILE", "FOLDER_OR_FILE", "PATH", "LOG", "COMMAND"), (_files(),)),
 }
-_SEPARATED_BY_COMMAS = ("NAMES", "KINDS", "SERVICE,…")
+_SEPARATED_BY_COMMAS = ("NAMES", "KINDS", "MODELS", "SERVICE,…")
 
 
 def complete(parser: argparse.ArgumentParser, groups: Sequence[CommandGroup]) -> None:

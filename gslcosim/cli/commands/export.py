@@ -49,6 +49,12 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="end of the gas that an FMI unit plays, in seconds (default: the scenario's time limit)",
     )
+    parser.add_argument(
+        "--fmu-sensors",
+        default="",
+        metavar="MODELS",
+        help="gas sensors at each point of an FMI unit, for example tgs2600_ideal,pid_ideal (default: none)",
+    )
     add_json_option(parser)
 
 
@@ -74,7 +80,12 @@ def _export(arguments: argparse.Namespace) -> "ExportResult":
         from gslcosim.data.export.room_unit import export_room_unit
 
         return export_room_unit(
-            environment, arguments.out, scenario, n_points=arguments.fmu_points, until_s=arguments.fmu_until
+            environment,
+            arguments.out,
+            scenario,
+            n_points=arguments.fmu_points,
+            until_s=arguments.fmu_until,
+            sensors=[word.strip() for word in arguments.fmu_sensors.split(",") if word.strip()],
         )
     from gslcosim.environment.formats.export import export_environment
 

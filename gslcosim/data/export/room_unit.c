@@ -6,6 +6,8 @@
  *     numbers            struct Header, without magic and token
  *     strength_ppm_m3    double [n_sources], a filament's gas as volume of pure gas
  *     gas_index          int64 [n_sources]
+ *     sensor_kinds       int64 [n_sensors], of SensorKind
+ *     sensor_numbers     double [n_sensors][6 + 2 n_gases], parameters of the kernel of gslcosim, then zeros
  *     first              int64 [n_gas_frames + 1], frame k holds the filaments first[k] to first[k + 1] - 1
  *     occupancy          uint8 [nx][ny][nz], 1 is solid; with has_gas
  *     cells_to_wall      uint8 [nx][ny][nz][6], toward -x, +x, -y, +y, -z, +z, 255 is none; with has_wall_images
@@ -17,7 +19,8 @@
  * Formulas and their order of operations are those of gslcosim's kernels; compile without fused multiply-add
  * (-ffp-contract=off) and without -ffast-math, or samples differ from gslcosim's in their last digits.
  *
- * Value references: 0 is time; point p (from 0) has 1 + p (6 + n_gases) for x, then y, z, wind x, y, z, and its gases.
+ * Value references: 0 is time; point p (from 0) has 1 + p (6 + n_gases + n_sensors) for x, then y, z, wind x, y, z, its
+ * gases and its sensors.
  */
 
 #define _FILE_OFFSET_BITS 64
@@ -46,6 +49,7 @@
 typedef enum { fmi3OK, fmi3Warning, fmi3Discard, fmi3Error, fmi3Fatal } fmi3Status;
 typedef void (*LogMessage)(void *environment, fmi3Status status, const char *category, const char *message);
 
+static const char UNREADABLE[] = "room.bin: expected a frame that can be read, was not.";
 enum { N_COORDINATES = 3, N_WIND = 3, TOKEN_SIZE = 64, SOLID = 1, NO_WALL = 255 };
 static const double NORMALISATION = 15.749609945722419; /* (2 pi)^(3/2) */
 static const double EXP_MINUS_MIDDLE = 0.0019304541362277093; /* exp(-6.25) */
@@ -53,18 +57,24 @@ static const double EXP_MINUS_MIDDLE = 0.0019304541362277093; /* exp(-6.25) */
 typedef struct {
     char magic[8];
     char token[TOKEN_SIZE];
-    int64_t n_points, n_gases;
+    int64_t n_points, n_gases, n_sensors;
     int64_t shape[3];
     int64_t n_wind_frames, is_wind_looping;
     int64_t has_gas, n_sources, n_gas_frames, n_filaments, has_wall_images;
     double origin_m[3], cell_m;
     double wind_period_s, wind_start_s;
     double gas_step_s, cutoff_sigma;
+    double tick_s;
 } Header;
+
+typedef enum { MOX, PID } SensorKind;
+enum { R0_OHM, AIR_RATIO, RISE_FRAC, DECAY_FRAC, LAWS = 6 }; /* of a MOX sensor */
+enum { LAG_FRAC, CORRECTIONS };                               /* of a PID */
+static const double MIN_RATIO = 0.01;
 
 typedef enum { INSTANTIATED, INITIALIZATION, STEP, TERMINATED } Mode;
 
-/* All that changes: what snapshots hold. Inputs follow it in memory. */
+/* All that changes: what snapshots hold. Inputs and what sensors remember follow it in memory. */
 typedef struct {
     char token[TOKEN_SIZE];
     double time_s;
@@ -77,7 +87,8 @@ typedef struct {
     FILE *file;
     Header header;
     double *strength_ppm_m3;
-    int64_t *gas_index, *first;
+    int64_t *gas_index, *first, *sensor_kinds;
+    double *sensor_numbers;
     uint8_t *occupancy, *cells_to_wall;
     int64_t wind_at, filaments_at, sources_at; /* offsets in the file */
     float *wind_m_s;                           /* of one frame */
@@ -87,8 +98,9 @@ typedef struct {
     int64_t i_gas, filament_capacity;
     double time_s;
     Mode mode;
-    double *inputs;  /* (n_points, 3) [m] */
-    double *outputs; /* (n_points, 3 + n_gases) [m/s], [ppm] */
+    double *inputs;     /* (n_points, 3) [m] */
+    double *remembered; /* (n_points, n_sensors) Rs/R0 of a MOX sensor, 0 before its first reading; what a PID shows */
+    double *outputs;    /* (n_points, 3 + n_gases) [m/s], [ppm] */
     bool *is_current;
 } Unit;
 
@@ -129,8 +141,13 @@ static int64_t count_cells(const Header *header) {
     return header->shape[0] * header->shape[1] * header->shape[2];
 }
 
-static size_t count_outputs(const Header *header) {
+/* Wind and gas of a point; then come its sensors. */
+static size_t count_samples(const Header *header) {
     return (size_t)(N_WIND + header->n_gases);
+}
+
+static size_t count_sensor_numbers(const Header *header) {
+    return (size_t)(LAWS + 2 * header->n_gases);
 }
 
 /* Whether the file is one of this layout and whole; where its frames are. */
@@ -164,6 +181,9 @@ static bool open_room(Unit *unit, const char *resource_path, const char *token) 
     int64_t n_cells = count_cells(header), n = header->n_filaments;
     bool is_read = read_part(unit, (void **)&unit->strength_ppm_m3, header->n_sources, sizeof(double)) &&
                    read_part(unit, (void **)&unit->gas_index, header->n_sources, sizeof(int64_t)) &&
+                   read_part(unit, (void **)&unit->sensor_kinds, header->n_sensors, sizeof(int64_t)) &&
+                   read_part(unit, (void **)&unit->sensor_numbers,
+                             header->n_sensors * (int64_t)count_sensor_numbers(header), sizeof(double)) &&
                    read_part(unit, (void **)&unit->first, header->has_gas ? header->n_gas_frames + 1 : 0,
                              sizeof(int64_t)) &&
                    read_part(unit, (void **)&unit->occupancy, header->has_gas ? n_cells : 0, 1) &&
@@ -398,7 +418,8 @@ static void sum_filaments(const Unit *unit, const double *point_m, double *ppm) 
     }
 }
 
-static bool compute_outputs(Unit *unit, size_t point) {
+/* Gas and wind at a point. */
+static bool compute_samples(Unit *unit, size_t point) {
     if (unit->is_current[point]) {
         return true;
     }
@@ -406,7 +427,7 @@ static bool compute_outputs(Unit *unit, size_t point) {
         return false;
     }
     const double *point_m = unit->inputs + N_COORDINATES * point;
-    double *outputs = unit->outputs + count_outputs(&unit->header) * point;
+    double *outputs = unit->outputs + count_samples(&unit->header) * point;
     interpolate_wind(unit, point_m, outputs);
     for (int64_t gas = 0; gas < unit->header.n_gases; gas++) {
         outputs[N_WIND + gas] = 0.0;
@@ -418,7 +439,70 @@ static bool compute_outputs(Unit *unit, size_t point) {
     return true;
 }
 
-static void forget_outputs(Unit *unit) {
+/* ------------------------------------------------------------------------------------------------------- sensors */
+
+/* Rs/R0 that a MOX sensor settles to: see steady_ratio of services/sensing/models/mox.py. */
+static double steady_ratio(const Header *header, const double *numbers, const double *ppm) {
+    double air = numbers[AIR_RATIO], ratio = air;
+    for (int64_t gas = 0; gas < header->n_gases; gas++) {
+        double a = numbers[LAWS + 2 * gas], b = numbers[LAWS + 2 * gas + 1];
+        if (a != 0.0 && ppm[gas] > 0.0) {
+            double fall = air - a * pow(ppm[gas], b);
+            ratio -= fall > 0.0 ? fall : 0.0;
+        }
+    }
+    return ratio > MIN_RATIO ? ratio : MIN_RATIO;
+}
+
+/* A tick of a sensor without noise: see advance_mox of mox.py, measure_pid of gas_sensors.py beside it. */
+static double advance_sensor(const Header *header, SensorKind kind, const double *numbers, const double *ppm,
+                             double y) {
+    if (kind == MOX) {
+        if (y == 0.0) {
+            return numbers[AIR_RATIO];
+        }
+        double target = steady_ratio(header, numbers, ppm);
+        return y + (target < y ? numbers[RISE_FRAC] : numbers[DECAY_FRAC]) * (target - y);
+    }
+    double total = 0.0;
+    for (int64_t gas = 0; gas < header->n_gases; gas++) {
+        double correction = numbers[CORRECTIONS + gas];
+        total += correction != 0.0 ? ppm[gas] / correction : 0.0;
+    }
+    return numbers[LAG_FRAC] == 1.0 ? total : y + numbers[LAG_FRAC] * (total - y);
+}
+
+/* All sensors at the time of the unit. */
+static bool read_sensors(Unit *unit) {
+    const Header *header = &unit->header;
+    for (int64_t point = 0; header->n_sensors > 0 && point < header->n_points; point++) {
+        unit->is_current[point] = false;
+        if (!compute_samples(unit, (size_t)point)) {
+            return false;
+        }
+        const double *ppm = unit->outputs + count_samples(header) * (size_t)point + N_WIND;
+        for (int64_t i = 0; i < header->n_sensors; i++) {
+            double *y = unit->remembered + point * header->n_sensors + i;
+            *y = advance_sensor(header, (SensorKind)unit->sensor_kinds[i],
+                                unit->sensor_numbers + count_sensor_numbers(header) * (size_t)i, ppm, *y);
+        }
+    }
+    return true;
+}
+
+/* What a sensor shows: clean air before its first reading. */
+static double show_sensor(const Unit *unit, size_t point, size_t sensor) {
+    const double *numbers = unit->sensor_numbers + count_sensor_numbers(&unit->header) * sensor;
+    double y = unit->remembered[(size_t)unit->header.n_sensors * point + sensor];
+    if (unit->sensor_kinds[sensor] == MOX) {
+        return numbers[R0_OHM] * (y == 0.0 ? numbers[AIR_RATIO] : y);
+    }
+    return y;
+}
+
+/* ------------------------------------------------------------------------------------------------ time and start */
+
+static void forget_samples(Unit *unit) {
     memset(unit->is_current, 0, (size_t)unit->header.n_points * sizeof(bool));
 }
 
@@ -444,9 +528,10 @@ static void set_start_values(Unit *unit) {
                 header->origin_m[axis] + 0.5 * (double)header->shape[axis] * header->cell_m;
         }
     }
+    memset(unit->remembered, 0, (size_t)(header->n_points * header->n_sensors) * sizeof(double));
     unit->time_s = 0.0;
     unit->mode = INSTANTIATED;
-    forget_outputs(unit);
+    forget_samples(unit);
 }
 
 /* ------------------------------------------------------------------------------------- FMI: creation and its modes */
@@ -466,9 +551,10 @@ EXPORT void fmi3FreeInstance(void *instance) {
     if (unit->file != NULL) {
         fclose(unit->file);
     }
-    void *const parts[] = {unit->strength_ppm_m3, unit->gas_index, unit->first,   unit->occupancy,
-                           unit->cells_to_wall,   unit->wind_m_s,  unit->filaments, unit->sources,
-                           unit->inputs,          unit->outputs,   unit->is_current};
+    void *const parts[] = {unit->strength_ppm_m3, unit->gas_index, unit->first,     unit->sensor_kinds,
+                           unit->sensor_numbers,  unit->occupancy, unit->wind_m_s,  unit->cells_to_wall,
+                           unit->filaments,       unit->sources,   unit->inputs,    unit->outputs,
+                           unit->is_current};
     for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
         free(parts[i]);
     }
@@ -499,14 +585,15 @@ EXPORT void *fmi3InstantiateCoSimulation(const char *name, const char *token, co
     }
     size_t n_points = (size_t)unit->header.n_points;
     unit->wind_m_s = malloc((size_t)count_cells(&unit->header) * N_WIND * sizeof(float));
-    unit->inputs = calloc(n_points * N_COORDINATES, sizeof(double));
-    unit->outputs = calloc(n_points * count_outputs(&unit->header), sizeof(double));
+    unit->inputs = calloc(n_points * (N_COORDINATES + (size_t)unit->header.n_sensors), sizeof(double));
+    unit->outputs = calloc(n_points * count_samples(&unit->header), sizeof(double));
     unit->is_current = calloc(n_points, sizeof(bool));
     if (unit->wind_m_s == NULL || unit->inputs == NULL || unit->outputs == NULL || unit->is_current == NULL) {
         report(unit, fmi3Error, "fmi3InstantiateCoSimulation: expected memory for a frame of wind, was none left.");
         fmi3FreeInstance(unit);
         return NULL;
     }
+    unit->remembered = unit->inputs + n_points * N_COORDINATES;
     set_start_values(unit);
     return unit;
 }
@@ -543,7 +630,7 @@ EXPORT fmi3Status fmi3EnterInitializationMode(void *instance, bool tolerance_def
     }
     unit->time_s = start_time_s;
     unit->mode = INITIALIZATION;
-    forget_outputs(unit);
+    forget_samples(unit);
     return fmi3OK;
 }
 
@@ -551,6 +638,9 @@ EXPORT fmi3Status fmi3ExitInitializationMode(void *instance) {
     Unit *unit = instance;
     if (unit->mode != INITIALIZATION) {
         return refuse(unit, "fmi3ExitInitializationMode");
+    }
+    if (!read_sensors(unit)) {
+        return report(unit, fmi3Error, UNREADABLE);
     }
     unit->mode = STEP;
     return fmi3OK;
@@ -574,6 +664,7 @@ EXPORT fmi3Status fmi3DoStep(void *instance, double time_s, double step_s, bool 
                              bool *event_handling_needed, bool *terminate_simulation, bool *early_return,
                              double *last_successful_time_s) {
     Unit *unit = instance;
+    const Header *header = &unit->header;
     (void)no_set_state_prior;
     *event_handling_needed = *terminate_simulation = *early_return = false;
     *last_successful_time_s = unit->time_s;
@@ -592,9 +683,17 @@ EXPORT fmi3Status fmi3DoStep(void *instance, double time_s, double step_s, bool 
                       "fmi3DoStep: expected a step to at most %.9g s, where the recorded gas ends, was to %.9g s.",
                       last_time_s(unit), time_s + step_s);
     }
+    /* Sensors read at each tick within the step, at the points that were set before it. */
+    int64_t last_tick = count_steps(time_s + step_s, header->tick_s);
+    for (int64_t tick = count_steps(time_s, header->tick_s) + 1; header->n_sensors > 0 && tick <= last_tick; tick++) {
+        unit->time_s = (double)tick * header->tick_s;
+        if (!read_sensors(unit)) {
+            return report(unit, fmi3Error, UNREADABLE);
+        }
+    }
     unit->time_s = time_s + step_s;
     *last_successful_time_s = unit->time_s;
-    forget_outputs(unit);
+    forget_samples(unit);
     return fmi3OK;
 }
 
@@ -602,7 +701,7 @@ EXPORT fmi3Status fmi3DoStep(void *instance, double time_s, double step_s, bool 
 
 /* Point and place among its variables of a value reference; false where there is no such variable. */
 static bool find_variable(const Unit *unit, uint32_t reference, size_t *point, size_t *place) {
-    size_t n = N_COORDINATES + count_outputs(&unit->header);
+    size_t n = N_COORDINATES + count_samples(&unit->header) + (size_t)unit->header.n_sensors;
     if (reference == 0 || reference > (size_t)unit->header.n_points * n) {
         return false;
     }
@@ -631,10 +730,14 @@ EXPORT fmi3Status fmi3GetFloat64(void *instance, const uint32_t references[], si
             values[i] = unit->inputs[N_COORDINATES * point + place];
             continue;
         }
-        if (!compute_outputs(unit, point)) {
-            return report(unit, fmi3Error, "room.bin: expected a frame that can be read, was not.");
+        if (place >= N_COORDINATES + count_samples(&unit->header)) {
+            values[i] = show_sensor(unit, point, place - N_COORDINATES - count_samples(&unit->header));
+            continue;
         }
-        values[i] = unit->outputs[count_outputs(&unit->header) * point + place - N_COORDINATES];
+        if (!compute_samples(unit, point)) {
+            return report(unit, fmi3Error, UNREADABLE);
+        }
+        values[i] = unit->outputs[count_samples(&unit->header) * point + place - N_COORDINATES];
     }
     return fmi3OK;
 }
@@ -659,8 +762,9 @@ EXPORT fmi3Status fmi3SetFloat64(void *instance, const uint32_t references[], si
         double slack_m = 1e-6 * header->cell_m, low_m = header->origin_m[place];
         double high_m = low_m + (double)header->shape[place] * header->cell_m;
         if (!(values[i] >= low_m - slack_m && values[i] <= high_m + slack_m)) {
-            return report(unit, fmi3Discard, "point[%zu].%c_m: expected a point in the room, %.9g m to %.9g m, was %.9g m.",
-                          point + 1, "xyz"[place], low_m, high_m, values[i]);
+            return report(unit, fmi3Discard,
+                          "point[%zu].%c_m: expected a point in the room, %.9g m to %.9g m, was %.9g m.", point + 1,
+                          "xyz"[place], low_m, high_m, values[i]);
         }
         unit->inputs[N_COORDINATES * point + place] = values[i];
         unit->is_current[point] = false;
@@ -697,7 +801,7 @@ NO_VARIABLES_OF(String, String)
 /* ------------------------------------------------------------------------------------------------------- FMI: state */
 
 static size_t count_state_bytes(const Unit *unit) {
-    return sizeof(State) + (size_t)unit->header.n_points * N_COORDINATES * sizeof(double);
+    return sizeof(State) + (size_t)(unit->header.n_points * (N_COORDINATES + unit->header.n_sensors)) * sizeof(double);
 }
 
 EXPORT fmi3Status fmi3GetFMUState(void *instance, void **state) {
@@ -723,7 +827,7 @@ EXPORT fmi3Status fmi3SetFMUState(void *instance, void *state) {
     unit->time_s = head->time_s;
     unit->mode = (Mode)head->mode;
     memcpy(unit->inputs, head + 1, count_state_bytes(unit) - sizeof *head);
-    forget_outputs(unit);
+    forget_samples(unit);
     return fmi3OK;
 }
 

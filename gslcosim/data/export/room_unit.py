@@ -32,10 +32,14 @@ from gslcosim.environment.model import AT_START, Environment
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import SourceEventSpec
 from gslcosim.scenario.models.gas import FilamentGasSpec
-from gslcosim_services.fields.gas_setup import gas_seed, gas_timing
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, is_ideal, make_sensor_spec
+from gslcosim_services.fields.gas_setup import gas_seed, gas_timing, list_gas_names
 from gslcosim_services.fields.mixing_ratio import strength_ppm_m3
 from gslcosim_services.fields.models.filament_gas import build_gas_model, build_wall_images
 from gslcosim_services.fields.tape import MAX_SOURCES, GasTape, TapeSchedule, record_tape
+from gslcosim_services.sensing.models import KernelSensorKind, sensor_kind
+from gslcosim_services.sensing.models.gas_sensors import measure_pid
+from gslcosim_services.sensing.models.mox import advance_mox
 
 SOURCE_FILE = "room_unit.c"
 MAX_POINTS = 10_000
@@ -44,6 +48,9 @@ WIND_OUTPUTS = ("wind_x_m_s", "wind_y_m_s", "wind_z_m_s")
 # Without contraction and reordering: samples are those of our kernels.
 COMPILER_OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-fast-math", "-fPIC", "-shared", "-fvisibility=hidden")
 
+# As the C file numbers them.
+_SENSOR_KERNELS: dict[Any, int] = {advance_mox: 0, measure_pid: 1}
+_N_MOX_NUMBERS = 6
 _MAGIC = b"gslroom1"
 _TOKEN_SIZE = 64
 _CHUNK_BYTES = 1 << 24
@@ -83,6 +90,21 @@ class RecordedGas:
         return (len(self.first) - 2) * self.step_s
 
 
+@dataclass(frozen=True, kw_only=True)
+class UnitSensor:
+    """A gas sensor without errors at each point of a unit.
+
+    `model` is its name, `output` that of its variable and `unit` the variable's unit; `kind` is the number of its
+    kernel in the C file, with the kernel's `parameters`.
+    """
+
+    model: str
+    output: str
+    unit: str
+    kind: int
+    parameters: tuple[float, ...]
+
+
 def export_room_unit(
     environment: Environment,
     folder: Path,
@@ -90,6 +112,7 @@ def export_room_unit(
     *,
     n_points: int = 1,
     until_s: float | None = None,
+    sensors: Sequence[str] = (),
 ) -> ExportResult:
     """Write `<name>.fmu`, a room that any importer of FMI 3.0 can ask for wind and gas.
 
@@ -99,6 +122,7 @@ def export_room_unit(
         scenario: Its gas, with which the unit's time counts from the start of a run; absent: wind alone.
         n_points: At how many points at once.
         until_s: End of the recorded gas [s]; absent: the time limit of the scenario.
+        sensors: Models of gas sensors at each point; see `list_unit_sensors`.
 
     Raises:
         UsageError: something in a run changes the gas or the wind, there is no C compiler, or a number is impossible.
@@ -108,6 +132,9 @@ def export_room_unit(
         raise UsageError(f"--fmu-points: expected a number from 1 to {MAX_POINTS}, was {n_points}.")
     if scenario is None and until_s is not None:
         raise UsageError("--fmu-until: expected a scenario with it, whose gas it ends, was an environment folder.")
+    if scenario is None and sensors:
+        raise UsageError("--fmu-sensors: expected a scenario with it, whose gas they read, was an environment folder.")
+    instruments = () if scenario is None else build_unit_sensors(sensors, scenario)
     compiler = find_compiler()
     if scenario is not None:
         check_can_be_recorded(scenario)
@@ -118,7 +145,7 @@ def export_room_unit(
         library = Path(work) / "unit"
         compile_unit(compiler, library)
         gas = None if scenario is None else record_gas(scenario, environment, Path(work) / "tape", until_s=until_s)
-        _write_unit(path, library, name, environment, scenario, gas, n_points)
+        _write_unit(path, library, name, environment, scenario, gas, instruments, n_points)
     return ExportResult(files=(path,), notices=_list_notices(environment, gas))
 
 
@@ -183,6 +210,49 @@ def record_gas(scenario: Scenario, environment: Environment, folder: Path, *, un
     )
 
 
+def list_unit_sensors() -> tuple[str, ...]:
+    """Return the models of sensors that a unit may have: those of gas at a point, without errors."""
+    return tuple(name for name in SENSOR_BLOCKS if is_ideal(name) and _kernel_number(name) is not None)
+
+
+def build_unit_sensors(models: Sequence[str], scenario: Scenario) -> tuple[UnitSensor, ...]:
+    """Return sensors of some models for the gases of a scenario, read once a tick of it.
+
+    Raises:
+        UsageError: units have no such sensor, or it stands twice.
+    """
+    for model in models:
+        if model not in list_unit_sensors() or list(models).count(model) > 1:
+            raise UsageError(
+                f"--fmu-sensors: expected some of {', '.join(list_unit_sensors())}, each once, was {model!r}."
+            )
+    return tuple(_build_unit_sensor(model, scenario) for model in models)
+
+
+def _build_unit_sensor(model: str, scenario: Scenario) -> UnitSensor:
+    kind = sensor_kind(model)
+    assert isinstance(kind, KernelSensorKind)
+    if kind.for_gases is not None:
+        kind = kind.for_gases(scenario.gas.define)
+        assert isinstance(kind, KernelSensorKind)
+    spec = make_sensor_spec(model=model, name="sensor")
+    kernel = kind.kernel(spec, list_gas_names(scenario.gas), scenario.tick_ns / NS_PER_S)
+    return UnitSensor(
+        model=model,
+        output=f"{model}.{kind.quantity}_{kind.unit}",
+        unit=kind.unit,
+        kind=_SENSOR_KERNELS[kernel.advance],
+        parameters=kernel.parameters,
+    )
+
+
+def _kernel_number(model: str) -> int | None:
+    kind = sensor_kind(model)
+    if not isinstance(kind, KernelSensorKind):
+        return None
+    return _SENSOR_KERNELS.get(kind.kernel(make_sensor_spec(model=model, name="sensor"), (), 1.0).advance)
+
+
 def find_compiler() -> list[str]:
     """Return the command of the C compiler: what `CC` names, or `cc`.
 
@@ -220,6 +290,7 @@ def build_model_description(
     environment: Environment,
     gases: Sequence[str],
     *,
+    sensors: Sequence[UnitSensor] = (),
     n_points: int,
     stop_time_s: float | None,
     step_s: float | None,
@@ -231,6 +302,7 @@ def build_model_description(
         token: Identifies the content of the unit.
         environment: Its grid.
         gases: Names of the gases; none: wind alone.
+        sensors: Those at each point.
         n_points: How many points.
         stop_time_s: Where the recorded gas ends [s]; absent: nowhere.
         step_s: Step to suggest [s]; absent: none.
@@ -256,6 +328,8 @@ def build_model_description(
     for unit, dimensions in (("s", {"s": "1"}), ("m", {"m": "1"}), ("m/s", {"m": "1", "s": "-1"})):
         ElementTree.SubElement(ElementTree.SubElement(units, "Unit", name=unit), "BaseUnit", dimensions)
     ElementTree.SubElement(ElementTree.SubElement(units, "Unit", name="ppm"), "BaseUnit", factor="1e-6")
+    ohm = ElementTree.SubElement(units, "Unit", name="ohm")
+    ElementTree.SubElement(ohm, "BaseUnit", kg="1", m="2", s="-3", A="-2")
     categories = ElementTree.SubElement(root, "LogCategories")
     ElementTree.SubElement(categories, "Category", name="logStatusError", description="Why a call was refused")
     experiment = {"startTime": "0"}
@@ -267,8 +341,13 @@ def build_model_description(
     variables = ElementTree.SubElement(root, "ModelVariables")
     structure = ElementTree.Element("ModelStructure")
     _add_variable(variables, "time", 0, "independent", "s", "time since the start of the run")
+    outputs = [
+        *((name, "m/s", f"wind along {name[5]}, world frame") for name in WIND_OUTPUTS),
+        *((f"mixing_ratio_ppm.{gas}", "ppm", f"{gas}, by volume") for gas in gases),
+        *((sensor.output, sensor.unit, f"reading of a {sensor.model} in each tick") for sensor in sensors),
+    ]
     for i_point in range(n_points):
-        _add_point(variables, structure, i_point, environment, gases)
+        _add_point(variables, structure, i_point, environment, outputs)
     # Sorted as the standard has it: outputs first, then what is unknown at the start.
     for output in list(structure):
         ElementTree.SubElement(structure, "InitialUnknown", output.attrib)
@@ -277,27 +356,26 @@ def build_model_description(
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
 
 
+# `outputs` have a name, a unit and a text each.
 def _add_point(
     variables: ElementTree.Element,
     structure: ElementTree.Element,
     i_point: int,
     environment: Environment,
-    gases: Sequence[str],
+    outputs: Sequence[tuple[str, str, str]],
 ) -> None:
     grid, prefix = environment.grid, f"point[{i_point + 1}]"
-    number = 1 + i_point * (len(COORDINATES) + len(WIND_OUTPUTS) + len(gases))
+    number = 1 + i_point * (len(COORDINATES) + len(outputs))
     for axis, name in enumerate(COORDINATES):
         place = {
             "min": repr(float(grid.origin_m[axis])),
             "max": repr(float(grid.max_m[axis])),
             "start": repr(float(grid.origin_m[axis]) + 0.5 * grid.shape[axis] * float(grid.cell_m)),
         }
-        text = f"{name[0]} of point {i_point + 1}, world frame"
+        text = f"{name[0]} of the point, world frame"
         _add_variable(variables, f"{prefix}.{name}", number, "input", "m", text, **place)
         number += 1
-    winds = [(name, "m/s", f"wind along {name[5]} at point {i_point + 1}, world frame") for name in WIND_OUTPUTS]
-    ratios = [(f"mixing_ratio_ppm.{gas}", "ppm", f"{gas} at point {i_point + 1}, by volume") for gas in gases]
-    for name, unit, text in (*winds, *ratios):
+    for name, unit, text in outputs:
         _add_variable(variables, f"{prefix}.{name}", number, "output", unit, text)
         ElementTree.SubElement(structure, "Output", valueReference=str(number))
         number += 1
@@ -317,19 +395,21 @@ def _write_unit(
     environment: Environment,
     scenario: Scenario | None,
     gas: RecordedGas | None,
+    sensors: Sequence[UnitSensor],
     n_points: int,
 ) -> None:
-    start_s = 0.0 if scenario is None else scenario.gas.warm_up_s
-    parts = _list_parts(environment, gas, n_points=n_points, wind_start_s=start_s)
+    start_s, tick_s = (0.0, 1.0) if scenario is None else (scenario.gas.warm_up_s, scenario.tick_ns / NS_PER_S)
+    parts = _list_parts(environment, gas, sensors, n_points=n_points, wind_start_s=start_s, tick_s=tick_s)
     token = _hash_parts(parts)
     description = build_model_description(
         name,
         token,
         environment,
         () if gas is None else gas.gases,
+        sensors=sensors,
         n_points=n_points,
         stop_time_s=None if gas is None else gas.last_time_s,
-        step_s=None if scenario is None else scenario.tick_ns / NS_PER_S,
+        step_s=None if scenario is None else tick_s,
     )
     architecture, system, suffix = find_platform()
     with zipfile.ZipFile(path, "w") as unit:
@@ -355,19 +435,30 @@ def _add_member(unit: zipfile.ZipFile, name: str, parts: Sequence[Any]) -> None:
 
 # What follows magic and token in room.bin; the C file has the layout.
 def _list_parts(
-    environment: Environment, gas: RecordedGas | None, *, n_points: int, wind_start_s: float
+    environment: Environment,
+    gas: RecordedGas | None,
+    sensors: Sequence[UnitSensor],
+    *,
+    n_points: int,
+    wind_start_s: float,
+    tick_s: float,
 ) -> list[NDArray[Any]]:
     grid, wind = environment.grid, environment.wind
-    counts = [n_points, 0 if gas is None else len(gas.gases), *grid.shape, len(wind.velocity_m_s), wind.is_looping]
+    n_gases = 0 if gas is None else len(gas.gases)
+    counts = [n_points, n_gases, len(sensors), *grid.shape, len(wind.velocity_m_s), wind.is_looping]
     of_gas = [0, 0, 0, 0, 0]
-    lengths = [*grid.origin_m, grid.cell_m, wind.period_s, wind_start_s, 1.0, 1.0]
+    lengths = [*grid.origin_m, grid.cell_m, wind.period_s, wind_start_s, 1.0, 1.0, tick_s]
     if gas is not None:
         has_images = gas.cells_to_wall is not None
         of_gas = [1, len(gas.strength_ppm_m3), len(gas.first) - 1, len(gas.filaments), has_images]
-        lengths[-2:] = [gas.step_s, gas.cutoff_sigma]
+        lengths[-3:-1] = [gas.step_s, gas.cutoff_sigma]
     parts = [np.array([*counts, *of_gas], "<i8"), np.array(lengths, "<f8")]
     if gas is not None:
-        parts += [gas.strength_ppm_m3.astype("<f8"), gas.gas_index.astype("<i8"), gas.first.astype("<i8")]
+        sensor_numbers = np.zeros((len(sensors), _N_MOX_NUMBERS + 2 * n_gases), "<f8")
+        for row, sensor in zip(sensor_numbers, sensors, strict=True):
+            row[: len(sensor.parameters)] = sensor.parameters
+        parts += [gas.strength_ppm_m3.astype("<f8"), gas.gas_index.astype("<i8")]
+        parts += [np.array([sensor.kind for sensor in sensors], "<i8"), sensor_numbers, gas.first.astype("<i8")]
         parts.append(np.ascontiguousarray(environment.occupancy, np.uint8))
         if gas.cells_to_wall is not None:
             parts.append(gas.cells_to_wall)

@@ -12,15 +12,19 @@ import pytest
 
 from gslcosim.base.errors import UsageError
 from gslcosim.cli.main import main
+from gslcosim.contract.messages import GasAmount, MountSample
 from gslcosim.data.export.room_unit import check_can_be_recorded, export_room_unit, find_platform
 from gslcosim.environment.model import Cell, Environment, Grid, WindFrames
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.models.gas import FilamentGasSpec
+from gslcosim.scenario.models.sensors import make_sensor_spec
 from gslcosim_services.fields.offline import Instant, ScenarioFieldSampler, ViewOptions
+from gslcosim_services.sensing.models import build_sensor, sensor_kind
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler: apt-get install gcc")
 
 GASES = ("ethanol", "methane")
+SENSORS = ("tgs2600_ideal", "pid_ideal")
 N_POINTS = 40
 OK, DISCARD, ERROR = 0, 2, 3
 # Steps of several lengths, some between two steps of the gas, and a time that is no sum of them.
@@ -79,7 +83,7 @@ def importer(tmp_path_factory):
     build = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", str(source), "-o", str(program), "-ldl"]
     subprocess.run(build, check=True)
 
-    def ask(unit, times_s, points_m, *, n_outputs=5, restart=-1):
+    def ask(unit, times_s, points_m, *, n_outputs=7, restart=-1):
         """Return the (t, n_points, n_outputs) values that the program prints."""
         lines = [" ".join(map(repr, [t, *some.ravel().tolist()])) for t, some in zip(times_s, points_m, strict=True)]
         words = [unit.library, unit.token, unit.resources, points_m.shape[1], n_outputs, restart]
@@ -92,10 +96,17 @@ def importer(tmp_path_factory):
     return ask
 
 
+def export_to(folder) -> Path:
+    (path,) = export_room_unit(
+        build_room(), folder, build_scenario(), n_points=N_POINTS, until_s=3.0, sensors=SENSORS
+    ).files
+    return path
+
+
 @pytest.fixture(scope="module")
 def unit(tmp_path_factory):
     folder = tmp_path_factory.mktemp("room")
-    (path,) = export_room_unit(build_room(), folder / "out", build_scenario(), n_points=N_POINTS, until_s=3.0).files
+    path = export_to(folder / "out")
     assert path.name == "tiny_room.fmu"
     return OpenedUnit(path, folder / "unit")
 
@@ -123,7 +134,7 @@ def test_an_importer_gets_the_samples_of_gslcosim(importer, tmp_path, gas):
     room, scenario = build_room(), build_scenario(**gas)
     (path,) = export_room_unit(room, tmp_path / "out", scenario, n_points=N_POINTS, until_s=3.0).files
     points_m = draw_points(len(TIMES_S))
-    found = importer(OpenedUnit(path, tmp_path / "unit"), TIMES_S, points_m)
+    found = importer(OpenedUnit(path, tmp_path / "unit"), TIMES_S, points_m, n_outputs=5)
     n_samples = [0] * len(GASES)
     for values, time_s, some_m in zip(found, TIMES_S, points_m, strict=True):
         instant = Instant(time_s=time_s)
@@ -134,6 +145,47 @@ def test_an_importer_gets_the_samples_of_gslcosim(importer, tmp_path, gas):
             n_samples[i] += np.count_nonzero(ppm)
             np.testing.assert_allclose(values[:, 3 + i], ppm, rtol=1e-12, atol=0)
     assert min(n_samples) > 10
+
+
+def test_sensors_read_as_those_of_gslcosim(unit, importer):
+    """In each tick within a step, at the points that were set before it."""
+    room, scenario = build_room(), build_scenario()
+    times_s, points_m = (0.0, 0.1, 0.15, 0.55, 1.2), draw_points(5)
+    found = importer(unit, times_s, points_m)
+    instruments = [
+        [
+            build_sensor(sensor_kind(model), make_sensor_spec(model=model, name="nose"), 100_000_000, None)
+            for model in SENSORS
+        ]
+        for _ in range(N_POINTS)
+    ]
+    ticks = [0, 1, 1, 5, 12]
+    for i, tick in enumerate(ticks):
+        for now in range(0 if i == 0 else ticks[i - 1] + 1, tick + 1):
+            shown = read_instruments(instruments, room, scenario, points_m[max(0, i - 1)], 0.1 * now)
+        np.testing.assert_allclose(found[i, :, 5:], shown, rtol=1e-12, atol=0)
+    assert np.count_nonzero(found[-1, :, 6]) > 10
+
+
+def read_instruments(instruments, room, scenario, points_m, time_s):
+    """Return the (n_points, n_models) values that instruments of ours show at points."""
+    ppm = [
+        ScenarioFieldSampler(room, scenario, gas=gas).gas_ppm(points_m, Instant(time_s=time_s), ViewOptions())
+        for gas in GASES
+    ]
+    samples = [
+        MountSample(
+            agent="beetle",
+            sensor="nose",
+            gases=tuple(GasAmount(gas=gas, mixing_ratio_ppm=x) for gas, x in zip(GASES, some, strict=True)),
+            wind_world_m_s=(0.0, 0.0, 0.0),
+        )
+        for some in np.transpose(ppm).tolist()
+    ]
+    return [
+        [instrument.read(sample, (0.0, 0.0, 0.0)).values[0] for instrument in some]
+        for some, sample in zip(instruments, samples, strict=True)
+    ]
 
 
 def test_a_unit_goes_on_from_a_serialised_state(unit, importer):
@@ -158,8 +210,7 @@ def test_a_folder_becomes_a_unit_of_wind_alone(importer, tmp_path):
 
 
 def test_the_same_room_gives_the_same_bytes(unit, tmp_path):
-    again = export_room_unit(build_room(), tmp_path / "out", build_scenario(), n_points=N_POINTS, until_s=3.0)
-    assert again.files[0].read_bytes() == unit.path.read_bytes()
+    assert export_to(tmp_path / "out").read_bytes() == unit.path.read_bytes()
 
 
 class CalledUnit:
@@ -255,6 +306,7 @@ def test_gas_that_a_recording_cannot_stand_for_is_refused(changes, found):
         ({"CC": "no_such_compiler"}, [], "expected a C compiler to compile the unit with, was none named no_such"),
         ({"CC": "false"}, [], "expected false to compile the unit, was exit code 1 (nothing said)."),
         ({}, ["--fmu-points", "0"], "--fmu-points: expected a number from 1 to 10000, was 0."),
+        ({}, ["--fmu-sensors", "pid"], "--fmu-sensors: expected some of tgs2600_ideal, tgs2602_ideal, tgs2610_ideal"),
         ({}, ["--fmu-until", "0"], "expected a number of seconds greater than 0, was '0'"),
     ],
 )

@@ -16,6 +16,9 @@
 #include <string.h>
 
 static void *library;
+static uint32_t *inputs, *outputs;
+static double *points_m, *values;
+static size_t n_inputs, n_values;
 
 static void *find(const char *name) {
     void *function = dlsym(library, name);
@@ -43,10 +46,12 @@ static void *start(char **words, double time_s) {
                          void *, void (*)(void *, int, const char *, const char *), void *) =
         find("fmi3InstantiateCoSimulation");
     int (*enter)(void *, bool, double, double, bool, double) = find("fmi3EnterInitializationMode");
+    int (*set)(void *, const uint32_t *, size_t, const double *, size_t) = find("fmi3SetFloat64");
     int (*leave)(void *) = find("fmi3ExitInitializationMode");
     void *unit = instantiate("room", words[2], words[3], false, true, false, false, NULL, 0, NULL, log_message, NULL);
     check(unit == NULL, "fmi3InstantiateCoSimulation");
     check(enter(unit, false, 0.0, time_s, false, 0.0), "fmi3EnterInitializationMode");
+    check(set(unit, inputs, n_inputs, points_m, n_inputs), "fmi3SetFloat64");
     check(leave(unit), "fmi3ExitInitializationMode");
     return unit;
 }
@@ -86,10 +91,10 @@ int main(int n_words, char **words) {
     int (*set)(void *, const uint32_t *, size_t, const double *, size_t) = find("fmi3SetFloat64");
     int (*step)(void *, double, double, bool, bool *, bool *, bool *, double *) = find("fmi3DoStep");
     size_t n_points = strtoul(words[4], NULL, 10), n_outputs = strtoul(words[5], NULL, 10);
-    size_t n_inputs = 3 * n_points, n_values = n_outputs * n_points;
+    n_inputs = 3 * n_points, n_values = n_outputs * n_points;
     long restart_line = strtol(words[6], NULL, 10);
-    uint32_t *inputs = malloc(n_inputs * sizeof *inputs), *outputs = malloc(n_values * sizeof *outputs);
-    double *points_m = malloc(n_inputs * sizeof *points_m), *values = malloc(n_values * sizeof *values);
+    inputs = malloc(n_inputs * sizeof *inputs), outputs = malloc(n_values * sizeof *outputs);
+    points_m = malloc(n_inputs * sizeof *points_m), values = malloc(n_values * sizeof *values);
     for (size_t p = 0; p < n_points; p++) {
         uint32_t first = 1 + (uint32_t)(p * (3 + n_outputs));
         for (uint32_t i = 0; i < 3; i++) {
