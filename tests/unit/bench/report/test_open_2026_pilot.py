@@ -30,7 +30,7 @@ def test_the_tables_have_each_entry_scenario_and_stratum(pilot, tmp_path, capsys
     folder = synthetic.make_results(tmp_path / "results", plan)
     monkeypatch.setattr(sys, "argv", ["open_2026_pilot.py", str(folder)])
     pilot.main()
-    entries, scenarios, strata = capsys.readouterr().out.strip().split("\n\n")
+    entries, scenarios, groups, strata = capsys.readouterr().out.strip().split("\n\n")
     assert set(re.findall(r"^\| `(\w+)` \| 24 \|", entries, re.MULTILINE)) == {"sweep", "poor", "good", "oracle"}
     assert entries.index("`good`") < entries.index("`poor`")
     for scenario in ("room_1", "room_2"):
@@ -38,4 +38,7 @@ def test_the_tables_have_each_entry_scenario_and_stratum(pilot, tmp_path, capsys
         assert "(`sweep`)" in line
         assert "(`good`)" in line
     assert "oracle" not in scenarios
+    assert re.search(r"^\| all \| 2 \| `good` \d.* \| `sweep` ", groups, re.MULTILINE)
+    assert re.search(r"^\| family `\w+` \|", groups, re.MULTILINE)
+    assert re.search(r"^\| stratum ", groups, re.MULTILINE)
     assert re.search(r"\| (below 1|1 to 2|2 to 4|4 and more) \| \d \| \d+ \| \d", strata)
