@@ -201,7 +201,7 @@ def _check_no_program(scenario: Scenario, names: Sequence[str]) -> None:
         if own.name in names:
             raise UsageError(
                 f"participants.{own.name}: expected --trusted, because the run's host says which program is started "
-                f"here: {' '.join(own.start.command)}"
+                f"here: {' '.join(own.start.words)}"
             )
 
 

@@ -5,7 +5,8 @@ import queue
 import shutil
 import threading
 import time
-from collections.abc import Generator, Iterable, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -62,8 +63,10 @@ def hash_programs(participants: Iterable[ParticipantProgramSpec], directory: Pat
     return {
         each.name: {
             word: hashlib.sha256(path.read_bytes()).hexdigest()
-            for i, word in enumerate(each.start.command)
-            if (path := _find_file(each.start.command, i, directory)) is not None
+            for i, word in enumerate(each.start.words)
+            # What loads a unit is part of gslcosim.
+            if each.start.fmu is None or word == each.start.fmu
+            if (path := _find_file(each.start.words, i, directory)) is not None
         }
         for each in participants
     }
@@ -94,10 +97,28 @@ class ParticipantProgram:
     """One start of a participant's program.
 
     Whatever it does wrong becomes a `SimulationFault` that says what was expected, with the end of its log.
+
+    Args:
+        own: The participant in the scenario.
+        setup: The run.
+        arguments: Words that follow its command.
+        keep: Descriptors that it inherits.
+        describe_place: Returns where in the program it is, as words that follow what was expected, for its faults.
     """
 
-    def __init__(self, own: ParticipantProgramSpec, setup: RunSetup) -> None:
+    def __init__(
+        self,
+        own: ParticipantProgramSpec,
+        setup: RunSetup,
+        *,
+        arguments: Sequence[str] = (),
+        keep: Sequence[int] = (),
+        describe_place: Callable[[], str] = lambda: "",
+    ) -> None:
         self._own = own
+        self._arguments = arguments
+        self._keep = keep
+        self._describe_place = describe_place
         self._setup = setup
         self._directory = setup.directory or Path.cwd()
         self._stack = ExitStack()
@@ -117,7 +138,7 @@ class ParticipantProgram:
         private_dir = self._stack.enter_context(ScratchFolder.for_sockets()).path
         self._stack.enter_context(self._children)
         own = self._own
-        command = resolve_command(own.start.command, self._directory)
+        command = [*resolve_command(own.start.words, self._directory), *self._arguments]
         listener = self._listener(private_dir)
         kind, _, place = listener.address.partition(":") if listener else ("", "", "")
         confinement = build_confinement(
@@ -131,9 +152,12 @@ class ParticipantProgram:
         )
         name, log, cwd = self._process, self._setup.run_dir.log(self._process), self._directory
         variables = {PARTICIPANT_VARIABLE: own.name}
+        if own.start.fmu is not None and confinement.policy is None:
+            # What it has unpacked and leaves there when it is killed goes with the folder.
+            variables["TMPDIR"] = str(private_dir)
         if listener is None:
             pipes = self._children.start_piped(
-                name, command, variables=variables, log=log, cwd=cwd, confinement=confinement
+                name, command, variables=variables, log=log, cwd=cwd, confinement=confinement, keep=self._keep
             )
             self._exchange = BlockingConnection(PipeStream(*pipes), own.start.format)
             return
@@ -174,9 +198,9 @@ class ParticipantProgram:
         except StreamEndedError as error:
             # Its process may have ended too; that says more.
             ended = f"but its process {self._how}" if self._has_exited.wait(_LOG_TAIL_WAIT_S) else str(error)
-            raise self.fault(f"expected {what}, {ended}.") from error
+            raise self.fault(f"expected {what}{self._describe_place()}, {ended}.") from error
         except (AnswerTimeoutError, ContractError) as error:
-            raise self.fault(f"expected {what}, {error}") from error
+            raise self.fault(f"expected {what}{self._describe_place()}, {error}") from error
 
     def check_silence(self, what: str) -> None:
         """Check that the program has said nothing more.
@@ -248,7 +272,7 @@ class ParticipantProgram:
 END_REASON = "the run is over"
 
 
-class ExternalCore:
+class ProgramCore(ABC):
     """Stands for a program among the cores of a run. State: the program, and what it has made of the room.
 
     Nobody can look into a program, so a snapshot holds all inputs that it was sent: to go on, a new start of it steps
@@ -257,14 +281,12 @@ class ExternalCore:
     Args:
         own: The participant in the scenario.
         setup: The run.
-        message_types: The name of the message on each port that it reads or writes.
     """
 
-    def __init__(self, own: ParticipantProgramSpec, setup: RunSetup, message_types: Mapping[str, str]) -> None:
+    def __init__(self, own: ParticipantProgramSpec, setup: RunSetup) -> None:
         self.spec: ParticipantSpec = build_external_spec(own, setup.scenario)
         self._own = own
         self._setup = setup
-        self._message_types = message_types
         self._period_ticks = get_period_ticks(own, setup.scenario)
         self._program: ParticipantProgram | None = None
         self._room_outputs: dict[str, Message] = {}
@@ -273,28 +295,17 @@ class ExternalCore:
         self._answers_hash = b""
 
     def reset(self, episode: Episode) -> Outbox:
-        """Start the program again, receive its hello and send it its briefing."""
+        """Start the program again."""
         self.close()
         self._room_outputs, self._past, self._answers_hash = {}, [], b""
-        program = self._program = ParticipantProgram(self._own, self._setup)
-        program.start()
-        payload = program.receive(ParticipantHello, "its hello (ParticipantHello)", within_s=HELLO_TIMEOUT_S)
-        try:
-            hello = read_hello(payload)
-            check_hello(hello, reads=(read.port for read in self._own.reads), writes=self._own.writes)
-        except ContractError as error:
-            raise program.fault(str(error)) from error
-        program.send("ParticipantBriefing", codec.encode(self._briefing(episode)))
+        self._program = self._start(episode)
         return {}
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:
         """Let the program step, where its period is over; the room stays as it was in between."""
         if tick % self._period_ticks:
             return {port: held.model_copy(update={"tick": tick}) for port, held in self._room_outputs.items()}
-        time_s = seconds_from_ticks(tick, self._setup.scenario.tick_ns)
-        ports = (read.port for read in self._own.reads if read.port in inbox)
-        inputs = encode_inputs(tick, time_s, {port: codec.encode(inbox[port]) for port in ports})
-        return self._ask(tick, inputs)
+        return self._ask(tick, self._encode_inputs(tick, inbox))
 
     def state(self) -> Mapping[str, Any]:
         """Return all inputs that the program was sent, and a hash of its answers; see `Snapshots`."""
@@ -320,21 +331,25 @@ class ExternalCore:
         if program is not None:
             program.end(END_REASON)
 
+    @abstractmethod
+    def _start(self, episode: Episode) -> ParticipantProgram:
+        """Return the program, ready for its first inputs."""
+
+    @abstractmethod
+    def _encode_inputs(self, tick: int, inbox: Inbox) -> bytes:
+        """Return the frame of a step's inputs."""
+
+    @abstractmethod
+    def _request_outputs(self, program: ParticipantProgram, tick: int, inputs: bytes) -> Mapping[str, Message]:
+        """Return the program's answer to a step's inputs, by word."""
+
     def _running(self) -> ParticipantProgram:
         if self._program is None:
             raise SimulationFault(f"{self._own.name}: expected a reset before the first step.")
         return self._program
 
     def _ask(self, tick: int, inputs: bytes) -> Outbox:
-        program = self._running()
-        what = f"an answer to the inputs of tick {tick}"
-        program.check_silence(f"no answer before the inputs of tick {tick}")
-        program.send("ParticipantInputs", inputs)
-        payload = program.receive(ParticipantOutputs, what, within_s=self._own.answer_within_s)
-        try:
-            answers = read_outputs(payload, tick, self._own.writes)
-        except ContractError as error:
-            raise program.fault(str(error)) from error
+        answers = self._request_outputs(self._running(), tick, inputs)
         self._room_outputs = {self._own.port_of(word): answers[word] for word in answers if word in ROOM_OUTPUTS}
         if self._is_kept:
             self._past.append((tick, inputs))
@@ -343,6 +358,47 @@ class ExternalCore:
                 digest.update(codec.encode(answer))
             self._answers_hash = digest.digest()
         return {self._own.port_of(word): answer for word, answer in answers.items()}
+
+
+class ExternalCore(ProgramCore):
+    """Stands for a program that speaks the gateway's frames.
+
+    Args:
+        own: The participant in the scenario.
+        setup: The run.
+        message_types: The name of the message on each port that it reads or writes.
+    """
+
+    def __init__(self, own: ParticipantProgramSpec, setup: RunSetup, message_types: Mapping[str, str]) -> None:
+        super().__init__(own, setup)
+        self._message_types = message_types
+
+    def _start(self, episode: Episode) -> ParticipantProgram:
+        program = self._program = ParticipantProgram(self._own, self._setup)
+        program.start()
+        payload = program.receive(ParticipantHello, "its hello (ParticipantHello)", within_s=HELLO_TIMEOUT_S)
+        try:
+            hello = read_hello(payload)
+            check_hello(hello, reads=(read.port for read in self._own.reads), writes=self._own.writes)
+        except ContractError as error:
+            raise program.fault(str(error)) from error
+        program.send("ParticipantBriefing", codec.encode(self._briefing(episode)))
+        return program
+
+    def _encode_inputs(self, tick: int, inbox: Inbox) -> bytes:
+        time_s = seconds_from_ticks(tick, self._setup.scenario.tick_ns)
+        ports = (read.port for read in self._own.reads if read.port in inbox)
+        return encode_inputs(tick, time_s, {port: codec.encode(inbox[port]) for port in ports})
+
+    def _request_outputs(self, program: ParticipantProgram, tick: int, inputs: bytes) -> Mapping[str, Message]:
+        program.check_silence(f"no answer before the inputs of tick {tick}")
+        program.send("ParticipantInputs", inputs)
+        what = f"an answer to the inputs of tick {tick}"
+        payload = program.receive(ParticipantOutputs, what, within_s=self._own.answer_within_s)
+        try:
+            return read_outputs(payload, tick, self._own.writes)
+        except ContractError as error:
+            raise program.fault(str(error)) from error
 
     def _briefing(self, episode: Episode) -> ParticipantBriefing:
         scenario, own = self._setup.scenario, self._own

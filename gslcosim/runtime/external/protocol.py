@@ -164,7 +164,7 @@ def read_outputs(payload: bytes, tick: int, words: Iterable[str]) -> Mapping[str
             f"ParticipantOutputs: outputs: expected {_join_words(declared)}, as it declares, was "
             f"{_join_words(answer.outputs)}."
         )
-    return {word: _build_output(word, tick, answer.outputs[word]) for word in declared}
+    return {word: build_output(word, tick, answer.outputs[word]) for word in declared}
 
 
 def is_valid_name(word: str) -> bool:
@@ -172,7 +172,17 @@ def is_valid_name(word: str) -> bool:
     return _NAME_PATTERN.fullmatch(word) is not None
 
 
-def _build_output(word: str, tick: int, fields: dict[str, Any]) -> Message:
+def build_output(word: str, tick: int, fields: Mapping[str, Any]) -> Message:
+    """Return the message of an output of a participant.
+
+    Args:
+        word: Of its `writes`.
+        tick: The tick.
+        fields: What it has there.
+
+    Raises:
+        ContractError: they are no such message.
+    """
     if word in ROOM_OUTPUTS:
         try:
             return codec.build_message(ROOM_OUTPUTS[word], {**fields, "tick": tick})

@@ -91,8 +91,18 @@ class ChildProcesses:
         log: Path,
         cwd: Path,
         confinement: Confinement | None = None,
+        keep: Sequence[int] = (),
     ) -> tuple[FileIO, FileIO]:
         """Start a process as `start`, but return its standard input and output; only its errors are logged.
+
+        Args:
+            name: See `start`.
+            command: See `start`.
+            variables: See `start`.
+            log: See `start`.
+            cwd: See `start`.
+            confinement: See `start`.
+            keep: Descriptors that it inherits besides.
 
         Raises:
             UsageError: the command cannot be started.
@@ -100,7 +110,7 @@ class ChildProcesses:
         """
         with self._log(log) as errors:
             streams = Streams(subprocess.PIPE, subprocess.PIPE, errors.fileno())
-            process = self._start(name, command, variables, cwd, streams, confinement)
+            process = self._start(name, command, variables, cwd, streams, confinement, keep=keep)
         # Without buffers these are raw files.
         return cast(FileIO, process.stdin), cast(FileIO, process.stdout)
 
@@ -113,13 +123,14 @@ class ChildProcesses:
         streams: Streams,
         confinement: Confinement | None,
         join: JoinData | None = None,
+        keep: Sequence[int] = (),
     ) -> "subprocess.Popen[bytes]":
         check_program(name, command, cwd)
         # Who starts a run from within another one must not hand its own place on.
         around = build_short_environment(command) if self._are_foreign else os.environ
         around = around if confinement is None else confinement.environment
         environment = {key: value for key, value in around.items() if not key.startswith(JOIN_VARIABLES)}
-        joining, inherited = ({}, ()) if join is None else join.hand_over()
+        joining, inherited = ({}, keep) if join is None else join.hand_over()
         environment |= {**joining, **variables}
         launch = None
         if confinement is not None and is_launcher_possible():

@@ -476,6 +476,8 @@ def _missing_programs(values: dict[str, Any], directory: Path) -> Iterator[Probl
             problem = find_python_problem(python, directory=directory, path=f"{path}.python")
         elif words := words_in(command):
             problem = find_command_problem(words, directory=directory, path=f"{path}.command")
+        elif isinstance(unit := start.get("fmu"), str) and not (file := _place(directory, unit)).is_file():
+            problem = _missing(f"{path}.fmu", "a unit of FMI", unit, f"file {file}")
         if problem:
             yield problem
 

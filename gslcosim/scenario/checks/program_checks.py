@@ -20,7 +20,19 @@ SCRIPT_ENDINGS = (".py", ".js", ".mjs", ".rb", ".pl", ".lua", ".jl", ".sh", ".m"
 """Endings by which the second word of a command is known as a file."""
 
 # Keys of a scenario whose texts are files or folders, alone or in a list.
-_PATH_KEYS = ("python", "command", "files", "file", "folder", "path", "gsl_bench", "gaden", "may_read", "may_write")
+_PATH_KEYS = (
+    "python",
+    "command",
+    "files",
+    "file",
+    "folder",
+    "path",
+    "gsl_bench",
+    "gaden",
+    "may_read",
+    "may_write",
+    "fmu",
+)
 # Linux's limits, with room for the folder that comes before.
 _MAX_NAME_BYTES, _MAX_PATH_LENGTH = 255, 3000
 # The first bytes of a program of Linux, and those that say for which kind of processor; some take another kind too.

@@ -69,6 +69,10 @@ def _has_own_services(scenario: Scenario) -> bool:
     return bool(scenario.services or scenario.participants)
 
 
+def _has_units(scenario: Scenario) -> bool:
+    return any(own.start.fmu is not None for own in scenario.participants)
+
+
 def _makes_demands(scenario: Scenario) -> bool:
     started = (*scenario.agents, *scenario.participants)
     return any(each.sandbox not in ("auto", "none") or each.limits.are_given or each.environment for each in started)
@@ -138,6 +142,21 @@ CHECKS = (
         subject="services",
         finder="gslcosim.runtime.services:find_service_problems",
         is_needed=_has_own_services,
+    ),
+    Check(
+        name="units",
+        of="scenario",
+        subject="services",
+        finder="gslcosim.runtime.external.fmi.checks:find_unit_problems",
+        is_needed=_has_units,
+    ),
+    Check(
+        name="states of units",
+        of="scenario",
+        subject="services",
+        finder="gslcosim.runtime.external.fmi.checks:find_unit_warnings",
+        is_needed=lambda scenario: scenario.snapshots is not None and _has_units(scenario),
+        is_warning=True,
     ),
     Check(
         name="sandboxes",

@@ -1,16 +1,21 @@
 """Participants of the user, services of other packages, and the sandbox of an agent's processes."""
 
+import re
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, Field, SerializeAsAny, StringConstraints, model_validator
 
 from gslcosim.base.plugins import EntryPoints
 from gslcosim.base.problems import broken_rule_error
+from gslcosim.base.processes import build_python_command
 from gslcosim.contract.environment_messages import WIND
 from gslcosim.contract.messages import ParameterValue
 from gslcosim.contract.participant_messages import VENTILATION, build_own_port
 from gslcosim.scenario.models.base import Name, OneOf, Positive, Spec
 
+# The one value of a `WindShare`, and the names that a briefing can hold.
+_VENTILATION_VALUE = "share"
+_PARAMETER_NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 # What a run gives its processes there.
 _OUR_PREFIX = "GSLCOSIM_"
 
@@ -61,31 +66,79 @@ class AgentLimitsSpec(Spec):
         return any(value is not None for value in (self.cpu_s, self.memory_mb, self.n_files, self.n_processes))
 
 
+# FMI allows any text as the name of a variable.
+VariableName = Annotated[str, StringConstraints(min_length=1, max_length=200)]
+ValuePath = Annotated[str, StringConstraints(min_length=1, max_length=400)]
+
 # A service that is silent for 30 s is taken for one that hangs; the program's own limit says more.
 MAX_ANSWER_S = 25.0
 
 
-class ProgramStartSpec(Spec):
-    """Start of a participant's program: command, connection to the gateway, and format."""
+# What loads a unit in its own process.
+UNIT_HOST = "gslcosim.runtime.external.fmi.host"
 
-    command: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
+
+class ProgramStartSpec(Spec):
+    """Start of a participant's program: command, connection to the gateway, and format; or a unit of FMI.
+
+    `fmu` is a co-simulation unit of FMI 2 or 3, which gslcosim loads in a process of its own.
+    """
+
+    command: Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
+        default=None,
         description="program and arguments; a name with a slash is relative to the scenario's folder, others "
-        "are found on the PATH"
+        "are found on the PATH",
+    )
+    fmu: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None, description="unit of FMI, a file relative to the scenario's folder"
     )
     door: Literal["stdio", "tcp", "unix"] = Field(
         default="stdio", description="transport: standard streams or a connection"
     )
     format: Literal["msgpack", "json"] = Field(default="msgpack", description="encoding of frames")
 
+    @model_validator(mode="after")
+    def _check_one(self) -> Self:
+        given = [key for key in ("command", "fmu") if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise broken_rule_error(
+                expected="exactly one of command and fmu",
+                found=" and ".join(given) or "none",
+                remedy="For example start: {command: [./my_model]}.",
+            )
+        if self.fmu is not None and (self.door, self.format) != ("stdio", "msgpack"):
+            raise broken_rule_error(
+                key="door" if self.door != "stdio" else "format",
+                expected="neither door nor format beside fmu",
+                found=self.door if self.door != "stdio" else self.format,
+                remedy="Leave it out.",
+            )
+        return self
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Program and arguments of the process."""
+        if self.command is not None:
+            return self.command
+        return (*build_python_command("-m", UNIT_HOST), str(self.fmu))
+
 
 class PortReadSpec(Spec):
-    """A port that a participant reads, true values included, `delay` ticks late."""
+    """A port that a participant reads, true values included, `delay` ticks late.
+
+    `inputs`, for a unit of FMI: by variable the place of its value in the message of the port.
+    """
 
     port: Annotated[str, StringConstraints(min_length=1, max_length=200)] = Field(
         description="port, such as truth/samples (docs/messages.md) or participant/NAME/PORT"
     )
     delay: Annotated[int, Field(ge=0, le=1000)] = Field(
         default=0, description="delay in ticks between a message and the step that reads it"
+    )
+    inputs: dict[VariableName, ValuePath] = Field(
+        default={},
+        description="for a unit: by input variable the place of its value in the message, such as "
+        "samples[sensor=nose].gases[gas=ethanol].mixing_ratio_ppm",
     )
 
 
@@ -95,7 +148,8 @@ class ParticipantProgramSpec(Spec):
     - `reads`: its inputs. A participant is part of the world, so it may read true values, which agents cannot.
     - `writes`: its outputs. `ventilation` changes the wind of the room; any other name is a port of its own,
       `participant/<name>/<output>`, whose numbers become curves in the recording.
-    - `parameters`: passed to the program unchanged.
+    - `outputs`: of a unit of FMI, by output and name the variable with its value.
+    - `parameters`: passed to the program unchanged; of a unit, by variable.
     """
 
     name: Name = Field(description="name of the participant")
@@ -108,7 +162,12 @@ class ParticipantProgramSpec(Spec):
     answer_within_s: Annotated[float, Field(gt=0, le=MAX_ANSWER_S)] = Field(
         default=10.0, description="wall-clock timeout for an answer"
     )
-    parameters: dict[Name, ParameterValue] = Field(default={}, description="settings of the model, passed unchanged")
+    outputs: dict[Name, dict[Name, VariableName]] = Field(
+        default={}, description="for a unit: by output and name the variable with its value"
+    )
+    parameters: dict[VariableName, ParameterValue] = Field(
+        default={}, description="settings of the model, passed unchanged; for a unit: by variable"
+    )
     sandbox: SandboxChoice = Field(
         default="auto", description="sandbox of the program; auto: the strongest on this machine"
     )
@@ -150,6 +209,37 @@ class ParticipantProgramSpec(Spec):
                     remedy="Leave one.",
                 )
         return self
+
+    @model_validator(mode="after")
+    def _check_variables(self) -> Self:
+        if self.start.fmu is not None:
+            self._check_unit_outputs()
+            return self
+        found = "reads[].inputs" if any(read.inputs for read in self.reads) else "outputs" if self.outputs else ""
+        if found:
+            expected = "start.fmu beside variables of a unit"
+            raise broken_rule_error(expected=expected, found=f"{found} of a program", remedy="Leave them out.")
+        wrong = next((name for name in self.parameters if _PARAMETER_NAME.fullmatch(name) is None), None)
+        if wrong is not None:
+            expected = "names of at most 40 lower-case letters, digits and _, for a program"
+            raise broken_rule_error(key="parameters", expected=expected, found=f"'{wrong}'")
+        return self
+
+    def _check_unit_outputs(self) -> None:
+        words = list(self.writes)
+        if sorted(self.outputs) != sorted(words):
+            raise broken_rule_error(
+                key="outputs",
+                expected=f"variables of the unit for each of its writes ({', '.join(sorted(words))})",
+                found=", ".join(sorted(self.outputs)) or "none",
+                remedy=f"For example outputs: {{{words[0]}: {{{_VENTILATION_VALUE}: VARIABLE}}}}.",
+            )
+        if self.drives_wind and [*self.outputs[VENTILATION]] != [_VENTILATION_VALUE]:
+            raise broken_rule_error(
+                key=f"outputs.{VENTILATION}",
+                expected=f"{_VENTILATION_VALUE}, and nothing else",
+                found=", ".join(self.outputs[VENTILATION]) or "nothing",
+            )
 
 
 # Third parties add theirs under this name; each entry point is a class that derives from `ServiceSpec`.

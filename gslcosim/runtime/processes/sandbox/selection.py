@@ -515,7 +515,7 @@ def _list_other_programs(agent: ConfinementSpec, setup: RunSetup, directory: Pat
     scenario = setup.scenario
     commands = [build_start_command(each, directory) for each in scenario.agents if each.name != agent.name]
     commands += [
-        resolve_command(each.start.command, directory) for each in scenario.participants if each.name != agent.name
+        resolve_command(each.start.words, directory) for each in scenario.participants if each.name != agent.name
     ]
     own = [folder for command in commands if command is not None for folder in find_own_folders(command, directory)]
     return [*own, *(folder.resolve() for folder in own)]

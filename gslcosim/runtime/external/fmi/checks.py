@@ -1,0 +1,58 @@
+"""Checks of the units of FMI in a scenario before a run."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from gslcosim.base.errors import DataflowError, UsageError
+from gslcosim.base.problems import Problem
+from gslcosim.runtime.external.fmi.description import read_unit
+from gslcosim.runtime.external.fmi.wiring import wire_unit
+from gslcosim.runtime.services import build_dataflow
+from gslcosim.scenario import Scenario
+
+
+def find_unit_problems(scenario: Scenario, directory: Path) -> Iterator[Problem]:
+    """Yield what keeps the units of a scenario from taking part in its run.
+
+    Args:
+        scenario: What is run.
+        directory: Its folder, where relative paths start.
+    """
+    try:
+        types = build_dataflow(scenario).message_types
+    except (UsageError, DataflowError):
+        return  # which another check reports
+    for i, own in enumerate(scenario.participants):
+        if own.start.fmu is not None:
+            problems: list[Problem] = []
+            wire_unit(own, scenario, directory, types, problems)
+            for problem in problems:
+                yield Problem(
+                    where=f"participants[{i}].{problem.where}",
+                    expected=problem.expected,
+                    found=problem.found,
+                    remedy=problem.remedy,
+                )
+
+
+def find_unit_warnings(scenario: Scenario, directory: Path) -> Iterator[Problem]:
+    """Yield the units whose state no snapshot can hold, in scenarios with snapshots.
+
+    Args:
+        scenario: What is run.
+        directory: Its folder, where relative paths start.
+    """
+    for i, own in enumerate(scenario.participants):
+        if own.start.fmu is None:
+            continue
+        try:
+            unit = read_unit(directory / Path(own.start.fmu).expanduser())
+        except UsageError:
+            continue  # which is a problem already
+        if not unit.saves_state:
+            yield Problem(
+                where=f"participants[{i}].start.fmu",
+                expected="a unit that can serialize its state, for snapshots",
+                found=f"{unit.model}, which cannot",
+                remedy="Snapshots hold its inputs instead: to go on there, it steps through all of them again.",
+            )

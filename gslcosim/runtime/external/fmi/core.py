@@ -1,0 +1,154 @@
+"""Core of a unit of FMI: wires its variables to ports, and has the unit step in a process of its own."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgpack  # pyright: ignore[reportMissingTypeStubs]
+
+from gslcosim.base.errors import ContractError, UsageError
+from gslcosim.base.problems import Problem
+from gslcosim.base.ticks import seconds_from_ticks
+from gslcosim.contract.messages import Message
+from gslcosim.contract.participant import Episode, Inbox
+from gslcosim.contract.participant_messages import ParticipantOutputs
+from gslcosim.runtime.external.core import HELLO_TIMEOUT_S, ParticipantProgram, ProgramCore
+from gslcosim.runtime.external.fmi.calls import CallMarker
+from gslcosim.runtime.external.fmi.description import UnitVariable, list_unpacked_folders
+from gslcosim.runtime.external.fmi.wiring import UnitWiring, wire_unit
+from gslcosim.runtime.external.protocol import build_output
+from gslcosim.runtime.setup import RunSetup
+from gslcosim.scenario.models.participants import ParticipantProgramSpec
+
+# Below the limit of a frame.
+_PIECE_BYTES = 512 << 10
+_msgpack: Any = msgpack
+
+
+class UnitCore(ProgramCore):
+    """Stands for a unit of FMI in a run.
+
+    At tick 0 the unit is initialized with the inputs of that tick. At each later tick of its period it steps up to that
+    time with the inputs of its tick before, and then gets new ones: its outputs are those at the time of the tick. An
+    input whose port has no message, or whose message lacks the value, keeps its value.
+
+    A unit that can serialize its state has it in snapshots; of another they hold all inputs.
+
+    Args:
+        own: The participant in the scenario.
+        setup: The run.
+        types: The type of the messages on each port of the run.
+
+    Raises:
+        UsageError: the unit does not fit the scenario.
+    """
+
+    def __init__(self, own: ParticipantProgramSpec, setup: RunSetup, types: Mapping[str, type[Message]]) -> None:
+        super().__init__(own, setup)
+        problems: list[Problem] = []
+        wiring = wire_unit(own, setup.scenario, setup.directory or Path.cwd(), types, problems)
+        if wiring is None:
+            raise UsageError("\n".join(f"{own.place}.{problem}" for problem in problems))
+        self._wiring: UnitWiring = wiring
+        self._is_kept = self._is_kept and not wiring.description.saves_state
+        self._marker: CallMarker | None = None
+
+    def state(self) -> Mapping[str, Any]:
+        """Return the state of the unit, or all inputs that it was sent; see `Snapshots`."""
+        if not self._wiring.description.saves_state:
+            return super().state()
+        program = self._running()
+        n_bytes = int(self._request(program, "UnitSave", {}, "its state")["n_bytes"])
+        starts = range(0, n_bytes, _PIECE_BYTES)
+        pieces = [
+            self._request(program, "UnitRead", {"start": start, "end": start + _PIECE_BYTES}, "its state")["data"]
+            for start in starts
+        ]
+        room = {port: message.model_dump() for port, message in self._room_outputs.items()}
+        return {"unit": b"".join(pieces), "room": room}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Let the unit go on from its state, or step through its past again; see `Snapshots`."""
+        if not self._wiring.description.saves_state:
+            super().restore(state)
+            return
+        self._request(self._running(), "UnitRestore", {"data": bytes(state["unit"])}, "that it takes its state back")
+        types = {write.port: write.message_type for write in self.spec.writes}
+        self._room_outputs = {port: types[port](**fields) for port, fields in state["room"].items()}
+
+    def close(self) -> None:
+        """End the unit and its process."""
+        super().close()
+        marker, self._marker = self._marker, None
+        if marker is not None:
+            marker.close()
+
+    def _start(self, episode: Episode) -> ParticipantProgram:
+        del episode
+        marker, descriptor = CallMarker.create()
+        self._marker = marker
+        program = self._program = ParticipantProgram(
+            self._own,
+            self._setup,
+            arguments=(str(descriptor),),
+            keep=(descriptor,),
+            describe_place=lambda: f" from {marker.place}" if marker.place else "",
+        )
+        program.start()
+        program.receive(ParticipantOutputs, "a process for the unit", within_s=HELLO_TIMEOUT_S)
+        wiring, unit = self._wiring, self._wiring.description
+        plan = {
+            "version": unit.version,
+            "name": self._own.name,
+            "identifier": unit.identifier,
+            "token": unit.token,
+            "folders": list_unpacked_folders(unit.version),
+            "log_categories": unit.log_categories,
+            "step_ns": wiring.period_ns // wiring.n_substeps,
+            "n_substeps": wiring.n_substeps,
+            "inputs": _list_references(variable for variable, _, _ in wiring.inputs),
+            "outputs": _list_references(variable for variable, _, _ in wiring.outputs),
+            "parameters": [[[variable.reference, variable.fmi_type], value] for variable, value in wiring.parameters],
+        }
+        self._request(program, "UnitBegin", plan, "an instance of the unit")
+        return program
+
+    def _encode_inputs(self, tick: int, inbox: Inbox) -> bytes:
+        values: list[Any] = []
+        for variable, port, path in self._wiring.inputs:
+            if path is None:
+                value: Any = seconds_from_ticks(tick, self._setup.scenario.tick_ns)
+            else:
+                value = path.read(inbox[port]) if port in inbox else None
+            kind = variable.kind
+            values.append(value if value is None or kind is None else kind(value))
+        return _msgpack.packb({"values": values})
+
+    def _request_outputs(self, program: ParticipantProgram, tick: int, inputs: bytes) -> Mapping[str, Message]:
+        what = f"the outputs of tick {tick}"
+        program.check_silence(f"nothing from the unit before the inputs of tick {tick}")
+        values = self._send(program, "UnitStep", inputs, what)["values"]
+        fields: dict[str, dict[str, Any]] = {word: {} for word in self._own.writes}
+        for (_, word, name), value in zip(self._wiring.outputs, values, strict=True):
+            fields[word][name] = value
+        try:
+            return {word: build_output(word, tick, fields[word]) for word in self._own.writes}
+        except ContractError as error:
+            text = str(error).removeprefix("ParticipantOutputs: ")
+            raise program.fault(f"{text.rstrip('.')}, at tick {tick}") from error
+
+    def _request(self, program: ParticipantProgram, name: str, fields: Mapping[str, Any], what: str) -> dict[str, Any]:
+        return self._send(program, name, _msgpack.packb(fields), what)
+
+    def _send(self, program: ParticipantProgram, name: str, payload: bytes, what: str) -> dict[str, Any]:
+        program.send(name, payload)
+        answer: dict[str, Any] = _msgpack.unpackb(
+            program.receive(ParticipantOutputs, what, within_s=self._own.answer_within_s)
+        )
+        if (fault := answer.get("fault")) is not None:
+            raise program.fault(str(fault))
+        return answer
+
+
+def _list_references(variables: Iterable[UnitVariable]) -> list[list[Any]]:
+    return [[variable.reference, variable.fmi_type] for variable in variables]

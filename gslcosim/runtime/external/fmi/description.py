@@ -1,0 +1,223 @@
+"""Description of a unit of FMI: its variables, step size and abilities, from the `modelDescription.xml` within it."""
+
+# pyright: basic
+
+import sys
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gslcosim.base.errors import UsageError
+from gslcosim.base.measures import UnitOfMeasure
+from gslcosim.base.ticks import NS_PER_S
+
+DESCRIPTION_FILE = "modelDescription.xml"
+# As much as the sandbox has room for; a description of 50,000 variables has some 20 MB.
+MAX_UNPACKED_BYTES = 200 << 20
+MAX_DESCRIPTION_BYTES = 64 << 20
+INSTALL_REMEDY = 'Install it: pip install "gslcosim[fmi]".'
+_MAX_PROBLEM_LENGTH = 300
+# How a variable's functions are called: FMI 2 has fewer types than FMI 3.
+_TYPES_OF_VERSION = {2: {"Real": "Real", "Integer": "Integer", "Enumeration": "Integer"}, 3: {"Enumeration": "Int64"}}
+_FLOATS, _TRUTHS, _TEXTS = ("Real", "Float32", "Float64"), ("Boolean",), ("String",)
+_OTHERS = ("Binary", "Clock")
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnitVariable:
+    """A variable of a unit.
+
+    Attributes:
+        name: Its name.
+        reference: Its value reference.
+        fmi_type: How its functions are called, such as Float64.
+        causality: input, output, parameter, local or another of FMI.
+        variability: continuous, discrete, tunable, fixed or constant.
+        measure: In which unit it is, where that is said.
+        is_scalar: Whether it is one value.
+    """
+
+    name: str
+    reference: int
+    fmi_type: str
+    causality: str
+    variability: str
+    measure: UnitOfMeasure | None = None
+    is_scalar: bool = True
+
+    @property
+    def kind(self) -> type | None:
+        """The Python type of its value; None: it has none here."""
+        if self.fmi_type in _OTHERS or not self.is_scalar:
+            return None
+        named = ((_FLOATS, float), (_TRUTHS, bool), (_TEXTS, str))
+        return next((kind for types, kind in named if self.fmi_type in types), int)
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnitDescription:
+    """What a unit says of itself.
+
+    Attributes:
+        version: 2 or 3.
+        model: The name of its model.
+        identifier: The name of its binary.
+        token: Its instantiation token (FMI 3) or GUID (FMI 2).
+        variables: By name.
+        fixed_step_ns: The step that it has to be given, or whose multiple it needs; None: any.
+        has_fixed_steps: Whether each of its steps has to be `fixed_step_ns`, and not a multiple.
+        saves_state: Whether its state can be written and read back.
+        log_categories: Categories of its log.
+        binaries: Platforms that it has a binary for.
+    """
+
+    version: int
+    model: str
+    identifier: str
+    token: str
+    variables: Mapping[str, UnitVariable]
+    fixed_step_ns: int | None
+    has_fixed_steps: bool
+    saves_state: bool
+    log_categories: tuple[str, ...]
+    binaries: tuple[str, ...]
+
+    def list_names(self, *causalities: str) -> list[str]:
+        """Return the names of its variables of some causalities."""
+        return [variable.name for variable in self.variables.values() if variable.causality in causalities]
+
+
+def read_unit(path: Path) -> UnitDescription:
+    """Read the description of a unit, of which nothing is unpacked.
+
+    Raises:
+        UsageError: the library is missing, or it is no unit that a run can have; the text is "expected …, was …".
+    """
+    try:
+        import fmpy
+    except ImportError as error:
+        raise UsageError(f"expected the package fmpy, which reads units of FMI, was none. {INSTALL_REMEDY}") from error
+    names = _check_archive(path)
+    # Its fields can be None for those who write one.
+    found: Any
+    try:
+        found = fmpy.read_model_description(str(path), validate=True)
+    except fmpy.model_description.ValidationError as error:
+        first = str(error.problems[0])[:_MAX_PROBLEM_LENGTH].rstrip(".")
+        raise UsageError(f"expected a {DESCRIPTION_FILE} that follows FMI, was another: {first}") from error
+    except Exception as error:
+        raise UsageError(f"expected a {DESCRIPTION_FILE} that can be read, was another: {_shorten(error)}") from error
+    version = int(found.fmiVersion.partition(".")[0])
+    if version not in _TYPES_OF_VERSION:
+        raise UsageError(f"expected FMI 2 or 3, was FMI {found.fmiVersion}")
+    own = found.coSimulation
+    if own is None:
+        kind = "model exchange" if found.modelExchange is not None else "scheduled execution"
+        raise UsageError(f"expected a unit for co-simulation, was one for {kind} alone")
+    binaries = tuple(sorted({name.split("/")[1] for name in names if name.startswith("binaries/")} - {""}))
+    platform = _get_platform(version)
+    binary = f"binaries/{platform}/{own.modelIdentifier}{_get_ending()}"
+    if binary not in names:
+        there = f"binaries for {', '.join(binaries)}" if binaries else "a unit without binaries"
+        raise UsageError(f"expected {binary}, which this machine needs, was {there}")
+    internal_step_s = _to_seconds(own.fixedInternalStepSize)
+    step_s = internal_step_s if internal_step_s is not None else _get_experiment_step_s(found)
+    has_fixed_steps = not own.canHandleVariableCommunicationStepSize and step_s is not None
+    is_fixed = has_fixed_steps or internal_step_s is not None
+    measures = {unit.name: _read_measure(unit) for unit in found.unitDefinitions}
+    return UnitDescription(
+        version=version,
+        model=found.modelName,
+        identifier=own.modelIdentifier,
+        token=found.guid,
+        variables={each.name: _read_variable(each, version, measures) for each in found.modelVariables},
+        fixed_step_ns=round(step_s * NS_PER_S) if is_fixed and step_s is not None else None,
+        has_fixed_steps=has_fixed_steps,
+        saves_state=bool(own.canGetAndSetFMUstate and own.canSerializeFMUstate),
+        log_categories=tuple(category.name for category in found.logCategories if category.name),
+        binaries=binaries,
+    )
+
+
+def list_unpacked_folders(version: int) -> tuple[str, ...]:
+    """Return the beginnings of the names in a unit's archive that are unpacked to load it."""
+    return (f"binaries/{_get_platform(version)}/", "resources/")
+
+
+def _check_archive(path: Path) -> set[str]:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            entries = archive.infolist()
+            names = {entry.filename for entry in entries}
+            if wrong := next((name for name in names if _leaves_archive(name)), ""):
+                raise UsageError(f"expected names of files within the archive, was '{wrong}', which leads out of it")
+            if DESCRIPTION_FILE not in names:
+                raise UsageError(f"expected a unit with a {DESCRIPTION_FILE}, was an archive without")
+            for limit, size in (
+                (MAX_DESCRIPTION_BYTES, archive.getinfo(DESCRIPTION_FILE).file_size),
+                (MAX_UNPACKED_BYTES, sum(e.file_size for e in entries if e.filename.startswith(("bin", "res")))),
+            ):
+                if size > limit:
+                    raise UsageError(f"expected at most {limit >> 20} MB of files, was {size >> 20} MB")
+            broken = next((e.filename for e in entries if e.flag_bits & 1), "")
+            if broken:
+                raise UsageError(f"expected files without a password, was '{broken}' with one")
+            return names
+    except (zipfile.BadZipFile, EOFError, ValueError) as error:
+        raise UsageError(f"expected a unit of FMI, a whole zip archive, was another file: {_shorten(error)}") from error
+    except OSError as error:
+        raise UsageError(f"expected a file that can be read, was none: {error.strerror}") from error
+
+
+def _leaves_archive(name: str) -> bool:
+    return name.startswith("/") or "\\" in name or ":" in name.split("/")[0] or ".." in name.split("/")
+
+
+def _get_platform(version: int) -> str:
+    import fmpy
+
+    return fmpy.platform if version == 2 else fmpy.platform_tuple
+
+
+def _get_ending() -> str:
+    return {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
+
+
+def _get_experiment_step_s(found: Any) -> float | None:
+    experiment = found.defaultExperiment
+    return _to_seconds(experiment.stepSize) if experiment is not None else None
+
+
+# fmpy leaves it as it stands in the file.
+def _to_seconds(text: str | float | None) -> float | None:
+    return None if text is None else float(text)
+
+
+def _read_measure(unit: Any) -> UnitOfMeasure:
+    base = unit.baseUnit
+    if base is None:
+        return UnitOfMeasure(name=unit.name)
+    exponents = {key: int(getattr(base, key)) for key in ("kg", "m", "s", "A", "K", "mol", "cd", "rad")}
+    exponents = {key: value for key, value in exponents.items() if value}
+    return UnitOfMeasure(name=unit.name, exponents=exponents, factor=float(base.factor), offset=float(base.offset))
+
+
+def _read_variable(each: Any, version: int, measures: Mapping[str, UnitOfMeasure]) -> UnitVariable:
+    declared = each.declaredType
+    name = each.unit or (declared.unit if declared is not None else None)
+    return UnitVariable(
+        name=each.name,
+        reference=each.valueReference,
+        fmi_type=_TYPES_OF_VERSION[version].get(each.type, str(each.type)),
+        causality=each.causality or "local",
+        variability=each.variability or "continuous",
+        measure=measures.get(name, UnitOfMeasure(name=name)) if name else None,
+        is_scalar=not each.dimensions,
+    )
+
+
+def _shorten(error: Exception) -> str:
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text[:_MAX_PROBLEM_LENGTH].rstrip(".")

@@ -1,0 +1,87 @@
+"""Units of FMI in runs: those of several makers together, with one digest however they are hosted or killed."""
+
+import json
+import os
+import shutil
+import signal
+from pathlib import Path
+
+import pytest
+import yaml
+from fan_units import build_fan
+from real_runs import ROOT, fly_here, start
+
+from gslcosim.cli.main import main
+
+pytestmark = pytest.mark.extras
+
+EXAMPLE = ROOT / "docs" / "examples" / "fmi"
+LONG = ("--set", "referee.success.within_m=0.02", "--set", "snapshots.every_s=2", "--set", "restart={tries: 2}")
+
+
+@pytest.fixture
+def room(tmp_path):
+    """The scenario of the page with its units on pythonfmu3, a fan in C of FMI 2, and a crane on pythonfmu."""
+    crane_fmu = pytest.importorskip("crane_fmu.mobile_crane", reason="needs pip install crane-fmu")
+    from component_model.model import Model
+    from pythonfmu3.builder import FmuBuilder
+
+    folder = tmp_path / "room"
+    shutil.copytree(EXAMPLE, folder)
+    for script in folder.glob("*.py"):
+        FmuBuilder.build_FMU(script, dest=folder, canGetAndSetFMUState=True, canSerializeFMUState=True)
+    build_fan(folder, 2)
+    crane = Path(crane_fmu.__file__)
+    Model.build(str(crane), project_files=[crane.parent], dest=folder)
+    text = yaml.safe_load((folder / "ventilated_room.yaml").read_text())
+    other = {**text["participants"][0], "name": "other_fan", "start": {"fmu": "fan.fmu"}, "writes": ["state"]}
+    lift = {"port": "truth/bodies", "inputs": {"der(boom.boom[0])": "bodies[0].velocity_world_m_s[0]"}}
+    text["participants"] += [
+        {**other, "outputs": {"state": {"share": "share", "n_steps": "n_steps"}}},
+        {
+            "name": "crane",
+            "start": {"fmu": "MobileCrane.fmu"},
+            "reads": [lift],
+            "writes": ["state"],
+            "outputs": {"state": {"force": "force[2]", "x": "boom.end[0]"}},
+            "period_s": 0.5,
+        },
+    ]
+    (folder / "ventilated_room.yaml").write_text(yaml.safe_dump(text))
+    return folder / "ventilated_room.yaml"
+
+
+def test_units_of_four_makers_have_one_digest_however_they_are_hosted_killed_and_replayed(room, tmp_path, capsys):
+    here = fly_here(room, tmp_path / "here", *LONG)
+    assert here.result["faults"] == [], here.errors
+    ports = json.loads((here.run_dir / "digest.json").read_text())["ports"]
+    units = ("fan", "battery", "other_fan", "crane")
+    assert {ports[f"participant/{name}/state"]["participant"] for name in units} == {*units}
+    flight = start(room, tmp_path / "many", *LONG)
+    pid = flight.child("gslcosim_services fan")
+    flight.wait_for(lambda: any((tmp_path / "many").glob("*/snapshots/000000020/fan.snap")))
+    os.kill(pid, signal.SIGKILL)
+    many = flight.end()
+    assert here.result["digest"] == many.result["digest"] is not None, many.errors
+    assert [restart["process"] for restart in many.result["restarts"]] == ["fan"]
+    assert main(["replay", str(many.run_dir), "--from", "4", "--runs-dir", str(tmp_path / "again")]) == 0
+    assert "the snapshot of tick 40" in capsys.readouterr().out
+
+
+def test_a_unit_that_crashes_ends_the_run_by_its_name(tmp_path):
+    folder = tmp_path / "room"
+    shutil.copytree(EXAMPLE, folder)
+    build_fan(folder, 3, name="FanController.fmu")
+    scenario = folder / "ventilated_room.yaml"
+    text = yaml.safe_load(scenario.read_text())
+    fan = text["participants"][0]
+    fan |= {"environment": {"UNIT_FAULT": "fmi3DoStep:crash"}}
+    fan["outputs"]["state"] = {"is_on": "is_in_gas"}
+    scenario.write_text(yaml.safe_dump({**text, "participants": [fan]}))
+    ended = fly_here(scenario, tmp_path / "runs")
+    assert ended.exit_code == 3
+    (fault,) = ended.result["faults"]
+    assert fault["participant"] == "fan"
+    assert fault["text"].startswith(
+        "expected the outputs of tick 1 from fmi3DoStep, but its process was killed by SIGABRT."
+    )

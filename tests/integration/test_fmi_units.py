@@ -1,0 +1,325 @@
+"""Units of FMI behind their core, without a run around them: steps, states, faults, and what `validate` refuses."""
+
+import json
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from fan_units import build_fan
+
+from gslcosim.base.errors import SimulationFault
+from gslcosim.contract.messages import FieldSamples, GasAmount, MountSample
+from gslcosim.contract.participant import Episode
+from gslcosim.environment.generation import prepare_environment
+from gslcosim.environment.store import load_environment
+from gslcosim.runtime.external.fmi.checks import find_unit_problems, find_unit_warnings
+from gslcosim.runtime.external.fmi.core import UnitCore
+from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.services import build_dataflow
+from gslcosim.runtime.setup import RunSetup
+from gslcosim.scenario import load_scenario
+from gslcosim.scenario.problems import InvalidScenarioError
+
+pytestmark = pytest.mark.extras
+
+GAS = "samples[sensor=nose].gases[gas=ethanol].mixing_ratio_ppm"
+PPM = [0.0, 2.0, 3.0, 0.1, 0.0, 4.0, 4.0, 0.0]
+HANG_S = 5.0
+
+
+def block(unit, *, inputs=None, outputs=None, **more):
+    return {
+        "name": "fan",
+        "start": {"fmu": str(unit)},
+        "reads": [{"port": "truth/samples", "inputs": {"gas_ppm": GAS} if inputs is None else inputs}],
+        "writes": ["ventilation", "state"],
+        "outputs": outputs
+        or {"ventilation": {"share": "share"}, "state": {"n_steps": "n_steps", "is_in_gas": "is_in_gas"}},
+        "parameters": {"above_ppm": 0.5},
+        "sandbox": "none",
+        "answer_within_s": 25.0,
+        **more,
+    }
+
+
+def load(own, *words):
+    return load_scenario("tiny_room", overrides=[f"participants=[{json.dumps(own)}]", *words])
+
+
+@pytest.fixture
+def core_of(tmp_path):
+    """Return the core of a unit, which is closed in the end."""
+    cores = []
+
+    def build(own, *words):
+        loaded = load(own, *words)
+        environment_dir = prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
+        setup = RunSetup(
+            run_dir=RunDir.create(tmp_path, name=f"run_{len(cores)}", seed=1),
+            scenario=loaded.scenario,
+            environment_dir=environment_dir,
+            environment=load_environment(environment_dir),
+            directory=tmp_path,
+        )
+        cores.append(UnitCore(loaded.scenario.participants[0], setup, build_dataflow(loaded.scenario).message_types))
+        return cores[-1]
+
+    yield build
+    for core in cores:
+        core.close()
+
+
+def samples(tick):
+    gases = (GasAmount(gas="ethanol", mixing_ratio_ppm=PPM[tick]),)
+    sample = MountSample(agent="beetle", sensor="nose", gases=gases, wind_world_m_s=(0.5, 0.0, 0.0))
+    return {"truth/samples": FieldSamples(tick=tick, samples=(sample,))}
+
+
+def step(core, ticks):
+    return [core.step(tick, samples(tick)) for tick in ticks]
+
+
+def simulate(unit, *, inputs, outputs, start_values=None):
+    """What fmpy's own simulation of a unit has at the ticks."""
+    import fmpy
+
+    times_s = np.arange(len(PPM)) / 10
+    signals = np.array(list(zip(times_s, PPM, strict=True)), dtype=[("time", float), (inputs, float)])
+    # An input has over each step the value at its beginning, as here.
+    found = fmpy.simulate_fmu(
+        str(unit),
+        fmi_type="CoSimulation",
+        start_time=0.0,
+        stop_time=times_s[-1],
+        output_interval=0.1,
+        input=signals,
+        output=outputs,
+        start_values=start_values or {},
+    )
+    return np.array([[float(row[name]) for name in outputs] for row in found])
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_unit_steps_as_in_fmpy_and_goes_on_from_its_state(tmp_path, core_of, version):
+    unit = build_fan(tmp_path, version)
+    core = core_of(block(unit), "snapshots.every_s=1")
+    core.reset(Episode(seed=1))
+    first = step(core, range(4))
+    state = core.state()
+    rest = step(core, range(4, len(PPM)))
+    found = [[box["truth/wind"].share, box["participant/fan/state"].values["n_steps"]] for box in first + rest]
+    expected = simulate(unit, inputs="gas_ppm", outputs=["share", "n_steps"], start_values={"above_ppm": 0.5})
+    # Its times are added up, so that the last bits of its steps differ.
+    np.testing.assert_allclose(np.array(found, dtype=float), expected, rtol=1e-12)
+    # A new start of it has seen nothing, and then all.
+    core.reset(Episode(seed=1))
+    core.restore(state)
+    assert step(core, range(4, len(PPM))) == rest
+
+
+def test_a_unit_that_cannot_save_its_state_steps_through_its_past(tmp_path, core_of):
+    unit = build_fan(tmp_path, 3, [('canSerializeFMUState="true"', "")])
+    core = core_of(block(unit, period_s=0.2), "snapshots.every_s=1")
+    core.reset(Episode(seed=1))
+    step(core, range(4))
+    state = core.state()
+    assert len(state["past"]) == 2
+    rest = step(core, range(4, len(PPM)))
+    # Between its steps the wind stays as it is.
+    assert rest[1]["truth/wind"].share == rest[0]["truth/wind"].share
+    core.reset(Episode(seed=1))
+    core.restore(state)
+    assert step(core, range(4, len(PPM))) == rest
+    loaded = load(block(unit), "snapshots.every_s=1")
+    (warning,) = find_unit_warnings(loaded.scenario, loaded.directory)
+    assert "expected a unit that can serialize its state, for snapshots, was Fan, which cannot" in str(warning)
+
+
+def test_a_unit_with_a_fixed_step_does_several_in_a_period(tmp_path, core_of):
+    fixed = [('canHandleVariableCommunicationStepSize="true"', 'fixedInternalStepSize="0.05"')]
+    core = core_of(block(build_fan(tmp_path, 3, fixed)))
+    core.reset(Episode(seed=1))
+    assert [box["participant/fan/state"].values["n_steps"] for box in step(core, range(4))] == [0, 2, 4, 6]
+
+
+THREE = (
+    "load", "fmi3InstantiateCoSimulation", "fmi3SetFloat64", "fmi3EnterInitializationMode",
+    "fmi3ExitInitializationMode", "fmi3GetFloat64", "fmi3GetInt32", "fmi3GetBoolean", "fmi3DoStep", "fmi3GetFMUState",
+    "fmi3SerializedFMUStateSize", "fmi3SerializeFMUState", "fmi3FreeFMUState", "fmi3DeserializeFMUState",
+    "fmi3SetFMUState",
+)  # fmt: skip
+
+
+def run_whole(core):
+    """Call every function of a unit."""
+    core.reset(Episode(seed=1))
+    step(core, range(3))
+    state = core.state()
+    core.reset(Episode(seed=1))
+    core.restore(state)
+
+
+def told_fault(core):
+    with pytest.raises(SimulationFault) as caught:
+        run_whole(core)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("function", THREE)
+def test_a_crash_in_any_function_is_named_with_it(tmp_path, core_of, function):
+    unit = build_fan(tmp_path)
+    core = core_of(block(unit, environment={"UNIT_FAULT": f"{function}:crash"}))
+    where = "the loading of its binary" if function == "load" else function
+    text = told_fault(core)
+    assert text.startswith("expected ")
+    assert f" from {where}, but its process was killed by SIGABRT." in text
+
+
+def test_a_hang_in_any_function_ends_at_the_deadline_and_is_named_with_it(tmp_path, core_of):
+    unit = build_fan(tmp_path)
+    functions = ("load", "fmi3InstantiateCoSimulation", "fmi3DoStep", "fmi3GetFloat64", "fmi3SetFMUState")
+    own = [block(unit, answer_within_s=HANG_S, environment={"UNIT_FAULT": f"{name}:hang"}) for name in functions]
+    cores = [core_of(each) for each in own]
+    with ThreadPoolExecutor(len(cores)) as pool:
+        texts = [*pool.map(told_fault, cores)]
+    for function, text in zip(functions, texts, strict=True):
+        where = "the loading of its binary" if function == "load" else function
+        assert f" from {where}, nothing came within {HANG_S:g} s" in text
+
+
+@pytest.mark.parametrize(
+    ("version", "fault", "expected"),
+    [
+        (
+            3,
+            "fmi3DoStep:error",
+            "fmi3DoStep: expected status OK or Warning at 0.1 s, was Error. It logged: the fan is stuck.",
+        ),
+        (3, "fmi3DoStep:fatal", "fmi3DoStep: expected status OK or Warning at 0.1 s, was Fatal."),
+        (3, "fmi3DoStep:discard", "fmi3DoStep: expected status OK or Warning at 0.1 s, was Discard."),
+        (3, "fmi3DoStep:end", "fmi3DoStep: expected a step to 0.1 s, the unit asked to end the simulation."),
+        (3, "fmi3DoStep:early", "fmi3DoStep: expected a step to 0.1 s, it returned early at 0.05 s."),
+        (3, "fmi3DoStep:exit", "the outputs of tick 1 from fmi3DoStep, but its process ended with exit code 7."),
+        (3, "share:nan", "outputs.ventilation: WindShare: share: input should be a finite number, was nan, at tick"),
+        (3, "share:negative", "greater than or equal to 0, was -1.0, at tick 1."),
+        (3, "fmi3SetFloat64:error", "fmi3SetFloat64: expected status OK or Warning, was Error."),
+        (3, "fmi3InstantiateCoSimulation:error", "fmi3InstantiateCoSimulation: expected an instance, was none"),
+        (2, "fmi2DoStep:discard", "fmi2DoStep: expected a step at 0.1 s, was Discard; it got to 0.05 s. It logged: "),
+        (2, "fmi2DoStep:error", "was Error. It logged: the fan is stuck."),
+        (2, "fmi2SetupExperiment:error", "fmi2SetupExperiment: expected status OK or Warning, was Error."),
+        (2, "fmi2DoStep:segfault", "the outputs of tick 1 from fmi2DoStep, but its process was killed by SIGSEGV."),
+    ],
+)  # fmt: skip
+def test_each_fault_is_one_sentence_with_the_status_and_the_log_of_the_unit(
+    tmp_path, core_of, version, fault, expected
+):
+    core = core_of(block(build_fan(tmp_path, version), environment={"UNIT_FAULT": fault}))
+    assert expected in told_fault(core)
+
+
+def test_a_wrong_token_is_named_and_what_a_unit_prints_does_no_harm(tmp_path, core_of):
+    wrong = build_fan(tmp_path, 3, [("fan-1", "fan-2")])
+    text = told_fault(core_of(block(wrong)))
+    assert "expected an instance, was none, as where the token of the binary is not that of its description" in text
+    assert "It logged: the token is wrong." in text
+    run_whole(core_of(block(build_fan(tmp_path), environment={"UNIT_FAULT": "fmi3DoStep:print"})))
+
+
+def find_problems(own):
+    loaded = load(own)
+    return [str(problem) for problem in find_unit_problems(loaded.scenario, loaded.directory)]
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"inputs": {"gas": GAS}}, "reads[0].inputs.gas: expected an input of Fan (gas_ppm, speed), was 'gas'."),
+        ({"inputs": {"share": GAS}}, "expected an input of Fan, was 'share', of causality output."),
+        ({"inputs": {"gas_ppm": "samples[0].gas"}}, "expected one of agent, beam_m, gases, sensor, wind_world_m_s"),
+        ({"inputs": {"gas_ppm": "samples[0]"}}, "expected a number, a truth value or a text, which needs one of"),
+        ({"inputs": {"gas_ppm": GAS.replace("nose", "eye")}}, "for sensor, was 'eye'."),
+        ({"inputs": {"gas_ppm": GAS.replace("ethanol", "neon")}}, "expected one of this scenario's (ethanol) for gas"),
+        ({"inputs": {"gas_ppm": "samples[0].sensor"}}, "a variable that takes a text, as sensor is, was gas_ppm"),
+        ({"inputs": {"gas_ppm": "time_s"}}, "expected a variable in s, as the end of time_s says, was gas_ppm in ppm."),
+        ({"inputs": {"speed": "samples[0].wind_world_m_s[0]"}}, "end of wind_world_m_s says, was speed in km/h."),
+        ({"parameters": {"above": 1.0}}, "parameters.above: expected a parameter of Fan (above_ppm), was 'above'."),
+        ({"parameters": {"above_ppm": "high"}}, "parameters.above_ppm: expected a number, was 'high'."),
+        (
+            {"outputs": {"ventilation": {"share": "shares"}, "state": {"a": "words"}}},
+            "ventilation.share: expected an output of Fan (share, n_steps, is_in_gas, words), was 'shares'. Did",
+        ),
+        (
+            {"outputs": {"ventilation": {"share": "share"}, "state": {"a": "words"}}},
+            "outputs.state.a: expected a number or a truth value, was words, which is String.",
+        ),
+    ],
+)  # fmt: skip
+def test_variables_that_do_not_fit_are_refused_before_the_run(tmp_path, changes, expected):
+    assert expected in "\n".join(find_problems(block(build_fan(tmp_path), **changes)))
+
+
+def test_steps_that_do_not_fit_are_refused_with_both_numbers(tmp_path):
+    fixed = [('canHandleVariableCommunicationStepSize="true"', 'fixedInternalStepSize="0.07"')]
+    assert find_problems(block(build_fan(tmp_path, 3, fixed))) == [
+        "participants[0].period_s: expected a whole number of the unit's steps of 0.07 s, was 0.1 s. "
+        "Set period_s: 0.7, or export the unit with another step."
+    ]
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        (
+            [("CoSimulation modelId", "ModelExchange modelId")],
+            "expected a unit for co-simulation, was one for model",
+        ),
+        ([('fmiVersion="3.0"', 'fmiVersion="4.0"')], "expected a modelDescription.xml that can be read, was another"),
+        ([('modelIdentifier="fan"', 'modelIdentifier="pump"')], "/pump.so, which this machine needs, was binaries for"),
+        ([("</fmiModelDescription>", "")], "expected a modelDescription.xml that can be read, was another"),
+    ],
+)
+def test_a_description_that_is_none_is_refused_in_one_sentence(tmp_path, changes, expected):
+    (text,) = find_problems(block(build_fan(tmp_path, 3, changes)))
+    assert text.startswith("participants[0].start.fmu: expected ")
+    assert expected in text
+
+
+def test_an_archive_that_is_none_is_refused_in_one_sentence(tmp_path):
+    unit = build_fan(tmp_path)
+    other = tmp_path / "other.fmu"
+    other.write_bytes(unit.read_bytes()[:-100])
+    (text,) = find_problems(block(other))
+    assert "participants[0].start.fmu: expected a unit of FMI, a whole zip archive, was another file: " in text
+    (text,) = find_problems(block(build_fan(tmp_path, name="out.fmu", more=[("../../evil.so", "")])))
+    assert "expected names of files within the archive, was '../../evil.so', which leads out of it." in text
+    with zipfile.ZipFile(other, "w") as archive:
+        archive.writestr("readme.txt", "")
+    (text,) = find_problems(block(other))
+    assert "expected a unit with a modelDescription.xml, was an archive without." in text
+    with zipfile.ZipFile(unit) as source, zipfile.ZipFile(other, "w") as archive:
+        archive.writestr("modelDescription.xml", source.read("modelDescription.xml"))
+        archive.writestr("binaries/x86_64-windows/fan.dll", "")
+    (text,) = find_problems(block(other))
+    assert text.endswith("/fan.so, which this machine needs, was binaries for x86_64-windows.")
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"start": {"fmu": "nothing.fmu"}}, "participants[0].start.fmu: expected a unit of FMI, was 'nothing.fmu'."),
+        ({"start": {}}, "participants[0].start: expected exactly one of command and fmu, was none."),
+        ({"start": {"command": ["cat"]}}, "expected start.fmu beside variables of a unit, was reads[].inputs"),
+        ({"outputs": {"state": {"a": "share"}}}, "expected variables of the unit for each of its writes (state, vent"),
+        (
+            {"outputs": {"ventilation": {"x": "share"}, "state": {"a": "share"}}},
+            "participants[0].outputs.ventilation: expected share, and nothing else, was x.",
+        ),
+    ],
+)
+def test_a_block_that_cannot_be_is_refused(tmp_path, changes, expected):
+    unit = tmp_path / "fan.fmu"
+    unit.touch()
+    with pytest.raises(InvalidScenarioError) as caught:
+        load({**block(unit), **changes})
+    assert expected in str(caught.value)
