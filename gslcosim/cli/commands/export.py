@@ -23,6 +23,11 @@ FORMATS = ("gaden", "gsl_bench", "vtk", "netcdf", "zarr", "stl", "openfoam_point
 GADEN_WINDS = ("components", "components_text", "points", "iterations")
 
 
+# A day of gas takes gigabytes.
+def _is_recordable(seconds: float) -> bool:
+    return 0.0 < seconds <= 86400.0
+
+
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", metavar="ENV", help="an environment folder, or a scenario")
     parser.add_argument("--to", choices=FORMATS, required=True, help="the format")
@@ -45,7 +50,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--fmu-until",
-        type=build_number_parser("a number of seconds greater than 0", lambda seconds: seconds > 0.0),
+        type=build_number_parser("a number of seconds greater than 0, at most 86400", _is_recordable),
         metavar="S",
         help="end of the gas that an FMI unit plays, in seconds (default: the scenario's time limit)",
     )

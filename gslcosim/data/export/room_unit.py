@@ -13,7 +13,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-import tempfile
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,6 +25,7 @@ from numpy.typing import NDArray
 
 from gslcosim import __version__
 from gslcosim.base.errors import UsageError
+from gslcosim.base.files import ScratchFolder
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim.environment.formats.export import ExportResult, build_file_name, create_export_folder
 from gslcosim.environment.model import AT_START, Environment
@@ -141,10 +141,10 @@ def export_room_unit(
     create_export_folder(folder)
     name = environment.name if scenario is None else scenario.name
     path = folder / f"{build_file_name(name)}.fmu"
-    with tempfile.TemporaryDirectory(prefix="gslcosim-fmu-") as work:
-        library = Path(work) / "unit"
+    with ScratchFolder("fmu") as scratch:
+        library = scratch.path / "unit"
         compile_unit(compiler, library)
-        gas = None if scenario is None else record_gas(scenario, environment, Path(work) / "tape", until_s=until_s)
+        gas = None if scenario is None else record_gas(scenario, environment, scratch.path / "tape", until_s=until_s)
         _write_unit(path, library, name, environment, scenario, gas, instruments, n_points)
     return ExportResult(files=(path,), notices=_list_notices(environment, gas))
 
@@ -412,13 +412,19 @@ def _write_unit(
         step_s=None if scenario is None else tick_s,
     )
     architecture, system, suffix = find_platform()
-    with zipfile.ZipFile(path, "w") as unit:
-        _add_member(unit, "modelDescription.xml", [description])
-        _add_member(unit, f"binaries/{architecture}-{system}/{_identifier(name)}{suffix}", [library.read_bytes()])
-        _add_member(unit, f"sources/{SOURCE_FILE}", [_read_source()])
-        _add_member(unit, "sources/buildDescription.xml", [_build_build_description(_identifier(name))])
-        head = _MAGIC + token.encode().ljust(_TOKEN_SIZE, b"\0")
-        _add_member(unit, "resources/room.bin", [head, *parts])
+    # Beside it first: nobody takes a part for the unit.
+    part = path.with_name(f".{path.name}.part")
+    head = _MAGIC + token.encode().ljust(_TOKEN_SIZE, b"\0")
+    try:
+        with zipfile.ZipFile(part, "w") as unit:
+            _add_member(unit, "modelDescription.xml", [description])
+            _add_member(unit, f"binaries/{architecture}-{system}/{_identifier(name)}{suffix}", [library.read_bytes()])
+            _add_member(unit, f"sources/{SOURCE_FILE}", [_read_source()])
+            _add_member(unit, "sources/buildDescription.xml", [_build_build_description(_identifier(name))])
+            _add_member(unit, "resources/room.bin", [head, *parts])
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
 
 
 # The same room gives the same bytes, whenever it is exported.

@@ -1,6 +1,7 @@
 """A room as an FMI unit: importers that are not ours get the samples of `gslcosim sample` from it."""
 
 import ctypes
+import json
 import shutil
 import subprocess
 import zipfile
@@ -145,6 +146,25 @@ def test_an_importer_gets_the_samples_of_gslcosim(importer, tmp_path, gas):
             n_samples[i] += np.count_nonzero(ppm)
             np.testing.assert_allclose(values[:, 3 + i], ppm, rtol=1e-12, atol=0)
     assert min(n_samples) > 10
+
+
+@pytest.mark.slow
+@pytest.mark.tour
+def test_the_command_writes_what_gslcosim_sample_says(importer, tmp_path, capsys):
+    words = ["tiny_room", "--to", "fmu", "--fmu-points", "3", "--fmu-until", "2", "--out", str(tmp_path / "out")]
+    assert main(["environment", "export", *words, "--json"]) == 0
+    (path,) = json.loads(capsys.readouterr().out)["files"]
+    points = tmp_path / "points.csv"
+    points.write_text("x_m,y_m,z_m\n1.6,2.1,1.1\n2.5,2,1\n4,2.3,1\n")
+    for quantity in ("wind", "gas"):
+        out = str(tmp_path / f"{quantity}.csv")
+        words = ["tiny_room", "--time", "1.7", "--points", str(points), "--quantity", quantity, "--out", out]
+        assert main(["environment", "sample", *words]) == 0
+    wind, gas = (np.loadtxt(tmp_path / f"{name}.csv", delimiter=",", skiprows=1)[:, 3:] for name in ("wind", "gas"))
+    points_m = np.loadtxt(points, delimiter=",", skiprows=1)[np.newaxis]
+    found = importer(OpenedUnit(Path(path), tmp_path / "unit"), (1.7,), points_m, n_outputs=4)[0]
+    np.testing.assert_allclose(found, np.hstack([wind[:, :3], gas]), rtol=1e-12, atol=0)
+    assert gas.max() > 0.0
 
 
 def test_sensors_read_as_those_of_gslcosim(unit, importer):
@@ -307,7 +327,7 @@ def test_gas_that_a_recording_cannot_stand_for_is_refused(changes, found):
         ({"CC": "false"}, [], "expected false to compile the unit, was exit code 1 (nothing said)."),
         ({}, ["--fmu-points", "0"], "--fmu-points: expected a number from 1 to 10000, was 0."),
         ({}, ["--fmu-sensors", "pid"], "--fmu-sensors: expected some of tgs2600_ideal, tgs2602_ideal, tgs2610_ideal"),
-        ({}, ["--fmu-until", "0"], "expected a number of seconds greater than 0, was '0'"),
+        ({}, ["--fmu-until", "0"], "expected a number of seconds greater than 0, at most 86400, was '0'"),
     ],
 )
 def test_wrong_exports_are_refused_with_a_sentence(monkeypatch, tmp_path, capsys, variables, options, sentence):
