@@ -77,6 +77,7 @@ class RosSession:
         self._n_ids = 0
         self._own: list[Token] = []
         self._graph: dict[str, Token] = {}
+        self._subscribed: set[str] = set()
         self._graph_lock = threading.Condition()
         liveliness = session.liveliness()
         self._watch = liveliness.declare_subscriber(wire.build_graph_key(domain), self._on_token, history=True)
@@ -165,7 +166,7 @@ class RosSession:
 
     def has_subscriber(self, name: str) -> bool:
         """Return whether anybody subscribes to a topic, with whatever type."""
-        return any(token.kind == wire.SUBSCRIBER and token.name == name for token in self.graph)
+        return name in self._subscribed
 
     def report_once(self, text: str) -> None:
         """Report what others do wrong, each thing once."""
@@ -183,6 +184,7 @@ class RosSession:
                 self._graph[key] = token
             else:
                 self._graph.pop(key, None)
+            self._subscribed = {each.name for each in self._graph.values() if each.kind == wire.SUBSCRIBER}
             self._graph_lock.notify_all()
             if sample.kind != zenoh.SampleKind.PUT:
                 return

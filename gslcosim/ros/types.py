@@ -1,6 +1,7 @@
 """ROS 2 message types of runs: the standard ones, GADEN's for gas and wind, and those that are defined by text."""
 
 from functools import cache
+from importlib.util import find_spec
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -42,6 +43,9 @@ PARTS = {"tgs2620": 50, "tgs2600": 51, "tgs2611": 52, "tgs2610": 53, "tgs2612": 
 UNITS = {"ppm": 3, "ohm": 5, "ppm m": 6}
 # Of sensor_msgs/PointField.
 _FLOAT32 = 7
+
+# Fields that types have since jazzy.
+_LATER_FIELDS = {"sensor_msgs/msg/Range": {"variance": 0.0}}
 
 Vector = NDArray[np.float64]
 
@@ -147,6 +151,8 @@ class RosTypes:
 
     def make(self, kind: str, **fields: Any) -> Any:
         """Return a message of a type such as `nav_msgs/msg/Odometry`."""
+        if kind in _LATER_FIELDS and self.distribution != "humble":
+            fields = {**_LATER_FIELDS[kind], **fields}
         return self.store.types[kind](**fields)
 
     def to_cdr(self, message: Any) -> bytes:
@@ -200,8 +206,10 @@ class RosTypes:
             ),
         )
 
-    def cloud(self, time_ns: int, points: NDArray[np.float32], names: tuple[str, ...]) -> Any:
-        """Return points in the world as a cloud, (n, k) with a name for each of the k numbers."""
+    def cloud(
+        self, time_ns: int, points: NDArray[np.float32], names: tuple[str, ...], *, frame: str = MAP_FRAME
+    ) -> Any:
+        """Return points as a cloud, (n, k) with a name for each of the k numbers; in the world by default."""
         fields = [
             self.make("sensor_msgs/msg/PointField", name=name, offset=4 * i, datatype=_FLOAT32, count=1)
             for i, name in enumerate(names)
@@ -209,7 +217,7 @@ class RosTypes:
         step = 4 * len(names)
         return self.make(
             "sensor_msgs/msg/PointCloud2",
-            header=self.header(time_ns, MAP_FRAME),
+            header=self.header(time_ns, frame),
             height=1,
             width=len(points),
             fields=fields,
@@ -219,6 +227,17 @@ class RosTypes:
             data=np.frombuffer(np.ascontiguousarray(points, dtype="<f4").tobytes(), dtype=np.uint8),
             is_dense=True,
         )
+
+
+def check_installed() -> None:
+    """Check that the packages of the extra `ros` are there, without importing them.
+
+    Raises:
+        UsageError: one is missing.
+    """
+    for package in ("rosbags", "xxhash"):
+        if find_spec(package) is None:
+            raise UsageError(f"{package}: expected the package, found none. Install it with: {REMEDY}")
 
 
 @cache

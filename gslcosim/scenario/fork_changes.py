@@ -55,12 +55,12 @@ def _list_sources_closed_at_start(scenario: Scenario) -> set[int]:
 # Processes of agents, what they are told and set to, and what is written: none of it is in a message of the past.
 _CHANGEABLE_AGENT_KEYS = "start|parameters|knows|seed|answer_within_s|sandbox|limits|may_read|may_write|environment"
 _CHANGEABLE_PATTERN = re.compile(
-    rf"agents\[\d+\]\.({_CHANGEABLE_AGENT_KEYS})\b.*|(recording|snapshots|restart|processes)\b.*|pace|name"
+    rf"agents\[\d+\]\.({_CHANGEABLE_AGENT_KEYS})\b.*|(recording|snapshots|restart|processes|ros2)\b.*|pace|name"
 )
 _TIME_LIMIT = "referee.stop.time_limit_s"
 _CHANGEABLE_TEXT = (
     "start, parameters, knows, seed, answer_within_s, sandbox, limits, may_read, may_write and environment of agents, "
-    f"recording, snapshots, restart, processes, pace, events at times after it, and {_TIME_LIMIT}"
+    f"recording, snapshots, restart, processes, ros2, pace, events at times after it, and {_TIME_LIMIT}"
 )
 # By the beginning of a path: why it is part of the past.
 _REASONS = (

@@ -127,7 +127,7 @@ class SteppedRun:
         if any(agent.is_free for agent in loaded.scenario.agents):
             raise UsageError("agents[].mode: expected modes that wait for the agent, was free. Take on_request.")
         recording = loaded.scenario.recording.model_copy(update={"enabled": False})
-        scenario = loaded.scenario.model_copy(update={"recording": recording})
+        scenario = loaded.scenario.model_copy(update={"recording": recording, "ros2": None})
         environment_dir = prepare_environment(scenario, scenario_dir=loaded.directory)
         later_rooms = prepare_variants(scenario, scenario_dir=loaded.directory)
         self._scratch = ScratchFolder("training")

@@ -2,13 +2,15 @@
 
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
 
 import pytest
 
 from gslcosim.environment.generation import prepare_environment
-from gslcosim.runtime.services import default_services
 from gslcosim.scenario import load_scenario
 
+ROOT = Path(__file__).parents[2]
 # Each is large and belongs to one service.
 OWNERS = {"mujoco": {"world", "cameras"}, "rerun": {"recorder"}}
 # The supervisor of a run in a room that was made before compiles nothing, draws nothing and solves nothing.
@@ -22,6 +24,7 @@ CORES = {
     "sensing": "gslcosim_services.sensing.core",
     "referee": "gslcosim_services.referee.core",
     "recorder": "gslcosim_services.recorder.core",
+    "ros2": "gslcosim_services.ros2.core",
 }
 # What every service does before it builds its own core, and that core.
 SCRIPT = """
@@ -71,7 +74,8 @@ def quickstart_room():
 
 
 def test_every_service_is_looked_at():
-    assert list(CORES) == [kind.name for kind in default_services()]
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]
+    assert list(CORES) == list(declared["gslcosim.default_services"])
 
 
 @pytest.mark.slow

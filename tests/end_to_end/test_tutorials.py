@@ -2,6 +2,7 @@
 
 import os
 import re
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -127,8 +128,31 @@ def test_a_bag_has_the_topics_that_the_page_names(tmp_path):
     pytest.importorskip("rosbags")
     page = read_page("for-ros-2-users.md")
     save_files(page, tmp_path)
-    printed = type_commands(page, tmp_path)
+    listening, live = (block for block in COMMANDS.findall(page) if "listen.py" in block or "--ros2" in block)
+    assert (listening, live) == ("python listen.py\n", "gslcosim up tiny_room --ros2\n")
+    printed = type_commands(page.replace(f"```sh\n{listening}```", "").replace(f"```sh\n{live}```", ""), tmp_path)
     topics = {line.split()[0] for line in printed.splitlines() if line.startswith("/")}
     assert {"/tf", "/map", "/beetle/odom", "/beetle/nose", "/beetle/wind", "/truth/filaments"} <= topics
     shown = set(re.findall(r"^\| (?:Map|PointCloud2|MarkerArray|Marker) \| `(/\S+)`", page, re.MULTILINE))
     assert shown <= topics
+
+
+@pytest.mark.extras
+def test_a_program_without_ros_listens_to_a_run(tmp_path):
+    pytest.importorskip("rosbags")
+    page = read_page("for-ros-2-users.md")
+    save_files(page, tmp_path)
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    program = tmp_path / "listen.py"
+    text = program.read_text()
+    program.write_text(text.replace('RosTypes("jazzy"))', f'RosTypes("jazzy"), endpoint="{endpoint}")'))
+    assert program.read_text() != text
+    command = [sys.executable, str(program)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path) as listener:
+        assert listener.stdout is not None
+        assert listener.stdout.readline() == "listening\n"
+        type_commands(f"```sh\ngslcosim up tiny_room --ros2 --set ros2.endpoint={endpoint}\n```", tmp_path)
+        heard = listener.stdout.read().splitlines()
+    assert [line.split()[0] for line in heard] == ["/beetle/nose"] * 3

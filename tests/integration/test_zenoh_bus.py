@@ -66,6 +66,12 @@ def open_route(sender, key, *inboxes):
                 assert time.monotonic() < deadline_s, f"no route for {key} within {EVENT_S} s"
 
 
+def list_keys(found):
+    """Return the keys of what has come so far, without the namespace."""
+    samples = [found.get_nowait() for _ in range(found.qsize())]
+    return {str(sample.key_expr).removeprefix(f"{NAMESPACE}/") for sample in samples}
+
+
 def settle(router, *buses):
     """Give what each bus has said time to go through the router: an absence can only be waited for."""
     for bus in buses:
@@ -223,3 +229,31 @@ def test_what_the_routers_own_session_answers_is_for_services_alone(net):
     agent.ask("rpc/run/offer", b"", lambda _, payload: of_agent.put(payload))
     settle(router, agent)
     assert of_agent.empty()
+
+
+def test_an_agent_reaches_no_ros_graph_over_the_runs_router(net):
+    """No `*` covers a part of a key that begins with @: what is not allowed is denied, to agents and to services."""
+    router, join = net
+    service, cheat, spy = join("service", "s"), join("agent_a", "of a"), join("agent_b", "of b")
+    commands, observations = inbox(service, "agents/a/command"), inbox(spy, "agents/b/observation")
+    open_route(cheat, "agents/a/command", commands)
+    open_route(service, "agents/b/observation", observations)
+    token, goal, gas = "@ros2_lv/0/a1/0/0/NN/%/%/spy", "0/beetle/goal/T/RIHS01_0", "0/beetle/nose/T/RIHS01_0"
+    forged, leaked = queue.SimpleQueue(), queue.SimpleQueue()
+    held = []
+    for bus, keys, found in ((service, (token, goal), forged), (spy, ("@ros2_lv/**", "0/**", "**"), leaked)):
+        for key in keys:
+            held.append(bus._session.declare_subscriber(key, found.put))
+            held.append(bus._session.liveliness().declare_subscriber(key, found.put, history=True))
+    for key in (token, goal):
+        held.append(cheat._session.liveliness().declare_token(key))
+        send(cheat, key, b"forged")
+    held += [service._session.liveliness().declare_token(key) for key in (token, gas)]
+    send(router, gas, b"secret")
+    send(cheat, "agents/a/command", b"last")
+    send(router, "agents/b/observation", b"last")
+    assert commands.get(timeout=EVENT_S) == ("agents/a/command", b"last")
+    assert observations.get(timeout=EVENT_S) == ("agents/b/observation", b"last")
+    settle(router, service, spy)
+    assert list_keys(forged) <= {token}
+    assert list_keys(leaked) <= {"agents/b/observation"}

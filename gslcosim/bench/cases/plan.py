@@ -535,6 +535,7 @@ class _Resolved:
         except ProblemsError as error:
             raise _located_in(where, error.problems) from error
         values["recording"]["enabled"] = False
+        values.pop("ros2", None)
         return resolve_values(values, self.directory, source=where, checks=list_scenario_checks("agents", "services"))
 
 

@@ -6,6 +6,7 @@ import importlib
 import os
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,12 +20,14 @@ if TYPE_CHECKING:
     from gslcosim.runtime.network import Network
     from gslcosim.runtime.processes.fork_server import ForkServer
     from gslcosim.runtime.status import RunStatus
+    from gslcosim.scenario.loader import LoadedScenario
 
 Report = Callable[["RunStatus"], None]
 UP_EXAMPLES = """  gslcosim up warehouse_empty
   gslcosim up my_scenario.yaml --seed 8 --set agents[0].vehicle.hold_s=1
   gslcosim up warehouse_empty --processes grouped
   gslcosim up warehouse_empty --live
+  gslcosim up warehouse_empty --ros2 --pace 1
   gslcosim up warehouse_empty --elsewhere fields --listen tcp/127.0.0.1:7447
   gslcosim up warehouse_empty --pace 1
   gslcosim up warehouse_empty --in-process --json | jq .real_time_factor"""
@@ -111,6 +114,18 @@ def _add_up_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="start from the server of gslcosim serve, which saves start-up time",
     )
+    ros2 = parser.add_argument_group("ROS 2")
+    ros2.add_argument(
+        "--ros2", action="store_true", help="publish the run as topics in a ROS 2 graph while it goes on; extra ros"
+    )
+    ros2.add_argument(
+        "--ros-distro",
+        choices=("humble", "jazzy", "kilted"),
+        help="distribution of the nodes that listen (default: from the scenario, else jazzy); implies --ros2",
+    )
+    ros2.add_argument(
+        "--ros2-truth", action="store_true", help="publish the ground truth, too, below /truth; implies --ros2"
+    )
     add_runs_dir_option(parser)
     add_json_option(parser)
 
@@ -136,7 +151,7 @@ def run_scenario(arguments: argparse.Namespace, fork_server: "ForkServer | None"
         arguments: Of `gslcosim up`.
         fork_server: Forks the services, if there is one already.
     """
-    loaded = load_checked(arguments)
+    loaded = _with_ros2(load_checked(arguments), arguments)
     # Libraries for linear algebra have one thread in what a warm server forks, and agents in this process may not.
     if arguments.warm and "one" in (arguments.processes, arguments.processes or loaded.scenario.processes):
         raise UsageError("--warm: expected --processes separate or grouped with it, was one. Leave --warm away.")
@@ -167,6 +182,22 @@ def run_scenario(arguments: argparse.Namespace, fork_server: "ForkServer | None"
                 write_note(f"{fault['participant']}: {fault['text']}")
         live.stay_open(flight.exit_code)
     return flight.exit_code
+
+
+def _with_ros2(loaded: "LoadedScenario", arguments: argparse.Namespace) -> "LoadedScenario":
+    scenario = loaded.scenario
+    if arguments.ros2 or arguments.ros_distro or arguments.ros2_truth:
+        from gslcosim.scenario.models.scenario import Ros2Spec
+
+        given = {"distro": arguments.ros_distro, "truth": arguments.ros2_truth or None}
+        update = {key: value for key, value in given.items() if value is not None}
+        settings = (scenario.ros2 or Ros2Spec()).model_copy(update=update)
+        loaded = replace(loaded, scenario=scenario.model_copy(update={"ros2": settings}))
+    if loaded.scenario.ros2 is not None:
+        from gslcosim.ros.types import check_installed
+
+        check_installed()
+    return loaded
 
 
 # Who starts the services needs to know where their join files are.

@@ -148,7 +148,8 @@ def replay_run(
 def _change_recording(past: PastRun, changes: Mapping[str, float | bool], snapshots_every_s: float | None) -> Scenario:
     plain = {**past.scenario.recording.model_dump(), **changes}
     try:
-        update: dict[str, object] = {"recording": RecordingSpec.model_validate(plain)}
+        # Who listens to ROS has heard it once.
+        update: dict[str, object] = {"recording": RecordingSpec.model_validate(plain), "ros2": None}
         if snapshots_every_s is not None:
             update["snapshots"] = SnapshotsSpec(every_s=snapshots_every_s)
         scenario = past.scenario.model_copy(update=update)

@@ -447,6 +447,26 @@ class RecordingSpec(Spec):
         return self
 
 
+class Ros2Spec(Spec):
+    """Live topics of a run in a ROS 2 graph over Zenoh, without ROS; no influence on results.
+
+    Anyone on this machine can read the graph. Without `truth` it has only what agents are given, and the map.
+    """
+
+    distro: Literal["humble", "jazzy", "kilted"] = Field(
+        default="jazzy", description="ROS distribution of the nodes that listen: hashes of types differ"
+    )
+    domain: Annotated[int, Field(ge=0, le=232)] = Field(default=0, description="domain, `ROS_DOMAIN_ID` of the nodes")
+    endpoint: Annotated[str, Field(pattern=r"^tcp/(localhost|127\.0\.0\.1|\[::1\]):\d{1,5}$")] = Field(
+        default="tcp/localhost:7447",
+        description="address of the graph's router on this machine: the run is it, unless one is there already",
+    )
+    truth: bool = Field(default=False, description="publish the ground truth below /truth, and the sources")
+    clock_hz: Annotated[float, Field(ge=1, le=10_000)] = Field(
+        default=100.0, description="messages on /clock per second of the wall clock, at most"
+    )
+
+
 class SnapshotsSpec(Spec):
     """Snapshots of the state of a run, kept in its folder; forks and replays can start from them."""
 
@@ -510,6 +530,7 @@ class Scenario(Spec):
     processes: Processes = Field(
         default="separate", description="services that share a process, without influence on results"
     )
+    ros2: Ros2Spec | None = Field(default=None, description="live topics in a ROS 2 graph (absent: none); extra ros")
 
     @model_validator(mode="after")
     def _check_restart(self) -> Self:

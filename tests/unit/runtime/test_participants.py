@@ -27,7 +27,7 @@ NAMES = [kind.name for kind in default_services()]
 def everything():
     """Return a scenario that needs every service."""
     camera = "agents[0].sensors=[{model: tgs2600, name: nose}, {model: camera, name: eye}]"
-    return load_scenario("swarm_tiny", overrides=[camera, "events=[{what: source_stops, at_s: 3}]"]).scenario
+    return load_scenario("swarm_tiny", overrides=[camera, "events=[{what: source_stops, at_s: 3}]", "ros2={}"]).scenario
 
 
 def test_an_old_egg_info_in_the_working_folder_hides_no_service(tmp_path, monkeypatch):
