@@ -3,6 +3,7 @@
 import json
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -224,6 +225,32 @@ def test_a_wrong_token_is_named_and_what_a_unit_prints_does_no_harm(tmp_path, co
     assert "expected an instance, was none, as where the token of the binary is not that of its description" in text
     assert "It logged: the token is wrong." in text
     run_whole(core_of(block(build_fan(tmp_path), environment={"UNIT_FAULT": "fmi3DoStep:print"})))
+
+
+@pytest.mark.parametrize(
+    ("fault", "expected"),
+    [
+        ("fmi3Terminate:hang", "expected that it terminates from fmi3Terminate, nothing came within 2 s"),
+        ("fmi3Terminate:error", "fmi3Terminate: expected status OK or Warning at 0.3 s, was Error."),
+        ("fmi3FreeInstance:crash", "from fmi3FreeInstance, but its process was killed by SIGABRT."),
+    ],
+)
+def test_a_fault_after_the_last_step_is_noted_in_the_log(tmp_path, core_of, fault, expected):
+    core = core_of(block(build_fan(tmp_path), environment={"UNIT_FAULT": fault}))
+    core.reset(Episode(seed=1))
+    step(core, range(3))
+    core.close()
+    assert expected in next(tmp_path.rglob("participant_fan.log")).read_text()
+
+
+def test_binaries_that_are_none_are_named(tmp_path, core_of):
+    import fmpy.logging
+
+    text = told_fault(core_of(block(build_fan(tmp_path, binary=b"MZ of another machine"))))
+    assert "expected a binary that can be loaded, could not: Failed to load shared library" in text
+    other = next(Path(fmpy.logging.__file__).parent.rglob("*.so")).read_bytes()
+    text = told_fault(core_of(block(build_fan(tmp_path, binary=other))))
+    assert "expected a binary with all functions of FMI 3, was one without: " in text
 
 
 def find_problems(own):

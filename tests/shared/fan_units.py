@@ -57,7 +57,7 @@ DESCRIPTIONS = {
 }
 
 
-def build_fan(folder, version=3, changes=(), *, name="fan.fmu", more=()):
+def build_fan(folder, version=3, changes=(), *, name="fan.fmu", more=(), binary=None):
     """Return the archive of a fan.
 
     Args:
@@ -66,6 +66,7 @@ def build_fan(folder, version=3, changes=(), *, name="fan.fmu", more=()):
         changes: Texts of its description, and what takes their places.
         name: Of the archive.
         more: Names and contents of further files in it.
+        binary: Its binary; absent: the right one.
     """
     fmpy = pytest.importorskip("fmpy", reason='needs pip install "gslcosim[fmi]"')
     description = DESCRIPTIONS[version].format(variables=VARIABLES[version])
@@ -76,7 +77,7 @@ def build_fan(folder, version=3, changes=(), *, name="fan.fmu", more=()):
     unit = folder / name
     with zipfile.ZipFile(unit, "w") as archive:
         archive.writestr("modelDescription.xml", description)
-        archive.writestr(f"binaries/{platform}/fan.so", _compile(version))
+        archive.writestr(f"binaries/{platform}/fan.so", _compile(version) if binary is None else binary)
         for path, text in more:
             archive.writestr(path, text)
     return unit

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.base.errors import ContractError, SimulationFault
-from gslcosim.base.files import ScratchFolder
+from gslcosim.base.files import ScratchFolder, append_bytes
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
 from gslcosim.base.ticks import seconds_from_ticks
@@ -217,6 +217,18 @@ class ParticipantProgram:
         words = self._setup.run_dir.log_tail(self._process)
         text = f"{text.rstrip('.')}."
         return SimulationFault(f"{text} The end of its log:\n{words}" if words else text)
+
+    @property
+    def has_failed(self) -> bool:
+        """True where it does not run, or has a fault."""
+        return self._has_failed or self._exchange is None
+
+    def note(self, text: str) -> None:
+        """Add a line to the log of a program that has ended."""
+        log = self._setup.run_dir.log(self._process)
+        # A disk without room costs the note, not the run.
+        with suppress(OSError):
+            append_bytes(log.parent, log.name, f"{text}\n".encode())
 
     def end(self, reason: str) -> None:
         """Send the program the end of the run, and end it where it does not; nothing of it is left.

@@ -6,13 +6,13 @@ from typing import Any
 
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 
-from gslcosim.base.errors import ContractError, UsageError
+from gslcosim.base.errors import ContractError, SimulationFault, UsageError
 from gslcosim.base.problems import Problem
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import Episode, Inbox
 from gslcosim.contract.participant_messages import ParticipantOutputs
-from gslcosim.runtime.external.core import HELLO_TIMEOUT_S, ParticipantProgram, ProgramCore
+from gslcosim.runtime.external.core import EXIT_TIMEOUT_S, HELLO_TIMEOUT_S, ParticipantProgram, ProgramCore
 from gslcosim.runtime.external.fmi.calls import CallMarker
 from gslcosim.runtime.external.fmi.description import UnitVariable, list_unpacked_folders
 from gslcosim.runtime.external.fmi.wiring import UnitWiring, wire_unit
@@ -77,8 +77,16 @@ class UnitCore(ProgramCore):
         self._room_outputs = {port: types[port](**fields) for port, fields in state["room"].items()}
 
     def close(self) -> None:
-        """End the unit and its process."""
+        """Terminate the unit and end its process; a fault that comes so late is noted in its log."""
+        program, fault = self._program, ""
+        if program is not None and not program.has_failed:
+            try:
+                self._send(program, "UnitEnd", _msgpack.packb({}), "that it terminates", within_s=EXIT_TIMEOUT_S)
+            except SimulationFault as error:
+                fault = str(error)
         super().close()
+        if program is not None and fault:
+            program.note(fault)
         marker, self._marker = self._marker, None
         if marker is not None:
             marker.close()
@@ -140,11 +148,12 @@ class UnitCore(ProgramCore):
     def _request(self, program: ParticipantProgram, name: str, fields: Mapping[str, Any], what: str) -> dict[str, Any]:
         return self._send(program, name, _msgpack.packb(fields), what)
 
-    def _send(self, program: ParticipantProgram, name: str, payload: bytes, what: str) -> dict[str, Any]:
+    def _send(
+        self, program: ParticipantProgram, name: str, payload: bytes, what: str, *, within_s: float | None = None
+    ) -> dict[str, Any]:
         program.send(name, payload)
-        answer: dict[str, Any] = _msgpack.unpackb(
-            program.receive(ParticipantOutputs, what, within_s=self._own.answer_within_s)
-        )
+        limit_s = self._own.answer_within_s if within_s is None else within_s
+        answer: dict[str, Any] = _msgpack.unpackb(program.receive(ParticipantOutputs, what, within_s=limit_s))
         if (fault := answer.get("fault")) is not None:
             raise program.fault(str(fault))
         return answer

@@ -295,8 +295,16 @@ def _answer_requests(requests: BinaryIO, answers: BinaryIO, source: str, marker:
         unit.restore_state(request["data"])
         return {}
 
+    def end(_: Mapping[str, Any]) -> dict[str, Any]:
+        nonlocal unit
+        ending, unit = unit, None
+        if ending is not None:
+            ending.end()
+        return {}
+
     handlers: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
-        "UnitBegin": begin, "UnitStep": step, "UnitSave": save, "UnitRead": read, "UnitRestore": restore,
+        "UnitBegin": begin, "UnitStep": step, "UnitEnd": end,
+        "UnitSave": save, "UnitRead": read, "UnitRestore": restore,
     }  # fmt: skip
     try:
         while (request := _read_frame(requests)) is not None and request["message"] in handlers:
@@ -305,10 +313,6 @@ def _answer_requests(requests: BinaryIO, answers: BinaryIO, source: str, marker:
             except UnitError as error:
                 answer = {"fault": f"{error}.{' It logged: ' if log else ''}{'; '.join(log)}"}
             _write_frame(answers, answer)
-        if unit is not None:
-            unit.end()
-    except UnitError as error:
-        sys.stderr.write(f"{error}.\n")
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
