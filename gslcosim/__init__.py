@@ -8,6 +8,7 @@ from gslcosim.base.old_names import support_old_names
 
 if TYPE_CHECKING:
     from gslcosim.data.run import open_run as open_run
+    from gslcosim.simulation.simulation import Simulation as Simulation
 
 __version__ = "0.2.0"
 
@@ -16,17 +17,17 @@ support_old_names()
 
 
 # What a person calls, by where it is; imported when it is asked for, so that a start stays short.
-_FUNCTIONS = {"open_run": "gslcosim.data.run"}
+_CALLABLES = {"Simulation": "gslcosim.simulation.simulation", "open_run": "gslcosim.data.run"}
 _MODULES = ("agent_kit", "bench", "search", "training")
 
 
 def __getattr__(name: str) -> Any:
-    if name in _FUNCTIONS:
-        return getattr(importlib.import_module(_FUNCTIONS[name]), name)
+    if name in _CALLABLES:
+        return getattr(importlib.import_module(_CALLABLES[name]), name)
     if name in _MODULES:
         return importlib.import_module(f"{__name__}.{name}")
     raise AttributeError(f"module 'gslcosim' has no attribute '{name}'")
 
 
 def __dir__() -> list[str]:
-    return sorted(["__doc__", "__file__", "__name__", "__path__", "__version__", *_FUNCTIONS, *_MODULES])
+    return sorted(["__doc__", "__file__", "__name__", "__path__", "__version__", *_CALLABLES, *_MODULES])

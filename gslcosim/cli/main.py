@@ -46,6 +46,7 @@ from gslcosim.cli.commands import (
     runs,
     sample,
     schema,
+    step,
     train,
     up,
     validate,
@@ -82,7 +83,16 @@ RUNS = CommandFamily(
 GROUPS = (
     CommandGroup(
         title="run",
-        commands=(up.UP, fly.COMMAND, join.COMMAND, validate.COMMAND, up.SERVE, replay.COMMAND, fork.COMMAND),
+        commands=(
+            up.UP,
+            step.COMMAND,
+            fly.COMMAND,
+            join.COMMAND,
+            validate.COMMAND,
+            up.SERVE,
+            replay.COMMAND,
+            fork.COMMAND,
+        ),
     ),
     CommandGroup(
         title="look",

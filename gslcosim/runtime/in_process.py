@@ -3,9 +3,12 @@
 import queue
 import time
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
+from typing import TypeVar
 
 from gslcosim.agent_kit import Agent
 from gslcosim.base.errors import GslCosimError, RunFolderError, format_fault
@@ -45,6 +48,7 @@ REPORT_EVERY_TICKS = 64
 POLL_PERIOD_S = 0.1
 # Receives every message with its port, in the order in which they are delivered.
 MessageObserver = Callable[[str, Message], None]
+_Kind = TypeVar("_Kind")
 
 
 class InProcessRun:
@@ -52,6 +56,9 @@ class InProcessRun:
 
     Agents behind the gateway are processes; simulated time goes on until it needs their answer, and then waits.
     The run ends with the verdict, or after `until_tick` if that comes first.
+
+    Attributes:
+        pause_before_tick: The tick before which `iter_pauses` pauses, again and again until it is raised; None: none.
     """
 
     def __init__(
@@ -81,6 +88,7 @@ class InProcessRun:
             policy=SnapshotPolicy.of(setup),
         )
         self._loop.end_at(until_tick)
+        self.pause_before_tick: int | None = None
         self._verdict: Verdict | None = None
         self._pauses = PauseDetector()
         self._reported_tick = -1
@@ -95,7 +103,7 @@ class InProcessRun:
     def iter_pauses(self, outcome: RunOutcome, is_interrupted: Callable[[], bool]) -> Iterator[None]:
         """Fly as `fly` does, and pause wherever simulated time has come as far as it can without an agent's answer.
 
-        Whoever flies an agent by hand answers in the pause.
+        It pauses before the tick `pause_before_tick` too. Whoever flies an agent by hand answers in the pause.
 
         Args:
             outcome: What the run has brought in is put into it, in the end.
@@ -126,7 +134,7 @@ class InProcessRun:
         outcome.timing = {stepper.spec.name: stepper.timing.as_fields() for stepper in steppers}
         outcome.summary = {key: value for stepper in steppers for key, value in self._loop.summarize(stepper).items()}
         if outcome.is_cut or (self._verdict and outcome.fault is None):
-            outcome.digest = self._digest(outcome.ticks_flown)
+            outcome.digest = self.digest(outcome.ticks_flown)
 
     # Services begin at the snapshot; agents live through what came before, in the order in which they got it.
     def _go_on(self, is_interrupted: Callable[[], bool]) -> None:
@@ -141,6 +149,20 @@ class InProcessRun:
                 return
 
     @property
+    def next_tick(self) -> int:
+        """The first tick that not all participants have finished."""
+        return self._loop.last_tick + 1
+
+    @property
+    def is_between_ticks(self) -> bool:
+        """True when no participant has begun `next_tick`."""
+        return self._loop.is_between_ticks
+
+    def find_core(self, kind: type[_Kind]) -> _Kind | None:
+        """Return the first core that is of a class or supports a protocol; None where there is none."""
+        return next((stepper.core for stepper in self._loop.steppers if isinstance(stepper.core, kind)), None)
+
+    @property
     def _tick(self) -> int:
         return max(self._loop.last_tick, 0)
 
@@ -148,7 +170,13 @@ class InProcessRun:
         loop = self._loop
         while not loop.is_finished and not is_interrupted():
             self._handle_agent_events()
-            if loop.step():
+            if (
+                self.pause_before_tick is not None
+                and self.is_between_ticks
+                and self.next_tick >= self.pause_before_tick
+            ):
+                yield
+            elif loop.step():
                 self._report_if_due(started)
             elif any(session.is_pending for session in self._sessions.values()):
                 yield
@@ -249,10 +277,70 @@ class InProcessRun:
         for session in self._sessions.values():
             session.end(build_ending(self._verdict))
 
-    def _digest(self, final_tick: int) -> RunDigest:
+    def digest(self, final_tick: int) -> RunDigest:
+        """Return the digest of the run up to a tick that all participants have finished."""
         trails = {port: trail for s in self._loop.steppers for port, trail in s.trails.items()}
         trails |= {keys.command(name): session.trail for name, session in self._sessions.items()}
         return RunDigest.of(trails, self._dataflow.writer_of, final_tick)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgentHost:
+    """Agents of a run in this process: their sessions, the queue of what they do, and the processes of some."""
+
+    sessions: Mapping[str, AgentSession]
+    events: "queue.SimpleQueue[AgentEvent]"
+    children: ChildProcesses
+
+
+@contextmanager
+def host_agents(
+    setup: RunSetup,
+    directory: Path,
+    network: Network,
+    *,
+    commanded: Mapping[str, AgentTransport] = MappingProxyType({}),
+    is_interrupted: Callable[[], bool] = lambda: False,
+) -> Generator[AgentHost]:
+    """Start the agents of a run: Python agents as objects in this process, agents behind the gateway as processes.
+
+    Leaving the context ends the processes.
+
+    Args:
+        setup: The run.
+        directory: The scenario's folder, where relative paths of agents start.
+        network: Where agents that attach themselves find their join data.
+        commanded: Transports of the agents that the caller commands; no program of theirs is started.
+        is_interrupted: Ends the waiting for processes that join.
+
+    Raises:
+        UsageError: an agent is neither, or cannot be loaded or started.
+    """
+    events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
+    gateway = GatewayAgents(setup, directory, network, events.put, without=commanded)
+    agent_types = load_agent_types(setup.scenario, directory, [*gateway, *commanded])
+    sessions: dict[str, AgentSession] = {}
+    workers: dict[str, WorkerThread] = {}
+    for agent in setup.scenario.agents:
+        is_guest = agent.name in gateway
+        if agent.name in commanded:
+            link = commanded[agent.name]
+        elif is_guest:
+            link = gateway.get_transport(agent.name)
+        else:
+            link = _build_local_transport(agent, agent_types, workers, events.put)
+        sessions[agent.name] = build_session(agent, setup, link)
+        sessions[agent.name].is_ready = not is_guest
+    with ExitStack() as stack:
+        socket_dir = stack.enter_context(ScratchFolder.for_sockets()).path if gateway else None
+        children = stack.enter_context(ChildProcesses(gateway.exited))
+        if socket_dir is not None:
+            stack.enter_context(StopMonitor(lambda: children.pids, gateway.stopped))
+            stack.callback(gateway.close)
+            gateway.start(children, socket_dir)
+            _await_gateway_agents(gateway, sessions, events, is_interrupted)
+        yield AgentHost(sessions=sessions, events=events, children=children)
+        children.wait(EXIT_TIMEOUT_S)
 
 
 def run_in_process(
@@ -262,7 +350,7 @@ def run_in_process(
     report: Callable[[RunStatus], None],
     watch: MessageObserver | None = None,
 ) -> RunOutcome:
-    """Run a scenario in this process: Python agents as objects in it, agents behind the gateway as processes.
+    """Run a scenario in this process, with its agents; see `host_agents`.
 
     Args:
         setup: The run.
@@ -274,31 +362,11 @@ def run_in_process(
     Raises:
         UsageError: an agent is neither, or cannot be loaded or started.
     """
-    events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
-    gateway = GatewayAgents(setup, directory, network, events.put)
-    agent_types = load_agent_types(setup.scenario, directory, gateway)
-    sessions: dict[str, AgentSession] = {}
-    workers: dict[str, WorkerThread] = {}
-    for agent in setup.scenario.agents:
-        is_guest = agent.name in gateway
-        link = (
-            gateway.get_transport(agent.name)
-            if is_guest
-            else _build_local_transport(agent, agent_types, workers, events.put)
-        )
-        sessions[agent.name] = build_session(agent, setup, link)
-        sessions[agent.name].is_ready = not is_guest
-    with ExitStack() as stack:
-        socket_dir = stack.enter_context(ScratchFolder.for_sockets()).path
-        interruption = stack.enter_context(Interruption())
-        children = stack.enter_context(ChildProcesses(gateway.exited))
-        stack.enter_context(StopMonitor(lambda: children.pids, gateway.stopped))
-        stack.callback(gateway.close)
-        gateway.start(children, socket_dir)
-        _await_gateway_agents(gateway, sessions, events, interruption)
-        outcome = InProcessRun(setup, sessions, events, report, watch).fly(interruption.is_set)
-        children.wait(EXIT_TIMEOUT_S)
-    return outcome
+    with (
+        Interruption() as interruption,
+        host_agents(setup, directory, network, is_interrupted=interruption.is_set) as agents,
+    ):
+        return InProcessRun(setup, agents.sessions, agents.events, report, watch).fly(interruption.is_set)
 
 
 # Time does not wait for an agent in free mode, so it decides on a thread of its own.
@@ -313,10 +381,10 @@ def _await_gateway_agents(
     gateway: GatewayAgents,
     sessions: Mapping[str, AgentSession],
     events: "queue.SimpleQueue[AgentEvent]",
-    interruption: Interruption,
+    is_interrupted: Callable[[], bool],
 ) -> None:
     deadline_s, pauses = time.monotonic() + JOIN_TIMEOUT_S, PauseDetector()
-    while not interruption.is_set() and (absent := [session for session in sessions.values() if session.is_awaited]):
+    while not is_interrupted() and (absent := [session for session in sessions.values() if session.is_awaited]):
         deadline_s += pauses.missed_s(time.monotonic())
         if time.monotonic() > deadline_s:
             for session in absent:

@@ -186,6 +186,11 @@ class StepLoop:
         return min(stepper.gate.next_tick for stepper in self.steppers) - 1
 
     @property
+    def is_between_ticks(self) -> bool:
+        """True when no participant has begun a tick that others have not; only where the whole run is here."""
+        return self._turn == 0
+
+    @property
     def is_finished(self) -> bool:
         """True when all have stepped the run's last tick."""
         return all(stepper.gate.is_finished for stepper in self.steppers)

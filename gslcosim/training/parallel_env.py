@@ -203,7 +203,7 @@ class ParallelSearchEnv(ParallelEnv[str, _Numbers, _Numbers]):
         flight = SteppedRun(self._task.loaded(seed))
         talkers: dict[str, _Talker] = {}
         for name in flight.asked:
-            briefing = flight.briefing_of(name)
+            briefing = flight.get_briefing(name)
             actions = action_kind(self._action_name, briefing, **self._settings)
             if actions.n_choices:
                 raise UsageError(f"action: expected a kind with numbers, was {self._action_name!r}.")
@@ -248,7 +248,7 @@ class _Search:
     def act(self, actions: dict[str, _Numbers], step_ticks: int) -> None:
         flight = self.flight
         for name, talker in self.talkers.items():
-            flight.answer(name, talker.command(flight.seen_by(name), actions[name]))
+            flight.command(name, talker.command(flight.seen_by(name), actions[name]))
         flight.go_on()
         for _ in range(step_ticks - 1):
             if flight.is_over:
@@ -256,7 +256,7 @@ class _Search:
             for name in flight.asked:
                 seen = flight.seen_by(name)
                 self.talkers[name].radio.receive(seen)
-                flight.answer(name, Command(tick=seen.tick, kind="noop"))
+                flight.command(name, Command(tick=seen.tick, kind="noop"))
             flight.go_on()
 
     def seen(self) -> dict[str, _Numbers]:

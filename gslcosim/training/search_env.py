@@ -207,7 +207,7 @@ class SearchEnv(gymnasium.Env[NDArray[np.float32], Any]):
                 "gslcosim.training.parallel_env is for several."
             )
         flight = SteppedRun(loaded)
-        briefing = flight.briefing_of(scenario.agents[0].name)
+        briefing = flight.get_briefing(scenario.agents[0].name)
         sources_m = [source.position_m for source in scenario.gas.sources]
         vector, shield = ObservationVector(briefing, has_wind_frame=self._has_wind_frame), None
         if self._shield_m is not None:
@@ -248,7 +248,7 @@ class _Search:
             action = turn_actions(np.asarray(action)[None, :], [self.vector.upwind])[0]
         if self.shield is not None:
             action = self.shield.shielded(action, self.numbers)
-        self.flight.answer(self.agent, self.actions.command(self.flight.seen_by(self.agent), action))
+        self.flight.command(self.agent, self.actions.command(self.flight.seen_by(self.agent), action))
         self.flight.go_on()
 
     def seen(self) -> NDArray[np.float32]:

@@ -154,6 +154,21 @@ class FieldsCore:
         """The gas as it is now, for scoring and analysis."""
         return self._gas
 
+    @property
+    def gases(self) -> tuple[str, ...]:
+        """Names of all gases, in the order of the columns of `compute_gas_ppm`."""
+        return self._gas.gases
+
+    def compute_gas_ppm(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the (n, n_gases) mixing ratios [ppm by volume] at (n, 3) points in the room, world frame [m]."""
+        if isinstance(self._gas, FilamentField):
+            return self._gas.mixing_ratio_ppm_at(points_world_m, is_indexed=True)
+        return self._gas.mixing_ratio_ppm_at(points_world_m)
+
+    def compute_wind_m_s(self, points_world_m: NDArray[np.float64], tick: int) -> NDArray[np.float64]:
+        """Return the (n, 3) wind [m/s] at points in the room, world frame [m]; `tick` is that of the last step."""
+        return self._wind_at(points_world_m, tick)
+
     def reset(self, episode: Episode) -> Outbox:
         """Start again with the plume as old as `gas.warm_up_s`; nothing is written once."""
         if self._wind is not None:

@@ -206,20 +206,29 @@ class FilamentField:
         """Prepare a part of what later steps need and return true, or return false where there is nothing to do."""
         return self._goes_ahead is not None and self._goes_ahead.prefetch()
 
-    def mixing_ratio_ppm_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the mixing ratios at points; see `GasField`."""
-        ppm = self._for_all_gases(self._sum_at(points_world_m))
+    def mixing_ratio_ppm_at(
+        self, points_world_m: NDArray[np.float64], *, is_indexed: bool | None = None
+    ) -> NDArray[np.float64]:
+        """Return the mixing ratios at points; see `GasField`.
+
+        Args:
+            points_world_m: (m, 3) points, world frame [m].
+            is_indexed: Whether filaments are sorted by place first, which pays for many points; the order of sums, and
+                with it the last digits, depend on it. Absent: as `n_readings_per_step` says.
+        """
+        is_indexed = self._uses_index if is_indexed is None else is_indexed
+        ppm = self._for_all_gases(self._sum_at(points_world_m, is_indexed=is_indexed))
         if self._turbulence is None or not ppm.any():
             return ppm
         return ppm * self._turbulence.gas_factors_at(check_points(points_world_m), self.time_s)[:, None]
 
-    def _sum_at(self, points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _sum_at(self, points_world_m: NDArray[np.float64], *, is_indexed: bool) -> NDArray[np.float64]:
         filaments, sight = self.filaments, self._sight
         if self._image is not None:
             return self._image.mixing_ratio_ppm_at(
                 points_world_m, filaments, walls=sight.walls, cutoff_sigma=sight.cutoff_sigma
             )
-        if not self._uses_index:
+        if not is_indexed:
             return mixing_ratio_ppm_at(points_world_m, filaments, walls=sight.walls, cutoff_sigma=sight.cutoff_sigma)
         if self._indexed is not filaments:
             self._index.build(filaments)

@@ -120,6 +120,7 @@ ALL_CALLS = [pytest.param(call, marks=pytest.mark.extras) if call == "tune" else
 OTHERS = {
     "up": "reads a scenario: tests/properties/test_scenario_problems.py",
     "fly": "the same, and demands a terminal",
+    "step": "the same",
     "validate": "the same",
     "environment generate": "the same",
     "bench failures": "reads rows as bench run and tune do, and flies too much for each damage",

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import EnvironmentDataError, UsageError, build_path_error
 from gslcosim.cli.arguments import Command, add_runs_dir_option, build_number_parser, parse_whole_number
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from gslcosim.environment.model import Environment
+    from gslcosim.environment.model import Environment, Grid
     from gslcosim.scenario import Scenario
     from gslcosim_services.fields.gas_field import PointGrid
     from gslcosim_services.fields.offline import FieldSampler, Instant, ViewOptions
@@ -140,15 +140,9 @@ def _values_at(
 
 
 # Nobody knows the gas there, and interpolation would go on with the border's wind for ever.
-def _check_inside(points_m: "NDArray[np.float64]", grid: Any) -> None:
-    import numpy as np
-
-    # Rounded corners, as of a grid in single precision, keep no point of the border out.
-    slack_m = 1e-6 * grid.cell_m
-    low_m, high_m = np.subtract(grid.origin_m, slack_m), np.add(grid.max_m, slack_m)
-    is_inside = ((points_m >= low_m) & (points_m <= high_m)).all(axis=1)
-    if not is_inside.all():
-        i = int(np.argmin(is_inside))
+def _check_inside(points_m: "NDArray[np.float64]", grid: "Grid") -> None:
+    i = grid.find_point_outside(points_m)
+    if i is not None:
         raise UsageError(
             f"--points: expected points in the room, from {grid.origin_m} to {grid.max_m} m, "
             f"was {tuple(points_m[i].tolist())} m as point {i + 1}."

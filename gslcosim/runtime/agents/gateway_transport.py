@@ -1,6 +1,7 @@
 """Agents behind the gateway: their processes, and the transport to each of them."""
 
 import threading
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -141,9 +142,14 @@ class GatewayTransport:
 
 
 class GatewayAgents:
-    """Processes of all agents of a run behind the gateway. Their events are put from many threads."""
+    """Processes of all agents of a run behind the gateway. Their events are put from many threads.
 
-    def __init__(self, setup: RunSetup, directory: Path, network: Network, put: EventSink) -> None:
+    The agents that `without` names have none.
+    """
+
+    def __init__(
+        self, setup: RunSetup, directory: Path, network: Network, put: EventSink, *, without: Container[str] = ()
+    ) -> None:
         self._setup = setup
         self._directory = directory
         self._network = network
@@ -151,12 +157,18 @@ class GatewayAgents:
         self._by_agent: dict[str, _AgentProcess] = {}
         specs = {agent.name: agent for agent in setup.scenario.agents}
         for process, agents in setup.scenario.agents_by_process().items():
-            if specs[process].start.is_behind_gateway:
+            if specs[process].start.is_behind_gateway and process not in without:
                 member = _AgentProcess(specs[process], agents, put)
                 self._by_agent |= dict.fromkeys(agents, member)
 
     def __contains__(self, agent: str) -> bool:
         return agent in self._by_agent
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._by_agent)
+
+    def __len__(self) -> int:
+        return len(self._by_agent)
 
     def start(self, children: ChildProcesses, socket_dir: Path) -> None:
         """Start every process, or write the join files of those that attach themselves.

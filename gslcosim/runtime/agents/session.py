@@ -4,6 +4,7 @@ import queue
 import threading
 import time
 import traceback
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -236,6 +237,40 @@ class ThreadedTransport:
         if observation.awaiting_command and observation.tick < self._newest_question:
             observation = observation.model_copy(update={"awaiting_command": False})
         self._link.observe(observation, payload)
+
+
+class SteppedTransport:
+    """Transport to an agent that the caller of a stepped run commands; it keeps what the agent gets and is asked."""
+
+    is_lossy = False
+
+    def __init__(self) -> None:
+        self.briefing: Briefing | None = None
+        self.seen: Observation | None = None
+        # With a latency several observations may await their commands, the oldest first.
+        self.questions: deque[Observation] = deque()
+
+    def brief(self, briefing: Briefing, payload: bytes) -> None:
+        """Keep the briefing; see `AgentTransport`."""
+        del payload
+        self.briefing = briefing
+
+    def observe(self, observation: ObservationOrHead, payload: bytes) -> None:
+        """Keep the observation; see `AgentTransport`."""
+        self.seen = observation if isinstance(observation, Observation) else codec.decode(Observation, payload)
+        if self.seen.awaiting_command:
+            self.questions.append(self.seen)
+
+    def repeat(self) -> None:
+        """Do nothing: no message gets lost; see `AgentTransport`."""
+
+    def acknowledge(self, event: CommandReceived | CommandRefused) -> None:
+        """Do nothing; see `AgentTransport`."""
+
+    def end(self, ending: Ending, payload: bytes) -> None:
+        """Ask no more; see `AgentTransport`."""
+        del ending, payload
+        self.questions.clear()
 
 
 REPEAT_QUESTION_AFTER_S = 1.0

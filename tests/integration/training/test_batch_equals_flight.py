@@ -203,7 +203,7 @@ def test_a_search_is_run_again_alone_from_the_scenario_that_it_shows():
     observations, _ = batch.reset()
     for i in range(5):
         flight = SteppedRun(batch.loaded(i))
-        vector = ObservationVector(flight.briefing_of("beetle"))
+        vector = ObservationVector(flight.get_briefing("beetle"))
         assert np.array_equal(vector.of(flight.seen_by("beetle")), observations[i])
         flight.close()
     batch.close()

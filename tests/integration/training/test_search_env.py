@@ -59,13 +59,13 @@ def test_gymnasiums_checker_passes_and_the_digest_is_that_of_up(tmp_path, monkey
     env = gymnasium.make(SEARCH, scenario="tiny_room").unwrapped
     check_env(env)
     said = {}
-    answered = gslcosim.training.stepped_run.SteppedRun.answer
+    answered = gslcosim.training.stepped_run.SteppedRun.command
 
     def noted(flight, agent, command):
         said[command.tick] = codec.encode_json(command).decode()
         answered(flight, agent, command)
 
-    monkeypatch.setattr(gslcosim.training.stepped_run.SteppedRun, "answer", noted)
+    monkeypatch.setattr(gslcosim.training.stepped_run.SteppedRun, "command", noted)
     _, info = flown_at_random(env, seed=5)
     env.close()
     (tmp_path / "said.json").write_text(json.dumps(said))
