@@ -1,6 +1,7 @@
 """Units of FMI behind their core, without a run around them: steps, states, faults, and what `validate` refuses."""
 
 import json
+import shutil
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -10,8 +11,9 @@ import pytest
 from fan_units import build_fan
 
 from gslcosim.base.errors import SimulationFault
-from gslcosim.contract.messages import FieldSamples, GasAmount, MountSample
+from gslcosim.contract.messages import BodyPoses, BodyState, FieldSamples, GasAmount, MountSample
 from gslcosim.contract.participant import Episode
+from gslcosim.data.export.room_unit import export_room_unit
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.external.fmi.checks import find_unit_problems, find_unit_warnings
@@ -21,6 +23,7 @@ from gslcosim.runtime.services import build_dataflow
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.problems import InvalidScenarioError
+from gslcosim_services.fields.offline import Instant, ScenarioFieldSampler, ViewOptions
 
 pytestmark = pytest.mark.extras
 
@@ -117,6 +120,53 @@ def test_a_unit_steps_as_in_fmpy_and_goes_on_from_its_state(tmp_path, core_of, v
     core.reset(Episode(seed=1))
     core.restore(state)
     assert step(core, range(4, len(PPM))) == rest
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler: apt-get install gcc")
+def test_a_room_that_left_as_a_unit_takes_part_with_its_own_samples(tmp_path, core_of):
+    loaded = load_scenario("tiny_room")
+    environment = load_environment(prepare_environment(loaded.scenario, scenario_dir=loaded.directory))
+    sensors = ("tgs2600_ideal",)
+    (unit,) = export_room_unit(environment, tmp_path / "out", loaded.scenario, until_s=1.0, sensors=sensors).files
+    inputs = {f"point[1].{axis}_m": f"bodies[agent=beetle].position_world_m[{i}]" for i, axis in enumerate("xyz")}
+    outputs = {"ppm": "point[1].mixing_ratio_ppm.ethanol", "ohm": "point[1].tgs2600_ideal.resistance_ohm"}
+    room = block(unit, reads=[{"port": "truth/bodies", "inputs": inputs}], writes=["state"], parameters={})
+    core = core_of({**room, "outputs": {"state": outputs}}, "snapshots.every_s=1")
+    positions_m = [(1.6 + 0.02 * tick, 2.1, 1.1) for tick in range(8)]
+
+    def fly(ticks):
+        boxes = [core.step(tick, {"truth/bodies": pose_at(tick, positions_m[tick])}) for tick in ticks]
+        return [box["participant/fan/state"].values for box in boxes]
+
+    core.reset(Episode(seed=1))
+    first = fly(range(4))
+    state = core.state()
+    rest = fly(range(4, 8))
+    # It steps to a tick with the inputs of the tick before.
+    for tick, values in enumerate(first + rest):
+        point_m, instant = np.array([positions_m[max(0, tick - 1)]]), Instant(frame=tick)
+        expected = ScenarioFieldSampler(environment, loaded.scenario).gas_ppm(point_m, instant, ViewOptions())[0]
+        assert expected > 0.0
+        assert values["ppm"] == pytest.approx(expected, rel=1e-12, abs=0)
+    assert rest[-1]["ohm"] < first[0]["ohm"] == 50000.0
+    core.reset(Episode(seed=1))
+    core.restore(state)
+    assert fly(range(4, 8)) == rest
+
+
+def pose_at(tick, position_m):
+    still = (0.0, 0.0, 0.0)
+    body = BodyState(
+        agent="beetle",
+        position_world_m=position_m,
+        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+        velocity_world_m_s=still,
+        angular_velocity_body_rad_s=still,
+        phase="flying",
+        awaiting_command=False,
+        path_length_m=0.0,
+    )
+    return BodyPoses(tick=tick, bodies=(body,))
 
 
 def test_a_unit_that_cannot_save_its_state_steps_through_its_past(tmp_path, core_of):

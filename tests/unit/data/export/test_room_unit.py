@@ -341,7 +341,7 @@ def test_wrong_exports_are_refused_with_a_sentence(monkeypatch, tmp_path, capsys
 
 @pytest.mark.extras
 def test_fmpy_has_nothing_to_say_and_gets_the_same_samples(unit):
-    fmpy = pytest.importorskip("fmpy", reason="needs fmpy: pip install fmpy")
+    fmpy = pytest.importorskip("fmpy", reason="needs fmpy: pip install 'gslcosim[fmi]'")
     from fmpy.validation import validate_fmu
 
     assert validate_fmu(str(unit.path)) == []
