@@ -129,7 +129,11 @@ class UnitCore(ProgramCore):
             else:
                 value = path.read(inbox[port]) if port in inbox else None
             kind = variable.kind
-            values.append(value if value is None or kind is None else kind(value))
+            value = value if value is None or kind is None else kind(value)
+            if value is not None and not variable.holds(value):
+                expected = f"an input {variable.name} that {variable.fmi_type} holds"
+                raise self._running().fault(f"expected {expected}, was {value} at tick {tick}")
+            values.append(value)
         return _msgpack.packb({"values": values})
 
     def _request_outputs(self, program: ParticipantProgram, tick: int, inputs: bytes) -> Mapping[str, Message]:

@@ -23,6 +23,8 @@ _MAX_PROBLEM_LENGTH = 300
 _TYPES_OF_VERSION = {2: {"Real": "Real", "Integer": "Integer", "Enumeration": "Integer"}, 3: {"Enumeration": "Int64"}}
 _FLOATS, _TRUTHS, _TEXTS = ("Real", "Float32", "Float64"), ("Boolean",), ("String",)
 _OTHERS = ("Binary", "Clock")
+# Of FMI 2, which has one size.
+_INTEGER_BITS = 32
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +56,14 @@ class UnitVariable:
             return None
         named = ((_FLOATS, float), (_TRUTHS, bool), (_TEXTS, str))
         return next((kind for types, kind in named if self.fmi_type in types), int)
+
+    def holds(self, value: float | str) -> bool:
+        """Return whether a value of its Python type fits, which larger whole numbers do not."""
+        if self.kind is not int or isinstance(value, str):
+            return True
+        n_bits = int(self.fmi_type.lstrip("UInt")) if self.fmi_type != "Integer" else _INTEGER_BITS
+        low, high = (0, 1 << n_bits) if self.fmi_type.startswith("U") else (-(1 << n_bits - 1), 1 << n_bits - 1)
+        return low <= value < high
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -168,6 +168,10 @@ def _wire_parameters(
             expected = _TYPE_WORDS[kind] if kind is not None else "a variable with one number, truth value or text"
             problems.append(Problem(where=where, expected=expected, found=repr(value)))
             continue
+        if not variable.holds(value):
+            expected = f"a number that {variable.fmi_type} holds"
+            problems.append(Problem(where=where, expected=expected, found=repr(value)))
+            continue
         yield variable, value
 
 
