@@ -23,7 +23,7 @@ from gslcosim.ros.node import RosPublisher, RosSession
 from gslcosim.ros.types import ANEMOMETER, GAS_SENSOR, MAP_FRAME, RosTypes
 from gslcosim.ros.wire import LATCHED, QosProfile
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.scenario import Ros2Spec
+from gslcosim.scenario.models.scenario import AgentSpec, Ros2Spec
 from gslcosim.scenario.models.sensors import (
     CameraSensorSpec,
     DepthCameraSpec,
@@ -31,9 +31,11 @@ from gslcosim.scenario.models.sensors import (
     RaySensorSpec,
     SensorSpec,
 )
-from gslcosim_services.recorder.entities import AgentEntities, build_entities, is_wind_sensor, list_gas_names
+from gslcosim_services.recorder.entities import is_wind_sensor, list_gas_names
+from gslcosim_services.recorder.stream_table import ON_BOARD_STREAMS
 from gslcosim_services.ros2 import messages
 from gslcosim_services.ros2.service import ros2_spec
+from gslcosim_services.sensing.briefing import find_sensor_kind
 from gslcosim_services.sensing.models.range_finders import ray_directions_body
 
 NODE_NAME = "gslcosim"
@@ -96,7 +98,7 @@ class Ros2Core:
         declare("/map", "nav_msgs/msg/OccupancyGrid", LATCHED)
         self._topics["/tf_static"].publish(messages.make_mounts(types, scenario))
         self._topics["/map"].publish(messages.make_map(types, scenario, self._environment))
-        self._agents = [_AgentTopics(types, scenario, entities) for entities in build_entities(scenario)]
+        self._agents = [_AgentTopics(types, scenario, agent) for agent in scenario.agents]
         for agent in self._agents:
             for topic, (kind, qos) in agent.topics.items():
                 declare(topic, kind, qos)
@@ -212,16 +214,16 @@ Publish = Callable[..., None]
 class _AgentTopics:
     """Topics of one agent, with their types, and the messages of a tick."""
 
-    def __init__(self, types: RosTypes, scenario: Scenario, entities: AgentEntities) -> None:
-        self.name = entities.agent.name
+    def __init__(self, types: RosTypes, scenario: Scenario, agent: AgentSpec) -> None:
+        self.name = agent.name
         self._types = types
+        self._scenario = scenario
         self._tick_s = seconds_from_ticks(1, scenario.tick_ns)
-        self._entities = entities
         self._root = f"/{messages.topic_part(self.name)}"
-        self._sensors = {sensor.name: sensor for sensor in entities.agent.sensors}
+        self._sensors = {sensor.name: sensor for sensor in agent.sensors}
         self._period_ticks = {
             sensor.name: exact_ticks_from_seconds(sensor.period_s, scenario.tick_ns, name="period_s")
-            for sensor in entities.agent.sensors
+            for sensor in agent.sensors
             if sensor.period_s
         }
         self._clean_ohm: dict[str, float] = {}
@@ -229,7 +231,7 @@ class _AgentTopics:
         self._n_waypoints = 0
         self._directions = {
             sensor.name: ray_directions_body(sensor).reshape(-1, 3)
-            for sensor in entities.agent.sensors
+            for sensor in agent.sensors
             if isinstance(sensor, RaySensorSpec)
         }
         self.topics: dict[str, tuple[str, QosProfile]] = {
@@ -237,7 +239,7 @@ class _AgentTopics:
             f"{self._root}/pose": ("geometry_msgs/msg/PoseStamped", _QUEUED),
             f"{self._root}/waypoints": ("visualization_msgs/msg/Marker", _LATCHED_MANY),
         }
-        for sensor in entities.agent.sensors:
+        for sensor in agent.sensors:
             self.topics |= {topic: (kind, _QUEUED) for topic, kind in self._sensor_topics(sensor).items()}
 
     def _sensor_topics(self, sensor: SensorSpec) -> dict[str, str]:
@@ -251,14 +253,13 @@ class _AgentTopics:
         kind = messages.find_reading_type(self._stream_names(sensor), sensor)
         return points if kind is None else {topic: kind, **points}
 
-    # As `values_by_stream` names what a reading of it holds.
+    # Of other packages' sensors on board nobody knows what their values are.
     def _stream_names(self, sensor: SensorSpec) -> list[str]:
-        n_values = 1 + (sensor.name in self._entities.bearing_sensors)
-        for each, streams in self._entities.on_board_sensors:
-            if each.name == sensor.name:
-                return [stream.name for stream in streams]
-        made_up = Reading(sensor=sensor.name, quantity="", unit="", values=(0.0,) * n_values)
-        return [*messages.values_by_stream(made_up, sensor, self._entities)]
+        kind = find_sensor_kind(self._scenario, sensor.model)
+        if kind.is_on_board and sensor.model not in ON_BOARD_STREAMS:
+            return []
+        made_up = Reading(sensor=sensor.name, quantity=kind.quantity, unit=kind.unit, values=(0.0, 0.0))
+        return [*messages.values_by_stream(made_up, sensor.model)]
 
     def locate(self, time_ns: int, observation: Observation) -> Any:
         """Return where the vehicle believes that it is, as a transform."""
@@ -315,7 +316,7 @@ class _AgentTopics:
                 time_ns,
                 self.name,
                 sensor,
-                messages.values_by_stream(reading, sensor, self._entities),
+                messages.values_by_stream(reading, sensor.model),
                 unit=reading.unit,
                 clean=clean,
             ),

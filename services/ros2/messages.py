@@ -27,12 +27,12 @@ from gslcosim.scenario.models.sensors import (
     TurnedSensorSpec,
     real_model,
 )
-from gslcosim_services.recorder.entities import AgentEntities
 from gslcosim_services.recorder.stream_table import (
     ANGULAR_VELOCITY,
     APPARENT_WIND,
     ATTITUDE,
     MAGNETIC_FIELD,
+    ON_BOARD_STREAMS,
     POSITION,
     PRESSURE,
     RANGE,
@@ -42,6 +42,7 @@ from gslcosim_services.recorder.stream_table import (
     WIND_SPEED,
     split_values,
 )
+from gslcosim_services.sensing.models.anemometer import QUANTITY as WIND_QUANTITY
 
 Values = Mapping[str, Vector]
 """What a sensor reports at one instant: by name of the stream its numbers."""
@@ -83,15 +84,14 @@ def base_frame(agent: str) -> str:
 # --- what sensors report
 
 
-def values_by_stream(reading: Reading, sensor: SensorSpec, entities: AgentEntities) -> dict[str, Vector]:
-    """Return the numbers of a reading by stream, as a recording of it would hold them."""
+def values_by_stream(reading: Reading, model: str) -> dict[str, Vector]:
+    """Return the numbers of a reading by stream, as a recording of it would hold them; none of what has no message."""
     values = np.array(reading.values, dtype=np.float64)
-    for each, streams in entities.on_board_sensors:
-        if each.name == sensor.name:
-            return {stream.name: values[part] for stream, part in zip(streams, split_values(streams), strict=True)}
-    if all(each.name != sensor.name for each in entities.wind_sensors):
+    if (streams := ON_BOARD_STREAMS.get(model)) is not None:
+        return {stream.name: values[part] for stream, part in zip(streams, split_values(streams), strict=True)}
+    if reading.quantity != WIND_QUANTITY:
         return {RESPONSE.name: values}
-    if sensor.name in entities.bearing_sensors:
+    if reading.unit.endswith("rad"):
         return {WIND_SPEED.name: values[:1], WIND_FROM.name: values[1:]}
     return {WIND_SPEED.name: np.array([float(np.linalg.norm(values))]), APPARENT_WIND.name: values}
 

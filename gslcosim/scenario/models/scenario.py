@@ -78,6 +78,31 @@ class EnvironmentSpec(Spec):
         return self
 
 
+class RosGraphSpec(Spec):
+    """A ROS 2 graph over Zenoh: distribution, domain and router."""
+
+    distro: Literal["humble", "jazzy", "kilted"] = Field(
+        default="jazzy", description="ROS distribution of the other nodes: hashes of types differ"
+    )
+    domain: Annotated[int, Field(ge=0, le=232)] = Field(default=0, description="domain, `ROS_DOMAIN_ID` of the nodes")
+    endpoint: Annotated[str, Field(pattern=r"^tcp/(localhost|127\.0\.0\.1|\[::1\]):\d{1,5}$")] = Field(
+        default="tcp/localhost:7447",
+        description="address of the graph's router on this machine: the run is it, unless one is there already",
+    )
+
+
+class Ros2Spec(RosGraphSpec):
+    """Live topics of a run in a ROS 2 graph over Zenoh, without ROS; no influence on results.
+
+    Anyone on this machine can read the graph. Without `truth` it has only what agents are given, and the map.
+    """
+
+    truth: bool = Field(default=False, description="publish the ground truth below /truth, and the sources")
+    clock_hz: Annotated[float, Field(ge=1, le=10_000)] = Field(
+        default=100.0, description="messages on /clock per second of the wall clock, at most"
+    )
+
+
 class StartSpec(Spec):
     """Start of an agent: a Python agent by name or file, a command line, or an agent that attaches itself.
 
@@ -86,6 +111,7 @@ class StartSpec(Spec):
     - `format`: encoding of the gateway's frames.
     - `observations: asked`: the gateway sends only observations that require a command.
     - `process_of`: another agent whose process, and door, also serves this agent.
+    - `ros2`: a node of ROS 2 that the user starts decides; a program of gslcosim's stands between.
     - `method`: method name in lists and tables for an agent that attaches itself.
     """
 
@@ -96,6 +122,9 @@ class StartSpec(Spec):
         default=None,
         description="program and arguments; a name with a slash is relative to the scenario's folder, others "
         "are found on the PATH",
+    )
+    ros2: RosGraphSpec | None = Field(
+        default=None, description="the graph of a ROS 2 node that decides, as topics below /AGENT/agent; extra ros"
     )
     attach: bool = Field(default=False, description="wait for an agent that the user starts and that attaches itself")
     door: Literal["zenoh", "stdio", "tcp", "unix"] = Field(
@@ -117,10 +146,10 @@ class StartSpec(Spec):
 
     @model_validator(mode="after")
     def _check_one(self) -> Self:
-        given = [key for key in ("python", "command", "attach", "process_of") if getattr(self, key)]
+        given = [key for key in ("python", "command", "ros2", "attach", "process_of") if getattr(self, key)]
         if len(given) != 1:
             raise broken_rule_error(
-                expected="exactly one of python, command, attach: true and process_of",
+                expected="exactly one of python, command, ros2, attach: true and process_of",
                 found=" and ".join(given) or "none",
                 remedy="For example start: {python: dung_beetle}.",
             )
@@ -148,6 +177,13 @@ class StartSpec(Spec):
                 expected="zenoh, tcp or unix for an agent that attaches itself",
                 found=self.door,
                 remedy="Standard input and output belong to a program that is started here, with command.",
+            )
+        if self.ros2 is not None and self.is_behind_gateway:
+            raise broken_rule_error(
+                key="door",
+                expected="none for a node of ROS 2, which has the graph",
+                found=self.door,
+                remedy="Leave it out.",
             )
         return self
 
@@ -342,6 +378,18 @@ class AgentSpec(Spec):
     )
 
     @model_validator(mode="after")
+    def _check_ros2(self) -> Self:
+        if self.start.ros2 is not None and (self.is_free or self.sandbox not in ("auto", "none")):
+            key = "mode" if self.is_free else "sandbox"
+            raise broken_rule_error(
+                key=key,
+                expected="a mode that waits for a node of ROS 2, and no sandbox: it needs the network",
+                found=f"{key}: {self.mode_name if self.is_free else self.sandbox}",
+                remedy="Take mode: lockstep, and leave sandbox out.",
+            )
+        return self
+
+    @model_validator(mode="after")
     def _check_hold_rule(self) -> Self:
         if self.vehicle.hold_rule == "fixed" and self.mode != "on_request":
             raise broken_rule_error(
@@ -445,26 +493,6 @@ class RecordingSpec(Spec):
                 remedy="Leave to_s out to record up to the end.",
             )
         return self
-
-
-class Ros2Spec(Spec):
-    """Live topics of a run in a ROS 2 graph over Zenoh, without ROS; no influence on results.
-
-    Anyone on this machine can read the graph. Without `truth` it has only what agents are given, and the map.
-    """
-
-    distro: Literal["humble", "jazzy", "kilted"] = Field(
-        default="jazzy", description="ROS distribution of the nodes that listen: hashes of types differ"
-    )
-    domain: Annotated[int, Field(ge=0, le=232)] = Field(default=0, description="domain, `ROS_DOMAIN_ID` of the nodes")
-    endpoint: Annotated[str, Field(pattern=r"^tcp/(localhost|127\.0\.0\.1|\[::1\]):\d{1,5}$")] = Field(
-        default="tcp/localhost:7447",
-        description="address of the graph's router on this machine: the run is it, unless one is there already",
-    )
-    truth: bool = Field(default=False, description="publish the ground truth below /truth, and the sources")
-    clock_hz: Annotated[float, Field(ge=1, le=10_000)] = Field(
-        default=100.0, description="messages on /clock per second of the wall clock, at most"
-    )
 
 
 class SnapshotsSpec(Spec):
@@ -611,7 +639,11 @@ class Scenario(Spec):
         """By agent the name of its method, in the scenario's order; see `name_method`."""
         starts = {agent.name: agent.start for agent in self.agents}
         names = {
-            name: name_method(python=start.python, command=start.command or (), method=start.method)
+            name: name_method(
+                python=start.python,
+                command=start.command or (),
+                method=start.method if start.ros2 is None else "ros2",
+            )
             for name, start in starts.items()
         }
         return {agent.name: names[agent.process] for agent in self.agents}

@@ -276,6 +276,9 @@ def choose_sandbox(agent: ConfinementSpec) -> SandboxKind:
         UsageError: the one that the scenario demands does not work here.
     """
     _raise_problem(agent, _find_missing_sandbox(agent))
+    if isinstance(agent, AgentSpec) and agent.start.ros2 is not None:
+        # Its program is ours, and speaks with a node by TCP.
+        return "none"
     return find_strongest_sandbox() if agent.sandbox in ("auto", "required") else agent.sandbox
 
 

@@ -21,13 +21,13 @@ AN_INLET = "size_m: [15, 10, 8], inlet: {min_m: [0, 0, 0], max_m: [1, 1, 1]}"
          "and path. "
          "layout generates a room, path takes the folder of one made before."),
         ("{python: dung_beetle}", "{}",
-         "hall.yaml:10: agents[0].start: expected exactly one of python, command, attach: true and process_of, "
+         "hall.yaml:10: agents[0].start: expected exactly one of python, command, ros2, attach: true and process_of, "
          "was none. For example start: {python: dung_beetle}."),
         ("{python: dung_beetle}", "{python: dung_beetle, command: [sh]}",
-         "hall.yaml:10: agents[0].start: expected exactly one of python, command, attach: true and process_of, "
+         "hall.yaml:10: agents[0].start: expected exactly one of python, command, ros2, attach: true and process_of, "
          "was python and command. For example start: {python: dung_beetle}."),
         ("{python: dung_beetle}", "{attach: false}",
-         "hall.yaml:10: agents[0].start: expected exactly one of python, command, attach: true and process_of, "
+         "hall.yaml:10: agents[0].start: expected exactly one of python, command, ros2, attach: true and process_of, "
          "was none. For example start: {python: dung_beetle}."),
         ("{python: dung_beetle}", "{python: dung_beetle, door: tcp}",
          "hall.yaml:10: agents[0].start.door: expected zenoh or stdio for a Python agent, was tcp. "

@@ -1,0 +1,163 @@
+"""Program between a run and a ROS 2 node that decides: an agent whose decisions come by topics.
+
+`python -m gslcosim_services.ros2.agent DISTRO DOMAIN ENDPOINT`, as `start: {ros2: …}` starts it. It has the account of
+its agent and nothing else, so that a node can reach no more than that agent.
+
+Below `/AGENT/agent` it publishes what the agent is given at each tick, the time of the tick as stamp: `pose`
+(geometry_msgs/PoseStamped), `twist` (TwistStamped, in `map`) and `SENSOR` for each sensor with a message of its own.
+After them `question` (std_msgs/Header) says that a command is awaited; its frame is what the vehicle is doing. The node
+answers with the stamp of the question on one of `goal` (PoseStamped: fly there), `velocity` (TwistStamped, linear, in
+`map`), `source` (PointStamped: declare it there) and `hold` (std_msgs/Header). Simulated time waits for the answer, so
+that a run is repeated to the bit where the node's decisions follow from what it is told.
+"""
+
+import queue
+import sys
+from typing import Any, cast
+
+import numpy as np
+
+from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.contract.messages import CommandKind, Declaration, Reading
+from gslcosim.ros.node import RosSession
+from gslcosim.ros.types import MAP_FRAME, Distribution, RosTypes
+from gslcosim.ros.wire import SUBSCRIBER, QosProfile
+from gslcosim.scenario.models.sensors import SensorSpec, make_sensor_spec
+from gslcosim_services.ros2 import messages
+
+# Nothing that a node is told may be lost: who does not read holds up the run, as any agent that does not answer.
+_ALL = QosProfile(depth=None)
+# As long as the run itself waits for an agent, and longer.
+_NODE_TIMEOUT_S = 3600.0
+
+
+class RosAgent(Agent):
+    """Agent whose commands come from a node of ROS 2.
+
+    Args:
+        briefing: Of the agent.
+        session: In the graph.
+    """
+
+    def __init__(self, briefing: Briefing, session: RosSession) -> None:
+        self._session, self._types = session, session.types
+        self._agent = briefing.agent
+        self._root = f"/{messages.topic_part(briefing.agent)}/agent"
+        self._tick_ns = briefing.tick_ns
+        self._answers: queue.SimpleQueue[tuple[Any, CommandKind, dict[str, Any]]] = queue.SimpleQueue()
+        self._sensors = {sensor.name: _describe_sensor(sensor.model, sensor.name) for sensor in briefing.sensors}
+        node = session.create_node("agent", f"/{messages.topic_part(briefing.agent)}")
+        for topic, kind, take in (
+            ("goal", "geometry_msgs/msg/PoseStamped", self._take_goal),
+            ("velocity", "geometry_msgs/msg/TwistStamped", self._take_velocity),
+            ("source", "geometry_msgs/msg/PointStamped", self._take_source),
+            ("hold", "std_msgs/msg/Header", self._take_hold),
+        ):
+            node.subscribe(f"{self._root}/{topic}", kind, take)
+        self._node = node
+        self._publishers = {
+            topic: node.create_publisher(f"{self._root}/{topic}", kind, _ALL)
+            for topic, kind in (
+                ("pose", "geometry_msgs/msg/PoseStamped"),
+                ("twist", "geometry_msgs/msg/TwistStamped"),
+                ("question", "std_msgs/msg/Header"),
+            )
+        }
+        self._is_heard = False
+
+    def observe(self, observation: Observation) -> None:
+        """Publish what the agent is given, as soon as a node is there that can be asked."""
+        if not self._is_heard:
+            self._session.wait_for(SUBSCRIBER, f"{self._root}/question", _NODE_TIMEOUT_S)
+            self._is_heard = True
+        types, time_ns = self._types, observation.tick * self._tick_ns
+        header = types.header(time_ns, MAP_FRAME)
+        half_rad = observation.yaw_rad / 2
+        turn = np.array([np.cos(half_rad), 0.0, 0.0, np.sin(half_rad)])
+        pose = types.pose(np.array(observation.position_world_m), turn)
+        self._publishers["pose"].publish(types.make("geometry_msgs/msg/PoseStamped", header=header, pose=pose))
+        twist = types.make(
+            "geometry_msgs/msg/Twist",
+            linear=types.vector(np.array(observation.velocity_world_m_s)),
+            angular=types.vector(np.zeros(3)),
+        )
+        self._publishers["twist"].publish(types.make("geometry_msgs/msg/TwistStamped", header=header, twist=twist))
+        for reading in observation.readings:
+            if reading.values and not reading.is_warming_up:
+                self._publish_reading(time_ns, reading)
+
+    def _publish_reading(self, time_ns: int, reading: Reading) -> None:
+        sensor = self._sensors.get(reading.sensor)
+        if sensor is None:
+            return
+        values = messages.values_by_stream(reading, sensor.model)
+        if (kind := messages.find_reading_type([*values], sensor)) is None:
+            return
+        publisher = self._publishers.get(reading.sensor)
+        if publisher is None:
+            topic = f"{self._root}/{messages.topic_part(reading.sensor)}"
+            publisher = self._publishers[reading.sensor] = self._node.create_publisher(topic, kind, _ALL)
+        publisher.publish(
+            messages.make_reading(self._types, time_ns, self._agent, sensor, values, unit=reading.unit, clean=0.0)
+        )
+
+    def decide(self, observation: Observation) -> Command:
+        """Ask the node, and return its answer."""
+        stamp = self._types.time(observation.tick * self._tick_ns)
+        self._publishers["question"].publish(
+            self._types.make("std_msgs/msg/Header", stamp=stamp, frame_id=observation.status)
+        )
+        while True:
+            answered, kind, fields = self._answers.get()
+            if (answered.sec, answered.nanosec) == (stamp.sec, stamp.nanosec):
+                return Command(tick=observation.tick, kind=kind, **fields)
+            self._session.report_once(
+                f"{self._root}: expected an answer with the stamp {stamp.sec}.{stamp.nanosec:09d} of the question, was "
+                f"{answered.sec}.{answered.nanosec:09d}; ignored. Copy the stamp of {self._root}/question."
+            )
+
+    def end(self, reason: str) -> None:
+        """Leave the graph."""
+        del reason
+        self._session.close()
+
+    def _take_goal(self, goal: Any) -> None:
+        place = goal.pose.position
+        self._answers.put((goal.header.stamp, "waypoint", {"position_world_m": _check(place.x, place.y, place.z)}))
+
+    def _take_velocity(self, velocity: Any) -> None:
+        v = velocity.twist.linear
+        self._answers.put((velocity.header.stamp, "velocity", {"velocity_world_m_s": _check(v.x, v.y, v.z)}))
+
+    def _take_source(self, source: Any) -> None:
+        place = source.point
+        declaration = Declaration(position_world_m=_check(place.x, place.y, place.z))
+        self._answers.put((source.header.stamp, "declare_source", {"declaration": declaration}))
+
+    def _take_hold(self, header: Any) -> None:
+        self._answers.put((header.stamp, "hold", {}))
+
+
+def _check(x: float, y: float, z: float) -> tuple[float, float, float]:
+    if not np.isfinite([x, y, z]).all():
+        raise ValueError(f"expected finite numbers, was {x:g}, {y:g}, {z:g}")
+    return x, y, z
+
+
+# Those that are made of readings, such as estimates, have no model of their own.
+def _describe_sensor(model: str, name: str) -> SensorSpec | None:
+    try:
+        return make_sensor_spec(model=model, name=name)
+    except ValueError:
+        return None
+
+
+def main() -> None:
+    """Run the agents of this process with nodes of ROS 2."""
+    distro, domain, endpoint = sys.argv[1:]
+    types = RosTypes(cast("Distribution", distro))
+    run(lambda briefing: RosAgent(briefing, RosSession.open(types, endpoint=endpoint, domain=int(domain))))
+
+
+if __name__ == "__main__":
+    main()
