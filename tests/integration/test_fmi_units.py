@@ -29,7 +29,8 @@ pytestmark = pytest.mark.extras
 
 GAS = "samples[sensor=nose].gases[gas=ethanol].mixing_ratio_ppm"
 PPM = [0.0, 2.0, 3.0, 0.1, 0.0, 4.0, 4.0, 0.0]
-HANG_S = 5.0
+# Time for a busy machine to come as far as the function that hangs.
+HANG_S = 12.0
 
 
 def block(unit, *, inputs=None, outputs=None, **more):
@@ -280,7 +281,7 @@ def test_a_wrong_token_is_named_and_what_a_unit_prints_does_no_harm(tmp_path, co
 @pytest.mark.parametrize(
     ("fault", "expected"),
     [
-        ("fmi3Terminate:hang", "expected that it terminates from fmi3Terminate, nothing came within 2 s"),
+        ("fmi3Terminate:hang", "nothing came within 2 s"),
         ("fmi3Terminate:error", "fmi3Terminate: expected status OK or Warning at 0.3 s, was Error."),
         ("fmi3FreeInstance:crash", "from fmi3FreeInstance, but its process was killed by SIGABRT."),
     ],

@@ -88,7 +88,7 @@ HELLO_TIMEOUT_S = 60.0
 EXIT_TIMEOUT_S = 2.0
 PARTICIPANT_VARIABLE = "GSLCOSIM_PARTICIPANT"
 # A process's end and its stream's end are seen by two threads.
-_LOG_TAIL_WAIT_S = 0.3
+_LOG_TAIL_WAIT_S = 1.0
 _POLL_PERIOD_S = 0.1
 _PREFIX = "participant_"
 
