@@ -2,6 +2,8 @@
 
 import ctypes
 import json
+import re
+import shlex
 import shutil
 import subprocess
 import zipfile
@@ -337,6 +339,21 @@ def test_wrong_exports_are_refused_with_a_sentence(monkeypatch, tmp_path, capsys
     assert main(words) == 2
     assert sentence in capsys.readouterr().err
     assert not list(tmp_path.rglob("*.fmu"))
+
+
+@pytest.mark.slow
+@pytest.mark.extras
+def test_the_calls_of_the_page_work(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("fmpy", reason="needs fmpy: pip install 'gslcosim[fmi]'")
+    monkeypatch.chdir(tmp_path)
+    page = (Path(__file__).parents[4] / "docs" / "fmi.md").read_text().split("## A room as a unit")[1]
+    (call,), (program,) = (re.findall(rf"```{language}\n(.*?)```", page, re.DOTALL) for language in ("sh", "python"))
+    assert main(shlex.split(call)[1:]) == 0
+    capsys.readouterr()
+    exec(compile(program, "docs/fmi.md", "exec"), {})
+    time_s, ppm = re.fullmatch(r"(\S+) s, (\S+) ppm at most\n", capsys.readouterr().out).groups()
+    assert float(time_s) == 20.0
+    assert float(ppm) > 1.0
 
 
 @pytest.mark.extras
