@@ -34,7 +34,8 @@ def room(tmp_path):
     crane = Path(crane_fmu.__file__)
     Model.build(str(crane), project_files=[crane.parent], dest=folder)
     text = yaml.safe_load((folder / "ventilated_room.yaml").read_text())
-    other = {**text["participants"][0], "name": "other_fan", "start": {"fmu": "fan.fmu"}, "writes": ["state"]}
+    reading = {"port": "agents/beetle/observation", "inputs": {"gas_ppm": "readings[sensor=nose].values[0]"}}
+    other = {"name": "other_fan", "start": {"fmu": "fan.fmu"}, "reads": [reading], "writes": ["state"]}
     lift = {"port": "truth/bodies", "inputs": {"der(boom.boom[0])": "bodies[0].velocity_world_m_s[0]"}}
     text["participants"] += [
         {**other, "outputs": {"state": {"share": "share", "n_steps": "n_steps"}}},
