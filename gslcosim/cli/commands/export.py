@@ -80,7 +80,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _export(arguments: argparse.Namespace) -> "ExportResult":
-    environment, scenario = _load(arguments.source)
+    environment, scenario = _load(arguments.source, has_gas=arguments.to == FMU)
     if arguments.to == FMU:
         from gslcosim.data.export.room_unit import export_room_unit
 
@@ -97,8 +97,8 @@ def _export(arguments: argparse.Namespace) -> "ExportResult":
     return export_environment(environment, arguments.out, arguments.to, gaden_wind=arguments.gaden_wind)
 
 
-# A folder is a room without gas.
-def _load(source: str) -> "tuple[Environment, Scenario | None]":
+# A folder is a room without gas; where sources are drawn matters to gas alone.
+def _load(source: str, *, has_gas: bool) -> "tuple[Environment, Scenario | None]":
     from gslcosim.environment.generation import prepare_environment
     from gslcosim.environment.positions import draw_positions
     from gslcosim.environment.store import load_environment
@@ -106,7 +106,7 @@ def _load(source: str) -> "tuple[Environment, Scenario | None]":
 
     if Path(source).is_dir():
         return load_environment(Path(source), with_meshes=True), None
-    loaded = load_scenario(source, placer=draw_positions)
+    loaded = load_scenario(source, placer=draw_positions if has_gas else None)
     environment = load_environment(prepare_environment(loaded.scenario, scenario_dir=loaded.directory))
     return environment, loaded.scenario
 
