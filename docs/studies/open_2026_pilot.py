@@ -70,7 +70,7 @@ def print_scenarios(data: ReportData) -> None:
         best = max((_rate(rows["success"], here & (rows.entry == i)), i) for i in methods)
         pooled = here & np.isin(rows.entry, methods)
         lines.append([
-            f"`{name}`", "sweep fails" if ratio == 0 else f"{ratio:.1f}", coverage_stratum(ratio),
+            f"`{name}`", _describe_coverage(ratio), coverage_stratum(ratio),
             f"{100 * best_blind[0]:.0f} (`{data.entries[best_blind[1]].name}`)",
             f"{100 * best[0]:.0f} (`{data.entries[best[1]].name}`)",
             format_estimate(wilson(int(rows["success"][pooled].sum()), int(pooled.sum())), format_percent),
@@ -84,6 +84,10 @@ def print_scenarios(data: ReportData) -> None:
         "all methods [%]",
     )
     print_table(heads, lines)
+
+
+def _describe_coverage(ratio: float) -> str:
+    return "no sweep" if np.isnan(ratio) else "sweep fails" if ratio == 0 else f"{ratio:.1f}"
 
 
 def _rate(flags: np.ndarray, own: np.ndarray) -> float:
