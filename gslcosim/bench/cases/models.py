@@ -178,11 +178,12 @@ class EntrySpec(Spec):
 
     @model_validator(mode="after")
     def _check_start(self) -> Self:
-        if self.start.process_of is not None or self.start.attach:
+        others = [key for key in ("process_of", "attach", "ros2") if getattr(self.start, key)]
+        if others:
             raise broken_rule_error(
                 key="start",
                 expected="a program that the benchmark starts: python or command",
-                found="process_of" if self.start.process_of else "attach",
+                found=others[0],
                 remedy="Several robots of one program are robots: N.",
             )
         if self.start.command is not None and not self.start.is_behind_gateway:

@@ -288,6 +288,10 @@ WRONG = {
         "scenarios: [tiny_room]\nentries: [{name: a, start: {attach: true, door: tcp}}]\n",
         "a program that the benchmark starts",
     ),
+    "a node of ROS 2": (
+        "scenarios: [tiny_room]\nentries: [{name: a, start: {ros2: {}}}]\n",
+        "a program that the benchmark starts: python or command, was ros2",
+    ),
     "a zenoh command": (
         "scenarios: [tiny_room]\nentries: [{name: a, start: {command: [sh]}}]\n",
         "door: stdio, tcp or unix",
