@@ -57,12 +57,16 @@ class Grid:
         """Return which of (…, 3) cell indices lie in the grid."""
         return np.all((cell >= 0) & (cell < self.shape), axis=-1)
 
-    def find_point_outside(self, points_world_m: NDArray[np.float64]) -> int | None:
-        """Return the index of the first of (n, 3) points that is outside the box; None where all are inside."""
+    def contains_points(self, points_world_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which of (n, 3) points, world frame [m], are in the box or on its border."""
         # Rounded corners, as of a grid in single precision, keep no point of the border out.
         slack_m = 1e-6 * self.cell_m
         low_m, high_m = np.subtract(self.origin_m, slack_m), np.add(self.max_m, slack_m)
-        is_inside = ((points_world_m >= low_m) & (points_world_m <= high_m)).all(axis=1)
+        return np.all((points_world_m >= low_m) & (points_world_m <= high_m), axis=1)
+
+    def find_point_outside(self, points_world_m: NDArray[np.float64]) -> int | None:
+        """Return the index of the first of (n, 3) points that is outside the box; None where all are inside."""
+        is_inside = self.contains_points(points_world_m)
         return None if is_inside.all() else int(np.argmin(is_inside))
 
     def centres_m(self) -> NDArray[np.float64]:

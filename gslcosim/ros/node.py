@@ -297,8 +297,8 @@ class RosNode:
         Args:
             name: Such as `/odor_value`.
             kind: Type of the service, which `RosTypes.define_service` has defined.
-            answerer: Takes a message `<kind>_Request` and returns one `<kind>_Response`; where it raises `ValueError`,
-                the client gets an error with its text.
+            answerer: Takes a message `<kind>_Request` and returns one `<kind>_Response`, or its bytes; where it raises
+                `ValueError`, the client gets an error with its text.
             max_bytes: Longer requests are answered with an error.
         """
         types = self._session.types
@@ -313,7 +313,8 @@ class RosNode:
                     response = answerer(types.from_cdr(payload.to_bytes(), f"{kind}_Request"))
                     # The client knows its request by its own number and identifier.
                     attachment = Attachment.now(asked.sequence, asked.gid).to_bytes()
-                    query.reply(query.key_expr, types.to_cdr(response), encoding=_ENCODING, attachment=attachment)
+                    data = response if isinstance(response, bytes) else types.to_cdr(response)
+                    query.reply(query.key_expr, data, encoding=_ENCODING, attachment=attachment)
                 except ValueError as error:
                     self._session.report_once(f"{name}: {error}; refused.")
                     query.reply_err(str(error).encode())

@@ -162,7 +162,7 @@ def test_no_option_is_documented_that_there_is_not():
     for path in COMMANDS:
         sections.setdefault(section_of(path), set()).update(options_of(path))
     for section, options in sections.items():
-        assert set(re.findall(r"^\| `(--[a-z-]+)", section, re.MULTILINE)) <= options
+        assert set(re.findall(r"^\| `(--[a-z0-9-]+)", section, re.MULTILINE)) <= options
 
 
 def example_lines():
