@@ -218,9 +218,9 @@ def told_fault(core):
     return str(caught.value)
 
 
-@pytest.mark.parametrize("function", THREE)
+@pytest.mark.parametrize("function", [*THREE, "fmi2Instantiate", "fmi2SetFMUstate"])
 def test_a_crash_in_any_function_is_named_with_it(tmp_path, core_of, function):
-    unit = build_fan(tmp_path)
+    unit = build_fan(tmp_path, 2 if function.startswith("fmi2") else 3)
     core = core_of(block(unit, environment={"UNIT_FAULT": f"{function}:crash"}))
     where = "the loading of its binary" if function == "load" else function
     text = told_fault(core)
@@ -299,6 +299,12 @@ def test_binaries_that_are_none_are_named(tmp_path, core_of):
 
     text = told_fault(core_of(block(build_fan(tmp_path, binary=b"MZ of another machine"))))
     assert "expected a binary that can be loaded, could not: Failed to load shared library" in text
+    broken = bytearray(build_fan(tmp_path).read_bytes())
+    middle = len(broken) // 2
+    broken[middle : middle + 8] = b"\xff" * 8
+    (tmp_path / "broken.fmu").write_bytes(broken)
+    text = told_fault(core_of(block(tmp_path / "broken.fmu")))
+    assert text.startswith("expected an archive that can be unpacked, could not: Bad CRC-32 for file 'binaries/")
     other = next(Path(fmpy.logging.__file__).parent.rglob("*.so")).read_bytes()
     text = told_fault(core_of(block(build_fan(tmp_path, binary=other))))
     assert "expected a binary with all functions of FMI 3, was one without: " in text
@@ -355,6 +361,18 @@ def test_steps_that_do_not_fit_are_refused_with_both_numbers(tmp_path):
         ([('fmiVersion="3.0"', 'fmiVersion="4.0"')], "expected a modelDescription.xml that can be read, was another"),
         ([('modelIdentifier="fan"', 'modelIdentifier="pump"')], "/pump.so, which this machine needs, was binaries for"),
         ([("</fmiModelDescription>", "")], "expected a modelDescription.xml that can be read, was another"),
+        ([(' fmiVersion="3.0"', "")], "expected a modelDescription.xml with all that FMI asks for, such as fmiVersion"),
+        (
+            [("<CoSimulation", "<!--"), ('canSerializeFMUState="true"/>', "-->")],
+            "expected a unit for co-simulation, was one without any kind.",
+        ),
+        *(
+            (
+                [('canHandleVariableCommunicationStepSize="true"', f'fixedInternalStepSize="{step_s}"')],
+                f"expected a fixed step from 1e-09 to 86400 s, was {float(step_s):g} s.",
+            )
+            for step_s in ("INF", "NaN", "-0.1", "0")
+        ),
     ],
 )
 def test_a_description_that_is_none_is_refused_in_one_sentence(tmp_path, changes, expected):

@@ -259,7 +259,11 @@ def find_compiler() -> list[str]:
     Raises:
         UsageError: there is none.
     """
-    command = shlex.split(os.environ.get("CC", "")) or ["cc"]
+    named = os.environ.get("CC", "")
+    try:
+        command = shlex.split(named) or ["cc"]
+    except ValueError as error:
+        raise UsageError(f"CC: expected the command of a C compiler, was {named!r}: {error}.") from error
     if shutil.which(command[0]) is None:
         raise UsageError(
             f"--to fmu: expected a C compiler to compile the unit with, was none named {command[0]}. "

@@ -19,6 +19,8 @@ MAX_UNPACKED_BYTES = 200 << 20
 MAX_DESCRIPTION_BYTES = 64 << 20
 INSTALL_REMEDY = 'Install it: pip install "gslcosim[fmi]".'
 _MAX_PROBLEM_LENGTH = 300
+# Times are whole nanoseconds; a run is shorter than a day.
+_MIN_STEP_S, _MAX_STEP_S = 1e-9, 86_400.0
 # How a variable's functions are called: FMI 2 has fewer types than FMI 3.
 _TYPES_OF_VERSION = {2: {"Real": "Real", "Integer": "Integer", "Enumeration": "Integer"}, 3: {"Enumeration": "Int64"}}
 _FLOATS, _TRUTHS, _TEXTS = ("Real", "Float32", "Float64"), ("Boolean",), ("String",)
@@ -114,6 +116,9 @@ def read_unit(path: Path) -> UnitDescription:
     found: Any
     try:
         found = fmpy.read_model_description(str(path), validate=True)
+    except AttributeError as error:  # as where fmpy looks at the version
+        expected = f"a {DESCRIPTION_FILE} with all that FMI asks for, such as fmiVersion"
+        raise UsageError(f"expected {expected}, was one without") from error
     except fmpy.model_description.ValidationError as error:
         first = str(error.problems[0])[:_MAX_PROBLEM_LENGTH].rstrip(".")
         raise UsageError(f"expected a {DESCRIPTION_FILE} that follows FMI, was another: {first}") from error
@@ -124,8 +129,9 @@ def read_unit(path: Path) -> UnitDescription:
         raise UsageError(f"expected FMI 2 or 3, was FMI {found.fmiVersion}")
     own = found.coSimulation
     if own is None:
-        kind = "model exchange" if found.modelExchange is not None else "scheduled execution"
-        raise UsageError(f"expected a unit for co-simulation, was one for {kind} alone")
+        kinds = {"model exchange": found.modelExchange, "scheduled execution": found.scheduledExecution}
+        there = [f"one for {kind} alone" for kind, element in kinds.items() if element is not None]
+        raise UsageError(f"expected a unit for co-simulation, was {' and '.join(there) or 'one without any kind'}")
     binaries = tuple(sorted({name.split("/")[1] for name in names if name.startswith("binaries/")} - {""}))
     platform = _get_platform(version)
     binary = f"binaries/{platform}/{own.modelIdentifier}{_get_ending()}"
@@ -136,6 +142,8 @@ def read_unit(path: Path) -> UnitDescription:
     step_s = internal_step_s if internal_step_s is not None else _get_experiment_step_s(found)
     has_fixed_steps = not own.canHandleVariableCommunicationStepSize and step_s is not None
     is_fixed = has_fixed_steps or internal_step_s is not None
+    if is_fixed and step_s is not None and not _MIN_STEP_S <= step_s <= _MAX_STEP_S:
+        raise UsageError(f"expected a fixed step from {_MIN_STEP_S:g} to {_MAX_STEP_S:g} s, was {step_s:g} s")
     measures = {unit.name: _read_measure(unit) for unit in found.unitDefinitions}
     return UnitDescription(
         version=version,

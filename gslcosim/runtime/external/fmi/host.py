@@ -273,7 +273,10 @@ def _answer_requests(requests: BinaryIO, answers: BinaryIO, source: str, marker:
         from fmpy import extract
 
         begins = tuple(request["folders"])
-        extract(source, str(folder), include=lambda name: name.startswith(begins))
+        try:
+            extract(source, str(folder), include=lambda name: name.startswith(begins))
+        except Exception as error:  # broken bytes, a name that no file can have, a full disk
+            raise UnitError(f"expected an archive that can be unpacked, could not: {_shorten(error)}") from None
         unit = LoadedUnit(request, folder, marker, log)
         return {}
 

@@ -325,6 +325,7 @@ def test_gas_that_a_recording_cannot_stand_for_is_refused(changes, found):
 @pytest.mark.parametrize(
     ("variables", "options", "sentence"),
     [
+        ({"CC": "cc '"}, [], 'CC: expected the command of a C compiler, was "cc \'": No closing quotation.'),
         ({"CC": "no_such_compiler"}, [], "expected a C compiler to compile the unit with, was none named no_such"),
         ({"CC": "false"}, [], "expected false to compile the unit, was exit code 1 (nothing said)."),
         ({}, ["--fmu-points", "0"], "--fmu-points: expected a number from 1 to 10000, was 0."),
