@@ -281,9 +281,11 @@ def compile_unit(compiler: Sequence[str], library: Path) -> None:
     command = [*compiler, *COMPILER_OPTIONS, "-x", "c", "-", "-o", str(library), "-lm"]
     done = subprocess.run(command, input=_read_source(), capture_output=True, check=False)
     if done.returncode != 0:
-        last = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or ["nothing said"]
+        lines = done.stderr.decode(errors="replace").strip().splitlines() or ["nothing said"]
+        # What comes last can be no more than "compilation terminated."
+        reason = next((line for line in lines if "error" in line), lines[-1]).rstrip(".")
         raise UsageError(
-            f"--to fmu: expected {compiler[0]} to compile the unit, was exit code {done.returncode} ({last[0]}). "
+            f"--to fmu: expected {compiler[0]} to compile the unit, was exit code {done.returncode} ({reason}). "
             "Name another C compiler in CC."
         )
 

@@ -327,6 +327,11 @@ def test_gas_that_a_recording_cannot_stand_for_is_refused(changes, found):
     [
         ({"CC": "cc '"}, [], 'CC: expected the command of a C compiler, was "cc \'": No closing quotation.'),
         ({"CC": "no_such_compiler"}, [], "expected a C compiler to compile the unit with, was none named no_such"),
+        (
+            {"CC": "sh -c 'echo error: no such file. >&2; echo end. >&2; exit 1'"},
+            [],
+            "exit code 1 (error: no such file).",
+        ),
         ({"CC": "false"}, [], "expected false to compile the unit, was exit code 1 (nothing said)."),
         ({}, ["--fmu-points", "0"], "--fmu-points: expected a number from 1 to 10000, was 0."),
         ({}, ["--fmu-sensors", "pid"], "--fmu-sensors: expected some of tgs2600_ideal, tgs2602_ideal, tgs2610_ideal"),
