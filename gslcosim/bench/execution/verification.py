@@ -168,7 +168,7 @@ def _python_programs(trial: Trial) -> Iterator[Path]:
 def _programs(trial: Trial) -> Iterator[_Program]:
     yield from _agent_programs(trial)
     for own in trial.resolved.participants:
-        yield own.place, resolve_command(own.start.command, trial.directory), (*own.may_read, *own.may_write)
+        yield own.place, resolve_command(own.start.words, trial.directory), (*own.may_read, *own.may_write)
 
 
 def _agent_programs(trial: Trial) -> Iterator[_Program]:

@@ -174,6 +174,26 @@ def test_a_python_agent_that_does_nothing_as_a_program_is_refused(here):
     assert reached(outside) == set()
 
 
+def test_units_of_results_are_theirs_and_nobody_elses(tmp_path):
+    folder, outside = tmp_path / "sent", tmp_path / "outside"
+    for place in (folder, outside):
+        place.mkdir()
+        (place / "fan.fmu").write_bytes(b"not looked into")
+
+    fan = {"name": "fan", "start": {"command": ["true"]}, "writes": ["state"]}
+    scenario = load_scenario("tiny_room", overrides=[f"participants={json.dumps([fan])}"]).scenario
+    own = scenario.participants[0]
+
+    def trial_with(unit) -> Any:
+        start = own.start.model_copy(update={"command": None, "fmu": str(unit)})
+        resolved = scenario.model_copy(update={"participants": (own.model_copy(update={"start": start}),)})
+        return SimpleNamespace(entry="e", directory=folder, resolved=resolved)
+
+    verification.check_confinable([trial_with("fan.fmu")], folder)
+    with pytest.raises(UsageError, match=r"participants\.fan\.start: expected a command that .*outside"):
+        verification.check_confinable([trial_with(outside / "fan.fmu")], folder)
+
+
 @pytest.mark.parametrize(
     ("of_agent", "expected"),
     [
