@@ -96,6 +96,11 @@ def write_note(text: str) -> None:
     _write_to_stderr(f"{escape_terminal_text(text)}\n")
 
 
+def write_prompt(text: str) -> None:
+    """Write to stderr what a person answers on the same line."""
+    _write_to_stderr(escape_terminal_text(text))
+
+
 def _write_to_stderr(text: str) -> None:
     try:
         sys.stderr.write(text)

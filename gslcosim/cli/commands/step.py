@@ -14,7 +14,7 @@ from gslcosim.cli.arguments import (
     build_number_parser,
     load_checked,
 )
-from gslcosim.cli.terminal import add_json_option, finish_output, write, write_note
+from gslcosim.cli.terminal import add_json_option, finish_output, write, write_note, write_prompt
 
 if TYPE_CHECKING:
     from gslcosim.contract.record import Record
@@ -138,8 +138,7 @@ class _Shell:
             write(LINES)
         while True:
             if is_person:
-                sys.stderr.write(f"{self._simulation.time_s:g} s> ")
-                sys.stderr.flush()
+                write_prompt(f"{self._simulation.time_s:g} s> ")
             line = sys.stdin.readline()
             if not line or line.strip() == "quit":
                 return

@@ -48,7 +48,8 @@ def options_of(path):
         (["--foo"], "gslcosim: expected one of the options --help, --version, was '--foo'."),
         (["up", "x", "--sed", "3"], "gslcosim up: expected one of the options --elsewhere, --help, --in-process, "
          "--insecure, --join-dir, --json, --lease-s, "
-         "--listen, --live, --no-services, --pace, --processes, --quiet, --runs-dir, --seed, --serve, --set, "
+         "--listen, --live, --no-services, --pace, --processes, --quiet, --ros-distro, --ros2, --ros2-truth, "
+         "--runs-dir, --seed, --serve, --set, "
          "--tls-ca, --tls-certificate, --tls-client-ca, --tls-key, --warm, --window-ticks, "
          "was '--sed'. Did you mean --seed?"),
         (["up", "x", "y"], "gslcosim up: expected no further words, was 'y'. See gslcosim up --help."),

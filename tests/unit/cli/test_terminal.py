@@ -23,7 +23,7 @@ from gslcosim.cli.commands import generate
 from gslcosim.cli.main import main
 from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.run_output import format_agents_table, format_summary
-from gslcosim.cli.terminal import drawn_table, open_console, table, write, write_json, write_note
+from gslcosim.cli.terminal import drawn_table, open_console, table, write, write_json, write_note, write_prompt
 from gslcosim.data.recording import viewer
 from gslcosim.runtime.status import RunResult, get_status_folder
 from gslcosim.teleop import Terminal
@@ -39,6 +39,7 @@ WRITERS = {
     "cli/terminal.py",
     "cli/rendering_probe.py",  # JSON for the process that has started it
     "teleop.py",  # escapes each line itself
+    "runtime/external/fmi/host.py",  # what a unit logs, into the log of its process
     "runtime/distributed/service_main.py",  # usage of a service's process, into its log
 }
 
@@ -53,6 +54,8 @@ def test_each_writer_shows_what_is_foreign(capsys):
     write_note(EVIL)
     output = capsys.readouterr()
     assert output.out == output.err == f"{SHOWN}\n"
+    write_prompt(EVIL)
+    assert capsys.readouterr().err == SHOWN
     write_json({EVIL: "\x9b"})
     text = capsys.readouterr().out
     assert not obeyed(text)
