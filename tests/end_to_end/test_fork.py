@@ -40,7 +40,7 @@ def compared(a, b) -> dict:
 
 
 def assert_same(past, fork):
-    assert fork.exit_code == past.exit_code, fork.errors
+    assert fork.exit_code == past.exit_code, (fork.errors, fork.result.get("faults"))
     assert fork.result["fork_of"]["divergence"] is None
     assert fork.result["digest"] == past.result["digest"]
 
