@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Quaternion = tuple[float, float, float, float]
 
@@ -28,6 +28,13 @@ def yaw_from_quaternion(quaternion_wxyz: Quaternion) -> float:
     """Return the heading [rad] of the body's x axis, counter-clockwise from world x, in (-pi, pi]."""
     w, x, y, z = quaternion_wxyz
     return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+def quaternion_from_yaw(yaw_rad: ArrayLike) -> NDArray[np.float64]:
+    """Return the attitude of a level vehicle, (..., 4) as w, x, y, z, for headings (...) [rad]."""
+    half_rad = np.asarray(yaw_rad, np.float64) / 2.0
+    nothing = np.zeros_like(half_rad)
+    return np.stack([np.cos(half_rad), nothing, nothing, np.sin(half_rad)], axis=-1)
 
 
 def rotation_from_rpy(rpy_rad: tuple[float, float, float]) -> NDArray[np.float64]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import open_regular_file
-from gslcosim.base.frames import yaw_from_quaternion
+from gslcosim.base.frames import quaternion_from_yaw, yaw_from_quaternion
 from gslcosim.base.ticks import NS_PER_S, seconds_from_ticks
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import (
@@ -147,9 +147,7 @@ def _turns(columns: Mapping[str, Floats], path: Path) -> Floats:
         if not np.all(lengths[np.isfinite(lengths)] > 0):
             raise UsageError(f"{path}: quaternion_w …: expected attitudes, was 0, 0, 0, 0 somewhere.")
         return turns / lengths
-    yaw_rad = columns.get(_YAW, np.zeros(n_rows))
-    nothing = np.zeros(n_rows)
-    return np.column_stack([np.cos(yaw_rad / 2), nothing, nothing, np.sin(yaw_rad / 2)])
+    return quaternion_from_yaw(columns.get(_YAW, np.zeros(n_rows)))
 
 
 def _logged_column(

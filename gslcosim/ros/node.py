@@ -29,13 +29,11 @@ import zenoh.ext
 import zenoh.handlers
 
 from gslcosim.base.errors import UsageError
+from gslcosim.base.ros_graphs import ROS_ENDPOINT
 from gslcosim.bus.zenoh_bus import build_session_config, open_session
 from gslcosim.ros import wire
 from gslcosim.ros.types import RosTypes
 from gslcosim.ros.wire import Attachment, QosProfile, Token
-
-DEFAULT_ENDPOINT = "tcp/localhost:7447"
-"""Where nodes of rmw_zenoh look for their router."""
 
 MAX_MESSAGE_BYTES = 16 << 20
 CALL_TIMEOUT_S = 10.0
@@ -87,7 +85,7 @@ class RosSession:
         cls,
         types: RosTypes,
         *,
-        endpoint: str = DEFAULT_ENDPOINT,
+        endpoint: str = ROS_ENDPOINT,
         domain: int = 0,
         report: Reporter = _LOGGER.warning,
     ) -> Self:

@@ -2,16 +2,15 @@
 
 from functools import cache
 from importlib.util import find_spec
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
+from gslcosim.base.ros_graphs import RosDistribution
 from gslcosim.ros.wire import NO_HASH
 
-Distribution = Literal["humble", "jazzy", "kilted"]
-DISTRIBUTIONS: tuple[Distribution, ...] = get_args(Distribution)
 REMEDY = "pip install 'gslcosim[ros]'"
 GAS_SENSOR = "olfaction_msgs/msg/GasSensor"
 ANEMOMETER = "olfaction_msgs/msg/Anemometer"
@@ -66,12 +65,12 @@ class RosTypes:
         UsageError: the extra `ros` is not installed.
     """
 
-    def __init__(self, distribution: Distribution = "humble") -> None:
+    def __init__(self, distribution: RosDistribution = "humble") -> None:
         try:
             from rosbags.typesys import Stores, get_types_from_msg, get_typestore
         except ImportError as error:
             raise UsageError(f"rosbags: expected the package, found none. Install it with: {REMEDY}") from error
-        self.distribution: Distribution = distribution
+        self.distribution: RosDistribution = distribution
         self.store: Any = get_typestore(Stores[f"ROS2_{distribution.upper()}"])
         for kind, (constants, fields) in self.store.fielddefs.items():
             self.store.fielddefs[kind] = (constants, [(name, _without_char(field)) for name, field in fields])
@@ -182,7 +181,7 @@ class RosTypes:
         x, y, z = (float(value) for value in values)
         return self.make("geometry_msgs/msg/Point", x=x, y=y, z=z)
 
-    def turn(self, quaternion_wxyz: Vector) -> Any:
+    def quaternion(self, quaternion_wxyz: Vector) -> Any:
         """Return an attitude."""
         w, x, y, z = (float(value) for value in quaternion_wxyz)
         return self.make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
@@ -190,7 +189,7 @@ class RosTypes:
     def pose(self, position_m: Vector, quaternion_wxyz: Vector) -> Any:
         """Return a pose."""
         return self.make(
-            "geometry_msgs/msg/Pose", position=self.point(position_m), orientation=self.turn(quaternion_wxyz)
+            "geometry_msgs/msg/Pose", position=self.point(position_m), orientation=self.quaternion(quaternion_wxyz)
         )
 
     def transform(self, time_ns: int, frame: str, child: str, position_m: Vector, quaternion_wxyz: Vector) -> Any:
@@ -202,7 +201,7 @@ class RosTypes:
             transform=self.make(
                 "geometry_msgs/msg/Transform",
                 translation=self.vector(position_m),
-                rotation=self.turn(quaternion_wxyz),
+                rotation=self.quaternion(quaternion_wxyz),
             ),
         )
 

@@ -1,6 +1,6 @@
 """Wire format of `rmw_zenoh`: keys of topics and services, liveliness tokens, quality of service, attachments.
 
-Pure text and bytes; `graph` puts them on Zenoh.
+Pure text and bytes; `node` puts them on Zenoh.
 Source: ros2/rmw_zenoh, docs/design.md and rmw_zenoh_cpp/src/detail/{liveliness_utils,attachment_helpers}.cpp, and what
 the peers in tests send.
 """
@@ -173,7 +173,7 @@ def _demangle_name(name: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Attachment:
-    """What travels beside each message: 33 bytes.
+    """Number, time and writer of a message, which travel beside it in 33 bytes.
 
     Attributes:
         sequence: Number of the message of its writer, from 1.
@@ -201,9 +201,13 @@ class Attachment:
         Raises:
             ValueError: they are none.
         """
-        if len(data) != _ATTACHMENT.size or data[_GID_BYTES] != _GID_BYTES:
+        if len(data) != _ATTACHMENT.size:
             raise ValueError(f"expected an attachment of {_ATTACHMENT.size} bytes, was {len(data)} bytes")
-        sequence, stamp_ns, _, gid = _ATTACHMENT.unpack(data)
+        sequence, stamp_ns, n_gid_bytes, gid = _ATTACHMENT.unpack(data)
+        if n_gid_bytes != _GID_BYTES:
+            raise ValueError(
+                f"expected an attachment with an identifier of {_GID_BYTES} bytes, was {n_gid_bytes} bytes"
+            )
         return cls(sequence=sequence, stamp_ns=stamp_ns, gid=gid)
 
 

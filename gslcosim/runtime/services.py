@@ -163,16 +163,16 @@ def list_services(scenario: Scenario) -> tuple[ServiceKind, ...]:
     return (*defaults, *others.values(), *own_models)
 
 
-# A program of the user's own, or a unit of FMI, behind a core that speaks with it.
+# A program of the user's own, or an FMU, behind a core that speaks with it.
 def _build_external_kind(own: ParticipantProgramSpec) -> ServiceKind:
     def build(setup: RunSetup) -> Core:
         # their imports are of this module
         from gslcosim.runtime.external.core import ExternalCore
-        from gslcosim.runtime.external.fmi.core import UnitCore
+        from gslcosim.runtime.external.fmi.core import FmuCore
 
         types = build_dataflow(setup.scenario).message_types
         if own.start.fmu is not None:
-            return UnitCore(own, setup, types)
+            return FmuCore(own, setup, types)
         return ExternalCore(own, setup, {port: message_type.__name__ for port, message_type in types.items()})
 
     return ServiceKind(name=own.name, build_spec=lambda scenario: build_external_spec(own, scenario), build=build)

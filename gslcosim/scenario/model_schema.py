@@ -14,17 +14,14 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticUndefined
 
 from gslcosim.base.problems import RULE, Problem
+from gslcosim.base.units_of_measure import number_in_unit_of, read_quantity, unit_name, unit_suffix
 from gslcosim.scenario.models.base import KindedSpec, OneOf
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.problems import (
     child_path,
     did_you_mean,
     nearest_key,
-    number_in_unit_of,
     parent_path,
-    read_quantity,
-    unit_name,
-    unit_suffix,
 )
 
 Segment = str | int

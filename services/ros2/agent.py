@@ -18,9 +18,11 @@ from typing import Any, cast
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.base.frames import quaternion_from_yaw
+from gslcosim.base.ros_graphs import RosDistribution
 from gslcosim.contract.messages import CommandKind, Declaration, Reading
 from gslcosim.ros.node import RosSession
-from gslcosim.ros.types import MAP_FRAME, Distribution, RosTypes
+from gslcosim.ros.types import MAP_FRAME, RosTypes
 from gslcosim.ros.wire import SUBSCRIBER, QosProfile
 from gslcosim.scenario.models.sensors import SensorSpec, make_sensor_spec
 from gslcosim_services.ros2 import messages
@@ -72,9 +74,7 @@ class RosAgent(Agent):
             self._is_heard = True
         types, time_ns = self._types, observation.tick * self._tick_ns
         header = types.header(time_ns, MAP_FRAME)
-        half_rad = observation.yaw_rad / 2
-        turn = np.array([np.cos(half_rad), 0.0, 0.0, np.sin(half_rad)])
-        pose = types.pose(np.array(observation.position_world_m), turn)
+        pose = types.pose(np.array(observation.position_world_m), quaternion_from_yaw(observation.yaw_rad))
         self._publishers["pose"].publish(types.make("geometry_msgs/msg/PoseStamped", header=header, pose=pose))
         twist = types.make(
             "geometry_msgs/msg/Twist",
@@ -97,9 +97,7 @@ class RosAgent(Agent):
         if publisher is None:
             topic = f"{self._root}/{messages.topic_part(reading.sensor)}"
             publisher = self._publishers[reading.sensor] = self._node.create_publisher(topic, kind, _ALL)
-        publisher.publish(
-            messages.make_reading(self._types, time_ns, self._agent, sensor, values, unit=reading.unit, clean=0.0)
-        )
+        publisher.publish(messages.make_reading(self._types, time_ns, self._agent, sensor, values, unit=reading.unit))
 
     def decide(self, observation: Observation) -> Command:
         """Ask the node, and return its answer."""
@@ -155,7 +153,7 @@ def _describe_sensor(model: str, name: str) -> SensorSpec | None:
 def main() -> None:
     """Run the agents of this process with nodes of ROS 2."""
     distro, domain, endpoint = sys.argv[1:]
-    types = RosTypes(cast("Distribution", distro))
+    types = RosTypes(cast("RosDistribution", distro))
     run(lambda briefing: RosAgent(briefing, RosSession.open(types, endpoint=endpoint, domain=int(domain))))
 
 

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from gslcosim.base.frames import world_from_body_rotation
+from gslcosim.base.frames import quaternion_from_yaw, world_from_body_rotation
 from gslcosim.base.ticks import exact_ticks_from_seconds, seconds_from_ticks
 from gslcosim.contract import keys
 from gslcosim.contract.messages import (
@@ -226,7 +226,7 @@ class _AgentTopics:
             for sensor in agent.sensors
             if sensor.period_s
         }
-        self._clean_ohm: dict[str, float] = {}
+        self._clean_air_ohm: dict[str, float] = {}
         self._taken_ticks: dict[str, int] = {}
         self._n_waypoints = 0
         self._directions = {
@@ -263,13 +263,13 @@ class _AgentTopics:
 
     def locate(self, time_ns: int, observation: Observation) -> Any:
         """Return where the vehicle believes that it is, as a transform."""
-        position_m, turn = np.array(observation.position_world_m), _turn_from_yaw(observation.yaw_rad)
+        position_m, turn = np.array(observation.position_world_m), quaternion_from_yaw(observation.yaw_rad)
         return self._types.transform(time_ns, MAP_FRAME, messages.base_frame(self.name), position_m, turn)
 
     def publish_observation(self, tick: int, time_ns: int, observation: Observation, publish: Publish) -> None:
         """Publish the pose and what sensors report."""
         types = self._types
-        position_m, turn = np.array(observation.position_world_m), _turn_from_yaw(observation.yaw_rad)
+        position_m, turn = np.array(observation.position_world_m), quaternion_from_yaw(observation.yaw_rad)
         w, x, y, z = (float(value) for value in turn)
         velocity_m_s = world_from_body_rotation((w, x, y, z)).T @ np.array(observation.velocity_world_m_s)
         publish(
@@ -307,8 +307,8 @@ class _AgentTopics:
             return
         if reading.unit == "ohm":
             # In clean air, as far as the run has shown: the highest resistance.
-            self._clean_ohm[sensor.name] = max(self._clean_ohm.get(sensor.name, 0.0), reading.values[0])
-        clean = self._clean_ohm.get(sensor.name, 0.0)
+            self._clean_air_ohm[sensor.name] = max(self._clean_air_ohm.get(sensor.name, 0.0), reading.values[0])
+        clean_air_ohm = self._clean_air_ohm.get(sensor.name, 0.0)
         publish(
             topic,
             lambda: messages.make_reading(
@@ -318,7 +318,7 @@ class _AgentTopics:
                 sensor,
                 messages.values_by_stream(reading, sensor.model),
                 unit=reading.unit,
-                clean=clean,
+                clean_air_ohm=clean_air_ohm,
             ),
         )
 
@@ -352,7 +352,3 @@ class _AgentTopics:
             )
             publish(f"{self._root}/waypoints", lambda marker=marker: marker, is_kept=True)
             self._n_waypoints += 1
-
-
-def _turn_from_yaw(yaw_rad: float) -> Any:
-    return np.array([np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)])

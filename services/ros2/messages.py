@@ -45,7 +45,7 @@ from gslcosim_services.recorder.stream_table import (
 from gslcosim_services.sensing.models.anemometer import QUANTITY as WIND_QUANTITY
 
 Values = Mapping[str, Vector]
-"""What a sensor reports at one instant: by name of the stream its numbers."""
+"""Numbers that a sensor reports at one instant, by name of the stream."""
 
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 GREEN, BLUE = (0.0, 0.62, 0.45, 1.0), (0.0, 0.45, 0.7, 0.8)
@@ -112,7 +112,14 @@ def find_reading_type(names: Sequence[str], sensor: SensorSpec) -> str | None:
 
 
 def make_reading(
-    types: RosTypes, time_ns: int, agent: str, sensor: SensorSpec, values: Values, *, unit: str, clean: float
+    types: RosTypes,
+    time_ns: int,
+    agent: str,
+    sensor: SensorSpec,
+    values: Values,
+    *,
+    unit: str,
+    clean_air_ohm: float = 0.0,
 ) -> Any:
     """Return the message of a sensor's reading, of `find_reading_type`.
 
@@ -123,13 +130,13 @@ def make_reading(
         sensor: Its settings.
         values: What it reports.
         unit: Of a gas sensor's response.
-        clean: Of a resistance: that in clean air, as far as it is known.
+        clean_air_ohm: Of a MOX sensor, its resistance in clean air [ohm]; 0 where it is not known.
     """
     kind, frame = find_reading_type([*values], sensor), frame_of(agent, sensor.name)
     header = types.header(time_ns, frame)
     match kind:
         case ros_types.GAS_SENSOR:
-            return _make_gas_reading(types, header, sensor, values, unit, clean)
+            return _make_gas_reading(types, header, sensor, values, unit, clean_air_ohm)
         case ros_types.ANEMOMETER:
             return _make_wind_reading(types, time_ns, frame, values)
         case "sensor_msgs/msg/Imu":
@@ -159,7 +166,9 @@ def make_reading(
             raise AssertionError(f"no message for {sensor.model}")
 
 
-def _make_gas_reading(types: RosTypes, header: Any, sensor: SensorSpec, values: Values, unit: str, clean: float) -> Any:
+def _make_gas_reading(
+    types: RosTypes, header: Any, sensor: SensorSpec, values: Values, unit: str, clean_air_ohm: float
+) -> Any:
     technology = {"ohm": ros_types.MOX, "ppm m": ros_types.TDLAS}.get(unit, ros_types.UNKNOWN)
     technology = ros_types.PID if real_model(sensor.model) == "pid" else technology
     return make_gas(
@@ -170,7 +179,7 @@ def _make_gas_reading(types: RosTypes, header: Any, sensor: SensorSpec, values: 
         manufacturer=ros_types.FIGARO if technology == ros_types.MOX else 0,
         part=ros_types.PARTS.get(real_model(sensor.model), 0),
         units=ros_types.UNITS.get(unit, 0),
-        clean=clean if unit == "ohm" else 0.0,
+        clean_air_ohm=clean_air_ohm if unit == "ohm" else 0.0,
     )
 
 
@@ -183,7 +192,7 @@ def make_gas(
     manufacturer: int = 0,
     part: int = 0,
     units: int = ros_types.UNITS["ppm"],
-    clean: float = 0.0,
+    clean_air_ohm: float = 0.0,
 ) -> Any:
     """Return a message of a gas sensor; by default of the true mixing ratio [ppm]."""
     return types.make(
@@ -194,7 +203,7 @@ def make_gas(
         mpn=part,
         raw=raw,
         raw_units=units,
-        raw_air=clean,
+        raw_air=clean_air_ohm,
         calib_a=0.0,
         calib_b=0.0,
     )
@@ -234,7 +243,7 @@ def _make_imu(types: RosTypes, header: Any, values: Values) -> Any:
     return types.make(
         "sensor_msgs/msg/Imu",
         header=header,
-        orientation=types.turn(UPRIGHT),
+        orientation=types.quaternion(UPRIGHT),
         orientation_covariance=no_attitude,
         angular_velocity=types.vector(values[ANGULAR_VELOCITY.name]),
         angular_velocity_covariance=np.zeros(9),

@@ -20,8 +20,9 @@ def ros2_spec(scenario: Scenario) -> ParticipantSpec:
         reads += [keys.observation(agent.name), keys.command(agent.name)]
     if scenario.ros2 is not None and scenario.ros2.truth:
         reads += [keys.SAMPLES, keys.FILAMENTS]
-    reads_of = tuple(Read(port=port) for port in reads)
-    return ParticipantSpec(name="ros2", reads=reads_of, writes=(), window_ticks=BRIDGE_WINDOW_TICKS)
+    return ParticipantSpec(
+        name="ros2", reads=tuple(Read(port=port) for port in reads), writes=(), window_ticks=BRIDGE_WINDOW_TICKS
+    )
 
 
 def _build(setup: RunSetup) -> Core:

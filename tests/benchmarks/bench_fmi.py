@@ -1,4 +1,4 @@
-"""Steps per second of units of FMI over their processes, beside a program in C behind the gateway, in turns.
+"""Steps per second of FMUs over their processes, beside a program in C behind the gateway, in turns.
 
 A fan in C of FMI 2 and 3, and the air conditioner of the participants' page. All get the same inputs.
 """
@@ -63,7 +63,7 @@ def build_cores(folder: Path, sandbox: str) -> dict[str, Core]:
         environment=load_environment(environment_dir),
         directory=folder,
     )
-    names = {"unit of FMI 3": "fan_3", "unit of FMI 2": "fan_2", "program in C": "air_conditioner"}
+    names = {"FMU of FMI 3": "fan_3", "FMU of FMI 2": "fan_2", "program in C": "air_conditioner"}
     return {what: build_core(name, setup) for what, name in names.items()}
 
 

@@ -15,8 +15,9 @@ from gslcosim.simulation.simulation import Simulation
 
 rosbags = pytest.importorskip("rosbags", reason="needs the extra ros")
 pytest.importorskip("xxhash", reason="needs the extra ros")
+from gslcosim.base.ros_graphs import ROS_DISTRIBUTIONS  # noqa: E402
 from gslcosim.ros.node import RosSession  # noqa: E402
-from gslcosim.ros.types import DISTRIBUTIONS, RosTypes  # noqa: E402
+from gslcosim.ros.types import RosTypes  # noqa: E402
 from gslcosim.simulation import ros_interfaces as interfaces  # noqa: E402
 from gslcosim.simulation.ros_interfaces import Feature, ResultCode, State, define_interfaces  # noqa: E402
 from gslcosim.simulation.ros_services import SimulationServices, encode_gas_response  # noqa: E402
@@ -29,7 +30,7 @@ OVERRIDES = ["referee.stop.time_limit_s=3600", "referee.success.within_m=0.01"]
 HASHES = json.loads((Path(__file__).parents[1] / "shared" / "simulation_interfaces_hashes.json").read_text())
 
 
-@pytest.mark.parametrize("distribution", DISTRIBUTIONS[1:])
+@pytest.mark.parametrize("distribution", ROS_DISTRIBUTIONS[1:])
 def test_types_have_the_hashes_of_ros(distribution):
     types = RosTypes(distribution)
     define_interfaces(types)

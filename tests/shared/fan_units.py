@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-SOURCE = Path(__file__).parent / "fan_unit.c"
+SOURCE = Path(__file__).parent / "fan_fmu.c"
 VARIABLES = {
     3: """
     <Float64 name="time" valueReference="0" causality="independent"/>

@@ -1,4 +1,4 @@
-"""A battery, exported as a unit of FMI 3 by pythonfmu3: a vehicle draws more from it the faster it is."""
+"""A battery, exported as an FMU of FMI 3 by pythonfmu3: a vehicle draws more from it the faster it is."""
 
 from math import hypot
 

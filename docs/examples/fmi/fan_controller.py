@@ -1,4 +1,4 @@
-"""A controller of a fan, exported as a unit of FMI 3 by pythonfmu3: it turns the fan up while there is gas."""
+"""A controller of a fan, exported as an FMU of FMI 3 by pythonfmu3: it turns the fan up while there is gas."""
 
 from math import exp
 

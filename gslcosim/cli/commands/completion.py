@@ -61,9 +61,9 @@ def _participant_languages() -> Iterable[str]:
 
 
 def _unit_sensors() -> tuple[str, ...]:
-    from gslcosim.data.export.room_unit import list_unit_sensors
+    from gslcosim.data.export.room_fmu import list_fmu_sensors
 
-    return list_unit_sensors()
+    return list_fmu_sensors()
 
 
 def _picture_formats() -> Iterable[str]:

@@ -82,9 +82,9 @@ def _run(arguments: argparse.Namespace) -> int:
 def _export(arguments: argparse.Namespace) -> "ExportResult":
     environment, scenario = _load(arguments.source, has_gas=arguments.to == FMU)
     if arguments.to == FMU:
-        from gslcosim.data.export.room_unit import export_room_unit
+        from gslcosim.data.export.room_fmu import export_room_fmu
 
-        return export_room_unit(
+        return export_room_fmu(
             environment,
             arguments.out,
             scenario,

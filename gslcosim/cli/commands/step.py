@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.base.errors import UsageError
+from gslcosim.base.ros_graphs import ROS_DISTRIBUTIONS
 from gslcosim.cli.arguments import (
     Command,
     add_pace_option,
@@ -57,7 +58,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     ros2.add_argument(
         "--ros-distro",
-        choices=("humble", "jazzy", "kilted"),
+        choices=ROS_DISTRIBUTIONS,
         help="distribution of the nodes (default: from the scenario, else jazzy); implies --ros2",
     )
     add_pace_option(parser, default="as fast as it goes; of --ros2 while it plays")

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import UsageError
+from gslcosim.base.ros_graphs import ROS_DISTRIBUTIONS
 from gslcosim.cli.arguments import Command, add_pace_option, add_runs_dir_option, add_scenario_arguments, load_checked
 from gslcosim.cli.commands.view import add_live_options, open_live_view
 from gslcosim.cli.terminal import add_json_option, finish_output, write, write_json, write_note
@@ -120,7 +121,7 @@ def _add_up_arguments(parser: argparse.ArgumentParser) -> None:
     )
     ros2.add_argument(
         "--ros-distro",
-        choices=("humble", "jazzy", "kilted"),
+        choices=ROS_DISTRIBUTIONS,
         help="distribution of the nodes that listen (default: from the scenario, else jazzy); implies --ros2",
     )
     ros2.add_argument(

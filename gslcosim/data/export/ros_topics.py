@@ -84,7 +84,7 @@ def _readings(
     for i, tick in enumerate(first.tick):
         values = {name: each.values[i] for name, each in series.items()}
         time_ns = int(tick) * tick_ns
-        yield time_ns, topic, make_reading(types, time_ns, agent, spec, values, unit=unit, clean=clean)
+        yield time_ns, topic, make_reading(types, time_ns, agent, spec, values, unit=unit, clean_air_ohm=clean)
 
 
 def _each(series: RecordedSeries, topic: str, tick_ns: int, make: Callable[[int, int], Any]) -> Iterator[Stamped]:

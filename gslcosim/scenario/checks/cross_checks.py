@@ -477,7 +477,7 @@ def _missing_programs(values: dict[str, Any], directory: Path) -> Iterator[Probl
         elif words := words_in(command):
             problem = find_command_problem(words, directory=directory, path=f"{path}.command")
         elif isinstance(unit := start.get("fmu"), str) and not (file := _place(directory, unit)).is_file():
-            problem = _missing(f"{path}.fmu", "a unit of FMI", unit, f"file {file}")
+            problem = _missing(f"{path}.fmu", "an FMU", unit, f"file {file}")
         if problem:
             yield problem
 

@@ -69,7 +69,7 @@ def _has_own_services(scenario: Scenario) -> bool:
     return bool(scenario.services or scenario.participants)
 
 
-def _has_units(scenario: Scenario) -> bool:
+def _has_fmus(scenario: Scenario) -> bool:
     return any(own.start.fmu is not None for own in scenario.participants)
 
 
@@ -147,15 +147,15 @@ CHECKS = (
         name="units",
         of="scenario",
         subject="services",
-        finder="gslcosim.runtime.external.fmi.checks:find_unit_problems",
-        is_needed=_has_units,
+        finder="gslcosim.runtime.external.fmi.checks:find_fmu_problems",
+        is_needed=_has_fmus,
     ),
     Check(
         name="states of units",
         of="scenario",
         subject="services",
-        finder="gslcosim.runtime.external.fmi.checks:find_unit_warnings",
-        is_needed=lambda scenario: scenario.snapshots is not None and _has_units(scenario),
+        finder="gslcosim.runtime.external.fmi.checks:find_fmu_warnings",
+        is_needed=lambda scenario: scenario.snapshots is not None and _has_fmus(scenario),
         is_warning=True,
     ),
     Check(

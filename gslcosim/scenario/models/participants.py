@@ -75,13 +75,13 @@ MAX_ANSWER_S = 25.0
 
 
 # What loads a unit in its own process.
-UNIT_HOST = "gslcosim.runtime.external.fmi.host"
+FMU_HOST = "gslcosim.runtime.external.fmi.host"
 
 
 class ProgramStartSpec(Spec):
-    """Start of a participant's program: command, connection to the gateway, and format; or a unit of FMI.
+    """Start of a participant's program: command, connection to the gateway, and format; or an FMU.
 
-    `fmu` is a co-simulation unit of FMI 2 or 3, which gslcosim loads in a process of its own.
+    `fmu` is an FMU for co-simulation, FMI 2 or 3, which gslcosim loads in a process of its own.
     """
 
     command: Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
@@ -90,7 +90,7 @@ class ProgramStartSpec(Spec):
         "are found on the PATH",
     )
     fmu: Annotated[str, Field(min_length=1)] | None = Field(
-        default=None, description="unit of FMI, a file relative to the scenario's folder"
+        default=None, description="FMU, a file relative to the scenario's folder"
     )
     door: Literal["stdio", "tcp", "unix"] = Field(
         default="stdio", description="transport: standard streams or a connection"
@@ -120,13 +120,13 @@ class ProgramStartSpec(Spec):
         """Program and arguments of the process."""
         if self.command is not None:
             return self.command
-        return (*build_python_command("-m", UNIT_HOST), str(self.fmu))
+        return (*build_python_command("-m", FMU_HOST), str(self.fmu))
 
 
 class PortReadSpec(Spec):
     """A port that a participant reads, true values included, `delay` ticks late.
 
-    `inputs`, for a unit of FMI: by variable the place of its value in the message of the port.
+    `inputs`, for an FMU: by variable the place of its value in the message of the port.
     """
 
     port: Annotated[str, StringConstraints(min_length=1, max_length=200)] = Field(
@@ -148,7 +148,7 @@ class ParticipantProgramSpec(Spec):
     - `reads`: its inputs. A participant is part of the world, so it may read true values, which agents cannot.
     - `writes`: its outputs. `ventilation` changes the wind of the room; any other name is a port of its own,
       `participant/<name>/<output>`, whose numbers become curves in the recording.
-    - `outputs`: of a unit of FMI, by output and name the variable with its value.
+    - `outputs`: of an FMU, by output and name the variable with its value.
     - `parameters`: passed to the program unchanged; of a unit, by variable.
     """
 
@@ -213,7 +213,7 @@ class ParticipantProgramSpec(Spec):
     @model_validator(mode="after")
     def _check_variables(self) -> Self:
         if self.start.fmu is not None:
-            self._check_unit_outputs()
+            self._check_fmu_outputs()
             return self
         found = "reads[].inputs" if any(read.inputs for read in self.reads) else "outputs" if self.outputs else ""
         if found:
@@ -225,7 +225,7 @@ class ParticipantProgramSpec(Spec):
             raise broken_rule_error(key="parameters", expected=expected, found=f"'{wrong}'")
         return self
 
-    def _check_unit_outputs(self) -> None:
+    def _check_fmu_outputs(self) -> None:
         words = list(self.writes)
         if sorted(self.outputs) != sorted(words):
             raise broken_rule_error(

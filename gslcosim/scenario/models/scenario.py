@@ -9,6 +9,7 @@ from gslcosim.base.errors import VehicleError
 from gslcosim.base.method_names import name_method
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.ros_graphs import ROS_ENDPOINT, RosDistribution
 from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
 from gslcosim.contract.messages import ParameterValue
 from gslcosim.contract.participant import Inbox, Read
@@ -81,12 +82,12 @@ class EnvironmentSpec(Spec):
 class RosGraphSpec(Spec):
     """A ROS 2 graph over Zenoh: distribution, domain and router."""
 
-    distro: Literal["humble", "jazzy", "kilted"] = Field(
+    distro: RosDistribution = Field(
         default="jazzy", description="ROS distribution of the other nodes: hashes of types differ"
     )
     domain: Annotated[int, Field(ge=0, le=232)] = Field(default=0, description="domain, `ROS_DOMAIN_ID` of the nodes")
     endpoint: Annotated[str, Field(pattern=r"^tcp/(localhost|127\.0\.0\.1|\[::1\]):\d{1,5}$")] = Field(
-        default="tcp/localhost:7447",
+        default=ROS_ENDPOINT,
         description="address of the graph's router on this machine: the run is it, unless one is there already",
     )
 

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field, SerializeAsAny
 
 from gslcosim.base.plugins import EntryPoints
+from gslcosim.contract.missions import word_declaration
 from gslcosim.scenario.models.base import OneOf, Positive, Spec
 
 # Third parties add theirs under this name; each entry point is a class that derives from `SuccessSpec`.
@@ -105,8 +106,7 @@ class DeclarationSuccess(_PlaceSpec):
 
     def task_text(self, gas: str) -> str:
         """Return the agent's task."""
-        where = f"within {self.within_m:g} m of it{self._in_the_plane}"
-        return f"Find the source of {gas} in the room: declare a position {where}"
+        return f"Find the source of {gas} in the room: {word_declaration(self.within_m)}{self._in_the_plane}"
 
     @property
     def summary_text(self) -> str:

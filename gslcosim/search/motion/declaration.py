@@ -1,7 +1,6 @@
 """Declaration rules of each family of methods, and a guard against repeated declarations."""
 
 import math
-import re
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.contract.messages import Briefing, Command, Observation
+from gslcosim.contract.missions import asks_for_declaration
 from gslcosim.search import beliefs
 from gslcosim.search.beliefs import CellGrid
 from gslcosim.search.motion.commands import declaration
@@ -19,8 +19,6 @@ from gslcosim.search.senses.instruments import Nose
 
 Point = tuple[float, ...]
 Array = NDArray[np.float64]
-# As `gslcosim.scenario.models.success` words the task where success is by declaration.
-_DECLARE = re.compile(r"declare a position within [0-9.]+ m of it")
 # And a bit, for three stops exactly that far apart.
 _THIRD_TURN_RAD = math.tau / 3.0 + 1e-6
 
@@ -146,11 +144,6 @@ class ReactiveRule:
         return upwind_rad is not None or _widest_gap_rad(best, beyond) <= _THIRD_TURN_RAD
 
 
-def asks_for_declaration(briefing: Briefing) -> bool:
-    """Return True if the mission text asks for the source's position, so that silence cannot succeed."""
-    return _DECLARE.search(briefing.mission) is not None
-
-
 # A reading of gas on the way, and the wind then.
 @dataclass(frozen=True, kw_only=True)
 class _Whiff(_Stop):
@@ -270,7 +263,7 @@ class PlumeEndWatch:
         """Begin without gas; `setting` is `by_mission`, or `never`."""
         self._nose, self._level, self._hits = nose, GasLevel(nose), GasHits(nose)
         self._rule: PlumeEndRule | None = None
-        if setting == "by_mission" and asks_for_declaration(briefing):
+        if setting == "by_mission" and asks_for_declaration(briefing.mission):
             limit_s = briefing.time_limit_s
             self._rule = PlumeEndRule(threshold=self._level.threshold, wait_s=limit_s / 3.0, latest_s=0.9 * limit_s)
 

@@ -6,9 +6,10 @@ from contextlib import ExitStack
 
 import pytest
 
+from gslcosim.base.ros_graphs import ROS_DISTRIBUTIONS
 from gslcosim.ros import wire
 from gslcosim.ros.node import RosSession
-from gslcosim.ros.types import DISTRIBUTIONS, RosTypes
+from gslcosim.ros.types import RosTypes
 
 # Longer than a busy machine takes.
 PATIENCE_S = 60.0
@@ -42,7 +43,7 @@ def open_session(port, reports):
         yield open_one
 
 
-@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
+@pytest.mark.parametrize("distribution", ROS_DISTRIBUTIONS)
 def test_two_sessions_exchange_messages_and_answers(open_session, distribution):
     ours, theirs = open_session(distribution), open_session(distribution)
     types, node, peer = ours.types, ours.create_node("gslcosim"), theirs.create_node("rviz", "/screen")

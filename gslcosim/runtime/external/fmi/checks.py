@@ -1,17 +1,18 @@
-"""Checks of the units of FMI in a scenario before a run."""
+"""Checks of the FMUs in a scenario before a run."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from gslcosim.base.errors import DataflowError, UsageError
 from gslcosim.base.problems import Problem
-from gslcosim.runtime.external.fmi.description import read_unit
-from gslcosim.runtime.external.fmi.wiring import wire_unit
+from gslcosim.runtime.external.fmi.description import read_fmu
+from gslcosim.runtime.external.fmi.wiring import wire_fmu
 from gslcosim.runtime.services import build_dataflow
 from gslcosim.scenario import Scenario
 
 
-def find_unit_problems(scenario: Scenario, directory: Path) -> Iterator[Problem]:
+def find_fmu_problems(scenario: Scenario, directory: Path) -> Iterator[Problem]:
     """Yield what keeps the units of a scenario from taking part in its run.
 
     Args:
@@ -25,17 +26,12 @@ def find_unit_problems(scenario: Scenario, directory: Path) -> Iterator[Problem]
     for i, own in enumerate(scenario.participants):
         if own.start.fmu is not None:
             problems: list[Problem] = []
-            wire_unit(own, scenario, directory, types, problems)
+            wire_fmu(own, scenario, directory, types, problems)
             for problem in problems:
-                yield Problem(
-                    where=f"participants[{i}].{problem.where}",
-                    expected=problem.expected,
-                    found=problem.found,
-                    remedy=problem.remedy,
-                )
+                yield replace(problem, where=f"participants[{i}].{problem.where}")
 
 
-def find_unit_warnings(scenario: Scenario, directory: Path) -> Iterator[Problem]:
+def find_fmu_warnings(scenario: Scenario, directory: Path) -> Iterator[Problem]:
     """Yield the units whose state no snapshot can hold, in scenarios with snapshots.
 
     Args:
@@ -46,7 +42,7 @@ def find_unit_warnings(scenario: Scenario, directory: Path) -> Iterator[Problem]
         if own.start.fmu is None:
             continue
         try:
-            unit = read_unit(directory / Path(own.start.fmu).expanduser())
+            unit = read_fmu(directory / Path(own.start.fmu).expanduser())
         except UsageError:
             continue  # which is a problem already
         if not unit.saves_state:

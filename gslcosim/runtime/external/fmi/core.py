@@ -1,4 +1,4 @@
-"""Core of a unit of FMI: wires its variables to ports, and has the unit step in a process of its own."""
+"""Core of an FMU: wires its variables to ports, and has the unit step in a process of its own."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -14,8 +14,8 @@ from gslcosim.contract.participant import Episode, Inbox
 from gslcosim.contract.participant_messages import ParticipantOutputs
 from gslcosim.runtime.external.core import EXIT_TIMEOUT_S, HELLO_TIMEOUT_S, ParticipantProgram, ProgramCore
 from gslcosim.runtime.external.fmi.calls import CallMarker
-from gslcosim.runtime.external.fmi.description import UnitVariable, list_unpacked_folders
-from gslcosim.runtime.external.fmi.wiring import UnitWiring, wire_unit
+from gslcosim.runtime.external.fmi.description import FmuVariable, list_unpacked_folders
+from gslcosim.runtime.external.fmi.wiring import FmuWiring, wire_fmu
 from gslcosim.runtime.external.protocol import build_output
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario.models.participants import ParticipantProgramSpec
@@ -25,8 +25,8 @@ _PIECE_BYTES = 512 << 10
 _msgpack: Any = msgpack
 
 
-class UnitCore(ProgramCore):
-    """Stands for a unit of FMI in a run.
+class FmuCore(ProgramCore):
+    """Stands for an FMU in a run.
 
     At tick 0 the unit is initialized with the inputs of that tick. At each later tick of its period it steps up to that
     time with the inputs of its tick before, and then gets new ones: its outputs are those at the time of the tick. An
@@ -46,10 +46,10 @@ class UnitCore(ProgramCore):
     def __init__(self, own: ParticipantProgramSpec, setup: RunSetup, types: Mapping[str, type[Message]]) -> None:
         super().__init__(own, setup)
         problems: list[Problem] = []
-        wiring = wire_unit(own, setup.scenario, setup.directory or Path.cwd(), types, problems)
+        wiring = wire_fmu(own, setup.scenario, setup.directory or Path.cwd(), types, problems)
         if wiring is None:
             raise UsageError("\n".join(f"{own.place}.{problem}" for problem in problems))
-        self._wiring: UnitWiring = wiring
+        self._wiring: FmuWiring = wiring
         self._is_kept = self._is_kept and not wiring.description.saves_state
         self._marker: CallMarker | None = None
 
@@ -58,10 +58,10 @@ class UnitCore(ProgramCore):
         if not self._wiring.description.saves_state:
             return super().state()
         program = self._running()
-        n_bytes = int(self._request(program, "UnitSave", {}, "its state")["n_bytes"])
+        n_bytes = int(self._request(program, "FmuSave", {}, "its state")["n_bytes"])
         starts = range(0, n_bytes, _PIECE_BYTES)
         pieces = [
-            self._request(program, "UnitRead", {"start": start, "end": start + _PIECE_BYTES}, "its state")["data"]
+            self._request(program, "FmuRead", {"start": start, "end": start + _PIECE_BYTES}, "its state")["data"]
             for start in starts
         ]
         room = {port: message.model_dump() for port, message in self._room_outputs.items()}
@@ -72,7 +72,7 @@ class UnitCore(ProgramCore):
         if not self._wiring.description.saves_state:
             super().restore(state)
             return
-        self._request(self._running(), "UnitRestore", {"data": bytes(state["unit"])}, "that it takes its state back")
+        self._request(self._running(), "FmuRestore", {"data": bytes(state["unit"])}, "that it takes its state back")
         types = {write.port: write.message_type for write in self.spec.writes}
         self._room_outputs = {port: types[port](**fields) for port, fields in state["room"].items()}
 
@@ -81,7 +81,7 @@ class UnitCore(ProgramCore):
         program, fault = self._program, ""
         if program is not None and not program.has_failed:
             try:
-                self._send(program, "UnitEnd", _msgpack.packb({}), "that it terminates", within_s=EXIT_TIMEOUT_S)
+                self._send(program, "FmuEnd", _msgpack.packb({}), "that it terminates", within_s=EXIT_TIMEOUT_S)
             except SimulationFault as error:
                 fault = str(error)
         super().close()
@@ -118,7 +118,7 @@ class UnitCore(ProgramCore):
             "outputs": _list_references(variable for variable, _, _ in wiring.outputs),
             "parameters": [[[variable.reference, variable.fmi_type], value] for variable, value in wiring.parameters],
         }
-        self._request(program, "UnitBegin", plan, "an instance of the unit")
+        self._request(program, "FmuBegin", plan, "an instance of the unit")
         return program
 
     def _encode_inputs(self, tick: int, inbox: Inbox) -> bytes:
@@ -139,7 +139,7 @@ class UnitCore(ProgramCore):
     def _request_outputs(self, program: ParticipantProgram, tick: int, inputs: bytes) -> Mapping[str, Message]:
         what = f"the outputs of tick {tick}"
         program.check_silence(f"nothing from the unit before the inputs of tick {tick}")
-        values = self._send(program, "UnitStep", inputs, what)["values"]
+        values = self._send(program, "FmuStep", inputs, what)["values"]
         fields: dict[str, dict[str, Any]] = {word: {} for word in self._own.writes}
         for (_, word, name), value in zip(self._wiring.outputs, values, strict=True):
             fields[word][name] = value
@@ -163,5 +163,5 @@ class UnitCore(ProgramCore):
         return answer
 
 
-def _list_references(variables: Iterable[UnitVariable]) -> list[list[Any]]:
+def _list_references(variables: Iterable[FmuVariable]) -> list[list[Any]]:
     return [[variable.reference, variable.fmi_type] for variable in variables]

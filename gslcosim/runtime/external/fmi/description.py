@@ -1,4 +1,4 @@
-"""Description of a unit of FMI: its variables, step size and abilities, from the `modelDescription.xml` within it."""
+"""Description of an FMU: its variables, step size and abilities, from the `modelDescription.xml` within it."""
 
 # pyright: basic
 
@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.measures import UnitOfMeasure
 from gslcosim.base.ticks import NS_PER_S
+from gslcosim.base.units_of_measure import UnitOfMeasure
 
 DESCRIPTION_FILE = "modelDescription.xml"
 # As much as the sandbox has room for; a description of 50,000 variables has some 20 MB.
@@ -30,7 +30,7 @@ _INTEGER_BITS = 32
 
 
 @dataclass(frozen=True, kw_only=True)
-class UnitVariable:
+class FmuVariable:
     """A variable of a unit.
 
     Attributes:
@@ -63,14 +63,16 @@ class UnitVariable:
         """Return whether a value of its Python type fits, which larger whole numbers do not."""
         if self.kind is not int or isinstance(value, str):
             return True
-        n_bits = int(self.fmi_type.lstrip("UInt")) if self.fmi_type != "Integer" else _INTEGER_BITS
+        n_bits = (
+            int(self.fmi_type.removeprefix("U").removeprefix("Int")) if self.fmi_type != "Integer" else _INTEGER_BITS
+        )
         low, high = (0, 1 << n_bits) if self.fmi_type.startswith("U") else (-(1 << n_bits - 1), 1 << n_bits - 1)
         return low <= value < high
 
 
 @dataclass(frozen=True, kw_only=True)
-class UnitDescription:
-    """What a unit says of itself.
+class FmuDescription:
+    """Description of a unit, from its XML file.
 
     Attributes:
         version: 2 or 3.
@@ -89,7 +91,7 @@ class UnitDescription:
     model: str
     identifier: str
     token: str
-    variables: Mapping[str, UnitVariable]
+    variables: Mapping[str, FmuVariable]
     fixed_step_ns: int | None
     has_fixed_steps: bool
     saves_state: bool
@@ -101,7 +103,7 @@ class UnitDescription:
         return [variable.name for variable in self.variables.values() if variable.causality in causalities]
 
 
-def read_unit(path: Path) -> UnitDescription:
+def read_fmu(path: Path) -> FmuDescription:
     """Read the description of a unit, of which nothing is unpacked.
 
     Raises:
@@ -110,7 +112,7 @@ def read_unit(path: Path) -> UnitDescription:
     try:
         import fmpy
     except ImportError as error:
-        raise UsageError(f"expected the package fmpy, which reads units of FMI, was none. {INSTALL_REMEDY}") from error
+        raise UsageError(f"expected the package fmpy, which reads FMUs, was none. {INSTALL_REMEDY}") from error
     names = _check_archive(path)
     # Its fields can be None for those who write one.
     found: Any
@@ -145,7 +147,7 @@ def read_unit(path: Path) -> UnitDescription:
     if is_fixed and step_s is not None and not _MIN_STEP_S <= step_s <= _MAX_STEP_S:
         raise UsageError(f"expected a fixed step from {_MIN_STEP_S:g} to {_MAX_STEP_S:g} s, was {step_s:g} s")
     measures = {unit.name: _read_measure(unit) for unit in found.unitDefinitions}
-    return UnitDescription(
+    return FmuDescription(
         version=version,
         model=found.modelName,
         identifier=own.modelIdentifier,
@@ -184,7 +186,7 @@ def _check_archive(path: Path) -> set[str]:
                 raise UsageError(f"expected files without a password, was '{broken}' with one")
             return names
     except (zipfile.BadZipFile, EOFError, ValueError) as error:
-        raise UsageError(f"expected a unit of FMI, a whole zip archive, was another file: {_shorten(error)}") from error
+        raise UsageError(f"expected an FMU, a whole zip archive, was another file: {_shorten(error)}") from error
     except OSError as error:
         raise UsageError(f"expected a file that can be read, was none: {error.strerror}") from error
 
@@ -222,10 +224,10 @@ def _read_measure(unit: Any) -> UnitOfMeasure:
     return UnitOfMeasure(name=unit.name, exponents=exponents, factor=float(base.factor), offset=float(base.offset))
 
 
-def _read_variable(each: Any, version: int, measures: Mapping[str, UnitOfMeasure]) -> UnitVariable:
+def _read_variable(each: Any, version: int, measures: Mapping[str, UnitOfMeasure]) -> FmuVariable:
     declared = each.declaredType
     name = each.unit or (declared.unit if declared is not None else None)
-    return UnitVariable(
+    return FmuVariable(
         name=each.name,
         reference=each.valueReference,
         fmi_type=_TYPES_OF_VERSION[version].get(each.type, str(each.type)),

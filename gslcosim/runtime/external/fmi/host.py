@@ -1,4 +1,4 @@
-"""Process of a unit of FMI: unpacks it, loads it with fmpy, and lets it step as its core asks, over standard streams.
+"""Process of an FMU: unpacks it, loads it with fmpy, and lets it step as its core asks, over standard streams.
 
     python -m gslcosim.runtime.external.fmi.host UNIT DESCRIPTOR
 
@@ -30,11 +30,11 @@ _LENGTH_BYTES = 4
 _TIME_TOLERANCE = 1e-6
 
 
-class UnitError(Exception):
-    """What a unit did otherwise than it should; the text is a sentence without its full stop."""
+class FmuError(Exception):
+    """Fault of a unit; the text is a sentence without its full stop."""
 
 
-class LoadedUnit:
+class LoadedFmu:
     """A unit in this process.
 
     Args:
@@ -123,11 +123,11 @@ class LoadedUnit:
                 instanceName=plan["name"],
             )
         except AttributeError as error:
-            raise UnitError(
+            raise FmuError(
                 f"expected a binary with all functions of FMI {self._version}, was one without: {error}"
             ) from None
         except Exception as error:
-            raise UnitError(f"expected a binary that can be loaded, could not: {_shorten(error)}") from None
+            raise FmuError(f"expected a binary that can be loaded, could not: {_shorten(error)}") from None
         finally:
             self._marker.leave()
 
@@ -138,11 +138,11 @@ class LoadedUnit:
                 self._unit.instantiate(loggingOn=True, logMessage=self._log_message)
             else:
                 self._unit.instantiate(loggingOn=True, callbacks=self._build_callbacks())
-        except UnitError:
+        except FmuError:
             raise
         except Exception:
             function = "fmi3InstantiateCoSimulation" if self._version == 3 else "fmi2Instantiate"
-            raise UnitError(
+            raise FmuError(
                 f"{function}: expected an instance, was none, as where the token of the binary is not that of its "
                 "description"
             ) from None
@@ -185,9 +185,9 @@ class LoadedUnit:
             return self._call_directly(function, *arguments)
         except FMICallException as error:
             if function == "fmi2DoStep" and error.status == _DISCARD:
-                raise UnitError(self._describe_discard()) from None
+                raise FmuError(self._describe_discard()) from None
             expected = f"{function}: expected status OK or Warning{self._describe_time()}"
-            raise UnitError(f"{expected}, was {_name_status(error.status)}") from None
+            raise FmuError(f"{expected}, was {_name_status(error.status)}") from None
         finally:
             self._marker.leave()
 
@@ -208,9 +208,9 @@ class LoadedUnit:
                 continue
             _, wants_end, is_early, reached_s = self._unit.doStep(start_s, self._step_ns / 1e9)
             if wants_end:
-                raise UnitError(f"fmi3DoStep: expected a step to {end_s:g} s, the unit asked to end the simulation")
+                raise FmuError(f"fmi3DoStep: expected a step to {end_s:g} s, the unit asked to end the simulation")
             if is_early or reached_s < end_s - _TIME_TOLERANCE * self._step_ns / 1e9:
-                raise UnitError(f"fmi3DoStep: expected a step to {end_s:g} s, it returned early at {reached_s:g} s")
+                raise FmuError(f"fmi3DoStep: expected a step to {end_s:g} s, it returned early at {reached_s:g} s")
 
     def _describe_discard(self) -> str:
         from fmpy.fmi2 import fmi2LastSuccessfulTime
@@ -218,7 +218,7 @@ class LoadedUnit:
         text = f"fmi2DoStep: expected a step{self._describe_time()}, was Discard"
         try:
             return f"{text}; it got to {self._unit.getRealStatus(fmi2LastSuccessfulTime):g} s"
-        except UnitError:
+        except FmuError:
             return text
 
     def _describe_time(self) -> str:
@@ -264,7 +264,7 @@ def _shorten(error: Exception) -> str:
 
 def _answer_requests(requests: BinaryIO, answers: BinaryIO, source: str, marker: CallMarker) -> None:
     folder = Path(tempfile.mkdtemp(prefix="unit-"))
-    unit: LoadedUnit | None = None
+    unit: LoadedFmu | None = None
     log: deque[str] = deque(maxlen=_MAX_LOG_LINES)
     state = b""
 
@@ -276,8 +276,8 @@ def _answer_requests(requests: BinaryIO, answers: BinaryIO, source: str, marker:
         try:
             extract(source, str(folder), include=lambda name: name.startswith(begins))
         except Exception as error:  # broken bytes, a name that no file can have, a full disk
-            raise UnitError(f"expected an archive that can be unpacked, could not: {_shorten(error)}") from None
-        unit = LoadedUnit(request, folder, marker, log)
+            raise FmuError(f"expected an archive that can be unpacked, could not: {_shorten(error)}") from None
+        unit = LoadedFmu(request, folder, marker, log)
         return {}
 
     def step(request: Mapping[str, Any]) -> dict[str, Any]:
@@ -306,14 +306,14 @@ def _answer_requests(requests: BinaryIO, answers: BinaryIO, source: str, marker:
         return {}
 
     handlers: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
-        "UnitBegin": begin, "UnitStep": step, "UnitEnd": end,
-        "UnitSave": save, "UnitRead": read, "UnitRestore": restore,
+        "FmuBegin": begin, "FmuStep": step, "FmuEnd": end,
+        "FmuSave": save, "FmuRead": read, "FmuRestore": restore,
     }  # fmt: skip
     try:
         while (request := _read_frame(requests)) is not None and request["message"] in handlers:
             try:
                 answer = handlers[request["message"]](request)
-            except UnitError as error:
+            except FmuError as error:
                 answer = {"fault": f"{error}.{' It logged: ' if log else ''}{'; '.join(log)}"}
             _write_frame(answers, answer)
     finally:

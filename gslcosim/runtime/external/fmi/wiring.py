@@ -1,15 +1,15 @@
-"""Wiring of a unit of FMI to a run: variables, types, units of measure and step sizes, and what does not fit."""
+"""Wiring of an FMU to a run: variables, types, units of measure and step sizes, and what does not fit."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.measures import find_measure_suffix, name_measure
 from gslcosim.base.problems import Problem
 from gslcosim.base.ticks import NS_PER_S
+from gslcosim.base.units_of_measure import unit_suffix, unit_symbol
 from gslcosim.contract.messages import Message
-from gslcosim.runtime.external.fmi.description import UnitDescription, UnitVariable, read_unit
+from gslcosim.runtime.external.fmi.description import FmuDescription, FmuVariable, read_fmu
 from gslcosim.runtime.external.fmi.value_path import ValuePath, parse_value_path
 from gslcosim.runtime.external.protocol import get_period_ticks
 from gslcosim.scenario import Scenario
@@ -25,7 +25,7 @@ _TYPE_WORDS = {float: "a number", int: "a whole number", bool: "a truth value", 
 
 
 @dataclass(frozen=True, kw_only=True)
-class UnitWiring:
+class FmuWiring:
     """Connections of a unit in a run, as far as nothing is wrong with them.
 
     Attributes:
@@ -37,21 +37,21 @@ class UnitWiring:
         n_substeps: How many steps of the unit are one.
     """
 
-    description: UnitDescription
-    inputs: tuple[tuple[UnitVariable, str, ValuePath | None], ...]
-    outputs: tuple[tuple[UnitVariable, str, str], ...]
-    parameters: tuple[tuple[UnitVariable, bool | float | int | str], ...]
+    description: FmuDescription
+    inputs: tuple[tuple[FmuVariable, str, ValuePath | None], ...]
+    outputs: tuple[tuple[FmuVariable, str, str], ...]
+    parameters: tuple[tuple[FmuVariable, bool | float | int | str], ...]
     period_ns: int
     n_substeps: int
 
 
-def wire_unit(
+def wire_fmu(
     own: ParticipantProgramSpec,
     scenario: Scenario,
     directory: Path,
     types: Mapping[str, type[Message]],
     problems: list[Problem],
-) -> UnitWiring | None:
+) -> FmuWiring | None:
     """Return the connections of a unit, None where something is wrong with them.
 
     Args:
@@ -62,10 +62,9 @@ def wire_unit(
         problems: What is wrong is added to it.
     """
     try:
-        unit = read_unit(directory / Path(str(own.start.fmu)).expanduser())
+        unit = read_fmu(directory / Path(str(own.start.fmu)).expanduser())
     except UsageError as error:
-        expected, _, found = str(error).removeprefix("expected ").partition(", was ")
-        problems.append(Problem(where="start.fmu", expected=expected, found=found))
+        problems.append(_build_problem("start.fmu", error))
         return None
     n_before = len(problems)
     inputs = [*_wire_inputs(own, unit, scenario, types, problems)]
@@ -77,7 +76,7 @@ def wire_unit(
         problems.append(_build_step_problem(step_ns, period_ns, scenario.tick_ns))
     if len(problems) > n_before:
         return None
-    return UnitWiring(
+    return FmuWiring(
         description=unit,
         inputs=tuple(inputs),
         outputs=tuple(outputs),
@@ -85,6 +84,12 @@ def wire_unit(
         period_ns=period_ns,
         n_substeps=period_ns // step_ns if step_ns is not None and unit.has_fixed_steps else 1,
     )
+
+
+# Of an error whose text is "expected …, was …".
+def _build_problem(where: str, error: UsageError) -> Problem:
+    expected, _, found = str(error).removeprefix("expected ").partition(", was ")
+    return Problem(where=where, expected=expected, found=found.rstrip("."))
 
 
 def _build_step_problem(step_ns: int, period_ns: int, tick_ns: int) -> Problem:
@@ -104,11 +109,11 @@ def _build_step_problem(step_ns: int, period_ns: int, tick_ns: int) -> Problem:
 
 def _wire_inputs(
     own: ParticipantProgramSpec,
-    unit: UnitDescription,
+    unit: FmuDescription,
     scenario: Scenario,
     types: Mapping[str, type[Message]],
     problems: list[Problem],
-) -> Iterator[tuple[UnitVariable, str, ValuePath | None]]:
+) -> Iterator[tuple[FmuVariable, str, ValuePath | None]]:
     seen: set[str] = set()
     for j, read in enumerate(own.reads):
         for name, text in read.inputs.items():
@@ -129,8 +134,7 @@ def _wire_inputs(
             try:
                 path = parse_value_path(text, types[read.port])
             except UsageError as error:
-                expected, _, found = str(error).removeprefix("expected ").partition(", was ")
-                problems.append(Problem(where=where, expected=expected, found=found.rstrip(".")))
+                problems.append(_build_problem(where, error))
                 continue
             problems += _check_names(path, scenario, where)
             problems += _check_value(variable, path.kinds, path.field, where)
@@ -138,8 +142,8 @@ def _wire_inputs(
 
 
 def _wire_outputs(
-    own: ParticipantProgramSpec, unit: UnitDescription, problems: list[Problem]
-) -> Iterator[tuple[UnitVariable, str, str]]:
+    own: ParticipantProgramSpec, unit: FmuDescription, problems: list[Problem]
+) -> Iterator[tuple[FmuVariable, str, str]]:
     for word, values in own.outputs.items():
         for value_name, name in values.items():
             where = f"outputs.{word}.{value_name}"
@@ -155,8 +159,8 @@ def _wire_outputs(
 
 
 def _wire_parameters(
-    own: ParticipantProgramSpec, unit: UnitDescription, problems: list[Problem]
-) -> Iterator[tuple[UnitVariable, bool | float | int | str]]:
+    own: ParticipantProgramSpec, unit: FmuDescription, problems: list[Problem]
+) -> Iterator[tuple[FmuVariable, bool | float | int | str]]:
     for name, value in own.parameters.items():
         where = f"parameters.{name}"
         variable = _find_variable(unit, name, where, _SETTABLE, problems)
@@ -176,8 +180,8 @@ def _wire_parameters(
 
 
 def _find_variable(
-    unit: UnitDescription, name: str, where: str, causalities: tuple[str, ...], problems: list[Problem]
-) -> UnitVariable | None:
+    unit: FmuDescription, name: str, where: str, causalities: tuple[str, ...], problems: list[Problem]
+) -> FmuVariable | None:
     variable = unit.variables.get(name)
     names = unit.list_names(causalities[0])
     what = f"{causalities[0]} of {unit.model}"
@@ -212,7 +216,7 @@ def _check_names(path: ValuePath, scenario: Scenario, where: str) -> Iterable[Pr
                 )
 
 
-def _check_value(variable: UnitVariable, kinds: frozenset[type], field: str, where: str) -> list[Problem]:
+def _check_value(variable: FmuVariable, kinds: frozenset[type], field: str, where: str) -> list[Problem]:
     kind = variable.kind
     allowed = {float: {float, int, bool}, int: {int, bool}, bool: {bool}, str: {str}}
     if kind is None or not kinds & allowed[kind]:
@@ -222,17 +226,17 @@ def _check_value(variable: UnitVariable, kinds: frozenset[type], field: str, whe
     return [*_check_measure(variable, field, where)]
 
 
-def _describe_type(variable: UnitVariable) -> str:
+def _describe_type(variable: FmuVariable) -> str:
     return variable.fmi_type if variable.is_scalar else f"an array of {variable.fmi_type}"
 
 
-def _check_measure(variable: UnitVariable, field: str, where: str) -> Iterator[Problem]:
-    measure, suffix = variable.measure, find_measure_suffix(field)
-    if measure is None or suffix is None or measure.is_that_of(suffix):
+def _check_measure(variable: FmuVariable, field: str, where: str) -> Iterator[Problem]:
+    measure = variable.measure
+    if measure is None or not unit_suffix(field) or measure.is_that_of(field):
         return
     yield Problem(
         where=where,
-        expected=f"a variable in {name_measure(suffix)}, as the end of {field} says",
+        expected=f"a variable in {unit_symbol(field)}, as the end of {field} says",
         found=f"{variable.name} in {measure.name}",
         remedy="Convert it in the unit.",
     )

@@ -5,8 +5,9 @@ import math
 import pytest
 from briefings import briefing, observation
 
+from gslcosim.contract.missions import asks_for_declaration
 from gslcosim.scenario.models.success import DeclarationSuccess, SourceSuccess
-from gslcosim.search.motion.declaration import PlumeEndRule, PlumeEndWatch, asks_for_declaration
+from gslcosim.search.motion.declaration import PlumeEndRule, PlumeEndWatch
 from gslcosim.search.senses.instruments import Nose, find_noses
 from gslcosim_agents.e_coli.agent import EColi
 from gslcosim_agents.surge_cast.agent import SurgeCast
@@ -20,7 +21,7 @@ PLUME = [(8.0, 4.0), (7.0, 6.0), (6.0, 9.0), (5.0, 6.0), (4.3, 2.0), (3.0, 0.0),
 
 
 def ruled(readings=PLUME, *, upwind_rad=WEST_RAD, at_s=(20.0, 119.0, 121.0), **changes):
-    """What the rule says at some times, after one reading (x, gas) a second."""
+    """Return the estimates at some times, after one reading (x, gas) a second."""
     rule = PlumeEndRule(**({"threshold": 0.1, "wait_s": 100.0, "latest_s": 270.0} | changes))
     for i, (x_m, gas) in enumerate(readings):
         rule.add(float(i), (x_m, 5.0), gas, upwind_rad)
@@ -75,9 +76,9 @@ def test_gas_far_away_or_in_another_wind_moves_no_end():
 
 
 def test_only_a_mission_that_asks_for_a_declaration_gets_one():
-    assert asks_for_declaration(briefing(mission=DECLARE))
-    assert not asks_for_declaration(briefing(mission=ARRIVE))
-    assert not asks_for_declaration(briefing())
+    assert asks_for_declaration(DECLARE)
+    assert not asks_for_declaration(ARRIVE)
+    assert not asks_for_declaration(briefing().mission)
 
 
 def declared_m(mission: str, *, sensor: str = "pid", values=(0.0, 5.0), **parameters):

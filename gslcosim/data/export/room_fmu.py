@@ -1,6 +1,6 @@
 """Export of a room as an FMI 3.0 unit for co-simulation: its stored wind, and its recorded gas, at moving points.
 
-The unit is C (`room_unit.c` beside this file), compiled for this platform when it is exported; it needs no Python where
+The unit is C (`room_fmu.c` beside this file), compiled for this platform when it is exported; it needs no Python where
 it runs. `resources/room.bin` in it holds the room in the layout that the C file describes.
 """
 
@@ -41,7 +41,7 @@ from gslcosim_services.sensing.models import KernelSensorKind, sensor_kind
 from gslcosim_services.sensing.models.gas_sensors import measure_pid
 from gslcosim_services.sensing.models.mox import advance_mox
 
-SOURCE_FILE = "room_unit.c"
+SOURCE_FILE = "room_fmu.c"
 MAX_POINTS = 10_000
 COORDINATES = ("x_m", "y_m", "z_m")
 WIND_OUTPUTS = ("wind_x_m_s", "wind_y_m_s", "wind_z_m_s")
@@ -91,7 +91,7 @@ class RecordedGas:
 
 
 @dataclass(frozen=True, kw_only=True)
-class UnitSensor:
+class FmuSensor:
     """A gas sensor without errors at each point of a unit.
 
     `model` is its name, `output` that of its variable and `unit` the variable's unit; `kind` is the number of its
@@ -105,7 +105,7 @@ class UnitSensor:
     parameters: tuple[float, ...]
 
 
-def export_room_unit(
+def export_room_fmu(
     environment: Environment,
     folder: Path,
     scenario: Scenario | None = None,
@@ -122,7 +122,7 @@ def export_room_unit(
         scenario: Its gas, with which the unit's time counts from the start of a run; absent: wind alone.
         n_points: At how many points at once.
         until_s: End of the recorded gas [s]; absent: the time limit of the scenario.
-        sensors: Models of gas sensors at each point; see `list_unit_sensors`.
+        sensors: Models of gas sensors at each point; see `list_fmu_sensors`.
 
     Raises:
         UsageError: something in a run changes the gas or the wind, there is no C compiler, or a number is impossible.
@@ -134,7 +134,7 @@ def export_room_unit(
         raise UsageError("--fmu-until: expected a scenario with it, whose gas it ends, was an environment folder.")
     if scenario is None and sensors:
         raise UsageError("--fmu-sensors: expected a scenario with it, whose gas they read, was an environment folder.")
-    instruments = () if scenario is None else build_unit_sensors(sensors, scenario)
+    instruments = () if scenario is None else build_fmu_sensors(sensors, scenario)
     compiler = find_compiler()
     if scenario is not None:
         check_can_be_recorded(scenario)
@@ -143,9 +143,9 @@ def export_room_unit(
     path = folder / f"{build_file_name(name)}.fmu"
     with ScratchFolder("fmu") as scratch:
         library = scratch.path / "unit"
-        compile_unit(compiler, library)
+        compile_fmu(compiler, library)
         gas = None if scenario is None else record_gas(scenario, environment, scratch.path / "tape", until_s=until_s)
-        _write_unit(path, library, name, environment, scenario, gas, instruments, n_points)
+        _write_fmu(path, library, name, environment, scenario, gas, instruments, n_points)
     return ExportResult(files=(path,), notices=_list_notices(environment, gas))
 
 
@@ -210,26 +210,26 @@ def record_gas(scenario: Scenario, environment: Environment, folder: Path, *, un
     )
 
 
-def list_unit_sensors() -> tuple[str, ...]:
+def list_fmu_sensors() -> tuple[str, ...]:
     """Return the models of sensors that a unit may have: those of gas at a point, without errors."""
     return tuple(name for name in SENSOR_BLOCKS if is_ideal(name) and _kernel_number(name) is not None)
 
 
-def build_unit_sensors(models: Sequence[str], scenario: Scenario) -> tuple[UnitSensor, ...]:
+def build_fmu_sensors(models: Sequence[str], scenario: Scenario) -> tuple[FmuSensor, ...]:
     """Return sensors of some models for the gases of a scenario, read once a tick of it.
 
     Raises:
         UsageError: units have no such sensor, or it stands twice.
     """
     for model in models:
-        if model not in list_unit_sensors() or list(models).count(model) > 1:
+        if model not in list_fmu_sensors() or list(models).count(model) > 1:
             raise UsageError(
-                f"--fmu-sensors: expected some of {', '.join(list_unit_sensors())}, each once, was {model!r}."
+                f"--fmu-sensors: expected some of {', '.join(list_fmu_sensors())}, each once, was {model!r}."
             )
-    return tuple(_build_unit_sensor(model, scenario) for model in models)
+    return tuple(_build_fmu_sensor(model, scenario) for model in models)
 
 
-def _build_unit_sensor(model: str, scenario: Scenario) -> UnitSensor:
+def _build_fmu_sensor(model: str, scenario: Scenario) -> FmuSensor:
     kind = sensor_kind(model)
     assert isinstance(kind, KernelSensorKind)
     if kind.for_gases is not None:
@@ -237,7 +237,7 @@ def _build_unit_sensor(model: str, scenario: Scenario) -> UnitSensor:
         assert isinstance(kind, KernelSensorKind)
     spec = make_sensor_spec(model=model, name="sensor")
     kernel = kind.kernel(spec, list_gas_names(scenario.gas), scenario.tick_ns / NS_PER_S)
-    return UnitSensor(
+    return FmuSensor(
         model=model,
         output=f"{model}.{kind.quantity}_{kind.unit}",
         unit=kind.unit,
@@ -272,7 +272,7 @@ def find_compiler() -> list[str]:
     return command
 
 
-def compile_unit(compiler: Sequence[str], library: Path) -> None:
+def compile_fmu(compiler: Sequence[str], library: Path) -> None:
     """Compile the unit's C as a shared library.
 
     Raises:
@@ -296,7 +296,7 @@ def build_model_description(
     environment: Environment,
     gases: Sequence[str],
     *,
-    sensors: Sequence[UnitSensor] = (),
+    sensors: Sequence[FmuSensor] = (),
     n_points: int,
     stop_time_s: float | None,
     step_s: float | None,
@@ -394,14 +394,14 @@ def _add_variable(
     ElementTree.SubElement(variables, "Float64", {**facts, "description": text, "unit": unit, **further})
 
 
-def _write_unit(
+def _write_fmu(
     path: Path,
     library: Path,
     name: str,
     environment: Environment,
     scenario: Scenario | None,
     gas: RecordedGas | None,
-    sensors: Sequence[UnitSensor],
+    sensors: Sequence[FmuSensor],
     n_points: int,
 ) -> None:
     start_s, tick_s = (0.0, 1.0) if scenario is None else (scenario.gas.warm_up_s, scenario.tick_ns / NS_PER_S)
@@ -449,7 +449,7 @@ def _add_member(unit: zipfile.ZipFile, name: str, parts: Sequence[Any]) -> None:
 def _list_parts(
     environment: Environment,
     gas: RecordedGas | None,
-    sensors: Sequence[UnitSensor],
+    sensors: Sequence[FmuSensor],
     *,
     n_points: int,
     wind_start_s: float,

@@ -13,11 +13,11 @@ from fan_units import build_fan
 from gslcosim.base.errors import SimulationFault
 from gslcosim.contract.messages import BodyPoses, BodyState, FieldSamples, GasAmount, MountSample
 from gslcosim.contract.participant import Episode
-from gslcosim.data.export.room_unit import export_room_unit
+from gslcosim.data.export.room_fmu import export_room_fmu
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.store import load_environment
-from gslcosim.runtime.external.fmi.checks import find_unit_problems, find_unit_warnings
-from gslcosim.runtime.external.fmi.core import UnitCore
+from gslcosim.runtime.external.fmi.checks import find_fmu_problems, find_fmu_warnings
+from gslcosim.runtime.external.fmi.core import FmuCore
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.services import build_dataflow
 from gslcosim.runtime.setup import RunSetup
@@ -67,7 +67,7 @@ def core_of(tmp_path):
             environment=load_environment(environment_dir),
             directory=tmp_path,
         )
-        cores.append(UnitCore(loaded.scenario.participants[0], setup, build_dataflow(loaded.scenario).message_types))
+        cores.append(FmuCore(loaded.scenario.participants[0], setup, build_dataflow(loaded.scenario).message_types))
         return cores[-1]
 
     yield build
@@ -86,7 +86,7 @@ def step(core, ticks):
 
 
 def simulate(unit, *, inputs, outputs, start_values=None):
-    """What fmpy's own simulation of a unit has at the ticks."""
+    """Return the outputs at the ticks of fmpy's own simulation of a unit."""
     import fmpy
 
     times_s = np.arange(len(PPM)) / 10
@@ -128,7 +128,7 @@ def test_a_room_that_left_as_a_unit_takes_part_with_its_own_samples(tmp_path, co
     loaded = load_scenario("tiny_room")
     environment = load_environment(prepare_environment(loaded.scenario, scenario_dir=loaded.directory))
     sensors = ("tgs2600_ideal",)
-    (unit,) = export_room_unit(environment, tmp_path / "out", loaded.scenario, until_s=1.0, sensors=sensors).files
+    (unit,) = export_room_fmu(environment, tmp_path / "out", loaded.scenario, until_s=1.0, sensors=sensors).files
     inputs = {f"point[1].{axis}_m": f"bodies[agent=beetle].position_world_m[{i}]" for i, axis in enumerate("xyz")}
     outputs = {"ppm": "point[1].mixing_ratio_ppm.ethanol", "ohm": "point[1].tgs2600_ideal.resistance_ohm"}
     room = block(unit, reads=[{"port": "truth/bodies", "inputs": inputs}], writes=["state"], parameters={})
@@ -184,7 +184,7 @@ def test_a_unit_that_cannot_save_its_state_steps_through_its_past(tmp_path, core
     core.restore(state)
     assert step(core, range(4, len(PPM))) == rest
     loaded = load(block(unit), "snapshots.every_s=1")
-    (warning,) = find_unit_warnings(loaded.scenario, loaded.directory)
+    (warning,) = find_fmu_warnings(loaded.scenario, loaded.directory)
     assert "expected a unit that can serialize its state, for snapshots, was Fan, which cannot" in str(warning)
 
 
@@ -312,7 +312,7 @@ def test_binaries_that_are_none_are_named(tmp_path, core_of):
 
 def find_problems(own):
     loaded = load(own)
-    return [str(problem) for problem in find_unit_problems(loaded.scenario, loaded.directory)]
+    return [str(problem) for problem in find_fmu_problems(loaded.scenario, loaded.directory)]
 
 
 @pytest.mark.parametrize(
@@ -386,7 +386,7 @@ def test_an_archive_that_is_none_is_refused_in_one_sentence(tmp_path):
     other = tmp_path / "other.fmu"
     other.write_bytes(unit.read_bytes()[:-100])
     (text,) = find_problems(block(other))
-    assert "participants[0].start.fmu: expected a unit of FMI, a whole zip archive, was another file: " in text
+    assert "participants[0].start.fmu: expected an FMU, a whole zip archive, was another file: " in text
     (text,) = find_problems(block(build_fan(tmp_path, name="out.fmu", more=[("../../evil.so", "")])))
     assert "expected names of files within the archive, was '../../evil.so', which leads out of it." in text
     with zipfile.ZipFile(other, "w") as archive:
@@ -403,7 +403,7 @@ def test_an_archive_that_is_none_is_refused_in_one_sentence(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({"start": {"fmu": "nothing.fmu"}}, "participants[0].start.fmu: expected a unit of FMI, was 'nothing.fmu'."),
+        ({"start": {"fmu": "nothing.fmu"}}, "participants[0].start.fmu: expected an FMU, was 'nothing.fmu'."),
         ({"start": {}}, "participants[0].start: expected exactly one of command and fmu, was none."),
         ({"start": {"command": ["cat"]}}, "expected start.fmu beside variables of a unit, was reads[].inputs"),
         ({"outputs": {"state": {"a": "share"}}}, "expected variables of the unit for each of its writes (state, vent"),

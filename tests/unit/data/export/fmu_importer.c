@@ -1,6 +1,6 @@
 /* An importer of FMI 3.0 without any library: loads a unit, moves its points, and prints what it outputs.
  *
- *     unit_importer LIBRARY TOKEN RESOURCES N_POINTS N_OUTPUTS RESTART
+ *     fmu_importer LIBRARY TOKEN RESOURCES N_POINTS N_OUTPUTS RESTART
  *
  * Each line of standard input is a time and x, y, z of each point; each line of standard output the outputs at it. At
  * the line RESTART (from 0; -1 is never) it serialises the state, ends the instance, and goes on in another.

@@ -1,15 +1,15 @@
-"""Descriptions of units of FMI, as far as that needs no library."""
+"""Descriptions of FMUs, as far as that needs no library."""
 
 import sys
 
 import pytest
 
 from gslcosim.base.errors import UsageError
-from gslcosim.runtime.external.fmi.description import UnitVariable, read_unit
+from gslcosim.runtime.external.fmi.description import FmuVariable, read_fmu
 
 
 def variable(fmi_type, **more):
-    return UnitVariable(name="x", reference=1, fmi_type=fmi_type, causality="input", variability="continuous", **more)
+    return FmuVariable(name="x", reference=1, fmi_type=fmi_type, causality="input", variability="continuous", **more)
 
 
 @pytest.mark.parametrize(
@@ -41,4 +41,4 @@ def test_variables_have_the_types_of_python_or_none():
 def test_a_missing_library_is_named_with_what_installs_it(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "fmpy", None)
     with pytest.raises(UsageError, match=r"expected the package fmpy, .* Install it: pip install \"gslcosim\[fmi\]\""):
-        read_unit(tmp_path / "fan.fmu")
+        read_fmu(tmp_path / "fan.fmu")

@@ -1,4 +1,4 @@
-/* A fan that turns up while there is gas, as a unit of FMI 2 or 3 (-DFMI=2 or 3).
+/* A fan that turns up while there is gas, as an FMU of FMI 2 or 3 (-DFMI=2 or 3).
 
    UNIT_FAULT=FUNCTION:KIND lets a function crash, hang, exit, print, return a status, or give another result. */
 #include <math.h>

@@ -16,7 +16,7 @@ import pytest
 from gslcosim.base.errors import UsageError
 from gslcosim.cli.main import main
 from gslcosim.contract.messages import GasAmount, MountSample
-from gslcosim.data.export.room_unit import check_can_be_recorded, export_room_unit, find_platform
+from gslcosim.data.export.room_fmu import check_can_be_recorded, export_room_fmu, find_platform
 from gslcosim.environment.model import Cell, Environment, Grid, WindFrames
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.models.gas import FilamentGasSpec
@@ -81,8 +81,8 @@ class OpenedUnit:
 
 @pytest.fixture(scope="module")
 def importer(tmp_path_factory):
-    program = tmp_path_factory.mktemp("importer") / "unit_importer"
-    source = Path(__file__).with_name("unit_importer.c")
+    program = tmp_path_factory.mktemp("importer") / "fmu_importer"
+    source = Path(__file__).with_name("fmu_importer.c")
     build = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", str(source), "-o", str(program), "-ldl"]
     subprocess.run(build, check=True)
 
@@ -100,7 +100,7 @@ def importer(tmp_path_factory):
 
 
 def export_to(folder) -> Path:
-    (path,) = export_room_unit(
+    (path,) = export_room_fmu(
         build_room(), folder, build_scenario(), n_points=N_POINTS, until_s=3.0, sensors=SENSORS
     ).files
     return path
@@ -135,7 +135,7 @@ def draw_points(n_times):
 )
 def test_an_importer_gets_the_samples_of_gslcosim(importer, tmp_path, gas):
     room, scenario = build_room(), build_scenario(**gas)
-    (path,) = export_room_unit(room, tmp_path / "out", scenario, n_points=N_POINTS, until_s=3.0).files
+    (path,) = export_room_fmu(room, tmp_path / "out", scenario, n_points=N_POINTS, until_s=3.0).files
     points_m = draw_points(len(TIMES_S))
     found = importer(OpenedUnit(path, tmp_path / "unit"), TIMES_S, points_m, n_outputs=5)
     n_samples = [0] * len(GASES)
@@ -220,7 +220,7 @@ def test_a_unit_goes_on_from_a_serialised_state(unit, importer):
 def test_a_folder_becomes_a_unit_of_wind_alone(importer, tmp_path):
     """Without an end: the wind loops."""
     room = build_room()
-    export = export_room_unit(room, tmp_path / "out", n_points=N_POINTS)
+    export = export_room_fmu(room, tmp_path / "out", n_points=N_POINTS)
     assert export.notices == ("The unit has the wind of two halls and no gas; name a scenario for gas.",)
     unit = OpenedUnit(export.files[0], tmp_path / "unit")
     assert "stopTime" not in unit.description.find("DefaultExperiment").attrib
