@@ -9,6 +9,7 @@ from gslcosim.contract import keys
 from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
 from gslcosim.contract.messages import BodyPoses, FieldSamples
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
+from gslcosim.contract.participant_messages import ParticipantValues
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import TriggerSpec
 from gslcosim_services.events.ports import events_spec
@@ -19,10 +20,12 @@ class EventsCore:
 
     An event at a time takes effect in the tick that ends at that time. A condition that holds at the end of tick k
     takes effect in tick k + 1, or `delay_s` later. What step k writes takes effect in tick k + 1: all readers have a
-    delay of one tick.
+    delay of one tick. A value of a participant holds from its step until its next.
 
-    State: the tick in which each event takes effect, as far as it is known. It draws nothing random.
-    Raises ModelError when the truth lacks an agent; the runtime then ends the run as invalid.
+    State: the events that take effect in each later tick, as far as they are known, and whose conditions hold. It draws
+    nothing random.
+    Raises ModelError when the truth lacks an agent, or a participant's message a value; the runtime then ends the run
+    as invalid.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -30,7 +33,8 @@ class EventsCore:
         self._events = scenario.events
         self._gas = scenario.gas.gas
         self._tick_ns = scenario.tick_ns
-        self._due: dict[int, int] = {}
+        self._due: dict[int, list[int]] = {}
+        self._held: set[int] = set()
 
     @property
     def spec(self) -> ParticipantSpec:
@@ -40,20 +44,36 @@ class EventsCore:
     def reset(self, episode: Episode) -> Outbox:
         """Know of the events with a time, and of no other; nothing is written once."""
         del episode
-        self._due = {
-            i: max(1, ticks_from_seconds(event.at_s, self._tick_ns))
-            for i, event in enumerate(self._events)
-            if event.at_s is not None
-        }
+        self._due, self._held = {}, set()
+        for i, event in enumerate(self._events):
+            if event.at_s is not None:
+                self._add(i, max(1, ticks_from_seconds(event.at_s, self._tick_ns)))
         return {}
 
     def step(self, tick: int, inbox: Inbox) -> Outbox:
         """Evaluate the conditions at the end of the tick, and announce what begins with the next one."""
         for i, event in enumerate(self._events):
-            if event.when is not None and i not in self._due and self._holds(event.when, tick, inbox):
-                self._due[i] = tick + 1 + ticks_from_seconds(event.when.delay_s, self._tick_ns)
-        beginning = tuple(sorted(i for i, due in self._due.items() if due == tick + 1))
-        return {EVENTS: EventsBeginning(tick=tick, beginning=beginning)}
+            if event.when is not None and self._begins_to_hold(i, event.when, tick, inbox):
+                self._add(i, tick + 1 + ticks_from_seconds(event.when.delay_s, self._tick_ns))
+        return {EVENTS: EventsBeginning(tick=tick, beginning=tuple(sorted(self._due.pop(tick + 1, ()))))}
+
+    def _add(self, i_event: int, due_tick: int) -> None:
+        self._due.setdefault(due_tick, []).append(i_event)
+
+    # One that does not repeat holds for ever once it has held.
+    def _begins_to_hold(self, i_event: int, trigger: TriggerSpec, tick: int, inbox: Inbox) -> bool:
+        has_held = i_event in self._held
+        if has_held and not trigger.repeats:
+            return False
+        port = trigger.value_port
+        if port is not None and port not in inbox:
+            return False  # the value is what it was
+        holds = self._holds(trigger, tick, inbox) if port is None else self._value_holds(i_event, trigger, tick, inbox)
+        if holds:
+            self._held.add(i_event)
+        else:
+            self._held.discard(i_event)
+        return holds and not has_held
 
     def _holds(self, trigger: TriggerSpec, tick: int, inbox: Inbox) -> bool:
         if trigger.within_m is not None and trigger.of_m is not None:
@@ -70,3 +90,14 @@ class EventsCore:
             for gas in sample.gases
             if gas.gas == self._gas
         )
+
+    @staticmethod
+    def _value_holds(i_event: int, trigger: TriggerSpec, tick: int, inbox: Inbox) -> bool:
+        values = cast(ParticipantValues, inbox[str(trigger.value_port)]).values
+        if trigger.value_name not in values:
+            raise ModelError(
+                f"events[{i_event}].when.value: expected a value that {trigger.participant} writes on "
+                f"{trigger.value_port} ({', '.join(sorted(values)) or 'there is none'}), was {trigger.value_name!r}, "
+                f"at tick {tick}."
+            )
+        return trigger.is_met_by(values[trigger.value_name])

@@ -4,6 +4,7 @@ import pytest
 from real_runs import ROOT, fly, fly_here
 from rerun.chunk import RrdReader
 from test_fork import forked
+from test_participants import with_program
 
 from gslcosim import open_run
 
@@ -18,6 +19,8 @@ HAPPEN = {
 }
 
 WIND_SERIES = ("wind", "wind_speed")
+# The tick after which the door moves.
+MOVES = {"door_opens": 49, "door_closes": 99}
 
 
 def test_there_is_a_scenario_for_each_kind():
@@ -70,11 +73,19 @@ def test_the_source_is_found_behind_the_door_once_that_is_open(tmp_path):
 
 
 def test_doors_go_on_as_they_are_in_snapshots_and_replays(tmp_path):
-    """From a snapshot with the door open, and from one with the door closed, the run has the digest of the whole."""
+    """From a snapshot with the door open, and from one with the door closed, the run has the digest of the whole.
+
+    A program moves the door.
+    """
     keeping = ("--set", "snapshots.every_s=8", "--set", "referee.stop.time_limit_s=24")
-    moves = "events=[{what: door_opens, at_s: 5, door: gate}, {what: door_closes, at_s: 10, door: gate}]"
-    flown = fly_here(ROOT / "scenarios" / "event_door.yaml", tmp_path / "flown", *keeping, "--set", moves)
-    assert [event["what"] for event in flown.result["events"]] == ["door_opens", "door_closes"]
+    when = "{{participant: model, value: state.tick, above: {}}}"
+    moves = [f"{{what: {what}, door: gate, when: {when.format(tick)}}}" for what, tick in MOVES.items()]
+    controlled = (*with_program("right")[:2], "--set", f"events=[{', '.join(moves)}]")
+    flown = fly_here(ROOT / "scenarios" / "event_door.yaml", tmp_path / "flown", *keeping, *controlled)
+    assert [(event["what"], event["tick"]) for event in flown.result["events"]] == [
+        ("door_opens", 51),
+        ("door_closes", 101),
+    ]
     for at_s in (0, 9, 17):
         assert replay(flown.run_dir, tmp_path / f"from_{at_s}", *(("--from", str(at_s)) if at_s else ())) == 0
 

@@ -10,6 +10,7 @@ import pytest
 import yaml
 from fan_units import build_fan
 from real_runs import ROOT, fly_here, start
+from test_fork import assert_same, forked
 
 from gslcosim.cli.main import main
 
@@ -55,6 +56,9 @@ def room(tmp_path):
 def test_units_of_four_makers_have_one_digest_however_they_are_hosted_killed_and_replayed(room, tmp_path, capsys):
     here = fly_here(room, tmp_path / "here", *LONG)
     assert here.result["faults"] == [], here.errors
+    # The fan's controller throttles the leak.
+    assert here.result["events"][0]["text"] == "source 0 releases 10 filaments/s"
+    assert "source 0 releases 4 filaments/s" in {event["text"] for event in here.result["events"]}
     ports = json.loads((here.run_dir / "digest.json").read_text())["ports"]
     units = ("fan", "battery", "other_fan", "crane")
     assert {ports[f"participant/{name}/state"]["participant"] for name in units} == {*units}
@@ -67,6 +71,13 @@ def test_units_of_four_makers_have_one_digest_however_they_are_hosted_killed_and
     assert [restart["process"] for restart in many.result["restarts"]] == ["fan"]
     assert main(["replay", str(many.run_dir), "--from", "4", "--runs-dir", str(tmp_path / "again")]) == 0
     assert "the snapshot of tick 40" in capsys.readouterr().out
+    # Its past is compared with that of the run.
+    fork = forked(many.run_dir, tmp_path / "fork", 5)
+    assert_same(many, fork)
+    assert fork.result["fork_of"]["snapshot_tick"] == 40
+    other = forked(many.run_dir, tmp_path / "other", 5, "--agent", "casting")
+    assert other.result["fork_of"]["divergence"] is None
+    assert other.result["digest"] != many.result["digest"]
 
 
 def test_a_unit_that_crashes_ends_the_run_by_its_name(tmp_path):

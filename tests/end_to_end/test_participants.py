@@ -100,10 +100,14 @@ def test_a_run_with_a_participant_is_replayed_to_the_bit_from_its_start_and_from
 
 
 def test_a_transport_and_a_longer_period_give_one_digest_here_and_in_processes(tmp_path):
-    words = with_program("right", door="unix", period_s=0.4)
+    when = "{participant: model, value: state.tick, above: 7}"
+    event = ("--set", f"events=[{{what: source_rate, filaments_per_s: 3, when: {when}}}]")
+    words = (*with_program("right", door="unix", period_s=0.4), *event)
     here = fly_here(TINY_ROOM, tmp_path / "here", *words)
     ports = json.loads((here.run_dir / "digest.json").read_text())["ports"]
     assert ports["participant/model/state"]["ticks"] == [0, 4, 8, 12, 16, 20]
+    # The value of tick 8 counts in the tick after it.
+    assert [event["tick"] for event in here.result["events"]] == [9]
     assert fly(TINY_ROOM, tmp_path / "many", *words).result["digest"] == here.result["digest"]
 
 

@@ -10,8 +10,10 @@ from gslcosim.base.errors import VehicleError
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import PHYSICS_STEP_MS
 from gslcosim.base.ticks import NS_PER_S, seconds_from_ticks
+from gslcosim.contract.participant_messages import ROOM_OUTPUTS
 from gslcosim.scenario.checks.program_checks import find_command_problem, find_python_problem
 from gslcosim.scenario.models.base import Spec
+from gslcosim.scenario.models.events import VALUE_PATTERN
 from gslcosim.scenario.models.gas import GASES
 from gslcosim.scenario.models.participants import ParticipantProgramSpec
 from gslcosim.scenario.models.scenario import FOLDER_KEYS, GasSpec, RecordingSpec, Scenario, StopSpec
@@ -139,6 +141,7 @@ def find_event_problems(values: dict[str, Any]) -> Iterator[Problem]:
         path = f"events[{i}]"
         yield from _wrong_times(event, values, path)
         yield from _wrong_agents(event, values, path)
+        yield from _wrong_value(block_in(event, "when"), values, f"{path}.when")
         what = str(event.get("what"))
         if what.startswith("source_"):
             yield from _wrong_source(event, values, path)
@@ -176,6 +179,35 @@ def _wrong_agents(event: dict[str, Any], values: dict[str, Any], path: str) -> I
     for place, agent in ((f"{path}.agent", event.get("agent")), (f"{path}.when.agent", trigger)):
         if isinstance(agent, str) and agent not in names:
             yield _not_there(place, "agent", agent, names)
+
+
+# Which names a program writes is known in the run only; an FMU's are in its block.
+def _wrong_value(trigger: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
+    owners = {str(own["name"]): own for _, own in blocks_in(values, "participants") if "name" in own}
+    owner, value = trigger.get("participant"), trigger.get("value")
+    if not isinstance(owner, str):
+        return
+    if owner not in owners:
+        yield _not_there(f"{path}.participant", "participant", owner, list(owners))
+        return
+    if not isinstance(value, str) or VALUE_PATTERN.fullmatch(value) is None:
+        return
+    word, _, name = value.partition(".")
+    words = [each for each in words_in(owners[owner].get("writes")) if each not in ROOM_OUTPUTS]
+    names = list(block_in(owners[owner], "outputs", word))
+    if word not in words:
+        known, remedy = [f"{each}.NAME" for each in words], did_you_mean(word, words)
+    elif names and name not in names:
+        known = [f"{word}.{each}" for each in names]
+        remedy = did_you_mean(value, known)
+    else:
+        return
+    yield Problem(
+        where=f"{path}.value",
+        expected=f"a value on a port of {owner}'s own ({', '.join(known) or 'there is none'})",
+        found=f"'{value}'",
+        remedy=remedy,
+    )
 
 
 def _deaf_gas(values: dict[str, Any], path: str, of: str) -> Iterator[Problem]:

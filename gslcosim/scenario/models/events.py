@@ -1,34 +1,75 @@
 """Events of a scenario: a block for each thing that may happen, at a time or upon a condition."""
 
+import re
 from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import Field, SerializeAsAny, model_validator
+from pydantic import Field, SerializeAsAny, StringConstraints, model_validator
 
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
+from gslcosim.contract.participant_messages import build_own_port
 from gslcosim.scenario.models.base import Fraction, Name, NonNegative, OneOf, Positive, Spec, format_point
+
+# Of a participant: a word of its `writes`, and the name of a value that it writes there.
+VALUE_PATTERN = re.compile(r"[a-z][a-z0-9_]{0,39}\.[a-z][a-z0-9_]{0,39}")
 
 
 class TriggerSpec(Spec):
-    """Condition on the true state of one agent's vehicle; it triggers the event the first time it holds.
+    """Condition on the true state of one agent's vehicle, or on a value that a participant writes.
 
     - `gas_above_ppm`: any sensor of the vehicle is in more than this mixing ratio of the gas to find.
     - `within_m`: the vehicle is at most this far from `of_m`.
+    - `value`: an output of the participant, such as `state.is_on`, is above or below a bound, or true where there is no
+      bound. A truth value counts as 0 or 1, and a value holds until the next.
 
-    The event follows `delay_s` later, in the next tick at the earliest.
+    It triggers the event the first time it holds, or with `repeats` each time it begins to hold. The event follows
+    `delay_s` later, in the next tick at the earliest.
     """
 
-    agent: Name = Field(description="agent of the vehicle")
+    agent: Name | None = Field(default=None, description="agent of the vehicle")
     gas_above_ppm: Positive | None = Field(
         default=None, description="threshold of the true mixing ratio at any of its sensors"
     )
     within_m: Positive | None = Field(default=None, description="distance to `of_m` that triggers the event")
     of_m: Vec3 | None = Field(default=None, description="position in the world from which `within_m` is measured")
+    participant: Name | None = Field(default=None, description="one of `participants`, in place of `agent`")
+    value: Annotated[str, StringConstraints(max_length=81)] | None = Field(
+        default=None, description="value that the participant writes: WORD.NAME, with a word of its `writes`"
+    )
+    above: float | None = Field(default=None, description="bound that the value exceeds, in its unit")
+    below: float | None = Field(default=None, description="bound that the value is less than, in its unit")
     delay_s: NonNegative = Field(default=0.0, description="delay from the trigger to the event")
+    repeats: bool = Field(
+        default=False, description="trigger the event each time that the condition begins to hold, not only the first"
+    )
 
     @model_validator(mode="after")
     def _check_one(self) -> Self:
-        given = [key for key in ("gas_above_ppm", "within_m") if getattr(self, key) is not None]
+        subjects = self._list_given("agent", "participant")
+        if len(subjects) != 1:
+            raise broken_rule_error(
+                expected="exactly one of agent and participant",
+                found=" and ".join(subjects) or "none",
+                remedy="For example when: {agent: beetle, gas_above_ppm: 1}.",
+            )
+        if self.agent is not None:
+            self._check_vehicle()
+        else:
+            self._check_value()
+        return self
+
+    def _list_given(self, *keys: str) -> list[str]:
+        return [key for key in keys if getattr(self, key) is not None]
+
+    def _check_vehicle(self) -> None:
+        if strange := self._list_given("value", "above", "below"):
+            raise broken_rule_error(
+                key=strange[0],
+                expected=f"no {strange[0]} beside agent",
+                found="one",
+                remedy=f"{strange[0]} belongs to participant.",
+            )
+        given = self._list_given("gas_above_ppm", "within_m")
         if len(given) != 1:
             raise broken_rule_error(
                 expected="exactly one of gas_above_ppm and within_m",
@@ -42,21 +83,65 @@ class TriggerSpec(Spec):
                 found="one" if self.of_m else "none",
                 remedy="For example when: {agent: beetle, within_m: 1, of_m: [2, 3, 1]}.",
             )
-        return self
+
+    def _check_value(self) -> None:
+        if strange := self._list_given("gas_above_ppm", "within_m", "of_m"):
+            raise broken_rule_error(
+                key=strange[0],
+                expected=f"no {strange[0]} beside participant",
+                found="one",
+                remedy=f"{strange[0]} belongs to agent.",
+            )
+        if self.value is None or VALUE_PATTERN.fullmatch(self.value) is None:
+            raise broken_rule_error(
+                key="value",
+                expected="WORD.NAME, a word of the participant's writes and the name of a value that it writes there",
+                found="none" if self.value is None else f"'{self.value}'",
+                remedy="For example when: {participant: hvac, value: state.is_on}.",
+            )
+        if len(self._list_given("above", "below")) > 1:
+            raise broken_rule_error(
+                expected="at most one of above and below",
+                found="above and below",
+                remedy="For example when: {participant: hvac, value: state.level, above: 1}.",
+            )
+
+    @property
+    def value_port(self) -> str | None:
+        """The port that the value is on; nothing where the condition is about a vehicle."""
+        if self.participant is None or self.value is None:
+            return None
+        return build_own_port(self.participant, self.value.partition(".")[0])
+
+    @property
+    def value_name(self) -> str:
+        """The name of the value in the messages of its port."""
+        return (self.value or "").partition(".")[2]
+
+    def is_met_by(self, value: float) -> bool:
+        """Return whether a value of the participant fulfils the condition."""
+        if self.above is not None:
+            return value > self.above
+        return value < self.below if self.below is not None else bool(value)
 
     @property
     def text(self) -> str:
         """The condition in words."""
-        what = (
-            f"{self.agent} is in more than {self.gas_above_ppm:g} ppm"
-            if self.gas_above_ppm is not None
-            else f"{self.agent} is within {self.within_m:g} m of {format_point(self.of_m or (0.0, 0.0, 0.0))} m"
-        )
-        return f"{self.delay_s:g} s after {what}" if self.delay_s else f"once {what}"
+        first = "each time that" if self.repeats else "once"
+        return f"{self.delay_s:g} s after {self._what}" if self.delay_s else f"{first} {self._what}"
+
+    @property
+    def _what(self) -> str:
+        if self.participant is not None:
+            bound = "true" if self.below is None else f"below {self.below:g}"
+            return f"{self.value} of {self.participant} is {bound if self.above is None else f'above {self.above:g}'}"
+        if self.gas_above_ppm is not None:
+            return f"{self.agent} is in more than {self.gas_above_ppm:g} ppm"
+        return f"{self.agent} is within {self.within_m:g} m of {format_point(self.of_m or (0.0, 0.0, 0.0))} m"
 
 
 class EventSpec(Spec):
-    """Something that happens during a run: at a time, or once a condition holds; each event happens at most once."""
+    """Something that happens during a run: at a time, or upon a condition; at most once, unless its `when` repeats."""
 
     what: str = Field(description="kind of event")
     at_s: Positive | None = Field(default=None, description="simulated time of the event")

@@ -52,6 +52,48 @@ def test_an_event_that_cannot_be_is_refused(event, expected):
     assert expected in str(caught.value)
 
 
+HVAC = "{name: hvac, start: {command: [cat]}, writes: [ventilation, state]}"
+FMU = (
+    "{name: hvac, start: {fmu: ./hvac.fmu}, writes: [state, ventilation], "
+    "outputs: {state: {is_on: on}, ventilation: {share: share}}}"
+)
+
+
+@pytest.mark.parametrize(
+    ("when", "expected", "participant"),
+    [
+        ("{value: state.is_on}", "events[0].when: expected exactly one of agent and participant, was none.", HVAC),
+        ("{agent: beetle, participant: hvac, value: state.is_on}",
+         "events[0].when: expected exactly one of agent and participant, was agent and participant.", HVAC),
+        ("{agent: beetle, gas_above_ppm: 1, above: 2}",
+         "events[0].when.above: expected no above beside agent, was one. above belongs to participant.", HVAC),
+        ("{participant: hvac, value: state.is_on, gas_above_ppm: 2}",
+         "events[0].when.gas_above_ppm: expected no gas_above_ppm beside participant, was one.", HVAC),
+        ("{participant: hvac, above: 2}",
+         "events[0].when.value: expected WORD.NAME, a word of the participant's writes and the name of a value that it "
+         "writes there, was none. For example when: {participant: hvac, value: state.is_on}.", HVAC),
+        ("{participant: hvac, value: is_on}", "events[0].when.value: expected WORD.NAME, a word of ", HVAC),
+        ("{participant: hvac, value: state.is_on, above: 1, below: 2}",
+         "events[0].when: expected at most one of above and below, was above and below.", HVAC),
+        ("{participant: hvca, value: state.is_on}",
+         "events[0].when.participant: expected the name of a participant (hvac), was 'hvca'. Did you mean hvac?", HVAC),
+        ("{participant: hvac, value: stat.is_on}",
+         "events[0].when.value: expected a value on a port of hvac's own (state.NAME), was 'stat.is_on'. "
+         "Did you mean state?", HVAC),
+        ("{participant: hvac, value: ventilation.share}",
+         "events[0].when.value: expected a value on a port of hvac's own (state.NAME), was 'ventilation.share'.", HVAC),
+        ("{participant: hvac, value: state.on}",
+         "events[0].when.value: expected a value on a port of hvac's own (state.is_on), was 'state.on'.", FMU),
+    ],
+)  # fmt: skip
+def test_a_condition_about_a_value_that_cannot_be_is_refused(when, expected, participant):
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(
+            "tiny_room", overrides=[f"events=[{{what: source_stops, when: {when}}}]", f"participants=[{participant}]"]
+        )
+    assert expected in str(caught.value)
+
+
 @pytest.mark.parametrize(
     ("event", "change", "expected"),
     [

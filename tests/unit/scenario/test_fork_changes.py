@@ -80,6 +80,7 @@ EVENTS = {
     "late": {"what": "wind_changes", "at_s": 2.1, "share": 0.5},
     "later": {"what": "wind_changes", "at_s": 2.5},
     "when": {"what": "source_stops", "when": {"agent": "beetle", "gas_above_ppm": 1.0}},
+    "value": {"what": "source_stops", "when": {"participant": "hvac", "value": "state.level", "above": 1.0}},
     "start": {"what": "source_starts", "at_s": 2.6},
 }
 
@@ -106,6 +107,7 @@ def test_what_happens_after_the_fork_may_be_added_and_left_out(make_scenario, be
         (("stop",), (), "events: expected source_stops at 1 s, as in the run, was left out or changed"),
         ((), ("when",), "events[0].when: expected at_s for an event that the run has not"),
         (("when",), (), "events: expected source_stops once beetle is in more than 1 ppm, as in the run"),
+        (("value",), (), "events: expected source_stops once state.level of hvac is above 1, as in the run"),
         ((), ("start",), "events: expected no source_starts as the first of source 0"),
     ],
 )
