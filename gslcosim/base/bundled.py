@@ -36,6 +36,17 @@ def bundled_agents() -> dict[str, Path]:
     return {path.parent.name: path for path in sorted(_folder_of(AGENTS_PACKAGE).glob(f"*/{AGENT_FILE}"))}
 
 
+def find_bundled_agent(name: str) -> Path | None:
+    """Return the program of the bundled Python agent of a name, as `bundled_agents` has it, or None.
+
+    It looks at one folder alone: a suite asks for its methods thousands of times.
+    """
+    if name in ("", "..") or Path(name).name != name:
+        return None
+    program = _folder_of(AGENTS_PACKAGE) / name / AGENT_FILE
+    return program if program.is_file() else None
+
+
 def bundled_schemas() -> dict[str, Path]:
     """Return the JSON Schemas of the files that users write by the word in their `schema`, such as `suite`.
 

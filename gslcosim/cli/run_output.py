@@ -199,7 +199,7 @@ def plan_to_json(plan: "Plan", trials: "Sequence[Trial]", *, n_workers: int) -> 
     """
     from gslcosim.bench.cases.plan import BYTES_PER_TRIAL, OVERHEAD_S, PLUME_S, ROOM_S, measured_pace
 
-    share = len(trials) / len(plan.trials)
+    share = len(trials) / plan.n_trials
     rooms, plumes = {trial.room for trial in trials}, {trial.tape for trial in trials if trial.tape}
     flying_s = (plan.sim_s * share / measured_pace() + OVERHEAD_S * len(trials)) / n_workers
     preparing_s = (ROOM_S * len(rooms) + PLUME_S * len(plumes)) / n_workers

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gslcosim.base.bundled import bundled_agents
+from gslcosim.base.bundled import find_bundled_agent
 from gslcosim.base.errors import MethodError
 from gslcosim.base.problems import Problem
 from gslcosim.base.rng import stream
@@ -258,7 +258,7 @@ def _find_card(agent: AgentSpec, directory: Path) -> MethodCard | None:
 def _list_programs(agent: AgentSpec, directory: Path) -> Iterator[Path]:
     if agent.start.python is not None:
         yield directory / agent.start.python
-        if (bundled := bundled_agents().get(agent.start.python)) is not None:
+        if (bundled := find_bundled_agent(agent.start.python)) is not None:
             yield bundled
     for word in agent.start.command or ():
         yield directory / word

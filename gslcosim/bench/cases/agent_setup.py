@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from gslcosim.base.bundled import bundled_agents
+from gslcosim.base.bundled import find_bundled_agent
 from gslcosim.base.problems import Problem
 from gslcosim.bench.cases.models import EntrySpec
 from gslcosim.bench.cases.sensor_holds import derive_hold_s
@@ -41,7 +41,7 @@ def find_program(entry: EntrySpec, directory: Path) -> Path | None:
     """Return the file of an entry's program, if it is one of Python's or stands beside the suite."""
     if entry.start.python is not None:
         beside = directory / entry.start.python
-        return beside if beside.is_file() else bundled_agents().get(entry.start.python)
+        return beside if beside.is_file() else find_bundled_agent(entry.start.python)
     return next(iter(files_in_command(entry, directory)), None)
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, cast
+from typing import Annotated, Any, Literal, NamedTuple, Self, cast
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -507,6 +507,17 @@ class MovedStart:
     to_m: tuple[float, float, float]
 
 
+class TrialSlot(NamedTuple):
+    """Place of a trial in a suite: what is known of it before its scenario is resolved."""
+
+    scenario: str
+    family: str
+    case: str
+    repetition: int
+    is_control: bool
+    entry: str
+
+
 @dataclass(frozen=True, kw_only=True)
 class Trial:
     """One run of one entry in one case: everything that a worker needs, as plain data.
@@ -530,6 +541,11 @@ class Trial:
     tape: str | None
     case_hash: str
     sources: tuple[Path, ...] = ()
+
+    @property
+    def slot(self) -> TrialSlot:
+        """Its place in the suite."""
+        return TrialSlot(self.scenario, self.family, self.case, self.repetition, self.is_control, self.entry)
 
     @cached_property
     def resolved(self) -> Scenario:
@@ -589,16 +605,22 @@ class Selection:
 
     def takes(self, trial: Trial) -> bool:
         """Return whether a trial is chosen."""
+        return self.may_take(trial.slot) and self._fits("trial", trial.id)
+
+    def may_take(self, slot: TrialSlot) -> bool:
+        """Return whether a trial in this place can be chosen: whether all keys but `trial` fit."""
         values = {
-            "entry": trial.entry,
-            "scenario": trial.scenario,
-            "family": trial.family,
-            "case": trial.case,
-            "repetition": str(trial.repetition),
-            "control": "yes" if trial.is_control else "no",
-            "trial": trial.id,
+            "entry": slot.entry,
+            "scenario": slot.scenario,
+            "family": slot.family,
+            "case": slot.case,
+            "repetition": str(slot.repetition),
+            "control": "yes" if slot.is_control else "no",
         }
-        return all(any(fnmatchcase(values[key], one) for one in some) for key, some in self.patterns)
+        return all(self._fits(key, value) for key, value in values.items())
+
+    def _fits(self, key: str, value: str) -> bool:
+        return all(any(fnmatchcase(value, one) for one in some) for of, some in self.patterns if of == key)
 
 
 MOST_SHARDS = 100_000

@@ -5,8 +5,8 @@ import itertools
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypedDict
 
@@ -28,6 +28,7 @@ from gslcosim.bench.cases.models import (
     ScenarioSpec,
     Suite,
     Trial,
+    TrialSlot,
     Values,
     as_overrides,
     derive_seed,
@@ -289,9 +290,11 @@ def group_settings(entries: Sequence[PlannedEntry]) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """All trials of a suite in order, and what was left out or moved.
+    """The trials of a suite in order, and what was dropped or moved.
 
-    `suite_hash` is equal for all who meet the same cases, whatever they enter.
+    `suite_hash` is equal for all who meet the same cases, whatever they enter. `n_left_out` counts by case the trials
+    that nobody wanted; they have a place in the order but no id, as their scenarios were not resolved. The first trial
+    of each case is always planned.
     """
 
     loaded: LoadedSuite
@@ -302,6 +305,12 @@ class Plan:
     entries: tuple[PlannedEntry, ...]
     suite_hash: str
     software_hash: str
+    n_left_out: Mapping[str, int] = field(default_factory=dict[str, int])
+
+    @property
+    def n_trials(self) -> int:
+        """The number of trials that the suite has, those that were left out too."""
+        return len(self.trials) + sum(self.n_left_out.values())
 
     @property
     def sim_s(self) -> float:
@@ -310,14 +319,23 @@ class Plan:
         for trial in self.trials:
             if not limits_s[trial.case]:
                 limits_s[trial.case] = trial.resolved.referee.stop.time_limit_s
-        return sum(limits_s[trial.case] for trial in self.trials)
+        return sum(limits_s[trial.case] for trial in self.trials) + sum(
+            n * limits_s[case] for case, n in self.n_left_out.items()
+        )
 
 
-def build_plan(loaded: LoadedSuite, *, progress: Progress = lambda _: None) -> Plan:
+def build_plan(
+    loaded: LoadedSuite,
+    *,
+    wants: Callable[[TrialSlot], bool] = lambda _: True,
+    progress: Progress = lambda _: None,
+) -> Plan:
     """Return the plan of a suite.
 
     Args:
         loaded: The suite.
+        wants: Whether a trial is wanted. To resolve what an entry flies takes most of the time; ids, seeds and order
+            are the same whatever else is wanted.
         progress: Receives how far it is.
 
     Raises:
@@ -326,15 +344,18 @@ def build_plan(loaded: LoadedSuite, *, progress: Progress = lambda _: None) -> P
     """
     owned = list(expand_cases(loaded))
     sources = (*_suite_files(loaded), *(case.source.absolute() for _, case in owned))
-    planner = _Planner(tuple(dict.fromkeys(sources)))
+    planner = _Planner(tuple(dict.fromkeys(sources)), wants)
     trials: list[Trial] = []
+    n_left_out: dict[str, int] = {}
+    n_trials = 0
     cases: list[Case] = []
+    case_hashes: list[str] = []
     dropped: list[DroppedCase] = []
     # By their texts: many cases have the same ones.
     problems: dict[str, LocatedProblem] = {}
     for owner, case in owned:
         try:
-            found = planner.trials_of(loaded, owner, case, first_index=len(trials))
+            found = planner.trials_of(loaded, owner, case, first_index=n_trials)
         except InvalidScenarioError as error:
             problems |= {str(problem): problem for problem in error.problems}
             if len(problems) >= MAX_PROBLEMS:
@@ -344,8 +365,12 @@ def build_plan(loaded: LoadedSuite, *, progress: Progress = lambda _: None) -> P
             dropped.append(found)
             continue
         cases.append(case)
-        trials += found
-        progress(len(trials))
+        trials += found.trials
+        n_trials += found.n_trials
+        if found.n_trials > len(found.trials):
+            n_left_out[case.name] = found.n_trials - len(found.trials)
+        case_hashes += found.case_hashes
+        progress(n_trials)
     if problems:
         raise InvalidScenarioError(list(problems.values()), name=loaded.shown_path)
     if not trials:
@@ -358,9 +383,30 @@ def build_plan(loaded: LoadedSuite, *, progress: Progress = lambda _: None) -> P
         dropped=tuple(dropped),
         moved=tuple(planner.moved),
         entries=tuple(planner.entries.values()),
-        suite_hash=combine_hashes([trial.case_hash for trial in trials]),
+        suite_hash=combine_hashes(case_hashes),
         software_hash=software_hash(),
+        n_left_out=n_left_out,
     )
+
+
+def build_plan_of_rows(
+    loaded: LoadedSuite, rows: Iterable[Mapping[str, Any]], *, wants: Callable[[TrialSlot], bool] = lambda _: False
+) -> Plan:
+    """Return the plan of a suite with the trials of some rows of results; the whole one where it lacks some of them.
+
+    Args:
+        loaded: The suite.
+        rows: Rows as `trials.parquet` has them.
+        wants: Whether another trial is wanted too.
+
+    Raises:
+        ScenarioError: see `build_plan`.
+    """
+    # As plain tuples, which equal slots: rows of somebody else may lack a column.
+    slots = {tuple(row.get(key) for key in TrialSlot._fields): row["trial"] for row in rows}
+    plan = build_plan(loaded, wants=lambda slot: slot in slots or wants(slot))
+    is_found = {*slots.values()} <= {trial.id for trial in plan.trials}
+    return plan if is_found or not plan.n_left_out else build_plan(loaded)
 
 
 def _suite_files(loaded: LoadedSuite) -> Iterator[Path]:
@@ -369,21 +415,32 @@ def _suite_files(loaded: LoadedSuite) -> Iterator[Path]:
         yield from _suite_files(inner)
 
 
+# What is planned of a case: the wanted trials of all that it has, and the hashes of all its repetitions.
+@dataclass(frozen=True, kw_only=True)
+class _PlannedCase:
+    trials: Sequence[Trial]
+    n_trials: int
+    case_hashes: Sequence[str]
+
+
 class _Planner:
     """Plans cases one after the other and remembers rooms and entries."""
 
-    def __init__(self, sources: tuple[Path, ...]) -> None:
+    def __init__(self, sources: tuple[Path, ...], wants: Callable[[TrialSlot], bool]) -> None:
         self.entries: dict[str, PlannedEntry] = {}
         self._sources = sources
+        self._wants = wants
         self.moved: list[MovedStart] = []
         self._rooms: dict[str, str] = {}
 
     def trials_of(
         self, loaded: LoadedSuite, owner: LoadedSuite, case: Case, *, first_index: int
-    ) -> "list[Trial] | DroppedCase":
+    ) -> "_PlannedCase | DroppedCase":
         giver = loaded if loaded.suite.entries or owner is loaded else owner
         entries = [self._entry(spec, giver) for spec in giver.suite.entries_with_anchors]
         trials: list[Trial] = []
+        case_hashes: list[str] = []
+        n_trials = 0
         resolved: _Resolved | None = None
         for repetition in range(case.repetitions):
             seed, gas_seed = case.run_seed(repetition), case.plume_seed(repetition)
@@ -394,21 +451,34 @@ class _Planner:
                     if owner.suite.when == "places_are_free":
                         return DroppedCase(case=case.name, reason=_text_of(problems[0]))
                     raise _located_in(case.set_in, problems)
-                resolved = _Resolved(case, scenario, directory, self._room_key(scenario, directory))
+                # Where places are drawn they are drawn for each repetition.
+                is_drawn = _has_random_places(case, scenario) if resolved is None else resolved.has_random_places
+                room = self._room_key(scenario, directory)
+                resolved = _Resolved(case, scenario, directory, room, has_random_places=is_drawn)
             for is_control in (False, True) if repetition < case.n_controls else (False,):
-                resolved.check(entries, is_control=is_control)
+                wanted = [
+                    (n_trials + i, entry)
+                    for i, entry in enumerate(entries)
+                    if not n_trials + i
+                    or self._wants(
+                        TrialSlot(case.scenario, case.family, case.name, repetition, is_control, entry.spec.name)
+                    )
+                ]
+                n_trials += len(entries)
+                resolved.check([entry for _, entry in wanted], is_control=is_control)
                 shared = case_hash(
                     _with_seeds(resolved.scenario, seed, gas_seed), resolved.room,
                     is_control=is_control, repetition=repetition,
                 )  # fmt: skip
+                case_hashes.append(shared)
                 trials += [
                     self._trial(
                         resolved, entry, _with_seeds(resolved.flown(entry, is_control=is_control), seed, gas_seed),
-                        shared, repetition=repetition, is_control=is_control, index=first_index + len(trials) + i,
+                        shared, repetition=repetition, is_control=is_control, index=first_index + i,
                     )
-                    for i, entry in enumerate(entries)
+                    for i, entry in wanted
                 ]  # fmt: skip
-        return trials
+        return _PlannedCase(trials=trials, n_trials=n_trials, case_hashes=case_hashes)
 
     def _trial(
         self,
@@ -487,12 +557,12 @@ class _Planner:
 class _Resolved:
     """A case as resolved, and what each entry flies in it; seeds are put in afterwards."""
 
-    def __init__(self, case: Case, scenario: Scenario, directory: Path, room: str) -> None:
+    def __init__(self, case: Case, scenario: Scenario, directory: Path, room: str, *, has_random_places: bool) -> None:
         self.case = case
         self.scenario = scenario
         self.directory = directory
         self.room = room
-        self.has_random_places = _has_random_places(case, scenario)
+        self.has_random_places = has_random_places
         self._flown: dict[tuple[str, bool], Scenario] = {}
 
     def check(self, entries: Sequence[PlannedEntry], *, is_control: bool) -> None:

@@ -21,7 +21,7 @@ from gslcosim.base.code_identity import COMPUTING_PACKAGES
 from gslcosim.base.disk_cache import mark_used
 from gslcosim.base.errors import MachineError, SimulationFault, UsageError
 from gslcosim.bench.cases.models import LOWER_ANCHOR, UPPER_ANCHOR, Selection, Shard, Trial, choose_trials
-from gslcosim.bench.cases.plan import Plan, build_plan, group_settings, save_pace
+from gslcosim.bench.cases.plan import Plan, build_plan, build_plan_of_rows, group_settings, save_pace
 from gslcosim.bench.cases.suite_files import LoadedSuite, load_suite, write_suite
 from gslcosim.bench.execution.pool import POLL_PERIOD_S, Job, JobResult, LocalPool, Pool, n_cores
 from gslcosim.bench.execution.scoring import COMPLETED, Row, row_without_result
@@ -84,7 +84,7 @@ def build_manifest(plan: Plan, sessions: list[dict[str, Any]], *, recorded: Sequ
         ],
         "settings": group_settings(plan.entries),
         "scenarios": [{"name": name, "family": family, "title": name} for name, family in titles.items()],
-        "n_planned": len(plan.trials),
+        "n_planned": plan.n_trials,
         "n_dropped": len(plan.dropped),
         "dropped": [{"case": each.case, "reason": each.reason} for each in plan.dropped],
         "moved": [{"case": m.case, "agent": m.agent, "from_m": m.from_m, "to_m": m.to_m} for m in plan.moved],
@@ -341,7 +341,7 @@ class SuiteRun:
         new = [self._entries[trial.id].row for trial in todo if trial.id in self._entries]
         return RunSummary(
             folder=self._folder.path,
-            n_planned=len(self._plan.trials),
+            n_planned=self._plan.n_trials,
             n_chosen=len(self._chosen),
             n_flown_before=n_before,
             n_flown=len(new),
@@ -354,6 +354,11 @@ class SuiteRun:
     # Rows of another version of the software or the suite are never mixed in; they are kept beside.
     def _take_over(self) -> Path | None:
         found = self._folder.entries()
+        if self._plan.n_left_out and found:
+            # What other calls have flown is theirs to keep, and its order is that of the suite.
+            planned = {trial.slot for trial in self._plan.trials}
+            rows = [entry.row for entry in found.values()]
+            self._plan = build_plan_of_rows(self._plan.loaded, rows, wants=planned.__contains__)
         ids = {trial.id for trial in self._plan.trials}
         valid = {key: entry for key, entry in found.items() if key in ids}
         n_stale = len(found) - len(valid)
@@ -646,13 +651,14 @@ def run(
     """
     loaded = suite if isinstance(suite, LoadedSuite) else load_suite(suite, is_flown=True)
     n_workers = jobs or n_cores()
-    plan = build_plan(loaded)
+    selection = Selection.of(only)
+    plan = build_plan(loaded, wants=selection.may_take)
     check_machine(plan)
     summary = SuiteRun(
         plan,
         ResultsFolder(Path(folder)),
         lambda: LocalPool(n_workers, loaded.suite.limits),
-        selection=Selection.of(only),
+        selection=selection,
         report=report,
     ).fly()
     if summary.is_interrupted:

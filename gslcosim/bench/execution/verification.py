@@ -12,7 +12,7 @@ from typing import Any
 
 from gslcosim.base.errors import UsageError
 from gslcosim.bench.cases.models import Trial
-from gslcosim.bench.cases.plan import Plan, build_plan
+from gslcosim.bench.cases.plan import Plan, build_plan_of_rows
 from gslcosim.bench.cases.suite_files import LoadedSuite, load_suite
 from gslcosim.bench.execution.pool import Job, Pool, iterate_results
 from gslcosim.bench.execution.scoring import COMPLETED, Row
@@ -231,11 +231,11 @@ class RepeatableResults:
         folder.check()
         self.folder = folder
         self.rows: dict[str, Row] = {row["trial"]: row for row in folder.rows()}
-        self.plan: Plan = build_plan(load(folder.suite))
+        self.plan: Plan = build_plan_of_rows(load(folder.suite), self.rows.values())
         _check_sandboxes(self.plan, folder, self.rows)
         self.trials = {trial.id: trial for trial in self.plan.trials if trial.id in self.rows}
         manifest = folder.read_json(folder.manifest)
-        self.n_missing = len(self.plan.trials) - len(self.trials)
+        self.n_missing = self.plan.n_trials - len(self.trials)
         if len(self.trials) < len(self.rows):
             version = manifest.get("versions", {}).get("gslcosim", "?")
             same = manifest.get("software_hash") == self.plan.software_hash

@@ -186,7 +186,7 @@ def _plan(arguments: argparse.Namespace) -> int:
     from gslcosim.cli.run_output import format_plan, plan_to_json
 
     selection, shard = _chosen(arguments)
-    _, plan = _planned(arguments, is_quiet=arguments.json)
+    _, plan = _planned(arguments, selection, is_quiet=arguments.json)
     fields = plan_to_json(plan, choose_trials(plan.trials, selection, shard), n_workers=n_cores())
     if arguments.json:
         write_json(fields)
@@ -214,7 +214,7 @@ def _run_suite(arguments: argparse.Namespace) -> int:
     bundles = _prepare_bundles(arguments) if arguments.bundle else None
     if bundles is not None:
         arguments.suite = str(bundles.suite)
-    loaded, plan = _planned(arguments, is_quiet=arguments.json)
+    loaded, plan = _planned(arguments, selection, is_quiet=arguments.json)
     check_sandbox_here(arguments, plan)
     if bundles is not None:
         check_bundles(plan, bundles.roots)
@@ -462,7 +462,7 @@ def _chosen(arguments: argparse.Namespace) -> "tuple[Selection, Shard | None]":
     return Selection.of(arguments.only, arguments.filter), shard
 
 
-def _planned(arguments: argparse.Namespace, *, is_quiet: bool) -> "tuple[LoadedSuite, Plan]":
+def _planned(arguments: argparse.Namespace, selection: "Selection", *, is_quiet: bool) -> "tuple[LoadedSuite, Plan]":
     from gslcosim.bench.cases import build_plan, load_suite
 
     if arguments.suite == MEASURED:
@@ -476,7 +476,7 @@ def _planned(arguments: argparse.Namespace, *, is_quiet: bool) -> "tuple[LoadedS
     else:
         loaded = load_suite(arguments.suite, seed=arguments.seed, is_flown=True)
     with ProgressLine("planning", is_quiet=is_quiet) as line:
-        plan = build_plan(loaded, progress=lambda n: line.count(n, 0))
+        plan = build_plan(loaded, wants=selection.may_take, progress=lambda n: line.count(n, 0))
     return loaded, plan
 
 

@@ -10,7 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import cast
 
-from gslcosim.base.bundled import bundled_agents
+from gslcosim.base.bundled import bundled_agents, find_bundled_agent
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.problems import Problem
 from gslcosim.methods.card import MethodCard
@@ -100,20 +100,20 @@ def find_python_problem(name_or_file: str, *, directory: Path, path: str) -> Pro
         directory: The scenario's folder.
         path: The place in the scenario.
     """
-    known = bundled_agents()
     file = (directory / name_or_file).resolve()
     if file.is_file():
         return _find_syntax_problem(file, name_or_file, path)
-    if name_or_file in known:
+    if find_bundled_agent(name_or_file) is not None:
         return None
     if "/" in name_or_file or name_or_file.endswith(".py"):
         return Problem(where=path, expected="a Python file", found=f"'{name_or_file}'", remedy=f"There is no {file}.")
     beside = f"{name_or_file}.py"
+    is_beside = (directory / beside).is_file()
     return Problem(
         where=path,
         expected="a bundled agent (`gslcosim list` names them) or a file like ./my_agent.py",
         found=f"'{name_or_file}'",
-        remedy=f"Did you mean ./{beside}?" if (directory / beside).is_file() else did_you_mean(name_or_file, known),
+        remedy=f"Did you mean ./{beside}?" if is_beside else did_you_mean(name_or_file, bundled_agents()),
     )
 
 

@@ -228,6 +228,18 @@ def test_the_state_of_a_folder_is_complete_or_not(smoke: Path, tmp_path: Path) -
 
 
 @pytest.mark.end_to_end
+def test_a_run_of_some_trials_keeps_the_rows_of_the_others(smoke: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "smoke"
+    shutil.copytree(smoke, copy)
+    ended = bench("run", "smoke", "--only", "entry=oracle", "--results", str(copy), "--json", cwd=tmp_path)
+    assert ended.returncode == 0, ended.stderr
+    printed = json.loads(ended.stdout)
+    assert (printed["n_planned"], printed["n_chosen"], printed["n_flown"], printed["put_aside"]) == (12, 4, 0, None)
+    for name in ("trials.parquet", "tracks.parquet", "manifest.json", "maps.json"):
+        assert (copy / name).read_bytes() == (smoke / name).read_bytes(), name
+
+
+@pytest.mark.end_to_end
 def test_a_full_disk_is_reported_and_costs_nothing_that_was_run(smoke: Path, tmp_path: Path) -> None:
     folder = tmp_path / "results" / "smoke"
     shutil.copytree(smoke, folder, ignore=shutil.ignore_patterns("recordings", "trials.parquet", "tracks.parquet"))

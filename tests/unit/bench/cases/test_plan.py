@@ -8,7 +8,7 @@ import pytest
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.bench.cases import Plan, build_plan, load_suite, suite_files
 from gslcosim.bench.cases.models import Selection, Shard, choose_trials, derive_seed
-from gslcosim.bench.cases.plan import group_settings
+from gslcosim.bench.cases.plan import build_plan_of_rows, group_settings
 from gslcosim.methods.card import SHARED_PARAMETERS
 
 HEAD = "schema: gslcosim/suite/1\nname: mine\nanchors: []\n"
@@ -485,3 +485,44 @@ def test_values_that_cannot_vary_are_reported(tmp_path: Path, vary: str, message
     with pytest.raises(ScenarioError) as error:
         load_suite(tmp_path / "suite.yaml", is_flown=True)
     assert message in str(error.value)
+
+
+MANY = (
+    "scenarios: [tiny_room, {source: tiny_room, name: drawn, set: {'gas.sources[0].position_m': random}}]\n"
+    "vary: [{'agents[0].vehicle.hold_s': [0.5, 1.0]}]\nrepetitions: 2\ncontrols: {no_source_frac: 0.5}\n"
+    "entries:\n  - {name: beetle, start: {python: dung_beetle}}\n  - {name: walk, start: {python: random_walker}}\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("only", "n_chosen"),
+    [
+        (["entry=walk", "scenario=drawn", "repetition=1", "control=no"], 2),
+        (["case=tiny_room/*", "control=yes"], 4),
+        (["entry=nobody"], 0),
+    ],
+)
+def test_what_is_planned_for_a_selection_is_as_in_the_whole_plan(
+    tmp_path: Path, only: list[str], n_chosen: int
+) -> None:
+    whole, selection = planned(tmp_path, MANY), Selection.of(only)
+    part = build_plan(whole.loaded, wants=selection.may_take)
+    chosen = choose_trials(part.trials, selection)
+    assert chosen == choose_trials(whole.trials, selection)
+    assert len(chosen) == n_chosen
+    # The first of each case stands for it, where maps are drawn.
+    assert len(part.trials) <= n_chosen + len(whole.cases) < len(whole.trials) == part.n_trials == whole.n_trials
+    assert (part.suite_hash, part.cases, part.entries) == (whole.suite_hash, whole.cases, whole.entries)
+    assert part.sim_s == pytest.approx(whole.sim_s)
+    beginning = Selection.of([f"trial={whole.trials[-1].id}"])
+    assert choose_trials(build_plan(whole.loaded, wants=beginning.may_take).trials, beginning) == [whole.trials[-1]]
+
+
+def test_the_plan_of_rows_has_their_trials_or_all(tmp_path: Path) -> None:
+    whole = planned(tmp_path, MANY)
+    rows = [{**trial.slot._asdict(), "trial": trial.id} for trial in whole.trials]
+    part = build_plan_of_rows(whole.loaded, rows[-3:])
+    assert part.trials[-3:] == whole.trials[-3:]
+    assert len(part.trials) < len(whole.trials)
+    assert build_plan_of_rows(whole.loaded, [rows[0] | {"case": "another"}, rows[-1]]).trials[-1] == whole.trials[-1]
+    assert build_plan_of_rows(whole.loaded, [rows[-1] | {"case": "another"}]).trials == whole.trials

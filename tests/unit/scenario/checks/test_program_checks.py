@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from gslcosim.base.bundled import bundled_agents, bundled_scenarios
+from gslcosim.base.bundled import bundled_agents, bundled_scenarios, find_bundled_agent
 from gslcosim.base.errors import ScenarioError
 from gslcosim.scenario.checks import program_checks
 from gslcosim.scenario.loader import load_scenario
@@ -99,6 +99,12 @@ def test_a_script_with_its_interpreter_is_accepted(agent_files, tmp_path, scenar
 def test_bundled_scenarios_and_agents_are_found_by_name():
     assert {"warehouse_empty", "tiny_room"} <= set(bundled_scenarios())
     assert bundled_agents()["dung_beetle"].name == "agent.py"
+    assert {name: find_bundled_agent(name) for name in bundled_agents()} == bundled_agents()
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "no_such_agent", "dung_beetle/", "./dung_beetle", "contract", "a\0b"])
+def test_what_names_no_bundled_agent_finds_none(name):
+    assert find_bundled_agent(name) is None
 
 
 @pytest.mark.parametrize("name", sorted(bundled_scenarios()))
