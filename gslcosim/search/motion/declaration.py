@@ -3,13 +3,13 @@
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.contract.messages import Briefing, Command, Observation
+from gslcosim.contract.messages import Bounds, Briefing, Command, Observation
 from gslcosim.contract.missions import asks_for_declaration
 from gslcosim.search import beliefs
 from gslcosim.search.beliefs import CellGrid
@@ -144,35 +144,40 @@ class ReactiveRule:
         return upwind_rad is not None or _widest_gap_rad(best, beyond) <= _THIRD_TURN_RAD
 
 
-# A reading of gas on the way, and the wind then.
+# A reading on the way, and the wind then.
 @dataclass(frozen=True, kw_only=True)
 class _Whiff(_Stop):
     upwind_rad: float | None
 
 
 class PlumeEndRule:
-    """Declares the upwind end of the gas that was met, when it has stayed where it is, or when time runs out.
+    """Declares the upwind end of the gas that was met, with clean air upwind of it, or when time runs out.
 
     1. strong readings: at least `share` of the greatest one, at most `reach_m` from it, in a wind within 60 degrees of
        the one there
     2. the end: the strong reading farthest upwind; without a wind the greatest reading
     3. the estimate: the mean place of the strong readings within `near_m` of the end, weighted by their gas
-    4. it is declared when the greatest reading is above `factor` thresholds, and the estimate has stayed within
-       `still_m` for `wait_s` or it is later than `latest_s`
+    4. clean air: of the readings in that wind from `edge_m` to `reach_m` upwind of the end and at most `near_m` beside
+       it, at least `n_clean` are without gas, and more than half; or the bounds end before `edge_m`. Without a wind
+       nothing is asked
+    5. it is declared when the greatest reading is above `factor` thresholds, and the estimate has stayed within
+       `still_m` for `wait_s` with clean air upwind of it, or it is later than `latest_s`
 
-    The confidence is the share of the strong readings' gas that lies within `near_m` of the end. Gas is met downwind of
-    a source and not upwind of it, so the end is a better estimate than the greatest reading: where the source is higher
-    or lower than the nose, the most gas is metres downwind.
+    The confidence is the share of the strong readings' gas that lies within `near_m` of the end, times the share of
+    clean readings upwind of it: 0 where time runs out and nobody was there. Gas is met downwind of a source and not
+    upwind of it, so the end is a better estimate than the greatest reading: where the source is higher or lower than
+    the nose, the most gas is metres downwind. In air that turns in a room, gas goes on upwind of such an end.
 
-    State: the readings with gas, one a period, the greatest of them, and for how long the estimate has stayed.
+    State: the readings, one a period, the greatest of them, and for how long the estimate has stayed.
 
     Source:
-        The upwind end of what was detected as the source, and a stop of its own for declaring: Li, Farrell, Pang,
-        Arrieta 2006, doi:10.1109/TRO.2006.870627 (remembered, unverified). That declaration is a stage of its own after
-        finding and tracking a plume: Macedo, Marques, Costa 2019, doi:10.3390/s19102231.
+        The upwind end of what was detected as the source, noted where tracking upwind loses the plume, and a stop of
+        its own for declaring: Li, Farrell, Pang, Arrieta 2006, doi:10.1109/TRO.2006.870627 (remembered, unverified).
+        That declaration is a stage of its own after finding and tracking a plume: Macedo, Marques, Costa 2019,
+        doi:10.3390/s19102231. How much clean air is asked for is ours.
     Deviation:
-        One pass up the plume is enough, readings on the way count, and it is judged after a time: Li's rule
-        (`reactive_searcher.LossPoints`) waits for losses of the plume that agree, and often for longer than a run.
+        One pass up the plume and out of it is enough, readings on the way count, and it is judged after a time: Li's
+        rule (`reactive_searcher.LossPoints`) waits for losses of the plume that agree, and often for longer than a run.
     Held by:
         tests/unit/search/motion/test_plume_end.py
     """
@@ -189,6 +194,9 @@ class PlumeEndRule:
         near_m: float = 1.5,
         still_m: float = 0.5,
         period_s: float = 1.0,
+        edge_m: float = 1.0,
+        n_clean: int = 3,
+        bounds: Bounds | None = None,
     ) -> None:
         """Begin without gas.
 
@@ -201,22 +209,30 @@ class PlumeEndRule:
             reach_m: How far from the greatest reading the end may be, in the plane [m].
             near_m: How far from the end readings belong to it, in the plane [m].
             still_m: How far the estimate may move and count as the same [m].
-            period_s: Time from one reading to the next that counts [s].
+            period_s: Time from one reading to the next that counts, with gas and without [s].
+            edge_m: From how far upwind of the end clean air counts [m].
+            n_clean: How many readings of clean air are enough; three take as long as a PID needs to respond.
+            bounds: Of the room; absent: there are none near.
         """
         self._threshold, self._factor, self._share = threshold, factor, share
         self._reach_m, self._near_m = reach_m, near_m
         self._latest_s, self._period_s = latest_s, period_s
         self._unchanged = UnchangedRule(radius_m=still_m, n_legs=1, for_s=wait_s)
+        self._edge_m, self._n_clean, self._bounds = edge_m, n_clean, bounds
         self._whiffs: list[_Whiff] = []
+        self._clean: list[_Whiff] = []
         self._peak: _Whiff | None = None
-        self._last_s = -math.inf
+        self._last_s = self._last_clean_s = -math.inf
 
     def add(self, time_s: float, position_m: Sequence[float], gas: float, upwind_rad: float | None) -> None:
         """Take note of a reading: its place, what grows with the gas, and where the wind comes from [rad]."""
+        whiff = _Whiff(position_m=tuple(position_m), gas=gas, upwind_rad=upwind_rad)
+        if gas <= self._threshold and time_s >= self._last_clean_s + self._period_s:
+            self._last_clean_s = time_s
+            self._clean.append(whiff)
         if not (self._threshold < gas < math.inf) or time_s < self._last_s + self._period_s:
             return
         self._last_s = time_s
-        whiff = _Whiff(position_m=tuple(position_m), gas=gas, upwind_rad=upwind_rad)
         self._whiffs.append(whiff)
         if self._peak is None or gas > self._peak.gas:
             self._peak = whiff
@@ -225,13 +241,45 @@ class PlumeEndRule:
         """Return the estimate of the source, if all conditions hold now."""
         if self._peak is None or not self._peak.gas > self._factor * self._threshold:
             return None
-        found = self._find_end(self._peak)
+        strong = [whiff for whiff in self._whiffs if self._is_strong(whiff, self._peak)]
+        end = self._find_end(strong, self._peak)
+        found = self._estimate_at(end, strong)
         is_still = self._unchanged.add(found.position_m, time_s=time_s)
-        return found if is_still or time_s >= self._latest_s else None
+        is_clean, share = self._look_upwind(end, self._peak.upwind_rad)
+        if not (is_still and is_clean) and time_s < self._latest_s:
+            return None
+        return replace(found, confidence=found.confidence * share)
 
-    def _find_end(self, peak: _Whiff) -> Estimate:
-        strong = [whiff for whiff in self._whiffs if self._is_strong(whiff, peak)]
-        end = peak if peak.upwind_rad is None else max(strong, key=lambda one: _ahead_m(peak, one, peak.upwind_rad))
+    def _find_end(self, strong: Sequence[_Whiff], peak: _Whiff) -> _Whiff:
+        if peak.upwind_rad is None:
+            return peak
+        return max(strong, key=lambda one: _ahead_m(peak, one, peak.upwind_rad))
+
+    # Whether the air upwind of the end is clean, and which share of the readings there say so.
+    def _look_upwind(self, end: _Whiff, upwind_rad: float | None) -> tuple[bool, float]:
+        if upwind_rad is None:
+            return True, 1.0
+        n_clean, n_gas = (
+            sum(self._is_upwind(one, end, upwind_rad) for one in readings) for readings in (self._clean, self._whiffs)
+        )
+        if not n_clean + n_gas and self._ends_before_edge(end, upwind_rad):
+            return True, 1.0
+        share = n_clean / max(1, n_clean + n_gas)
+        return n_clean >= self._n_clean and share > 0.5, share
+
+    def _is_upwind(self, one: _Whiff, end: _Whiff, upwind_rad: float) -> bool:
+        ahead_m, beside_m = _ahead_m(end, one, upwind_rad), _ahead_m(end, one, upwind_rad + math.pi / 2.0)
+        is_in_strip = self._edge_m <= ahead_m <= self._reach_m and abs(beside_m) <= self._near_m
+        return is_in_strip and _agree(one.upwind_rad, upwind_rad)
+
+    def _ends_before_edge(self, end: _Whiff, upwind_rad: float) -> bool:
+        if self._bounds is None:
+            return False
+        steps_m = (self._edge_m * math.cos(upwind_rad), self._edge_m * math.sin(upwind_rad))
+        edge_m = [x + step for x, step in zip(end.position_m, steps_m)]
+        return any(not low <= x <= high for low, x, high in zip(self._bounds.min_m, edge_m, self._bounds.max_m))
+
+    def _estimate_at(self, end: _Whiff, strong: Sequence[_Whiff]) -> Estimate:
         near = [whiff for whiff in strong if math.dist(whiff.position_m[:2], end.position_m[:2]) <= self._near_m]
         confidence = sum(whiff.gas for whiff in near) / sum(whiff.gas for whiff in strong)
         return Estimate(position_m=_centre(near), confidence=min(1.0, confidence))
@@ -251,7 +299,7 @@ class PlumeEndWatch:
     """Applies `PlumeEndRule` to what a nose shows above clean air, where the mission asks for a declaration.
 
     A third of the time limit without a change is long enough, and nine tenths of it are late. A MOX sensor that
-    recovers shows gas of before: its readings count while it has a hit.
+    recovers shows gas of before: its readings are of gas while it has a hit, and otherwise of clean air.
 
     State: that of the rule, the cleanest air, and the rule of the hits.
 
@@ -265,15 +313,22 @@ class PlumeEndWatch:
         self._rule: PlumeEndRule | None = None
         if setting == "by_mission" and asks_for_declaration(briefing.mission):
             limit_s = briefing.time_limit_s
-            self._rule = PlumeEndRule(threshold=self._level.threshold, wait_s=limit_s / 3.0, latest_s=0.9 * limit_s)
+            self._rule = PlumeEndRule(
+                threshold=self._level.threshold,
+                wait_s=limit_s / 3.0,
+                latest_s=0.9 * limit_s,
+                bounds=briefing.bounds,
+            )
 
     def add(self, observation: Observation, upwind_rad: float | None = None) -> None:
         """Take note of an observation, from `Agent.observe`; without a wind that is trusted there is no direction."""
         if self._rule is None or not self._nose.is_ready(observation):
             return
-        gas = self._level.of(self._nose.value(observation))
-        if self._hits.add(observation):
-            self._rule.add(observation.time_s, observation.position_world_m, gas, upwind_rad)
+        value = self._nose.value(observation)
+        level, is_hit = self._level.of(value), self._hits.add(observation)
+        # A broken reading is no clean air.
+        if math.isfinite(value):
+            self._rule.add(observation.time_s, observation.position_world_m, level if is_hit else 0.0, upwind_rad)
 
     def estimate(self, observation: Observation) -> Estimate | None:
         """Return the estimate of the source, if it is to be declared now."""

@@ -5,6 +5,7 @@ import math
 import pytest
 from briefings import briefing, observation
 
+from gslcosim.contract.messages import Bounds
 from gslcosim.contract.missions import asks_for_declaration
 from gslcosim.scenario.models.success import DeclarationSuccess, SourceSuccess
 from gslcosim.search.motion.declaration import PlumeEndRule, PlumeEndWatch
@@ -17,7 +18,8 @@ WEST_RAD = math.pi  # the wind comes from -x
 DECLARE = DeclarationSuccess(horizontal=True).task_text("ethanol") + " in at most 300 s."
 ARRIVE = SourceSuccess().task_text("ethanol") + " in at most 300 s."
 # A source at x = 4 m above the nose: the most gas is met 2 m downwind of it.
-PLUME = [(8.0, 4.0), (7.0, 6.0), (6.0, 9.0), (5.0, 6.0), (4.3, 2.0), (3.0, 0.0), (2.0, 0.05)]
+GAS = [(8.0, 4.0), (7.0, 6.0), (6.0, 9.0), (5.0, 6.0), (4.3, 2.0)]
+PLUME = [*GAS, (3.0, 0.0), (2.0, 0.05), (1.0, 0.0)]
 
 
 def ruled(readings=PLUME, *, upwind_rad=WEST_RAD, at_s=(20.0, 119.0, 121.0), **changes):
@@ -43,11 +45,47 @@ def test_near_the_time_limit_it_is_declared_whether_it_has_stayed_or_not():
 
 def test_an_end_that_moves_is_waited_for_again():
     rule = PlumeEndRule(threshold=0.1, wait_s=100.0, latest_s=900.0)
+    for time_s, x_m in enumerate([5.0, 4.0, 3.0]):
+        rule.add(float(time_s), (x_m, 5.0), 0.0, WEST_RAD)
     said = []
     for time_s, x_m in [(0.0, 8.0), (90.0, 6.0), (150.0, 6.0), (189.0, 6.0), (190.0, 6.0)]:
         rule.add(time_s, (x_m, 5.0), 9.0, WEST_RAD)
         said.append(rule.estimate(time_s) is not None)
     assert said == [False, False, False, False, True]
+
+
+@pytest.mark.parametrize(
+    "behind",
+    [
+        [],  # nobody was there
+        [(3.0, 0.0), (2.0, 0.0)],  # too few readings
+        [(3.6, 0.0), (3.8, 0.0), (4.0, 0.0)],  # too near
+        [(0.2, 0.0), (0.1, 0.0), (0.0, 0.0)],  # too far
+        [(3.0, 0.0), (2.0, 0.0), (1.0, 0.0), (3.0, 0.2), (2.0, 0.2), (1.0, 0.2)],  # gas goes on there
+    ],
+)
+def test_an_end_is_waited_with_until_the_air_behind_it_is_clean(behind):
+    _, waited, late = ruled([*GAS, *behind], at_s=(20.0, 250.0, 270.0))
+    assert waited is None
+    shares = [gas == 0.0 for x_m, gas in behind if 0.3 <= x_m <= 3.3]
+    assert late.confidence == pytest.approx(8 / 27 * sum(shares) / max(1, len(shares)))
+    assert ruled([*GAS, *behind, *[(2.5, 0.0)] * 4], at_s=(20.0, 250.0))[1] is not None
+
+
+def test_clean_air_beside_the_end_or_in_another_wind_is_not_behind_it():
+    rule = PlumeEndRule(threshold=0.1, wait_s=10.0, latest_s=900.0)
+    rule.add(0.0, (6.0, 5.0), 9.0, WEST_RAD)
+    for i in range(1, 6):
+        rule.add(float(i), (4.0, 7.0), 0.0, WEST_RAD)
+    for i in range(11, 16):
+        rule.add(float(i), (4.0, 5.0), 0.0, 0.0)
+    assert [rule.estimate(time_s) for time_s in (20.0, 40.0)] == [None, None]
+
+
+@pytest.mark.parametrize(("min_x_m", "is_declared"), [(3.5, True), (3.0, False)])
+def test_no_clean_air_is_asked_for_behind_the_bounds(min_x_m, is_declared):
+    bounds = Bounds(min_m=(min_x_m, 0.0, 0.0), max_m=(15.0, 10.0, 4.0))
+    assert (ruled(GAS, at_s=(20.0, 250.0), bounds=bounds)[1] is not None) == is_declared
 
 
 def test_without_a_wind_the_most_gas_is_declared():
