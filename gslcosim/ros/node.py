@@ -21,6 +21,7 @@ import json
 import logging
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from types import TracebackType
 from typing import Any, Self
 
@@ -300,22 +301,41 @@ class RosNode:
             max_bytes: Longer requests are answered with an error.
         """
         types = self._session.types
+
+        def answer(request: "RosRequest") -> None:
+            response = answerer(request.message)
+            request.answer(response if isinstance(response, bytes) else types.to_cdr(response))
+
+        self.take_requests(name, kind, answer, max_bytes=max_bytes)
+
+    def take_requests(
+        self, name: str, kind: str, take: Callable[["RosRequest"], None], *, max_bytes: int = MAX_MESSAGE_BYTES
+    ) -> None:
+        """Call `take(request)` for each request to a service, which answers it then or later, on any thread.
+
+        Args:
+            name: Such as `/navigate_to_pose/_action/get_result`.
+            kind: Type of the service.
+            take: Receives requests; where it raises `ValueError`, the client gets an error with its text.
+            max_bytes: Longer requests are answered with an error.
+        """
+        types = self._session.types
         token = self._endpoint(wire.SERVICE, name, kind, QosProfile())
 
         def on_query(query: zenoh.Query) -> None:
-            with query:
-                try:
-                    payload = query.payload if query.payload is not None else zenoh.ZBytes(b"")
-                    self._check_length(payload, max_bytes)
-                    asked = Attachment.from_bytes(query.attachment.to_bytes() if query.attachment is not None else b"")
-                    response = answerer(types.from_cdr(payload.to_bytes(), f"{kind}_Request"))
-                    # The client knows its request by its own number and identifier.
-                    attachment = Attachment.now(asked.sequence, asked.gid).to_bytes()
-                    data = response if isinstance(response, bytes) else types.to_cdr(response)
-                    query.reply(query.key_expr, data, encoding=_ENCODING, attachment=attachment)
-                except ValueError as error:
-                    self._session.report_once(f"{name}: {error}; refused.")
+            try:
+                payload = query.payload if query.payload is not None else zenoh.ZBytes(b"")
+                self._check_length(payload, max_bytes)
+                asked = Attachment.from_bytes(query.attachment.to_bytes() if query.attachment is not None else b"")
+                take(RosRequest(types.from_cdr(payload.to_bytes(), f"{kind}_Request"), query, asked))
+            except ValueError as error:
+                self._session.report_once(f"{name}: {error}; refused.")
+                with query, suppress(zenoh.ZError):
                     query.reply_err(str(error).encode())
+            except BaseException:
+                # Whoever waits for it is told that there is no answer.
+                query.drop()
+                raise
 
         callback: Any = zenoh.handlers.Callback(on_query, indirect=True)
         self._held.append(self._session.zenoh.declare_queryable(self._key(token), callback, complete=True))
@@ -363,11 +383,32 @@ class RosNode:
             raise ValueError(f"expected a message of at most {max_bytes} bytes, was {len(payload)} bytes")
 
 
+class RosRequest:
+    """Request to a service, which is answered once; see `RosNode.take_requests`.
+
+    Attributes:
+        message: Of the type `<kind>_Request`.
+    """
+
+    def __init__(self, message: Any, query: zenoh.Query, asked: Attachment) -> None:
+        self.message = message
+        self._query = query
+        self._asked = asked
+
+    def answer(self, data: bytes) -> None:
+        """Answer with the bytes of a message `<kind>_Response`; nothing happens where the client is gone."""
+        # The client knows its request by its own number and identifier.
+        attachment = Attachment.now(self._asked.sequence, self._asked.gid).to_bytes()
+        with self._query, suppress(zenoh.ZError):
+            self._query.reply(self._query.key_expr, data, encoding=_ENCODING, attachment=attachment)
+
+
 class RosPublisher:
     """Publisher of a topic; see `RosNode.create_publisher`."""
 
     def __init__(self, session: RosSession, token: Token, qos: QosProfile) -> None:
         self.topic = token.name
+        self._session = session
         self._types = session.types
         self._gid = token.gid
         self._sequence = 0
@@ -396,9 +437,13 @@ class RosPublisher:
         self.publish_cdr(self._types.to_cdr(message))
 
     def publish_cdr(self, data: bytes) -> None:
-        """Send the bytes of a message of the topic's type."""
+        """Send the bytes of a message of the topic's type; nothing happens where the session has ended."""
         self._sequence += 1
-        self._publisher.put(data, attachment=Attachment.now(self._sequence, self._gid).to_bytes())
+        try:
+            self._publisher.put(data, attachment=Attachment.now(self._sequence, self._gid).to_bytes())
+        except zenoh.ZError:
+            if not self._session.zenoh.is_closed():
+                raise
 
     def undeclare(self) -> None:
         """End the publisher."""

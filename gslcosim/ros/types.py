@@ -14,6 +14,7 @@ from gslcosim.ros.wire import NO_HASH
 REMEDY = "pip install 'gslcosim[ros]'"
 GAS_SENSOR = "olfaction_msgs/msg/GasSensor"
 ANEMOMETER = "olfaction_msgs/msg/Anemometer"
+CANCEL_GOAL = "action_msgs/srv/CancelGoal"
 # The frame of the world.
 MAP_FRAME = "map"
 
@@ -102,10 +103,47 @@ class RosTypes:
             request: Fields of the request.
             response: Fields of the response.
         """
-        from rosbags.interfaces import Nodetype
-
         self.define_message(f"{kind}_Request", request)
         self.define_message(f"{kind}_Response", response)
+        self._register_service(kind)
+
+    def define_action(self, kind: str, goal: str, result: str, feedback: str) -> None:
+        """Add an action by the three texts of its `.action` file.
+
+        With it come the services `<kind>_SendGoal` and `<kind>_GetResult` and the message `<kind>_FeedbackMessage` by
+        which it travels, and `action_msgs/srv/CancelGoal`.
+
+        Args:
+            kind: Such as `nav2_msgs/action/NavigateToPose`.
+            goal: Fields of the goal.
+            result: Fields of the result.
+            feedback: Fields of the feedback.
+        """
+        from rosbags.interfaces import Nodetype
+
+        def name(text: str) -> Any:
+            return (Nodetype.NAME, text)
+
+        for part, fields in (("Goal", goal), ("Result", result), ("Feedback", feedback)):
+            self.define_message(f"{kind}_{part}", fields)
+        if CANCEL_GOAL not in self.store.fielddefs:
+            self.define_service(CANCEL_GOAL, "GoalInfo goal_info", "int8 return_code\nGoalInfo[] goals_canceling")
+        goal_id = ("goal_id", name("unique_identifier_msgs/msg/UUID"))
+        accepted, status = ("accepted", (Nodetype.BASE, ("bool", 0))), ("status", (Nodetype.BASE, ("int8", 0)))
+        messages = {
+            "SendGoal_Request": [goal_id, ("goal", name(f"{kind}_Goal"))],
+            "SendGoal_Response": [accepted, ("stamp", name("builtin_interfaces/msg/Time"))],
+            "GetResult_Request": [goal_id],
+            "GetResult_Response": [status, ("result", name(f"{kind}_Result"))],
+            "FeedbackMessage": [goal_id, ("feedback", name(f"{kind}_Feedback"))],
+        }
+        self.store.register({f"{kind}_{part}": ([], fields) for part, fields in messages.items()})
+        for service in ("SendGoal", "GetResult"):
+            self._register_service(f"{kind}_{service}")
+
+    def _register_service(self, kind: str) -> None:
+        from rosbags.interfaces import Nodetype
+
         if self.distribution == "humble":
             # It has neither events of services nor hashes.
             return
@@ -153,6 +191,24 @@ class RosTypes:
         if kind in _LATER_FIELDS and self.distribution != "humble":
             fields = {**_LATER_FIELDS[kind], **fields}
         return self.store.types[kind](**fields)
+
+    def make_blank(self, kind: str) -> Any:
+        """Return a message of a type with zeros, empty texts and empty lists."""
+        from rosbags.interfaces import Nodetype
+
+        def blank(field: Any) -> Any:
+            node, rest = field
+            if node == Nodetype.NAME:
+                return self.make_blank(rest)
+            if node == Nodetype.BASE:
+                return {"string": "", "bool": False}.get(rest[0], 0)
+            (of_node, of), length = rest
+            if of_node == Nodetype.BASE and of[0] != "string":
+                return np.zeros(length if node == Nodetype.ARRAY else 0, "uint8" if of[0] == "octet" else of[0])
+            return [blank(rest[0]) for _ in range(length)] if node == Nodetype.ARRAY else []
+
+        _, fields = self.store.fielddefs[kind]
+        return self.store.types[kind](**{name: blank(field) for name, field in fields})
 
     def to_cdr(self, message: Any) -> bytes:
         """Return a message's bytes."""

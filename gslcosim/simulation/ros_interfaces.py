@@ -1,4 +1,4 @@
-"""Message and service types of `simulation_interfaces` 2.1 and of GADEN, by their fields.
+"""Types of messages, services and actions of `simulation_interfaces` 2.1 and of GADEN, by their fields.
 
 Sources: github.com/ros-simulation/simulation_interfaces (Apache-2.0) and gaden_msgs of github.com/MAPIRlab/gaden. Types
 are known by the hash of their fields, which tests compare with those of ROS's own generator.
@@ -37,6 +37,7 @@ _SERVICES = {
     "GetEntityState": ("string entity", "Result result\nEntityState state"),
     "GetEntityInfo": ("string entity", "Result result\nEntityInfo info"),
 }
+SIMULATE_STEPS = f"{PACKAGE}/action/SimulateSteps"
 _POINTS = "float64[] x\nfloat64[] y\nfloat64[] z"
 
 
@@ -53,6 +54,7 @@ class Feature(IntEnum):
     SIMULATION_STATE_PAUSE = 26
     STEP_SIMULATION_SINGLE = 31
     STEP_SIMULATION_MULTIPLE = 32
+    STEP_SIMULATION_ACTION = 33
 
 
 class State(IntEnum):
@@ -108,6 +110,8 @@ def define_interfaces(types: RosTypes) -> None:
         types.define_message(f"{PACKAGE}/msg/{name}", fields)
     for name, (request, response) in _SERVICES.items():
         types.define_service(get_service_type(name), request, response)
+    steps = "uint64 completed_steps\nuint64 remaining_steps"
+    types.define_action(SIMULATE_STEPS, "uint64 steps", "Result result", steps)
     types.define_message("gaden_msgs/msg/GasInCell", "float64[] concentration")
     types.define_service(GADEN_GAS, _POINTS, "GasInCell[] positions\nstring[] gas_type")
     types.define_service(GADEN_WIND, _POINTS, "float64[] u\nfloat64[] v\nfloat64[] w")

@@ -1,11 +1,13 @@
-"""Services of a simulation in a ROS 2 graph: those of `simulation_interfaces` 2.1, and GADEN's `odor_value` and
-`wind_value`, which take the place of its player.
+"""Services and the action of a simulation in a ROS 2 graph: those of `simulation_interfaces` 2.1, and GADEN's
+`odor_value` and `wind_value`, which take the place of its player.
 """
 
 import re
 import struct
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ from numpy.typing import NDArray
 from gslcosim.base.errors import GslCosimError
 from gslcosim.base.frames import world_from_body_rotation
 from gslcosim.contract.messages import BodyState
+from gslcosim.ros.actions import ActionGoal, ActionServer, GoalStatus
 from gslcosim.ros.node import RosSession
 from gslcosim.ros.types import MAP_FRAME
 from gslcosim.simulation import ros_interfaces as interfaces
@@ -70,6 +73,8 @@ class SimulationServices:
             node.answer_service(
                 f"{PREFIX}/{_to_snake_case(name)}", get_service_type(name), self._build_answerer(name, answer)
             )
+        path = f"{PREFIX}/{_to_snake_case('SimulateSteps')}"
+        ActionServer(session, node, path, interfaces.SIMULATE_STEPS, self._start_steps)
         node.answer_service("/odor_value", interfaces.GADEN_GAS, self._get_gas)
         node.answer_service("/wind_value", interfaces.GADEN_WIND, self._get_wind)
 
@@ -145,7 +150,35 @@ class SimulationServices:
         return {}
 
     def _step(self, request: Any) -> dict[str, Any]:
-        n_steps, n_done = request.steps, 0
+        for _ in self._iterate_steps(request.steps):
+            pass
+        return {}
+
+    # On a thread of its own, for whoever has sent the goal may cancel it, and ask for other things.
+    def _start_steps(self, goal: ActionGoal) -> None:
+        threading.Thread(target=self._simulate_steps, args=(goal,), name="simulates steps", daemon=True).start()
+
+    def _simulate_steps(self, goal: ActionGoal) -> None:
+        status, code, text, n_steps = GoalStatus.SUCCEEDED, ResultCode.OK, "", goal.message.steps
+        try:
+            with closing(self._iterate_steps(n_steps)) as steps:
+                for n_done in steps:
+                    make = partial(self._types.make, f"{interfaces.SIMULATE_STEPS}_Feedback")
+                    goal.publish_feedback(make(completed_steps=n_done, remaining_steps=n_steps - n_done))
+                    if goal.is_canceling and n_done < n_steps:
+                        status, code = GoalStatus.CANCELED, ResultCode.OPERATION_FAILED
+                        text = f"It went {n_done} of {n_steps} steps: it was canceled."
+                        break
+        except _RefusalError as refusal:
+            status, code, text = GoalStatus.ABORTED, refusal.code, str(refusal)
+        except GslCosimError as error:
+            status, code, text = GoalStatus.ABORTED, ResultCode.OPERATION_FAILED, str(error)
+        result = self._make_result(code, text)
+        goal.end(status, self._types.make(f"{interfaces.SIMULATE_STEPS}_Result", result=result))
+
+    def _iterate_steps(self, n_steps: int) -> Generator[int, None, None]:
+        """Simulate ticks, and yield after each how many have been simulated; others control nothing meanwhile."""
+        n_done = 0
         if n_steps < 1:
             raise _RefusalError(ResultCode.OPERATION_FAILED, f"steps: expected at least 1, was {n_steps}.")
         with self._control:
@@ -155,14 +188,15 @@ class SimulationServices:
                     f"Expected state PAUSED, was {self._state.name}. Pause it first.",
                 )
             while n_done < n_steps and not self._quit.is_set():
-                n_new = self._simulation.step()
-                n_done += n_new
+                n_done += self._simulation.step()
+                yield n_done
                 if n_done < n_steps and (self._simulation.is_over or self._simulation.asked):
                     raise _RefusalError(
                         ResultCode.OPERATION_FAILED,
                         f"It went {n_done} of {n_steps} steps: {self._describe_halt()}.",
                     )
-        return {}
+        if n_done < n_steps:
+            raise _RefusalError(ResultCode.OPERATION_FAILED, f"It went {n_done} of {n_steps} steps: it quits.")
 
     def _describe_halt(self) -> str:
         if self._simulation.asked:

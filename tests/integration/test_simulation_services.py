@@ -1,4 +1,4 @@
-"""ROS 2 nodes step a simulation by the services of `simulation_interfaces`, and ask GADEN's for gas and wind."""
+"""ROS 2 nodes step a simulation by the services and the action of `simulation_interfaces`, and ask for gas and wind."""
 
 import json
 import queue
@@ -16,6 +16,7 @@ from gslcosim.simulation.simulation import Simulation
 rosbags = pytest.importorskip("rosbags", reason="needs the extra ros")
 pytest.importorskip("xxhash", reason="needs the extra ros")
 from gslcosim.base.ros_graphs import ROS_DISTRIBUTIONS  # noqa: E402
+from gslcosim.ros.actions import ActionClient, CancelCode, GoalStatus  # noqa: E402
 from gslcosim.ros.node import RosSession  # noqa: E402
 from gslcosim.ros.types import RosTypes  # noqa: E402
 from gslcosim.simulation import ros_interfaces as interfaces  # noqa: E402
@@ -141,6 +142,51 @@ def test_states_change_as_the_standard_says_and_only_a_paused_simulation_is_step
         call("step_simulation", steps=300, timeout_s=0.01)
     assert call("step_simulation", steps=1).result.result == OK
     assert simulation.tick == 302
+
+
+def test_an_action_simulates_steps_tells_of_each_and_can_be_canceled(paused):
+    simulation, _, call, set_state, _, port = paused
+    types, told = RosTypes("jazzy"), queue.SimpleQueue()
+    define_interfaces(types)
+    with RosSession.open(types, endpoint=f"tcp/127.0.0.1:{port}") as session:
+        path, kind = "/gslcosim/simulate_steps", interfaces.SIMULATE_STEPS
+        client = ActionClient(session, session.create_node("stepper"), path, kind, told.put)
+        session.wait_for("SS", f"{path}/_action/get_result", PATIENCE_S)
+
+        def simulate(n_steps):
+            return client.send_goal(types.make(f"{kind}_Goal", steps=n_steps), timeout_s=PATIENCE_S)
+
+        def wait_for_result(goal_id):
+            status, result = client.wait_for_result(goal_id, timeout_s=PATIENCE_S)
+            return status, result.result.result, result.result.error_message
+
+        assert wait_for_result(simulate(20)) == (GoalStatus.SUCCEEDED, OK, "")
+        assert simulation.tick == 19
+        feedback = [told.get(timeout=PATIENCE_S) for _ in range(20)]
+        assert [(each.completed_steps, each.remaining_steps) for each in feedback] == [
+            (n, 20 - n) for n in range(1, 21)
+        ]
+        goal_id = simulate(1_000_000)
+        told.get(timeout=PATIENCE_S)
+        assert client.cancel_goal(goal_id, timeout_s=PATIENCE_S) == CancelCode.NONE
+        status, code, text = wait_for_result(goal_id)
+        n_done = simulation.tick - 19
+        assert (status, code) == (GoalStatus.CANCELED, FAILED)
+        assert text == f"It went {n_done} of 1000000 steps: it was canceled."
+        assert wait_for_result(simulate(0))[:2] == (GoalStatus.ABORTED, FAILED)
+        assert set_state(State.PLAYING).result == OK
+        refused = (GoalStatus.ABORTED, FAILED, "Expected state PAUSED, was PLAYING. Pause it first.")
+        assert wait_for_result(simulate(1)) == refused
+        assert set_state(State.PAUSED).result == OK
+        # The goal of one who leaves goes on, and others may ask how it ended.
+        tick, endpoint = simulation.tick, f"tcp/127.0.0.1:{port}"
+        with RosSession.open(types, endpoint=endpoint) as leaving:
+            other = ActionClient(leaving, leaving.create_node("leaver"), path, kind)
+            leaving.wait_for("SS", f"{path}/_action/send_goal", PATIENCE_S)
+            goal_id = other.send_goal(types.make(f"{kind}_Goal", steps=50), timeout_s=PATIENCE_S)
+        assert wait_for_result(goal_id) == (GoalStatus.SUCCEEDED, OK, "")
+        assert simulation.tick == tick + 50
+    assert call("step_simulation", steps=1).result.result == OK
 
 
 def test_features_and_entities_are_those_that_there_are(paused):

@@ -11,7 +11,8 @@ from gslcosim.ros.types import RosTypes
 # rosbags comes with the extra `ros`.
 pytestmark = [pytest.mark.extras, pytest.mark.slow]
 # From the descriptions in wheels of ROS's own packages (`share/*/msg/*.json` of ros-sensor-msgs and others): jazzy's
-# common_interfaces 5.3.6, kilted's 5.5.1.
+# common_interfaces 5.3.6, kilted's 5.5.1; of actions, from the description that rosidl has written of jazzy's
+# nav2_msgs, and ros-action-msgs 2.3.0.
 HASHES = json.loads((Path(__file__).parent / "type_hashes.json").read_text())
 
 
@@ -22,6 +23,27 @@ def test_hashes_are_those_of_ros(distribution):
     types.define_service("std_srvs/srv/Trigger", "", "bool success\nstring message")
     assert {kind: types.hash(kind) for kind in expected} == expected
     assert len(expected) >= 40
+
+
+def test_an_action_has_the_hashes_that_rosidl_gives_its_parts():
+    types = RosTypes("jazzy")
+    types.define_action(
+        "nav2_msgs/action/NavigateToPose",
+        "geometry_msgs/PoseStamped pose\nstring behavior_tree",
+        "uint16 error_code\nstring error_msg",
+        "geometry_msgs/PoseStamped current_pose\nbuiltin_interfaces/Duration navigation_time\n"
+        "builtin_interfaces/Duration estimated_time_remaining\nint16 number_of_recoveries\nfloat32 distance_remaining",
+    )
+    assert {kind: types.hash(kind) for kind in HASHES["actions"]} == HASHES["actions"]
+
+
+@pytest.mark.parametrize("distribution", ["humble", "jazzy"])
+def test_a_blank_message_has_zeros_and_nothing_else(distribution):
+    types = RosTypes(distribution)
+    for kind in ("nav_msgs/msg/Odometry", "visualization_msgs/msg/Marker", "unique_identifier_msgs/msg/UUID"):
+        data = types.to_cdr(types.make_blank(kind))
+        assert types.to_cdr(types.from_cdr(data, kind)) == data
+    assert types.to_cdr(types.make_blank("std_msgs/msg/Header")).hex() == "00010000" + "00" * 8 + "01000000" + "00"
 
 
 def test_humble_has_no_hashes():
