@@ -37,6 +37,7 @@ from gslcosim_services.ros2 import messages
 from gslcosim_services.ros2.service import ros2_spec
 from gslcosim_services.sensing.briefing import find_sensor_kind
 from gslcosim_services.sensing.models.range_finders import ray_directions_body
+from gslcosim_services.world.vehicle_urdf import build_urdf
 
 NODE_NAME = "gslcosim"
 # Of a run that is faster than its readers: what they have not read yet.
@@ -49,8 +50,8 @@ class Ros2Core:
 
     Writes nothing to the run, so that its results are the same with it and without. Poses are the agents' own
     estimates, as their observations have them. What nobody subscribes to is not even made; `/map`, `/tf_static`,
-    `/sources` and waypoints are kept for those who come later. Nothing is published after the verdict. It reads the
-    clock, for `/clock` is limited by it; snapshots hold nothing of it.
+    `/sources`, descriptions of vehicles and waypoints are kept for those who come later. Nothing is published after the
+    verdict. It reads the clock, for `/clock` is limited by it; snapshots hold nothing of it.
 
     Raises UsageError where the extra `ros` is missing, or where it finds no place in a graph.
     """
@@ -102,6 +103,11 @@ class Ros2Core:
         for agent in self._agents:
             for topic, (kind, qos) in agent.topics.items():
                 declare(topic, kind, qos)
+        for agent in scenario.agents:
+            topic = f"/{messages.topic_part(agent.name)}/robot_description"
+            declare(topic, "std_msgs/msg/String", LATCHED)
+            urdf = build_urdf(agent.vehicle.facts, messages.base_frame(agent.name))
+            self._topics[topic].publish(types.make("std_msgs/msg/String", data=urdf))
         if settings.truth:
             declare("/sources", "visualization_msgs/msg/MarkerArray", LATCHED)
             self._topics["/sources"].publish(messages.make_sources(types, scenario))
