@@ -1,15 +1,19 @@
 """A node of ROS 2 decides for an agent, as the same rule does in Python."""
 
 import queue
+import signal
 import socket
+import subprocess
 import sys
 import threading
 
 import pytest
+from deadlines import EVENT_S
 from real_runs import AGENTS, TINY_ROOM, fly, start
 
 from gslcosim.ros.node import RosSession
 from gslcosim.ros.types import RosTypes
+from gslcosim.ros.wire import LATCHED
 
 sys.path.append(str(AGENTS))
 from ros_twin import choose_target
@@ -83,3 +87,94 @@ def test_a_node_in_lockstep_flies_as_the_same_rule_in_python(tmp_path):
     log = (ended.run_dir / "logs" / "agent_beetle.log").read_text()
     assert "/beetle/agent/goal: expected finite numbers, was nan, 0, 0; ignored." in log
     assert "of the question, was 0.000000001; ignored. Copy the stamp of /beetle/agent/question." in log
+
+
+READER = """
+import sys, threading
+from gslcosim.ros.node import RosSession
+from gslcosim.ros.types import RosTypes
+with RosSession.open(RosTypes("kilted"), endpoint=sys.argv[1]) as session:
+    session.create_node("reader").subscribe("/beetle/odom", "nav_msgs/msg/Odometry", lambda _: None)
+    threading.Event().wait()
+"""
+
+
+class Pilot:
+    """Answers by velocity and hold, by turns of a second; at some questions it first does something else."""
+
+    def __init__(self, session, deeds):
+        self.types, self.questions, self._deeds = session.types, queue.SimpleQueue(), deeds
+        node = session.create_node("pilot")
+        self._velocities = node.create_publisher(f"{PREFIX}/velocity", "geometry_msgs/msg/TwistStamped")
+        self._holds = node.create_publisher(f"{PREFIX}/hold", "std_msgs/msg/Header")
+        self.speeds_m_s = []
+        node.subscribe(f"{PREFIX}/twist", "geometry_msgs/msg/TwistStamped", self._take_twist)
+        node.subscribe(f"{PREFIX}/question", "std_msgs/msg/Header", self.questions.put)
+
+    def _take_twist(self, twist):
+        self.speeds_m_s.append(abs(twist.twist.linear.x))
+
+    def answer_all(self):
+        types, n_answers = self.types, 0
+        while (question := self.questions.get()) is not None:
+            self._deeds.pop(n_answers, lambda: None)()
+            header = types.make("std_msgs/msg/Header", stamp=question.stamp, frame_id="map")
+            if n_answers % 20 < 10:
+                twist = types.make_blank("geometry_msgs/msg/Twist")
+                twist.linear.x = -0.4
+                self._velocities.publish(types.make("geometry_msgs/msg/TwistStamped", header=header, twist=twist))
+            else:
+                self._holds.publish(header)
+            n_answers += 1
+
+
+def test_a_run_of_kilted_serves_who_comes_late_and_outlives_who_stops_reading(tmp_path):
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    late, unanswered = queue.SimpleQueue(), []
+    with (
+        RosSession.open(RosTypes("kilted"), endpoint=endpoint) as session,
+        subprocess.Popen([sys.executable, "-c", READER, endpoint]) as reader,
+    ):
+        types = session.types
+        types.define_service("std_srvs/srv/SetBool", "bool data", "bool success\nstring message")
+
+        def come_late():
+            node = session.create_node("late")
+            for topic, kind in (
+                ("/map", "nav_msgs/msg/OccupancyGrid"),
+                ("/tf_static", "tf2_msgs/msg/TFMessage"),
+                ("/beetle/robot_description", "std_msgs/msg/String"),
+            ):
+                node.subscribe(topic, kind, lambda got, topic=topic: late.put((topic, got)), LATCHED)
+
+        def ask_nobody():
+            client = session.create_node("lost").create_client("/nobody", "std_srvs/srv/SetBool")
+            with pytest.raises(TimeoutError):
+                client.call(types.make("std_srvs/srv/SetBool_Request", data=True), timeout_s=1.0)
+            unanswered.append("/nobody")
+
+        deeds = {5: lambda: reader.send_signal(signal.SIGSTOP), 10: come_late, 15: ask_nobody, 20: reader.kill}
+        try:
+            session.wait_for("MS", "/beetle/odom", EVENT_S)
+            pilot = Pilot(session, deeds)
+            start_by = f"agents[0].start={{ros2: {{distro: kilted, endpoint: '{endpoint}'}}}}"
+            graph = ("--ros-distro", "kilted", "--set", f"ros2.endpoint={endpoint}")
+            limit = ("--set", "agents[0].mode=lockstep", "--set", "referee.stop.time_limit_s=8")
+            flight = start(TINY_ROOM, tmp_path, *limit, *graph, "--set", start_by)
+            answering = threading.Thread(target=pilot.answer_all)
+            answering.start()
+            try:
+                ended = flight.end()
+            finally:
+                pilot.questions.put(None)
+                answering.join()
+        finally:
+            reader.kill()
+        kept = dict(late.get(timeout=EVENT_S) for _ in range(3))
+    assert ended.result["valid"] is True, ended.errors
+    assert (unanswered, deeds) == (["/nobody"], {})
+    assert max(pilot.speeds_m_s) > 0.2 > pilot.speeds_m_s[-1]
+    assert (kept["/map"].info.width > 0, len(kept["/tf_static"].transforms)) == (True, 2)
+    assert '<link name="beetle/base_link">' in kept["/beetle/robot_description"].data
