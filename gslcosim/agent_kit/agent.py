@@ -271,6 +271,31 @@ def run(agent_type: Callable[[Briefing], Agent]) -> None:
     if is_behind_gateway():
         run_over_gateway(agent_type)
         return
+    _run_on_bus(lambda _: agent_type)
+
+
+def run_free(agent_type: Callable[[Briefing, Callable[[Command], None]], Agent]) -> None:
+    """Run the agents of a process in free mode: as `run` does over Zenoh, and they may also speak unasked.
+
+    Args:
+        agent_type: Makes an agent of its briefing and of what sends a command of it, from any thread.
+    """
+
+    def build_maker(bus: Bus) -> Callable[[Briefing], Agent]:
+        def make(briefing: Briefing) -> Agent:
+            def speak(command: Command) -> None:
+                # It may be the first that the run hears of the agent.
+                told = command.model_copy(update={"contract": format_own_contract()})
+                _send(bus, briefing.agent, codec.encode(told))
+
+            return agent_type(briefing, speak)
+
+        return make
+
+    _run_on_bus(build_maker)
+
+
+def _run_on_bus(build_maker: Callable[[Bus], Callable[[Briefing], Agent]]) -> None:
     from gslcosim.bus.zenoh_bus import ZenohBus
 
     try:
@@ -278,7 +303,7 @@ def run(agent_type: Callable[[Briefing], Agent]) -> None:
         with ZenohBus.open_member(join) as bus:
             events: queue.SimpleQueue[_Event] = queue.SimpleQueue()
             bus.on_disconnect(lambda: events.put((_LINK_LOST, b"")))
-            failed = answer_observations(agent_type, bus, join.agents or (join.name,), events)
+            failed = answer_observations(build_maker(bus), bus, join.agents or (join.name,), events)
     except GslCosimError as error:
         sys.exit(str(error))
     if failed:

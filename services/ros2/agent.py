@@ -1,7 +1,7 @@
 """Program between a run and a ROS 2 node that decides: an agent whose decisions come by topics.
 
-`python -m gslcosim_services.ros2.agent DISTRO DOMAIN ENDPOINT`, as `start: {ros2: …}` starts it. It has the account of
-its agent and nothing else, so that a node can reach no more than that agent.
+`python -m gslcosim_services.ros2.agent DISTRO DOMAIN ENDPOINT [free]`, as `start: {ros2: …}` starts it. It has the
+account of its agent and nothing else, so that a node can reach no more than that agent.
 
 Below `/AGENT/agent` it publishes what the agent is given at each tick, the time of the tick as stamp: `pose`
 (geometry_msgs/PoseStamped), `twist` (TwistStamped, in `map`) and `SENSOR` for each sensor with a message of its own.
@@ -9,15 +9,20 @@ After them `question` (std_msgs/Header) says that a command is awaited; its fram
 answers with the stamp of the question on one of `goal` (PoseStamped: fly there), `velocity` (TwistStamped, linear, in
 `map`), `source` (PointStamped: declare it there) and `hold` (std_msgs/Header). Simulated time waits for the answer, so
 that a run is repeated to the bit where the node's decisions follow from what it is told.
+
+In free mode it waits for nothing: commands pass when they come, whatever their stamps, and questions say only that the
+vehicle is idle.
 """
 
 import queue
 import sys
+from collections.abc import Callable
 from typing import Any, cast
 
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.agent_kit.agent import run_free
 from gslcosim.base.frames import quaternion_from_yaw
 from gslcosim.base.ros_graphs import RosDistribution
 from gslcosim.contract.messages import CommandKind, Declaration, Reading
@@ -27,7 +32,8 @@ from gslcosim.ros.wire import SUBSCRIBER, QosProfile
 from gslcosim.scenario.models.sensors import SensorSpec, make_sensor_spec
 from gslcosim_services.ros2 import messages
 
-# Nothing that a node is told may be lost: who does not read holds up the run, as any agent that does not answer.
+# Where time waits, nothing that a node is told may be lost: who does not read holds up the run, as any agent that does
+# not answer.
 _ALL = QosProfile(depth=None)
 # As long as the run itself waits for an agent, and longer.
 _NODE_TIMEOUT_S = 3600.0
@@ -39,13 +45,15 @@ class RosAgent(Agent):
     Args:
         briefing: Of the agent.
         session: In the graph.
+        speak: Sends a command unasked, from any thread, in free mode; None: simulated time waits for the node.
     """
 
-    def __init__(self, briefing: Briefing, session: RosSession) -> None:
-        self._session, self._types = session, session.types
+    def __init__(self, briefing: Briefing, session: RosSession, speak: Callable[[Command], None] | None = None) -> None:
+        self._session, self._types, self._speak = session, session.types, speak
         self._agent = briefing.agent
         self._root = f"/{messages.topic_part(briefing.agent)}/agent"
-        self._tick_ns = briefing.tick_ns
+        self._tick, self._tick_ns = 0, briefing.tick_ns
+        self._qos = _ALL if speak is None else QosProfile()
         self._answers: queue.SimpleQueue[tuple[Any, CommandKind, dict[str, Any]]] = queue.SimpleQueue()
         self._sensors = {sensor.name: _describe_sensor(sensor.model, sensor.name) for sensor in briefing.sensors}
         node = session.create_node("agent", f"/{messages.topic_part(briefing.agent)}")
@@ -58,7 +66,7 @@ class RosAgent(Agent):
             node.subscribe(f"{self._root}/{topic}", kind, take)
         self._node = node
         self._publishers = {
-            topic: node.create_publisher(f"{self._root}/{topic}", kind, _ALL)
+            topic: node.create_publisher(f"{self._root}/{topic}", kind, self._qos)
             for topic, kind in (
                 ("pose", "geometry_msgs/msg/PoseStamped"),
                 ("twist", "geometry_msgs/msg/TwistStamped"),
@@ -69,7 +77,8 @@ class RosAgent(Agent):
 
     def observe(self, observation: Observation) -> None:
         """Publish what the agent is given, as soon as a node is there that can be asked."""
-        if not self._is_heard:
+        self._tick = observation.tick
+        if self._speak is None and not self._is_heard:
             self._session.wait_for(SUBSCRIBER, f"{self._root}/question", _NODE_TIMEOUT_S)
             self._is_heard = True
         types, time_ns = self._types, observation.tick * self._tick_ns
@@ -96,15 +105,17 @@ class RosAgent(Agent):
         publisher = self._publishers.get(reading.sensor)
         if publisher is None:
             topic = f"{self._root}/{messages.topic_part(reading.sensor)}"
-            publisher = self._publishers[reading.sensor] = self._node.create_publisher(topic, kind, _ALL)
+            publisher = self._publishers[reading.sensor] = self._node.create_publisher(topic, kind, self._qos)
         publisher.publish(messages.make_reading(self._types, time_ns, self._agent, sensor, values, unit=reading.unit))
 
     def decide(self, observation: Observation) -> Command:
-        """Ask the node, and return its answer."""
+        """Ask the node, and return its answer; in free mode nothing yet."""
         stamp = self._types.time(observation.tick * self._tick_ns)
         self._publishers["question"].publish(
             self._types.make("std_msgs/msg/Header", stamp=stamp, frame_id=observation.status)
         )
+        if self._speak is not None:
+            return Command(tick=observation.tick, kind="noop")
         while True:
             answered, kind, fields = self._answers.get()
             if (answered.sec, answered.nanosec) == (stamp.sec, stamp.nanosec):
@@ -121,19 +132,26 @@ class RosAgent(Agent):
 
     def _take_goal(self, goal: Any) -> None:
         place = goal.pose.position
-        self._answers.put((goal.header.stamp, "waypoint", {"position_world_m": _check(place.x, place.y, place.z)}))
+        self._take(goal.header.stamp, "waypoint", position_world_m=_check(place.x, place.y, place.z))
 
     def _take_velocity(self, velocity: Any) -> None:
         v = velocity.twist.linear
-        self._answers.put((velocity.header.stamp, "velocity", {"velocity_world_m_s": _check(v.x, v.y, v.z)}))
+        self._take(velocity.header.stamp, "velocity", velocity_world_m_s=_check(v.x, v.y, v.z))
 
     def _take_source(self, source: Any) -> None:
         place = source.point
         declaration = Declaration(position_world_m=_check(place.x, place.y, place.z))
-        self._answers.put((source.header.stamp, "declare_source", {"declaration": declaration}))
+        self._take(source.header.stamp, "declare_source", declaration=declaration)
 
     def _take_hold(self, header: Any) -> None:
-        self._answers.put((header.stamp, "hold", {}))
+        self._take(header.stamp, "hold")
+
+    # On a thread of Zenoh.
+    def _take(self, stamp: Any, kind: CommandKind, **fields: Any) -> None:
+        if self._speak is None:
+            self._answers.put((stamp, kind, fields))
+        else:
+            self._speak(Command(tick=self._tick, kind=kind, **fields))
 
 
 def _check(x: float, y: float, z: float) -> tuple[float, float, float]:
@@ -152,9 +170,16 @@ def _describe_sensor(model: str, name: str) -> SensorSpec | None:
 
 def main() -> None:
     """Run the agents of this process with nodes of ROS 2."""
-    distro, domain, endpoint = sys.argv[1:]
+    distro, domain, endpoint, *mode = sys.argv[1:]
     types = RosTypes(cast("RosDistribution", distro))
-    run(lambda briefing: RosAgent(briefing, RosSession.open(types, endpoint=endpoint, domain=int(domain))))
+
+    def open_session() -> RosSession:
+        return RosSession.open(types, endpoint=endpoint, domain=int(domain))
+
+    if mode:
+        run_free(lambda briefing, speak: RosAgent(briefing, open_session(), speak))
+    else:
+        run(lambda briefing: RosAgent(briefing, open_session()))
 
 
 if __name__ == "__main__":

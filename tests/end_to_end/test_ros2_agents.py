@@ -178,3 +178,48 @@ def test_a_run_of_kilted_serves_who_comes_late_and_outlives_who_stops_reading(tm
     assert max(pilot.speeds_m_s) > 0.2 > pilot.speeds_m_s[-1]
     assert (kept["/map"].info.width > 0, len(kept["/tf_static"].transforms)) == (True, 2)
     assert '<link name="beetle/base_link">' in kept["/beetle/robot_description"].data
+
+
+class FreePilot:
+    """Flies to the west at each pose, holds when it has come far enough, and declares the source when it stands."""
+
+    def __init__(self, session):
+        self.types, self.is_far = session.types, False
+        node = session.create_node("pilot")
+        self._topics = {
+            topic: node.create_publisher(f"{PREFIX}/{topic}", kind)
+            for topic, kind in (
+                ("velocity", "geometry_msgs/msg/TwistStamped"),
+                ("hold", "std_msgs/msg/Header"),
+                ("source", "geometry_msgs/msg/PointStamped"),
+            )
+        }
+        node.subscribe(f"{PREFIX}/twist", "geometry_msgs/msg/TwistStamped", self._take_twist)
+        node.subscribe(f"{PREFIX}/pose", "geometry_msgs/msg/PoseStamped", self._take_pose)
+
+    def _take_pose(self, pose):
+        self.is_far = self.is_far or pose.pose.position.x < 4.2
+        message = self.types.make_blank("geometry_msgs/msg/TwistStamped")
+        message.twist.linear.x = -0.4
+        self._topics["hold" if self.is_far else "velocity"].publish(message.header if self.is_far else message)
+
+    def _take_twist(self, twist):
+        if self.is_far and abs(twist.twist.linear.x) < 0.01:
+            message = self.types.make_blank("geometry_msgs/msg/PointStamped")
+            message.point.x, message.point.y, message.point.z = 1.5, 2.0, 1.0
+            self._topics["source"].publish(message)
+
+
+def test_a_node_commands_a_run_that_does_not_wait(tmp_path):
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    free = ("agents[0].mode=free", "pace=5", "referee.stop.time_limit_s=3600")
+    success = "referee.success={of: declaration, within_m: 0.5}"
+    words = [word for value in (*free, success) for word in ("--set", value)]
+    with RosSession.open(RosTypes("jazzy"), endpoint=endpoint) as session:
+        pilot = FreePilot(session)
+        start_by = f"agents[0].start={{ros2: {{endpoint: '{endpoint}'}}}}"
+        ended = fly(TINY_ROOM, tmp_path, *words, "--set", start_by)
+    assert (ended.result["valid"], ended.result["agents"][0]["success"]) == (True, True), ended.errors
+    assert pilot.is_far

@@ -26,7 +26,8 @@ def build_start_command(agent: AgentSpec, directory: Path) -> list[str] | None:
     if agent.start.python is not None:
         return build_python_command(str(find_python_agent(agent.start.python, directory)))
     if (graph := agent.start.ros2) is not None:
-        return build_python_command("-m", ROS_AGENT_MODULE, graph.distro, str(graph.domain), graph.endpoint)
+        words = [graph.distro, str(graph.domain), graph.endpoint, *(["free"] if agent.is_free else [])]
+        return build_python_command("-m", ROS_AGENT_MODULE, *words)
     if agent.start.command is not None:
         return resolve_command(agent.start.command, directory)
     return None

@@ -380,13 +380,12 @@ class AgentSpec(Spec):
 
     @model_validator(mode="after")
     def _check_ros2(self) -> Self:
-        if self.start.ros2 is not None and (self.is_free or self.sandbox not in ("auto", "none")):
-            key = "mode" if self.is_free else "sandbox"
+        if self.start.ros2 is not None and self.sandbox not in ("auto", "none"):
             raise broken_rule_error(
-                key=key,
-                expected="a mode that waits for a node of ROS 2, and no sandbox: it needs the network",
-                found=f"{key}: {self.mode_name if self.is_free else self.sandbox}",
-                remedy="Take mode: lockstep, and leave sandbox out.",
+                key="sandbox",
+                expected="none for a node of ROS 2, which needs the network",
+                found=self.sandbox,
+                remedy="Leave it out.",
             )
         return self
 
