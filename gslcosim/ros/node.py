@@ -20,7 +20,7 @@ made by `types.make("std_srvs/srv/Trigger_Response", ...)`; an answerer that ref
 import json
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from types import TracebackType
 from typing import Any, Self
@@ -153,13 +153,18 @@ class RosSession:
         Raises:
             TimeoutError: it has not come.
         """
+        return self.wait_for_any([(kind, name)], timeout_s)
+
+    def wait_for_any(self, endpoints: Collection[tuple[wire.Kind, str]], timeout_s: float = CALL_TIMEOUT_S) -> Token:
+        """Return the first of several endpoints, by kind and name, and wait until one is there; see `wait_for`."""
 
         def find() -> Token | None:
-            return next((token for token in self._graph.values() if (token.kind, token.name) == (kind, name)), None)
+            return next((token for token in self._graph.values() if (token.kind, token.name) in endpoints), None)
 
         with self._graph_lock:
             token = self._graph_lock.wait_for(find, timeout_s)
         if token is None:
+            kind, name = next(iter(endpoints))
             raise TimeoutError(f"{name}: expected an endpoint {kind} within {timeout_s:g} s, found none.")
         return token
 

@@ -10,6 +10,9 @@ answers with the stamp of the question on one of `goal` (PoseStamped: fly there)
 `map`), `source` (PointStamped: declare it there) and `hold` (std_msgs/Header). Simulated time waits for the answer, so
 that a run is repeated to the bit where the node's decisions follow from what it is told.
 
+Nav2's action `navigate_to_pose` below the same name is another way to send the vehicle to a place: while it is under
+way to a goal, nobody is asked.
+
 In free mode it waits for nothing: commands pass when they come, whatever their stamps, and questions say only that the
 vehicle is idle.
 """
@@ -28,9 +31,10 @@ from gslcosim.base.ros_graphs import RosDistribution
 from gslcosim.contract.messages import CommandKind, Declaration, Reading
 from gslcosim.ros.node import RosSession
 from gslcosim.ros.types import MAP_FRAME, RosTypes
-from gslcosim.ros.wire import SUBSCRIBER, QosProfile
+from gslcosim.ros.wire import CLIENT, SUBSCRIBER, QosProfile
 from gslcosim.scenario.models.sensors import SensorSpec, make_sensor_spec
 from gslcosim_services.ros2 import messages
+from gslcosim_services.ros2.navigation import Navigator
 
 # Where time waits, nothing that a node is told may be lost: who does not read holds up the run, as any agent that does
 # not answer.
@@ -54,7 +58,11 @@ class RosAgent(Agent):
         self._root = f"/{messages.topic_part(briefing.agent)}/agent"
         self._tick, self._tick_ns = 0, briefing.tick_ns
         self._qos = _ALL if speak is None else QosProfile()
-        self._answers: queue.SimpleQueue[tuple[Any, CommandKind, dict[str, Any]]] = queue.SimpleQueue()
+        # None: the navigator has something to say.
+        self._answers: queue.SimpleQueue[tuple[Any, CommandKind, dict[str, Any]] | None] = queue.SimpleQueue()
+        self._navigation: queue.SimpleQueue[tuple[CommandKind, dict[str, Any]]] = queue.SimpleQueue()
+        # Asked only where it has arrived or cannot go on.
+        self._stops_before_question = briefing.mode == "on_request"
         self._sensors = {sensor.name: _describe_sensor(sensor.model, sensor.name) for sensor in briefing.sensors}
         node = session.create_node("agent", f"/{messages.topic_part(briefing.agent)}")
         for topic, kind, take in (
@@ -74,17 +82,20 @@ class RosAgent(Agent):
             )
         }
         self._is_heard = False
+        self._navigator = Navigator(session, node, f"{self._root}/navigate_to_pose", self._take_navigation)
 
     def observe(self, observation: Observation) -> None:
         """Publish what the agent is given, as soon as a node is there that can be asked."""
         self._tick = observation.tick
         if self._speak is None and not self._is_heard:
-            self._session.wait_for(SUBSCRIBER, f"{self._root}/question", _NODE_TIMEOUT_S)
+            goals = f"{self._root}/navigate_to_pose/_action/send_goal"
+            self._session.wait_for_any([(SUBSCRIBER, f"{self._root}/question"), (CLIENT, goals)], _NODE_TIMEOUT_S)
             self._is_heard = True
         types, time_ns = self._types, observation.tick * self._tick_ns
         header = types.header(time_ns, MAP_FRAME)
         pose = types.pose(np.array(observation.position_world_m), quaternion_from_yaw(observation.yaw_rad))
-        self._publishers["pose"].publish(types.make("geometry_msgs/msg/PoseStamped", header=header, pose=pose))
+        stamped = types.make("geometry_msgs/msg/PoseStamped", header=header, pose=pose)
+        self._publishers["pose"].publish(stamped)
         twist = types.make(
             "geometry_msgs/msg/Twist",
             linear=types.vector(np.array(observation.velocity_world_m_s)),
@@ -94,6 +105,7 @@ class RosAgent(Agent):
         for reading in observation.readings:
             if reading.values and not reading.is_warming_up:
                 self._publish_reading(time_ns, reading)
+        self._navigator.observe(time_ns, stamped)
 
     def _publish_reading(self, time_ns: int, reading: Reading) -> None:
         sensor = self._sensors.get(reading.sensor)
@@ -110,14 +122,24 @@ class RosAgent(Agent):
 
     def decide(self, observation: Observation) -> Command:
         """Ask the node, and return its answer; in free mode nothing yet."""
-        stamp = self._types.time(observation.tick * self._tick_ns)
-        self._publishers["question"].publish(
-            self._types.make("std_msgs/msg/Header", stamp=stamp, frame_id=observation.status)
-        )
+        stamp, noop = self._types.time(observation.tick * self._tick_ns), Command(tick=observation.tick, kind="noop")
+        if self._stops_before_question and self._speak is None and self._navigator.is_flying:
+            self._navigator.give_up()
+        is_under_way = self._navigator.is_flying and self._speak is None
+        if not is_under_way:
+            self._publishers["question"].publish(
+                self._types.make("std_msgs/msg/Header", stamp=stamp, frame_id=observation.status)
+            )
         if self._speak is not None:
-            return Command(tick=observation.tick, kind="noop")
+            return noop
         while True:
-            answered, kind, fields = self._answers.get()
+            try:
+                answer = self._answers.get(block=not is_under_way)
+            except queue.Empty:
+                return noop
+            if answer is None and (answer := self._get_navigation(stamp)) is None:
+                continue
+            answered, kind, fields = answer
             if (answered.sec, answered.nanosec) == (stamp.sec, stamp.nanosec):
                 return Command(tick=observation.tick, kind=kind, **fields)
             self._session.report_once(
@@ -125,9 +147,20 @@ class RosAgent(Agent):
                 f"{answered.sec}.{answered.nanosec:09d}; ignored. Copy the stamp of {self._root}/question."
             )
 
+    # The last of what the navigator has said; it answers whatever question there is.
+    def _get_navigation(self, stamp: Any) -> tuple[Any, CommandKind, dict[str, Any]] | None:
+        latest = None
+        while not self._navigation.empty():
+            latest = self._navigation.get()
+        if latest is None:
+            return None
+        self._navigator.is_flying = self._navigator.has_goal
+        return stamp, *latest
+
     def end(self, reason: str) -> None:
         """Leave the graph."""
         del reason
+        self._navigator.give_up()
         self._session.close()
 
     def _take_goal(self, goal: Any) -> None:
@@ -151,6 +184,15 @@ class RosAgent(Agent):
         if self._speak is None:
             self._answers.put((stamp, kind, fields))
         else:
+            self._speak(Command(tick=self._tick, kind=kind, **fields))
+
+    # On a thread of Zenoh.
+    def _take_navigation(self, kind: CommandKind, fields: dict[str, Any]) -> None:
+        if self._speak is None:
+            self._navigation.put((kind, fields))
+            self._answers.put(None)
+        else:
+            self._navigator.is_flying = self._navigator.has_goal
             self._speak(Command(tick=self._tick, kind=kind, **fields))
 
 

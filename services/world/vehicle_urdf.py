@@ -1,3 +1,4 @@
+# pyright: reportAttributeAccessIssue=false
 """Description of a vehicle in URDF, made of its MJCF and its drawing, for the tools of ROS."""
 
 import math

@@ -11,9 +11,11 @@ import pytest
 from deadlines import EVENT_S
 from real_runs import AGENTS, TINY_ROOM, fly, start
 
+from gslcosim.ros.actions import ActionClient, CancelCode, GoalStatus
 from gslcosim.ros.node import RosSession
 from gslcosim.ros.types import RosTypes
 from gslcosim.ros.wire import LATCHED
+from gslcosim_services.ros2.navigation import NAVIGATE_TO_POSE, define_navigation
 
 sys.path.append(str(AGENTS))
 from ros_twin import choose_target
@@ -91,6 +93,7 @@ def test_a_node_in_lockstep_flies_as_the_same_rule_in_python(tmp_path):
 
 READER = """
 import sys, threading
+from gslcosim.ros.actions import ActionClient, CancelCode, GoalStatus
 from gslcosim.ros.node import RosSession
 from gslcosim.ros.types import RosTypes
 with RosSession.open(RosTypes("kilted"), endpoint=sys.argv[1]) as session:
@@ -204,7 +207,7 @@ class FreePilot:
         self._topics["hold" if self.is_far else "velocity"].publish(message.header if self.is_far else message)
 
     def _take_twist(self, twist):
-        if self.is_far and abs(twist.twist.linear.x) < 0.01:
+        if self.is_far and abs(twist.twist.linear.x) < 0.05:
             message = self.types.make_blank("geometry_msgs/msg/PointStamped")
             message.point.x, message.point.y, message.point.z = 1.5, 2.0, 1.0
             self._topics["source"].publish(message)
@@ -223,3 +226,35 @@ def test_a_node_commands_a_run_that_does_not_wait(tmp_path):
         ended = fly(TINY_ROOM, tmp_path, *words, "--set", start_by)
     assert (ended.result["valid"], ended.result["agents"][0]["success"]) == (True, True), ended.errors
     assert pilot.is_far
+
+
+def test_goals_of_nav2_send_the_vehicle_on(tmp_path):
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    types, told = RosTypes("kilted"), queue.SimpleQueue()
+    define_navigation(types)
+    with RosSession.open(types, endpoint=endpoint) as session:
+        path = f"{PREFIX}/navigate_to_pose"
+        client = ActionClient(session, session.create_node("caller"), path, NAVIGATE_TO_POSE, told.put)
+        start_by = f"agents[0].start={{ros2: {{distro: kilted, endpoint: '{endpoint}'}}}}"
+        flight = start(TINY_ROOM, tmp_path, "--set", start_by, "--set", "agents[0].answer_within_s=300")
+        session.wait_for("SS", f"{path}/_action/get_result", EVENT_S)
+
+        def send(x, y):
+            goal = types.make_blank(f"{NAVIGATE_TO_POSE}_Goal")
+            goal.pose.pose.position.x, goal.pose.pose.position.y, goal.pose.pose.position.z = x, y, 1.0
+            return client.send_goal(goal, timeout_s=EVENT_S)
+
+        with pytest.raises(ValueError, match="was rejected"):
+            send(float("nan"), 2.5)
+        canceled = send(4.5, 4.5)
+        assert client.cancel_goal(canceled, timeout_s=EVENT_S) == CancelCode.NONE
+        assert client.wait_for_result(canceled, timeout_s=EVENT_S)[0] == GoalStatus.CANCELED
+        assert client.wait_for_result(send(3.5, 2.5), timeout_s=EVENT_S)[0] == GoalStatus.SUCCEEDED
+        send(1.8, 2.0)
+        ended = flight.end()
+    assert (ended.result["valid"], ended.result["agents"][0]["success"]) == (True, True), ended.errors
+    left_m = [told.get().distance_remaining for _ in range(told.qsize())]
+    assert max(left_m) > 0.9
+    assert min(left_m) < 0.25

@@ -11,8 +11,8 @@ from gslcosim.ros.types import RosTypes
 # rosbags comes with the extra `ros`.
 pytestmark = [pytest.mark.extras, pytest.mark.slow]
 # From the descriptions in wheels of ROS's own packages (`share/*/msg/*.json` of ros-sensor-msgs and others): jazzy's
-# common_interfaces 5.3.6, kilted's 5.5.1; of actions, from the description that rosidl has written of jazzy's
-# nav2_msgs, and ros-action-msgs 2.3.0.
+# common_interfaces 5.3.6, kilted's 5.5.1; of actions, from the description that rosidl has written of kilted's
+# NavigateToPose, and ros-action-msgs 2.3.0.
 HASHES = json.loads((Path(__file__).parent / "type_hashes.json").read_text())
 
 
@@ -26,7 +26,7 @@ def test_hashes_are_those_of_ros(distribution):
 
 
 def test_an_action_has_the_hashes_that_rosidl_gives_its_parts():
-    types = RosTypes("jazzy")
+    types = RosTypes("kilted")
     types.define_action(
         "nav2_msgs/action/NavigateToPose",
         "geometry_msgs/PoseStamped pose\nstring behavior_tree",
