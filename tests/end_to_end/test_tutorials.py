@@ -140,6 +140,7 @@ def test_a_bag_has_the_topics_that_the_page_names(tmp_path):
 @pytest.mark.extras
 def test_a_program_without_ros_listens_to_a_run(tmp_path):
     pytest.importorskip("rosbags")
+    pytest.importorskip("xxhash")
     page = read_page("for-ros-2-users.md")
     save_files(page, tmp_path)
     with socket.socket() as probe:
@@ -151,8 +152,11 @@ def test_a_program_without_ros_listens_to_a_run(tmp_path):
     assert program.read_text() != text
     command = [sys.executable, str(program)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path) as listener:
-        assert listener.stdout is not None
-        assert listener.stdout.readline() == "listening\n"
-        type_commands(f"```sh\ngslcosim up tiny_room --ros2 --set ros2.endpoint={endpoint}\n```", tmp_path)
-        heard = listener.stdout.read().splitlines()
+        try:
+            assert listener.stdout is not None
+            assert listener.stdout.readline() == "listening\n"
+            type_commands(f"```sh\ngslcosim up tiny_room --ros2 --set ros2.endpoint={endpoint}\n```", tmp_path)
+            heard = listener.communicate(timeout=PROCESS_S)[0].splitlines()
+        finally:
+            listener.kill()
     assert [line.split()[0] for line in heard] == ["/beetle/nose"] * 3
