@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gslcosim.ros.types import RosTypes
+Nodetype = pytest.importorskip("rosbags.interfaces", reason="needs the extra ros").Nodetype
+from gslcosim.ros.types import RosTypes  # noqa: E402
 
 # rosbags comes with the extra `ros`.
 pytestmark = [pytest.mark.extras, pytest.mark.slow]
@@ -14,6 +15,9 @@ pytestmark = [pytest.mark.extras, pytest.mark.slow]
 # common_interfaces 5.3.6, kilted's 5.5.1; of actions, from the description that rosidl has written of kilted's
 # NavigateToPose, and ros-action-msgs 2.3.0.
 HASHES = json.loads((Path(__file__).parent / "type_hashes.json").read_text())
+# Bytes that rclpy 9.1.2 of kilted has written (ros-kilted-rclpy and ros-kilted-rmw-fastrtps-cpp of PyPI, Fast CDR) of
+# messages filled as `Filler` fills them.
+RCLPY_MESSAGES = json.loads((Path(__file__).parent / "rclpy_messages.json").read_text())
 
 
 @pytest.mark.parametrize("distribution", ["jazzy", "kilted"])
@@ -23,6 +27,59 @@ def test_hashes_are_those_of_ros(distribution):
     types.define_service("std_srvs/srv/Trigger", "", "bool success\nstring message")
     assert {kind: types.hash(kind) for kind in expected} == expected
     assert len(expected) >= 40
+
+
+class Filler:
+    """Fills messages with a count of their values, in lists of three and texts of up to four letters."""
+
+    def __init__(self, types):
+        self.types, self.n = types, 0
+
+    def fill(self, kind):
+        _, fields = self.types.store.fielddefs[kind]
+        # rclpy has no such field.
+        none = {"structure_needs_at_least_one_member": 0}
+        values = {name: none[name] if name in none else self.make_value(field) for name, field in fields}
+        return self.types.store.types[kind](**values)
+
+    def make_value(self, field):
+        node, rest = field
+        if node == Nodetype.NAME:
+            return self.fill(rest)
+        if node != Nodetype.BASE:
+            (of_node, of), length = rest
+            values = [self.make_value(rest[0]) for _ in range(length if node == Nodetype.ARRAY else 3)]
+            return np.array(values, of[0]) if of_node == Nodetype.BASE and of[0] != "string" else values
+        self.n += 1
+        kind = rest[0]
+        if kind == "bool":
+            return self.n % 2 == 1
+        if kind == "string":
+            return "text"[: self.n % 5]
+        if kind.startswith("float"):
+            return self.n + 0.5
+        return self.n % 100 if kind.startswith("u") else -(self.n % 100)
+
+
+@pytest.mark.parametrize("distribution", ["jazzy", "kilted"])
+def test_messages_have_the_bytes_of_rclpy_and_are_read_from_them(distribution):
+    types = RosTypes(distribution)
+    types.define_service("std_srvs/srv/SetBool", "bool data", "bool success\nstring message")
+    types.define_service("std_srvs/srv/Trigger", "", "bool success\nstring message")
+    types.define_action("std_srvs/action/Nothing", "", "", "")
+    # Of types that are the same in both.
+    known = [kind for kind in RCLPY_MESSAGES if kind not in HASHES["kilted"] or _has_one_hash(kind)]
+    for kind in known:
+        ours, theirs = types.to_cdr(Filler(types).fill(kind)), bytes.fromhex(RCLPY_MESSAGES[kind])
+        # Fast CDR leaves what was in memory in the gaps, where we have zeros, and ends at a multiple of four bytes.
+        assert len(theirs) - len(ours) in range(4), kind
+        assert {own for own, other in zip(ours, theirs, strict=False) if own != other} <= {0}, kind
+        assert types.to_cdr(types.from_cdr(theirs, kind)) == ours, kind
+    assert len(known) >= 60
+
+
+def _has_one_hash(kind):
+    return HASHES["jazzy"][kind] == HASHES["kilted"][kind]
 
 
 def test_an_action_has_the_hashes_that_rosidl_gives_its_parts():
