@@ -214,6 +214,16 @@ _FAULTS_BY_MESSAGE = {
         _Fault(name="share_below_0", reason="air does not flow backwards", change={"share": -0.5}),
         _Fault(name="share_is_nan", reason="numbers are finite", change={"share": _NAN}, schema_refuses=False),
     ),
+    "SourceRate": (
+        _Fault(name="no_rate", reason="filaments_per_s is missing", change={"filaments_per_s": _DROP}),
+        _Fault(name="rate_below_0", reason="a source takes nothing back", change={"filaments_per_s": -0.5}),
+        _Fault(
+            name="rate_is_nan",
+            reason="numbers are finite",
+            change={"filaments_per_s": _NAN},
+            schema_refuses=False,
+        ),
+    ),
     "ParticipantHello": (
         _Fault(name="no_writes", reason="writes is missing", change={"writes": _DROP}),
         _Fault(name="reads_is_text", reason="reads is a list", change={"reads": "truth/samples"}),

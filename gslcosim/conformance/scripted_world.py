@@ -17,7 +17,7 @@ from gslcosim.base.bundled import bundled_contract
 from gslcosim.base.rng import stream
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.contract import codec, keys
-from gslcosim.contract.environment_messages import WIND, WindShare
+from gslcosim.contract.environment_messages import WIND, SourceRate, WindShare, build_source_port
 from gslcosim.contract.keys import AGENT_PLACEHOLDER as ANY_AGENT
 from gslcosim.contract.keys import KEY_TABLE
 from gslcosim.contract.messages import (
@@ -35,7 +35,6 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.contract.participant_messages import (
     PARTICIPATION_VERSION,
-    VENTILATION,
     ParticipantBriefing,
     ParticipantHello,
     ParticipantInputs,
@@ -44,6 +43,7 @@ from gslcosim.contract.participant_messages import (
     PortWrite,
     VehicleOfRun,
     build_own_port,
+    find_room_output,
 )
 from gslcosim.contract.record import NumericArray
 from gslcosim.contract.schema import get_contract_hash, list_published_types
@@ -200,6 +200,7 @@ INPUT_TICKS = (*range(40), *range(120, 131), *range(250, 260), *range(65_530, 65
 N_EMPTY_TICKS = 5
 _HIDDEN_KEYS = (keys.briefing(ANY_AGENT), keys.question(ANY_AGENT), keys.raw_command(ANY_AGENT), keys.ending(ANY_AGENT))
 _OWN_PORT_PREFIX = build_own_port("", "").split("/")[0]
+_SOURCE_PORTS_PREFIX = build_source_port(0).removesuffix("0")
 
 
 def get_message_name(port: str) -> str | None:
@@ -207,6 +208,8 @@ def get_message_name(port: str) -> str | None:
     parts = port.split("/")
     if port == WIND:
         return WindShare.__name__
+    if port.startswith(_SOURCE_PORTS_PREFIX) and parts[-1].isdecimal():
+        return SourceRate.__name__
     if parts[0] == _OWN_PORT_PREFIX and len(parts) == 3 and all(parts):
         return ParticipantValues.__name__
     for channel in KEY_TABLE:
@@ -283,12 +286,15 @@ def _build_input(port: str, tick: int, noise: float) -> Message:
         return ParticipantValues(tick=tick, values={"level": noise, "is_on": noise > 0})
     if name == WindShare.__name__:
         return WindShare(tick=tick, share=abs(noise))
+    if name == SourceRate.__name__:
+        return SourceRate(tick=tick, filaments_per_s=abs(noise))
     return load_example(name).model_copy(update={"tick": tick})
 
 
 def _build_write(word: str) -> PortWrite:
-    if word == VENTILATION:
-        return PortWrite(word=word, port=WIND, message=WindShare.__name__)
+    room = find_room_output(word)
+    if room is not None:
+        return PortWrite(word=word, port=room.port, message=room.message_type.__name__)
     return PortWrite(word=word, port=build_own_port(PARTICIPANT_NAME, word), message=ParticipantValues.__name__)
 
 

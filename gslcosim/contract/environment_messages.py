@@ -1,4 +1,4 @@
-"""Messages about changes of the environment: events that begin, and the share of the wind; no agent reads them."""
+"""Messages about changes of the environment: events that begin, wind and rates of sources; no agent reads them."""
 
 from typing import Annotated
 
@@ -32,3 +32,17 @@ class WindShare(Message):
     """
 
     share: Annotated[float, Field(ge=0)]
+
+
+def build_source_port(i_source: int) -> str:
+    """Return the port of the `SourceRate` of a source, by its place in `gas.sources`."""
+    return f"truth/sources/{i_source}"
+
+
+class SourceRate(Message):
+    """The mean rate at which a source releases, from the next tick on. Written on `truth/sources/<index>` every tick.
+
+    It is in the unit of `filaments_per_s` in the scenario, and takes its place; 0 is a source that releases nothing.
+    """
+
+    filaments_per_s: Annotated[float, Field(ge=0)]

@@ -3,22 +3,22 @@
 It has a version of its own: agents take no part in it, and their briefing does not change with it.
 """
 
+import re
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 from pydantic import Field, StringConstraints
 
-from gslcosim.contract.environment_messages import WindShare
+from gslcosim.contract.environment_messages import WIND, SourceRate, WindShare, build_source_port
 from gslcosim.contract.messages import Bounds, ParameterValue
 from gslcosim.contract.record import Message, Name, Record
 
-PARTICIPATION_VERSION = "1.0"
+PARTICIPATION_VERSION = "1.1"
 VENTILATION = "ventilation"
 """The word for the output that changes the wind of the room, a `WindShare`."""
 
-ROOM_OUTPUTS: Mapping[str, type[Message]] = {VENTILATION: WindShare}
-"""Messages of the outputs that change the room, by their words: each holds until the next, and is there every tick."""
+_SOURCE_WORD = re.compile(r"source_(0|[1-9][0-9]{0,8})")
 
 MAX_PORTS = 64
 MAX_VALUES = 256
@@ -31,6 +31,34 @@ _Ports = Annotated[tuple[_Port, ...], Field(max_length=MAX_PORTS)]
 def build_own_port(participant: str, word: str) -> str:
     """Return the port of a participant's own that a word of its `writes` stands for."""
     return f"participant/{participant}/{word}"
+
+
+class RoomOutput(NamedTuple):
+    """What a word for an output that changes the room stands for: it holds until the next, and is there every tick.
+
+    `value` is the name of the one value in its message.
+    """
+
+    port: str
+    message_type: type[Message]
+    value: str
+
+
+def find_room_output(word: str) -> RoomOutput | None:
+    """Return what a word of `writes` changes in the room; nothing where it is a port of the participant's own.
+
+    `ventilation` is the wind, and `source_0` the rate of the first source in `gas.sources`.
+    """
+    if word == VENTILATION:
+        return RoomOutput(WIND, WindShare, "share")
+    i_source = find_driven_source(word)
+    return None if i_source is None else RoomOutput(build_source_port(i_source), SourceRate, "filaments_per_s")
+
+
+def find_driven_source(word: str) -> int | None:
+    """Return the place in `gas.sources` of the source whose rate a word of `writes` sets, if it sets one."""
+    found = _SOURCE_WORD.fullmatch(word)
+    return int(found[1]) if found else None
 
 
 class ParticipantHello(Message):
@@ -106,8 +134,8 @@ class ParticipantInputs(Message):
 class ParticipantOutputs(Message):
     """A participant's answer to the inputs of the same `tick`: one map for each word of its `writes`, and no other.
 
-    Under `ventilation` are the fields of a `WindShare`, under any other word numbers and truth values by name. `tick`
-    is not repeated in them.
+    Under `ventilation` are the fields of a `WindShare`, under `source_0`, `source_1` and so on (since 1.1) those of a
+    `SourceRate`, and under any other word numbers and truth values by name. `tick` is not repeated in them.
     """
 
     outputs: Annotated[dict[str, dict[str, Any]], Field(max_length=MAX_PORTS)]

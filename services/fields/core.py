@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gslcosim.base.errors import ModelError
 from gslcosim.base.ticks import exact_ticks_from_seconds, seconds_from_ticks
 from gslcosim.contract import keys
+from gslcosim.contract.environment_messages import SourceRate, build_source_port
 from gslcosim.contract.messages import (
     BodyPoses,
     ConcentrationSlice,
@@ -42,18 +43,19 @@ from gslcosim_services.fields.service import fields_spec
 
 
 class GasEvents:
-    """Events of sources: opened, closed, changed or moved, as the scenario says."""
+    """Changes of sources: opened, closed, changed or moved by events, and rates that participants set."""
 
     def __init__(self, scenario: Scenario, gas: GasField) -> None:
-        """Prepare for the events of a scenario.
+        """Prepare for the events and participants of a scenario.
 
         Raises:
-            ModelError: the scenario has events of sources, and its gas has none that can change.
+            ModelError: the scenario changes sources, and its gas has none that can change.
         """
         self._scenario = scenario
         events = [event for event in scenario.events if isinstance(event, SourceEventSpec)]
         self._plume = gas.source if isinstance(gas, FilamentField) else None
-        if events and not isinstance(self._plume, FilamentPlume):
+        self._rate_ports = {i: build_source_port(i) for i in scenario.driven_sources}
+        if (events or self._rate_ports) and not isinstance(self._plume, FilamentPlume):
             raise ModelError("events: expected gas whose sources can change, of model filament without a tape.")
         self._closed_at_first = initially_closed_sources(scenario)
 
@@ -64,6 +66,10 @@ class GasEvents:
 
     def obey(self, inbox: Inbox) -> None:
         """Apply what takes effect in this tick."""
+        for i_source, port in self._rate_ports.items():
+            rate = inbox.get(port)
+            if isinstance(rate, SourceRate):
+                self._change(i_source, self._change_rate(i_source, rate.filaments_per_s))
         for _, event in find_due_events(self._scenario, inbox):
             if isinstance(event, SourceEventSpec):
                 self._change(event.source, self._change_of(event))
@@ -71,6 +77,9 @@ class GasEvents:
     def _change(self, i_source: int, change: SourceChange) -> None:
         assert isinstance(self._plume, FilamentPlume)
         self._plume.change_source(i_source, change)
+
+    def _change_rate(self, i_source: int, filaments_per_s: float) -> SourceChange:
+        return SourceChange(share=filaments_per_s / self._scenario.gas.sources[i_source].filaments_per_s)
 
     def _change_of(self, event: SourceEventSpec) -> SourceChange:
         match event:
@@ -81,8 +90,7 @@ class GasEvents:
             case SourceMovesSpec():
                 return SourceChange(position_world_m=event.to_m)
             case SourceRateSpec():
-                source = self._scenario.gas.sources[event.source]
-                return SourceChange(share=event.filaments_per_s / source.filaments_per_s)
+                return self._change_rate(event.source, event.filaments_per_s)
             case _:
                 raise ModelError(f"events: expected an event of a source that is known, was {event.what!r}.")
 
@@ -109,8 +117,9 @@ _new_amount, _new_sample, _new_samples = (
 class FieldsCore:
     """Advances the gas and samples gas and wind where the sensors are.
 
-    Reads `truth/bodies` of the same tick, and `truth/wind` of the last one where a service drives the wind, and
-    `truth/events` of the last one where sources or the wind have events. Writes
+    Reads `truth/bodies` of the same tick, `truth/wind` of the last one where a service drives the wind,
+    `truth/sources/<index>` of the last one where a participant sets the rate of a source, and `truth/events` of the
+    last one where sources or the wind have events. Writes
     `truth/samples` every tick and `truth/filaments` at tick 0 and every `recording.gas_every_s`. Readings see filaments
     with a cut-off at 5 sigma (3 with `compatibility: gaden_3`) and along free lines of sight; slices are cut off at
     3 sigma and do not look for walls.

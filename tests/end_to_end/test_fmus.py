@@ -36,10 +36,13 @@ def room(tmp_path):
     Model.build(str(crane), project_files=[crane.parent], dest=folder)
     text = yaml.safe_load((folder / "ventilated_room.yaml").read_text())
     reading = {"port": "agents/beetle/observation", "inputs": {"gas_ppm": "readings[sensor=nose].values[0]"}}
-    other = {"name": "other_fan", "start": {"fmu": "fan.fmu"}, "reads": [reading], "writes": ["state"]}
+    other = {"name": "other_fan", "start": {"fmu": "fan.fmu"}, "reads": [reading], "writes": ["state", "source_1"]}
+    # Its share is the rate of a second source.
+    text["gas"]["sources"].append({"position_m": [1.5, 4, 1], "filaments_per_s": 5})
+    rate = {"source_1": {"filaments_per_s": "share"}}
     lift = {"port": "truth/bodies", "inputs": {"der(boom.boom[0])": "bodies[0].velocity_world_m_s[0]"}}
     text["participants"] += [
-        {**other, "outputs": {"state": {"share": "share", "n_steps": "n_steps"}}},
+        {**other, "outputs": {"state": {"share": "share", "n_steps": "n_steps"}, **rate}},
         {
             "name": "crane",
             "start": {"fmu": "MobileCrane.fmu"},
@@ -62,6 +65,7 @@ def test_units_of_four_makers_have_one_digest_however_they_are_hosted_killed_and
     ports = json.loads((here.run_dir / "digest.json").read_text())["ports"]
     units = ("fan", "battery", "other_fan", "crane")
     assert {ports[f"participant/{name}/state"]["participant"] for name in units} == {*units}
+    assert ports["truth/sources/1"]["participant"] == "other_fan"
     flight = start(room, tmp_path / "many", *LONG)
     pid = flight.child("gslcosim_services fan")
     flight.wait_for(lambda: any((tmp_path / "many").glob("*/snapshots/000000020/fan.snap")))

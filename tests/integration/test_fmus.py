@@ -411,6 +411,10 @@ def test_an_archive_that_is_none_is_refused_in_one_sentence(tmp_path):
             {"outputs": {"ventilation": {"x": "share"}, "state": {"a": "share"}}},
             "participants[0].outputs.ventilation: expected share, and nothing else, was x.",
         ),
+        (
+            {"writes": ["source_0"], "outputs": {"source_0": {"rate": "share"}}},
+            "participants[0].outputs.source_0: expected filaments_per_s, and nothing else, was rate.",
+        ),
     ],
 )
 def test_a_block_that_cannot_be_is_refused(tmp_path, changes, expected):

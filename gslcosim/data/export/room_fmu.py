@@ -167,6 +167,8 @@ def check_can_be_recorded(scenario: Scenario) -> None:
         found = "a wind that an event, a service or a participant changes"
     elif any(isinstance(event, SourceEventSpec) for event in scenario.events):
         found = "events of sources"
+    elif scenario.driven_sources:
+        found = "a source whose rate a participant sets"
     elif len(gas.sources) > MAX_SOURCES:
         found = f"{len(gas.sources)} sources of at most {MAX_SOURCES}"
     if found is not None:

@@ -22,7 +22,6 @@ from gslcosim.contract.messages import Bounds, Ending, Message
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.contract.participant_messages import (
     PARTICIPATION_VERSION,
-    ROOM_OUTPUTS,
     ParticipantBriefing,
     ParticipantHello,
     ParticipantOutputs,
@@ -30,6 +29,7 @@ from gslcosim.contract.participant_messages import (
     PortWrite,
     VehicleOfRun,
     encode_inputs,
+    find_room_output,
 )
 from gslcosim.gateway.connections import (
     AnswerTimeoutError,
@@ -362,7 +362,7 @@ class ProgramCore(ABC):
 
     def _ask(self, tick: int, inputs: bytes) -> Outbox:
         answers = self._request_outputs(self._running(), tick, inputs)
-        self._room_outputs = {self._own.port_of(word): answers[word] for word in answers if word in ROOM_OUTPUTS}
+        self._room_outputs = {room.port: answers[word] for word in answers if (room := find_room_output(word))}
         if self._is_kept:
             self._past.append((tick, inputs))
             digest = hashlib.blake2b(self._answers_hash, digest_size=16)

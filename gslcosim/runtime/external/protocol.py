@@ -14,10 +14,10 @@ from gslcosim.contract.participant import ParticipantSpec, Read, Write
 from gslcosim.contract.participant_messages import (
     MAX_VALUES,
     PARTICIPATION_VERSION,
-    ROOM_OUTPUTS,
     ParticipantHello,
     ParticipantOutputs,
     ParticipantValues,
+    find_room_output,
 )
 from gslcosim.contract.schema import check_version
 from gslcosim.gateway.frame_codec import MAX_FRAME_BYTES
@@ -43,9 +43,9 @@ def build_external_spec(own: ParticipantProgramSpec, scenario: Scenario) -> Part
         name=own.name,
         reads=tuple(Read(port=read.port, delay_ticks=read.delay) for read in own.reads),
         writes=tuple(
-            Write(port=own.port_of(word), message_type=ROOM_OUTPUTS[word])
-            if word in ROOM_OUTPUTS
-            else Write(port=own.port_of(word), message_type=ParticipantValues, period_ticks=period_ticks)
+            Write(port=own.port_of(word), message_type=ParticipantValues, period_ticks=period_ticks)
+            if (room := find_room_output(word)) is None
+            else Write(port=room.port, message_type=room.message_type)
             for word in own.writes
         ),
     )
@@ -67,7 +67,13 @@ def find_declaration_problems(
     if problems := [*find_port_problems(specs)]:
         where, _, rest = problems[0].partition(": expected ")
         expected, _, was = rest.rstrip(".").rpartition(", ")
-        return [Problem(where="participants", expected=f"{expected} ({where})", found=was.removeprefix("was "))]
+        return [
+            Problem(
+                where="participants",
+                expected=f"{expected} ({where})",
+                found=was.removeprefix("was ").removeprefix("found "),
+            )
+        ]
     if cycle := find_undelayed_cycle(specs):
         ring = " → ".join([*cycle, cycle[0]])
         expected = "a delay of at least 1 tick on one of the reads in each ring"
@@ -183,9 +189,10 @@ def build_output(word: str, tick: int, fields: Mapping[str, Any]) -> Message:
     Raises:
         ContractError: they are no such message.
     """
-    if word in ROOM_OUTPUTS:
+    room = find_room_output(word)
+    if room is not None:
         try:
-            return codec.build_message(ROOM_OUTPUTS[word], {**fields, "tick": tick})
+            return codec.build_message(room.message_type, {**fields, "tick": tick})
         except ContractError as error:
             raise ContractError(f"ParticipantOutputs: outputs.{word}: {error}") from error
     if len(fields) > MAX_VALUES:

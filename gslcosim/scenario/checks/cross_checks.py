@@ -10,11 +10,11 @@ from gslcosim.base.errors import VehicleError
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import PHYSICS_STEP_MS
 from gslcosim.base.ticks import NS_PER_S, seconds_from_ticks
-from gslcosim.contract.participant_messages import ROOM_OUTPUTS
+from gslcosim.contract.participant_messages import find_room_output
 from gslcosim.scenario.checks.program_checks import find_command_problem, find_python_problem
 from gslcosim.scenario.models.base import Spec
 from gslcosim.scenario.models.events import VALUE_PATTERN
-from gslcosim.scenario.models.gas import GASES
+from gslcosim.scenario.models.gas import EVEN_RELEASES, GASES
 from gslcosim.scenario.models.participants import ParticipantProgramSpec
 from gslcosim.scenario.models.scenario import FOLDER_KEYS, GasSpec, RecordingSpec, Scenario, StopSpec
 from gslcosim.scenario.models.sensors import (
@@ -126,7 +126,6 @@ def build_unknown_name_problem(path: str, name: str, known: Sequence[str]) -> Pr
 
 
 _DISTURBING = {"sensor_biased": "bias", "sensor_drifts": "drift_per_s"}
-_EVEN_RELEASES = ("constant", "poisson")
 _USUAL_VEHICLE = "iris"
 
 
@@ -193,7 +192,7 @@ def _wrong_value(trigger: dict[str, Any], values: dict[str, Any], path: str) -> 
     if not isinstance(value, str) or VALUE_PATTERN.fullmatch(value) is None:
         return
     word, _, name = value.partition(".")
-    words = [each for each in words_in(owners[owner].get("writes")) if each not in ROOM_OUTPUTS]
+    words = [each for each in words_in(owners[owner].get("writes")) if find_room_output(each) is None]
     names = list(block_in(owners[owner], "outputs", word))
     if word not in words:
         known, remedy = [f"{each}.NAME" for each in words], did_you_mean(word, words)
@@ -293,10 +292,10 @@ def _wrong_source(event: dict[str, Any], values: dict[str, Any], path: str) -> I
         )
     elif event.get("what") == "source_rate":
         kind = block_in(sources.get(i, {}), "release").get("kind", "constant")
-        if kind not in _EVEN_RELEASES:
+        if kind not in EVEN_RELEASES:
             yield Problem(
                 where=f"{path}.source",
-                expected=f"a source whose release is {' or '.join(_EVEN_RELEASES)}",
+                expected=f"a source whose release is {' or '.join(EVEN_RELEASES)}",
                 found=f"{i}, whose release is {kind}",
                 remedy="A schedule of rates is release: {kind: scheduled, schedule: …}.",
             )

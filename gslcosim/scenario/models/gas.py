@@ -53,6 +53,10 @@ class ReleaseSpec(KindedSpec):
         return self
 
 
+EVEN_RELEASES = ("constant", "poisson")
+"""Timings of releases whose rate can be changed during a run."""
+
+
 class ShapeSpec(KindedSpec):
     """Shape and size of a source around its position.
 

@@ -8,13 +8,11 @@ from pydantic import AfterValidator, Field, SerializeAsAny, StringConstraints, m
 from gslcosim.base.plugins import EntryPoints
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.processes import build_python_command
-from gslcosim.contract.environment_messages import WIND
 from gslcosim.contract.messages import ParameterValue
-from gslcosim.contract.participant_messages import VENTILATION, build_own_port
+from gslcosim.contract.participant_messages import VENTILATION, build_own_port, find_driven_source, find_room_output
 from gslcosim.scenario.models.base import Name, OneOf, Positive, Spec
 
-# The one value of a `WindShare`, and the names that a briefing can hold.
-_VENTILATION_VALUE = "share"
+# The names that a briefing can hold.
 _PARAMETER_NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 # What a run gives its processes there.
 _OUR_PREFIX = "GSLCOSIM_"
@@ -146,8 +144,9 @@ class ParticipantProgramSpec(Spec):
     """Your own model: a program that reads its inputs once per period and answers.
 
     - `reads`: its inputs. A participant is part of the world, so it may read true values, which agents cannot.
-    - `writes`: its outputs. `ventilation` changes the wind of the room; any other name is a port of its own,
-      `participant/<name>/<output>`, whose numbers become curves in the recording.
+    - `writes`: its outputs. `ventilation` changes the wind of the room, `source_0` the rate of the first source and so
+      on; any other name is a port of its own, `participant/<name>/<output>`, whose numbers become curves in the
+      recording.
     - `outputs`: of an FMU, by output and name the variable with its value.
     - `parameters`: passed to the program unchanged; of a unit, by variable.
     """
@@ -156,7 +155,8 @@ class ParticipantProgramSpec(Spec):
     start: ProgramStartSpec = Field(description="command that starts the program")
     reads: tuple[PortReadSpec, ...] = Field(default=(), description="ports that it reads")
     writes: Annotated[tuple[Name, ...], Field(min_length=1)] = Field(
-        description="ports that it writes: ventilation, which changes the wind, or names of its own ports"
+        description="ports that it writes: ventilation, which changes the wind, source_0, which sets the rate of the "
+        "first source, or names of its own ports"
     )
     period_s: Positive | None = Field(default=None, description="simulated time between steps (absent: one tick)")
     answer_within_s: Annotated[float, Field(gt=0, le=MAX_ANSWER_S)] = Field(
@@ -189,13 +189,20 @@ class ParticipantProgramSpec(Spec):
         return VENTILATION in self.writes
 
     @property
+    def driven_sources(self) -> tuple[int, ...]:
+        """The places in `gas.sources` of the sources whose rates it sets."""
+        found = (find_driven_source(word) for word in self.writes)
+        return tuple(i for i in found if i is not None)
+
+    @property
     def own_ports(self) -> tuple[str, ...]:
         """The ports of its own, which are recorded."""
-        return tuple(build_own_port(self.name, word) for word in self.writes if word != VENTILATION)
+        return tuple(build_own_port(self.name, word) for word in self.writes if find_room_output(word) is None)
 
     def port_of(self, word: str) -> str:
         """Return the port that a word of `writes` stands for."""
-        return WIND if word == VENTILATION else build_own_port(self.name, word)
+        room = find_room_output(word)
+        return build_own_port(self.name, word) if room is None else room.port
 
     @model_validator(mode="after")
     def _check_ports(self) -> Self:
@@ -232,14 +239,16 @@ class ParticipantProgramSpec(Spec):
                 key="outputs",
                 expected=f"variables of the unit for each of its writes ({', '.join(sorted(words))})",
                 found=", ".join(sorted(self.outputs)) or "none",
-                remedy=f"For example outputs: {{{words[0]}: {{{_VENTILATION_VALUE}: VARIABLE}}}}.",
+                remedy=f"For example outputs: {{{words[0]}: {{share: VARIABLE}}}}.",
             )
-        if self.drives_wind and [*self.outputs[VENTILATION]] != [_VENTILATION_VALUE]:
-            raise broken_rule_error(
-                key=f"outputs.{VENTILATION}",
-                expected=f"{_VENTILATION_VALUE}, and nothing else",
-                found=", ".join(self.outputs[VENTILATION]) or "nothing",
-            )
+        for word, values in self.outputs.items():
+            room = find_room_output(word)
+            if room is not None and [*values] != [room.value]:
+                raise broken_rule_error(
+                    key=f"outputs.{word}",
+                    expected=f"{room.value}, and nothing else",
+                    found=", ".join(values) or "nothing",
+                )
 
 
 # Third parties add theirs under this name; each entry point is a class that derives from `ServiceSpec`.

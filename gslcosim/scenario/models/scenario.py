@@ -10,13 +10,13 @@ from gslcosim.base.method_names import name_method
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.ros_graphs import ROS_ENDPOINT, RosDistribution
-from gslcosim.contract.environment_messages import EVENTS, EventsBeginning
+from gslcosim.contract.environment_messages import EVENTS, EventsBeginning, build_source_port
 from gslcosim.contract.messages import ParameterValue
 from gslcosim.contract.participant import Inbox, Read
 from gslcosim.scenario.models.base import Name, NonNegative, Positive
 from gslcosim.scenario.models.base import Spec as Spec
-from gslcosim.scenario.models.events import Event, EventSpec
-from gslcosim.scenario.models.gas import Gas
+from gslcosim.scenario.models.events import Event, EventSpec, SourceRateSpec
+from gslcosim.scenario.models.gas import EVEN_RELEASES, Gas
 from gslcosim.scenario.models.gas import GasSpec as GasSpec
 from gslcosim.scenario.models.gas import SourceSpec as SourceSpec
 from gslcosim.scenario.models.geometry import BoxSpec as BoxSpec
@@ -591,6 +591,47 @@ class Scenario(Spec):
             )
         return self
 
+    @model_validator(mode="after")
+    def _check_driven_sources(self) -> Self:
+        for i, participant in enumerate(self.participants):
+            for i_source in participant.driven_sources:
+                self._check_driven_source(i_source, f"participants[{i}].writes")
+        return self
+
+    def _check_driven_source(self, i_source: int, key: str) -> None:
+        sources = self.gas.sources
+        if i_source >= len(sources):
+            last = f" to source_{len(sources) - 1}" if len(sources) > 1 else " alone"
+            raise broken_rule_error(
+                key=key,
+                expected=f"a source in gas.sources, source_0{last}",
+                found=f"source_{i_source}",
+                remedy="Places count from 0.",
+            )
+        if self.gas.model != "filament" or self.gas.tape:
+            raise broken_rule_error(
+                key=key,
+                expected="no rate of a source with gas that cannot follow it",
+                found=f"source_{i_source} with gas.{'tape: true' if self.gas.tape else f'model: {self.gas.model}'}",
+                remedy="Take gas.model: filament without a tape.",
+            )
+        kind = sources[i_source].release.kind
+        if kind not in EVEN_RELEASES:
+            raise broken_rule_error(
+                key=key,
+                expected=f"a source whose release is {' or '.join(EVEN_RELEASES)}",
+                found=f"source_{i_source}, whose release is {kind}",
+                remedy="The participant sets its rate at all times.",
+            )
+        for i, event in enumerate(self.events):
+            if isinstance(event, SourceRateSpec) and event.source == i_source:
+                raise broken_rule_error(
+                    key=f"events[{i}].what",
+                    expected=f"no source_rate of source {i_source}, whose rate a participant sets in each tick",
+                    found="one",
+                    remedy="Leave it out, or source_starts and source_stops in its place.",
+                )
+
     @property
     def tick_ns(self) -> int:
         """Length of a tick [ns]."""
@@ -612,10 +653,17 @@ class Scenario(Spec):
         return any(each.drives_wind for each in (*self.services, *self.participants))
 
     @property
+    def driven_sources(self) -> tuple[int, ...]:
+        """The places in `gas.sources` of the sources whose rates participants set."""
+        return tuple(i for participant in self.participants for i in participant.driven_sources)
+
+    @property
     def curve_ports(self) -> tuple[str, ...]:
         """The ports of services of other packages and of participants that are recorded as curves."""
         of_services = tuple(port for service in self.services for port in service.recorded_ports)
-        return (*of_services, *(port for participant in self.participants for port in participant.own_ports))
+        of_sources = tuple(build_source_port(i) for i in self.driven_sources)
+        own = tuple(port for participant in self.participants for port in participant.own_ports)
+        return (*of_services, *of_sources, *own)
 
     @property
     def cameras(self) -> tuple[tuple[AgentSpec, CameraSensorSpec], ...]:

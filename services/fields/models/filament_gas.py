@@ -146,8 +146,9 @@ def build_air_of_gas(gas: FilamentsSpec, environment: Environment, *, speed_m_s:
 def _build_filament_source(block: FilamentGasSpec, plume: FilamentPlume, setup: GasSetup) -> FilamentSource:
     if block.tape:
         return build_cached_plume(setup.scenario, setup.environment)
-    # What events change is not known ahead.
-    if setup.wind_at is not None or any(isinstance(event, SourceEventSpec) for event in setup.scenario.events):
+    # What events and participants change is not known ahead.
+    has_events = any(isinstance(event, SourceEventSpec) for event in setup.scenario.events)
+    if setup.wind_at is not None or has_events or setup.scenario.driven_sources:
         return plume
     timing = gas_timing(setup.scenario)
     return PrefetchedPlume(plume, step_s=timing.step_s, steps_per_frame=timing.steps_per_tick)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gslcosim.base.errors import DataflowError
+from gslcosim.base.errors import DataflowError, ScenarioError
 from gslcosim.runtime.services import build_dataflow, find_participant_problems, list_service_names
 from gslcosim.scenario import load_scenario
 
@@ -36,6 +36,34 @@ def test_between_its_steps_the_wind_is_written_all_the_same():
         "truth/wind": 1,
         "participant/fan/state": 5,
     }
+
+
+def test_the_rate_of_a_source_is_written_each_tick_and_read_a_tick_later():
+    flow = build_dataflow(scenario_with(f"{{name: leak, {START}, writes: [source_0, state], period_s: 0.5}}"))
+    assert flow.writes["truth/sources/0"].period_ticks == 1
+    assert "truth/sources/0[k-1]" in flow.describe()
+    assert [reader.name for reader in flow.readers_of("leak")] == ["fields", "recorder"]
+    blocks = [f"{{name: {name}, {START}, writes: [source_0]}}" for name in ("leak", "valve")]
+    assert str(problem_of(*blocks)) == "participants: expected one writer (truth/sources/0), was leak and valve."
+
+
+@pytest.mark.parametrize(
+    ("word", "change", "expected"),
+    [
+        ("source_1", "seed=2", "[0].writes: expected a source in gas.sources, source_0 alone, was source_1."),
+        ("source_0", "gas.model=gaussian_plume",
+         "expected no rate of a source with gas that cannot follow it, was source_0 with gas.model: gaussian_plume."),
+        ("source_0", "gas.tape=true", "that cannot follow it, was source_0 with gas.tape: true. Take gas.model: fil"),
+        ("source_0", "gas.sources[0].release={kind: variable}",
+         "expected a source whose release is constant or poisson, was source_0, whose release is variable."),
+        ("source_0", "events=[{what: source_rate, at_s: 1, filaments_per_s: 3}]",
+         "events[0].what: expected no source_rate of source 0, whose rate a participant sets in each tick, was one."),
+    ],
+)  # fmt: skip
+def test_a_rate_that_cannot_be_set_is_refused(word, change, expected):
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("tiny_room", overrides=[f"participants=[{{name: leak, {START}, writes: [{word}]}}]", change])
+    assert expected in str(caught.value)
 
 
 def test_an_unknown_port_is_named_with_the_nearest_one():

@@ -313,6 +313,10 @@ def test_a_unit_that_cannot_start_says_why(unit, tmp_path):
         (["gas.turbulence={kind: given}"], "was gas.turbulence."),
         (["gas.rotor_downwash=true"], "was gas.rotor_downwash: true."),
         (["events=[{what: source_stops, at_s: 3}]"], "was events of sources."),
+        (
+            ["participants=[{name: leak, start: {command: [cat]}, writes: [source_0]}]"],
+            "was a source whose rate a participant sets.",
+        ),
     ],
 )
 def test_gas_that_a_recording_cannot_stand_for_is_refused(changes, found):

@@ -6,7 +6,7 @@ import msgpack
 import pytest
 
 from gslcosim.base.errors import ContractError
-from gslcosim.contract.environment_messages import WindShare
+from gslcosim.contract.environment_messages import SourceRate, WindShare
 from gslcosim.contract.participant_messages import ParticipantHello, ParticipantValues
 from gslcosim.runtime.external.protocol import check_hello, read_hello, read_outputs
 
@@ -26,6 +26,11 @@ def test_a_right_answer_becomes_a_message_for_each_word():
     assert answers == {
         "ventilation": WindShare(tick=7, share=2.0),
         "state": ParticipantValues(tick=7, values={"level": 3.0, "is_on": True}),
+    }
+    outputs = {"source_10": {"filaments_per_s": 4}, "source_01": {"filaments_per_s": 4}}
+    assert read_outputs(msgpack.packb({"tick": 7, "outputs": outputs}), 7, outputs) == {
+        "source_10": SourceRate(tick=7, filaments_per_s=4.0),
+        "source_01": ParticipantValues(tick=7, values={"filaments_per_s": 4.0}),
     }
 
 
