@@ -37,6 +37,7 @@ _COMPILER_VARIABLES = (
 _KERNEL_MARKS = (b"numba", b"njit", b"scalar_kernel")
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 _CANNOT_BE_WRITTEN = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT)
+_KEY_FILE = "kernels.key"
 _SIGNATURE_BYTES = 32
 _KEY_BYTES = 32
 _READ = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
@@ -83,8 +84,14 @@ def is_trusted(status: os.stat_result) -> bool:
 
 
 def get_key_path() -> Path:
-    """Return the file with the key of the signatures."""
-    return get_cache_root() / "kernels.key"
+    """Return the file with the key of the signatures, in the cache that holds the kernels.
+
+    A process that inherits the folder of kernels and has another cache, as by `GSLCOSIM_CACHE`, reads them with their
+    key: with one of its own it would compile all again and sign them so that the others had to compile them again.
+    """
+    if OWNER_VARIABLE in os.environ and NUMBA_VARIABLE in os.environ:
+        return Path(os.environ[NUMBA_VARIABLE]).parents[1] / _KEY_FILE
+    return get_cache_root() / _KEY_FILE
 
 
 @cache

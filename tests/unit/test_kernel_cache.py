@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from gslcosim.base.kernel_cache import get_key_path, use_kernel_cache
+from gslcosim.base.kernel_cache import PACKAGE_DIR, get_key_path, use_kernel_cache
 
 PROGRAM = """
 import gslcosim, numba
@@ -46,7 +46,7 @@ def cached(tmp_path):
         return int(
             subprocess.run(
                 [*prefix, sys.executable, str(tmp_path / "program.py")],
-                env=variables | settings | {"GSLCOSIM_CACHE": str(tmp_path / "cache")},
+                env=variables | {"GSLCOSIM_CACHE": str(tmp_path / "cache")} | settings,
                 capture_output=True,
                 text=True,
                 check=True,
@@ -192,6 +192,15 @@ def test_an_agent_that_has_no_key_reads_signed_files_as_numba_does(cached, tmp_p
     )
     assert ran.stdout == "2\n"
     assert not (tmp_path / "nothing").exists()
+
+
+def test_who_inherits_the_folder_and_has_another_cache_shares_the_kernels(cached, tmp_path):
+    """With a key of its own it would compile and sign all of them, and after it everybody else would."""
+    (folder,) = (path for path in (tmp_path / "cache" / "numba").iterdir() if path.is_dir())
+    inherited = {"NUMBA_CACHE_DIR": str(folder), "NUMBA_CACHE_OF_GSLCOSIM": str(PACKAGE_DIR)}
+    assert cached(GSLCOSIM_CACHE=str(tmp_path / "other"), **inherited) == 2
+    assert not (tmp_path / "other" / "kernels.key").exists()
+    assert cached() == 2
 
 
 def test_another_copy_of_the_code_does_not_inherit_the_folder():

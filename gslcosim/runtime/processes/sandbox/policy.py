@@ -13,7 +13,7 @@ from pathlib import Path
 import gslcosim
 from gslcosim.base.bundled import bundled_agents, bundled_folder
 from gslcosim.base.files import user_state_folder
-from gslcosim.base.kernel_cache import NUMBA_VARIABLE, get_cache_root
+from gslcosim.base.kernel_cache import NUMBA_VARIABLE, get_cache_root, get_key_path
 from gslcosim.runtime.processes.daemon import get_daemon_folder
 from gslcosim.runtime.status import get_status_folder
 
@@ -99,7 +99,7 @@ def list_code_folders() -> list[Path]:
     kernels = [Path(os.environ[NUMBA_VARIABLE])] if NUMBA_VARIABLE in os.environ else []
     return [
         *list_python_folders(),
-        get_cache_root(),
+        *_list_caches(),
         *kernels,
         *(Path(folder) for folder in SYSTEM_FOLDERS if folder != _OPTIONAL),
     ]
@@ -111,7 +111,12 @@ def list_hidden_folders() -> list[Path]:
     Bundled scenarios, the cache, what the user has found out, and the folders of sockets at which only those in no
     sandbox may ask.
     """
-    return [bundled_folder("."), get_cache_root(), user_state_folder(), get_daemon_folder(), get_status_folder()]
+    return [bundled_folder("."), *_list_caches(), user_state_folder(), get_daemon_folder(), get_status_folder()]
+
+
+# The kernels of who has started this process may lie in another cache, with the key that signs them.
+def _list_caches() -> list[Path]:
+    return list(dict.fromkeys((get_cache_root(), get_key_path().parent)))
 
 
 def is_system_path(path: Path) -> bool:
