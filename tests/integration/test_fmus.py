@@ -305,6 +305,8 @@ def test_binaries_that_are_none_are_named(tmp_path, core_of):
     (tmp_path / "broken.fmu").write_bytes(broken)
     text = told_fault(core_of(block(tmp_path / "broken.fmu")))
     assert text.startswith("expected an archive that can be unpacked, could not: Bad CRC-32 for file 'binaries/")
+    (text,) = find_problems(block(tmp_path / "broken.fmu"))
+    assert "start.fmu: expected an archive whose files can be unpacked, was one with a broken 'binaries/" in text
     other = next(Path(fmpy.logging.__file__).parent.rglob("*.so")).read_bytes()
     text = told_fault(core_of(block(build_fan(tmp_path, binary=other))))
     assert "expected a binary with all functions of FMI 3, was one without: " in text

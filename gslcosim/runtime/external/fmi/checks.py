@@ -6,8 +6,8 @@ from pathlib import Path
 
 from gslcosim.base.errors import DataflowError, UsageError
 from gslcosim.base.problems import Problem
-from gslcosim.runtime.external.fmi.description import read_fmu
-from gslcosim.runtime.external.fmi.wiring import wire_fmu
+from gslcosim.runtime.external.fmi.description import check_members, read_fmu
+from gslcosim.runtime.external.fmi.wiring import build_fmu_problem, wire_fmu
 from gslcosim.runtime.services import build_dataflow
 from gslcosim.scenario import Scenario
 
@@ -26,7 +26,11 @@ def find_fmu_problems(scenario: Scenario, directory: Path) -> Iterator[Problem]:
     for i, own in enumerate(scenario.participants):
         if own.start.fmu is not None:
             problems: list[Problem] = []
-            wire_fmu(own, scenario, directory, types, problems)
+            if wire_fmu(own, scenario, directory, types, problems) is not None:
+                try:
+                    check_members(directory / Path(own.start.fmu).expanduser())
+                except UsageError as error:
+                    problems.append(build_fmu_problem("start.fmu", error))
             for problem in problems:
                 yield replace(problem, where=f"participants[{i}].{problem.where}")
 

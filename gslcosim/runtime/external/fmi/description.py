@@ -4,6 +4,7 @@
 
 import sys
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,7 @@ MAX_UNPACKED_BYTES = 200 << 20
 MAX_DESCRIPTION_BYTES = 64 << 20
 INSTALL_REMEDY = 'Install it: pip install "gslcosim[fmi]".'
 _MAX_PROBLEM_LENGTH = 300
+_PIECE_BYTES = 1 << 20
 # Times are whole nanoseconds; a run is shorter than a day.
 _MIN_STEP_S, _MAX_STEP_S = 1e-9, 86_400.0
 # How a variable's functions are called: FMI 2 has fewer types than FMI 3.
@@ -159,6 +161,23 @@ def read_fmu(path: Path) -> FmuDescription:
         log_categories=tuple(category.name for category in found.logCategories if category.name),
         binaries=binaries,
     )
+
+
+def check_members(path: Path) -> None:
+    """Check each file in the archive of a unit against its checksum.
+
+    Raises:
+        UsageError: one is broken; the text is "expected …, was …".
+    """
+    with zipfile.ZipFile(path) as archive:
+        for entry in archive.infolist():
+            try:
+                with archive.open(entry) as file:
+                    while file.read(_PIECE_BYTES):
+                        pass
+            except (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError) as error:
+                expected = f"an archive whose files can be unpacked, was one with a broken {entry.filename!r}"
+                raise UsageError(f"expected {expected}: {_shorten(error)}") from error
 
 
 def list_unpacked_folders(version: int) -> tuple[str, ...]:

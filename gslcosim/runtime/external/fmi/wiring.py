@@ -64,7 +64,7 @@ def wire_fmu(
     try:
         unit = read_fmu(directory / Path(str(own.start.fmu)).expanduser())
     except UsageError as error:
-        problems.append(_build_problem("start.fmu", error))
+        problems.append(build_fmu_problem("start.fmu", error))
         return None
     n_before = len(problems)
     inputs = [*_wire_inputs(own, unit, scenario, types, problems)]
@@ -86,8 +86,8 @@ def wire_fmu(
     )
 
 
-# Of an error whose text is "expected …, was …".
-def _build_problem(where: str, error: UsageError) -> Problem:
+def build_fmu_problem(where: str, error: UsageError) -> Problem:
+    """Return the problem at a key of a participant that an error whose text is "expected …, was …" tells."""
     expected, _, found = str(error).removeprefix("expected ").partition(", was ")
     return Problem(where=where, expected=expected, found=found.rstrip("."))
 
@@ -134,7 +134,7 @@ def _wire_inputs(
             try:
                 path = parse_value_path(text, types[read.port])
             except UsageError as error:
-                problems.append(_build_problem(where, error))
+                problems.append(build_fmu_problem(where, error))
                 continue
             problems += _check_names(path, scenario, where)
             problems += _check_value(variable, path.kinds, path.field, where)
