@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 
 from gslcosim.base.frames import quaternion_from_yaw, world_from_body_rotation
-from gslcosim.base.ticks import exact_ticks_from_seconds, seconds_from_ticks
+from gslcosim.base.ticks import NS_PER_S, exact_ticks_from_seconds, seconds_from_ticks
 from gslcosim.contract import keys
 from gslcosim.contract.messages import (
     BodyPoses,
@@ -43,6 +43,7 @@ NODE_NAME = "gslcosim"
 # Of a run that is faster than its readers: what they have not read yet.
 _QUEUED = QosProfile(depth=1000)
 _LATCHED_MANY = QosProfile(is_transient_local=True, depth=1000)
+_TRACK_PERIOD_NS = NS_PER_S
 
 
 class Ros2Core:
@@ -116,6 +117,7 @@ class Ros2Core:
 
     def _declare_truth(self, declare: Callable[..., None]) -> None:
         declare("/truth/filaments", "sensor_msgs/msg/PointCloud2")
+        declare("/truth/plume", "visualization_msgs/msg/MarkerArray")
         for agent in self._scenario.agents:
             declare(f"/truth/{messages.topic_part(agent.name)}/odom", "nav_msgs/msg/Odometry")
             for sensor in agent.sensors:
@@ -198,6 +200,7 @@ class Ros2Core:
             centres_m = cloud.position_world_m.to_array().reshape(-1, 3)
             sigmas_m = cloud.sigma_m.to_array().ravel()
             self._publish("/truth/filaments", lambda: messages.make_filaments(types, time_ns, centres_m, sigmas_m))
+            self._publish("/truth/plume", lambda: messages.make_plume(types, time_ns, centres_m, sigmas_m))
 
     def close(self) -> None:
         """Leave the graph."""
@@ -235,6 +238,8 @@ class _AgentTopics:
         self._clean_air_ohm: dict[str, float] = {}
         self._taken_ticks: dict[str, int] = {}
         self._n_waypoints = 0
+        self._track = messages.Track(types)
+        self._track_period_ticks = max(_TRACK_PERIOD_NS // scenario.tick_ns, 1)
         self._directions = {
             sensor.name: ray_directions_body(sensor).reshape(-1, 3)
             for sensor in agent.sensors
@@ -243,6 +248,7 @@ class _AgentTopics:
         self.topics: dict[str, tuple[str, QosProfile]] = {
             f"{self._root}/odom": ("nav_msgs/msg/Odometry", _QUEUED),
             f"{self._root}/pose": ("geometry_msgs/msg/PoseStamped", _QUEUED),
+            f"{self._root}/track": ("visualization_msgs/msg/MarkerArray", _QUEUED),
             f"{self._root}/waypoints": ("visualization_msgs/msg/Marker", _LATCHED_MANY),
         }
         for sensor in agent.sensors:
@@ -273,7 +279,7 @@ class _AgentTopics:
         return self._types.transform(time_ns, MAP_FRAME, messages.base_frame(self.name), position_m, turn)
 
     def publish_observation(self, tick: int, time_ns: int, observation: Observation, publish: Publish) -> None:
-        """Publish the pose and what sensors report."""
+        """Publish the pose, the track once a second, and what sensors report."""
         types = self._types
         position_m, turn = np.array(observation.position_world_m), quaternion_from_yaw(observation.yaw_rad)
         w, x, y, z = (float(value) for value in turn)
@@ -290,6 +296,9 @@ class _AgentTopics:
                 pose=types.pose(position_m, turn),
             ),
         )
+        self._track.add(position_m)
+        if tick % self._track_period_ticks == 0:
+            publish(f"{self._root}/track", lambda: self._track.make_markers(time_ns))
         for reading in observation.readings:
             sensor = self._sensors.get(reading.sensor)
             # Estimates that are made of readings have no topic; readings are held until the next.

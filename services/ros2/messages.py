@@ -56,7 +56,13 @@ _TESLA_PER_MICROTESLA = 1e-6
 _UNKNOWN_COVARIANCE = 0
 _FLAT_RAY_RAD = 0.01
 _INFRARED = 1
-_ADD, _SPHERE = 0, 2
+# Of visualization_msgs/Marker.
+_ADD, _DELETE = 0, 2
+SPHERE, LINE_STRIP, SPHERE_LIST = 2, 4, 7
+TRACK_M = 0.03
+# Of filaments, by size: each class is twice as large as the one before, and fainter.
+_SMALLEST_SIGMA_M, _N_SIZES, _SMALLEST_OPACITY = 0.05, 6, 0.6
+_MAX_PLUME_POINTS = 2000
 _OCCUPIED, _FREE = 100, 0
 
 
@@ -437,8 +443,23 @@ def make_marker(
     position_m: Vector,
     size_m: float,
     rgba: tuple[float, float, float, float],
+    *,
+    shape: int = SPHERE,
+    points: Sequence[Any] = (),
 ) -> Any:
-    """Return a marker: a sphere."""
+    """Return a marker: a sphere, or what is drawn of many points.
+
+    Args:
+        types: Of messages.
+        time_ns: Simulated time [ns].
+        namespace: Of its number.
+        number: Of the marker; a later one with the same takes its place.
+        position_m: Where it is, or what points are given from.
+        size_m: Diameter of a sphere, width of a line [m].
+        rgba: Colour and opacity.
+        shape: SPHERE, or LINE_STRIP or SPHERE_LIST of points.
+        points: Of a line or a list of spheres; without any the marker is taken away.
+    """
     red, green, blue, alpha = rgba
     nothing = np.zeros(0, dtype=np.uint8)
     return types.make(
@@ -446,14 +467,14 @@ def make_marker(
         header=types.header(time_ns, MAP_FRAME),
         ns=namespace,
         id=number,
-        type=_SPHERE,
-        action=_ADD,
+        type=shape,
+        action=_ADD if shape == SPHERE or points else _DELETE,
         pose=types.pose(position_m, UPRIGHT),
         scale=types.vector(np.full(3, size_m)),
         color=types.make("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=alpha),
         lifetime=types.make("builtin_interfaces/msg/Duration", sec=0, nanosec=0),
         frame_locked=False,
-        points=[],
+        points=list(points),
         colors=[],
         texture_resource="",
         texture=types.make("sensor_msgs/msg/CompressedImage", header=types.header(0, ""), format="", data=nothing),
@@ -469,3 +490,56 @@ def make_filaments(types: RosTypes, time_ns: int, centres_m: Vector, sigmas_m: V
     """Return the cloud of filaments with their sizes `sigma` [m]."""
     points = np.concatenate([centres_m, sigmas_m[:, None]], axis=1).astype(np.float32)
     return types.cloud(time_ns, points, ("x", "y", "z", "sigma"))
+
+
+def make_plume(types: RosTypes, time_ns: int, centres_m: Vector, sigmas_m: Vector) -> Any:
+    """Return filaments as markers, a list of spheres for each class of size; some of them where they are many."""
+    stride = 1 + (len(centres_m) - 1) // _MAX_PLUME_POINTS
+    centres_m, sigmas_m = centres_m[::stride], sigmas_m[::stride]
+    sizes = np.log2(np.maximum(sigmas_m, _SMALLEST_SIGMA_M) / _SMALLEST_SIGMA_M).astype(np.int64)
+    markers: list[Any] = []
+    for size in range(_N_SIZES):
+        points = [types.point(centre_m) for centre_m in centres_m[np.minimum(sizes, _N_SIZES - 1) == size]]
+        colour = (*GREEN[:3], _SMALLEST_OPACITY / 2**size)
+        diameter_m = 2 * _SMALLEST_SIGMA_M * 2**size
+        markers.append(
+            make_marker(
+                types, time_ns, "plume", size, np.zeros(3), diameter_m, colour, shape=SPHERE_LIST, points=points
+            )
+        )
+    return types.make("visualization_msgs/msg/MarkerArray", markers=markers)
+
+
+class Track:
+    """Line of the places where a vehicle has been, as markers; fewer where they become many.
+
+    Args:
+        types: Of messages.
+    """
+
+    _MAX_POINTS = 500
+
+    def __init__(self, types: RosTypes) -> None:
+        self._types = types
+        self._spacing_m = 0.05
+        self._places_m: list[Vector] = []
+        self._points: list[Any] = []
+
+    def add(self, position_m: Vector) -> None:
+        """Add where the vehicle is, if it is far enough from the last of the places."""
+        if self._places_m and np.linalg.norm(position_m - self._places_m[-1]) < self._spacing_m:
+            return
+        self._places_m.append(position_m)
+        self._points.append(self._types.point(position_m))
+        if len(self._points) > self._MAX_POINTS:
+            self._spacing_m *= 2
+            del self._places_m[1:-1:2], self._points[1:-1:2]
+
+    def make_markers(self, time_ns: int) -> Any:
+        """Return the line at a simulated time [ns]."""
+        # A line has two ends.
+        points = self._points if len(self._points) > 1 else ()
+        line = make_marker(
+            self._types, time_ns, "track", 0, np.zeros(3), TRACK_M, BLUE, shape=LINE_STRIP, points=points
+        )
+        return self._types.make("visualization_msgs/msg/MarkerArray", markers=[line])

@@ -4,9 +4,11 @@ import json
 import queue
 import socket
 from collections import defaultdict
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 import gslcosim
 from gslcosim.cli.main import main
@@ -25,6 +27,16 @@ SENSORS = (
     "{model: lidar_2d, name: scan, period_s: 0.2, lidar: {n_azimuths: 90}, mount_rpy_rad: [0, 0, 0.5]},"
     "{model: lidar_3d, name: cloud, period_s: 1, lidar: {n_azimuths: 30, n_elevations: 3}}]"
 )
+MARKERS = "visualization_msgs/msg/MarkerArray"
+RVIZ = Path(__file__).parents[2] / "docs" / "examples" / "ros2" / "gslcosim.rviz"
+DISPLAYED = {
+    "Map": "nav_msgs/msg/OccupancyGrid",
+    "Marker": "visualization_msgs/msg/Marker",
+    "MarkerArray": MARKERS,
+    "Odometry": "nav_msgs/msg/Odometry",
+    "PointCloud2": "sensor_msgs/msg/PointCloud2",
+    "RobotModel": "std_msgs/msg/String",
+}
 UP = ["up", "tiny_room", "--in-process", "--json", "--set", f"agents[0].sensors={SENSORS}"]
 
 
@@ -41,7 +53,10 @@ class Listener:
     def __init__(self, session):
         self.session, self.node = session, session.create_node("listener")
         self.messages, self.types = defaultdict(list), {}
-        self._arrived = queue.SimpleQueue()
+        self._arrived, self.offered = queue.SimpleQueue(), queue.SimpleQueue()
+        self._watch = session.zenoh.liveliness().declare_subscriber(
+            wire.build_graph_key(0), lambda sample: self.offered.put(str(sample.key_expr))
+        )
 
     def listen(self, topics):
         for topic, kind in topics.items():
@@ -75,6 +90,7 @@ def test_topics_are_those_of_the_bag_and_results_the_same(endpoint, capsys, tmp_
     # Poses of the bag are true, those of live topics are what the agent knows; points are in the vehicle's frame.
     own = {"/beetle/odom", "/beetle/pose", "/tf", "/beetle/cloud/points", "/beetle/below/points"}
     topics = {topic: found[0].__msgtype__ for topic, found in bag.items()} | {"/clock": "rosgraph_msgs/msg/Clock"}
+    topics |= {"/beetle/track": MARKERS, "/truth/plume": MARKERS}
     with RosSession.open(RosTypes("jazzy"), endpoint=endpoint) as session:
         listener = Listener(session)
         listener.listen(topics)
@@ -85,6 +101,9 @@ def test_topics_are_those_of_the_bag_and_results_the_same(endpoint, capsys, tmp_
                 listener.wait_for(topic, lambda last: stamp_ns(last.clock) == end_ns)
             elif topic.startswith(("/beetle/nose", "/beetle/scan")):
                 listener.wait_for(topic, lambda last: stamp_ns(last.header.stamp) >= end_ns - 200_000_000)
+            elif topics[topic] == MARKERS and topic != "/sources":
+                listener.wait_for(topic, lambda last: stamp_ns(last.markers[0].header.stamp) >= end_ns - 1_000_000_000)
+        assert_displays_are_offered(listener.offered)
     assert heard["digest"] == quiet["digest"]
     live = listener.messages
     assert set(topics) - set(live) == set()
@@ -94,6 +113,40 @@ def test_topics_are_those_of_the_bag_and_results_the_same(endpoint, capsys, tmp_
         for key, message in kept.items():
             if key in seen:
                 assert_equal(seen[key], message, topic)
+
+    assert_markers_show_what_other_topics_have(live)
+
+
+def assert_displays_are_offered(offered):
+    """What the RViz file shows are topics of those types, kept for who comes late where it expects that."""
+    displays = yaml.safe_load(RVIZ.read_text())["Visualization Manager"]["Displays"]
+    wanted = {}
+    for display in displays:
+        name = display["Class"].removeprefix("rviz_default_plugins/")
+        if (topic := display.get("Topic") or display.get("Description Topic")) is not None:
+            is_kept = topic["Durability Policy"] == "Transient Local"
+            wanted[topic["Value"], DISPLAYED[name], is_kept] = display
+    assert {"/beetle/track", "/truth/plume", "/map", "/beetle/robot_description"} <= {topic for topic, _, _ in wanted}
+    while wanted:
+        token = wire.Token.parse(offered.get(timeout=PATIENCE_S))
+        if token is not None and token.kind == wire.PUBLISHER:
+            is_kept = token.qos.split(":")[1] == "1"
+            wanted.pop((token.name, token.type, is_kept), None)
+
+
+def assert_markers_show_what_other_topics_have(live):
+    (line,) = live["/beetle/track"][-1].markers
+    ends = {(point.x, point.y, point.z) for point in line.points}
+    poses = [message.pose.position for message in live["/beetle/pose"]]
+    assert len(line.points) > 2
+    assert ends <= {(place.x, place.y, place.z) for place in poses}
+    spheres, cloud = live["/truth/plume"][-1].markers, live["/truth/filaments"][-1]
+    points_m = np.array([(point.x, point.y, point.z) for each in spheres for point in each.points])
+    filaments_m = cloud.data.view("<f4").reshape(cloud.width, 4)
+    assert len(points_m) == cloud.width > 10
+    np.testing.assert_allclose(np.sort(points_m, axis=0), np.sort(filaments_m[:, :3], axis=0), atol=1e-5)
+    for each in spheres:
+        assert (each.action == 0) == bool(each.points)
 
 
 def _key(message):
