@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flaky_tests import mark_flaky_tests
+from flaky_tests import is_whole_suite, mark_flaky_tests
 from hypothesis import HealthCheck, settings
+from marked_files import MISREAD, find_misread, is_left_out
 
 from gslcosim.environment.geometry_source import build_still_environment
 from gslcosim.environment.model import Box, Cell, Environment, Grid, WindFrames
@@ -23,6 +24,7 @@ settings.register_profile("explore", deadline=None, database=None, suppress_heal
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 GOLDEN_DIR = Path(__file__).parent / "golden"
+MARKS = ("slow", "end_to_end", "tour", "debian", "extras", "soak")
 # A module's tests go to one worker. The longest modules begin first: begun last, one would run while no other does.
 LONGEST_MODULES = (
     "test_ray_pool", "test_two_hosts", "test_sandboxes", "test_tutorials", "test_method_ports", "test_fork",
@@ -32,10 +34,16 @@ LONGEST_MODULES = (
 )  # fmt: skip
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Pass over files that a mark leaves out, where the whole suite is collected."""
+    return True if is_whole_suite(config) and is_left_out(collection_path, config) else None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Give a second try to who is named for it; before tests are left out, so that no name is missed."""
     mark_flaky_tests(config, items, Path(__file__).with_name("flaky_tests.yaml"))
+    config.stash[MISREAD] = find_misread(items, MARKS)
     ranks = {name: rank for rank, name in enumerate(LONGEST_MODULES)}
     items.sort(key=lambda item: ranks.get(item.path.stem, len(ranks)))
 

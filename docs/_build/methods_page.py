@@ -5,6 +5,7 @@ import re
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
@@ -218,13 +219,19 @@ def _cell(text: str) -> str:
 
 # Folders of other languages list their methods, or are named after theirs.
 def _ports_of(folder: Path) -> dict[str, str]:
-    ports: dict[str, str] = {}
-    for path in sorted(folder.parent.glob("*/agent.yaml")):
-        fields = yaml.load(path.read_text(encoding="utf-8"), Loader=CoreLoader)
-        port = path.parent.name
-        if folder.name in fields.get("methods", ()) or port.startswith(f"{folder.name}_"):
-            ports[port] = str(fields["language"])
-    return ports
+    return {
+        port: str(fields["language"])
+        for port, fields in _programs_in(folder.parent).items()
+        if folder.name in fields.get("methods", ()) or port.startswith(f"{folder.name}_")
+    }
+
+
+@cache
+def _programs_in(agents: Path) -> dict[str, Any]:
+    return {
+        path.parent.name: yaml.load(path.read_text(encoding="utf-8"), Loader=CoreLoader)
+        for path in sorted(agents.glob("*/agent.yaml"))
+    }
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ def mark_flaky_tests(config: pytest.Config, items: Iterable[pytest.Item], table:
         if name in reasons:
             found.add(name)
             item.add_marker(pytest.mark.flaky(reruns=N_RERUNS))
-    if _is_whole_suite(config):
+    if is_whole_suite(config):
         config.stash[UNKNOWN] = [name for name in reasons if name not in found]
 
 
@@ -43,7 +43,8 @@ def find_unknown_names(config: pytest.Config) -> list[str] | None:
     return config.stash.get(UNKNOWN, None)
 
 
-def _is_whole_suite(config: pytest.Config) -> bool:
+def is_whole_suite(config: pytest.Config) -> bool:
+    """Return whether all tests are collected, of which marks and words may leave some out."""
     if config.option.ignore or config.option.ignore_glob or config.option.deselect:
         return False
     asked = {(config.invocation_params.dir / path).resolve() for path in config.args}
