@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
@@ -25,7 +26,7 @@ from gslcosim.scenario import Scenario, load_scenario
 from gslcosim.scenario.checks.registry import find_problems
 from gslcosim.scenario.loader import find_scenario_beside, raise_located, read_spec_file
 from gslcosim.scenario.problems import InvalidScenarioError, did_you_mean
-from gslcosim.scenario.serialization import dump_values, plain_values
+from gslcosim.scenario.serialization import dump_values, plain_values, read_yaml
 
 _HEAD_BYTES = 65_536
 _DIGITS = 24
@@ -321,10 +322,20 @@ def _names_files(path: Path) -> bool:
     try:
         scenario = load_scenario(path).scenario
     except InvalidScenarioError:
-        return True  # what the suite sets makes it whole; where it stands it can be read
+        # What the suite sets, or a room in which places are drawn, makes it whole.
+        return _may_name_files(path)
     environment = scenario.environment
     has_files = environment.folder_key is not None or environment.geometry is not None
     return has_files or scenario.wind.file is not None or scenario.gas.stored is not None
+
+
+def _may_name_files(path: Path) -> bool:
+    block = read_yaml(path.read_text(encoding="utf-8"), source=path.name).block or {}
+    environment, wind, gas = (block.get(key) or {} for key in ("environment", "wind", "gas"))
+    if not all(isinstance(part, Mapping) for part in (environment, wind, gas)):
+        return True
+    solver = wind.get("solver", "auto")
+    return not environment.keys() <= {"layout", "doors"} or not isinstance(solver, str) or "playback" in gas
 
 
 def _kept_program(entry: EntrySpec, directory: Path, folder: Path) -> dict[str, Any]:

@@ -9,7 +9,9 @@ from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.bench.cases import Plan, build_plan, load_suite, suite_files
 from gslcosim.bench.cases.models import Selection, Shard, choose_trials, derive_seed
 from gslcosim.bench.cases.plan import build_plan_of_rows, group_settings
+from gslcosim.bench.sealing import hash_recipe
 from gslcosim.methods.card import SHARED_PARAMETERS
+from gslcosim.scenario.loader import find_scenario_beside
 
 HEAD = "schema: gslcosim/suite/1\nname: mine\nanchors: []\n"
 ONE_ENTRY = "entries: [{name: beetle, start: {python: dung_beetle}}]\n"
@@ -354,6 +356,20 @@ def test_a_written_suite_stands_alone_and_plans_the_same_trials(tmp_path: Path) 
     again = build_plan(load_suite(tmp_path / "copy"))
     assert [trial.id for trial in again.trials] == [trial.id for trial in plan.trials]
     assert again.suite_hash == plan.suite_hash
+
+
+def test_a_written_suite_holds_scenarios_whose_places_are_drawn_and_names_those_with_files(tmp_path: Path) -> None:
+    bundled = load_suite("open_2026_quick")
+    suite_files.write_suite(bundled, tmp_path / "kept")
+    kept = load_suite(tmp_path / "kept")
+    assert not any(Path(spec.source).is_absolute() for spec in kept.suite.scenarios)
+    assert all((tmp_path / "kept" / spec.source).is_file() for spec in kept.suite.scenarios)
+    assert hash_recipe(kept) == hash_recipe(bundled)
+    core = next(find_scenario_beside(spec.source, bundled.directory) for spec in bundled.suite.scenarios).read_text()
+    (tmp_path / "here.yaml").write_text(core.replace("environment:", "environment:\n  path: my_room", 1))
+    (tmp_path / "suite.yaml").write_text(HEAD + "scenarios: [here.yaml]\n" + ONE_ENTRY)
+    suite_files.write_suite(load_suite(tmp_path / "suite.yaml"), tmp_path / "named")
+    assert load_suite(tmp_path / "named").suite.scenarios[0].source == str(tmp_path / "here.yaml")
 
 
 def test_a_damaged_suite_file_of_results_is_written_again(tmp_path: Path) -> None:
