@@ -41,6 +41,12 @@ class Column:
     type: pa.DataType
     meaning: str
 
+    @property
+    def unit(self) -> str | None:
+        """The unit that the meaning gives in brackets."""
+        found = re.search(r"\[([^\]]+)\]", self.meaning)
+        return found[1] if found else None
+
 
 _TEXT, _WHOLE, _REAL, _FLAG = pa.string(), pa.int64(), pa.float64(), pa.bool_()
 
@@ -66,11 +72,11 @@ TRIAL_COLUMNS = (
         "success_of", _TEXT, "the success criterion: source, declaration, all_sources, map, or one of another package"
     ),
     Column("start_x_m", _REAL, "start of the first agent, world frame [m]"),
-    Column("start_y_m", _REAL, "as above"),
-    Column("start_z_m", _REAL, "as above"),
+    Column("start_y_m", _REAL, "start of the first agent, world frame [m]"),
+    Column("start_z_m", _REAL, "start of the first agent, world frame [m]"),
     Column("source_x_m", _REAL, "first source, world frame [m]"),
-    Column("source_y_m", _REAL, "as above"),
-    Column("source_z_m", _REAL, "as above"),
+    Column("source_y_m", _REAL, "first source, world frame [m]"),
+    Column("source_z_m", _REAL, "first source, world frame [m]"),
     # How it ended.
     Column("status", _TEXT, "flown, or why there is no result: crashed, hung, out_of_memory, fault"),
     Column("fault", _TEXT, "what went wrong in the simulation or worker; empty when nothing did"),
@@ -93,9 +99,9 @@ TRIAL_COLUMNS = (
     Column("directness", _REAL, "net progress towards the source / path, after first contact; -1 to 1"),
     Column("nearest_m", _REAL, "smallest distance of any agent to a source [m]"),
     Column("time_within_5_m_s", _REAL, "first time within 5 m of a source [s]; absent if never"),
-    Column("time_within_2_m_s", _REAL, "as above, 2 m"),
-    Column("time_within_1_m_s", _REAL, "as above, 1 m"),
-    Column("time_within_05_m_s", _REAL, "as above, 0.5 m"),
+    Column("time_within_2_m_s", _REAL, "first time within 2 m of a source [s]; absent if never"),
+    Column("time_within_1_m_s", _REAL, "first time within 1 m of a source [s]; absent if never"),
+    Column("time_within_05_m_s", _REAL, "first time within 0.5 m of a source [s]; absent if never"),
     Column("n_collisions", _WHOLE, "collisions of all agents"),
     Column("n_refusals", _WHOLE, "commands that the vehicle refused or changed"),
     # Gas.
@@ -114,13 +120,15 @@ TRIAL_COLUMNS = (
     Column("first_declared_s", _REAL, "first declaration [s]"),
     Column("declared_confidence", _REAL, "highest confidence of a declaration, 0 to 1; 0 without one"),
     Column("declared_error_m", _REAL, "distance of the first declaration to the nearest source [m]"),
-    Column("declared_error_in_plane_m", _REAL, "as above, heights apart [m]"),
+    Column("declared_error_in_plane_m", _REAL, "as declared_error_m, heights apart [m]"),
     Column("n_false_declarations", _WHOLE, "declarations outside the success radius; on a control all of them"),
     Column("belief_distance_m", _REAL, "expected distance of the last belief to the source = earth mover's [m]"),
-    Column("belief_error_m", _REAL, "distance of its mean to the source [m]"),
-    Column("belief_mass_near", _REAL, "its probability within the success radius"),
-    Column("belief_entropy_bits", _REAL, "its entropy [bit]"),
-    Column("belief_minus_log_p", _REAL, "-ln of its probability in the source's cell; absent where that is 0"),
+    Column("belief_error_m", _REAL, "distance of the last belief's mean to the source [m]"),
+    Column("belief_mass_near", _REAL, "probability of the last belief within the success radius"),
+    Column("belief_entropy_bits", _REAL, "entropy of the last belief [bit]"),
+    Column(
+        "belief_minus_log_p", _REAL, "-ln of the last belief's probability in the source's cell; absent where that is 0"
+    ),
     # The machine's.
     Column("wall_decision_p50_ms", _REAL, "time of a decision, median [ms of wall clock]"),
     Column("wall_decision_p95_ms", _REAL, "time of a decision, 95th percentile [ms of wall clock]"),
@@ -146,28 +154,28 @@ TRACK_COLUMNS = (
     Column("agent", _TEXT, "name of the agent"),
     Column("t_s", _SERIES, "simulated time, about one a second and the last [s]"),
     Column("x_m", _SERIES, "true position, world frame [m]"),
-    Column("y_m", _SERIES, "as above"),
-    Column("z_m", _SERIES, "as above"),
+    Column("y_m", _SERIES, "true position, world frame [m]"),
+    Column("z_m", _SERIES, "true position, world frame [m]"),
     Column("distance_m", _SERIES, "distance to the nearest source [m]"),
     Column("gas_ppm", _SERIES, "true mixing ratio at the first nose [ppm]"),
-    Column("reading", _SERIES, "what its first gas sensor reported, in the sensor's unit"),
+    Column("reading", _SERIES, "what the agent's first gas sensor reported, in the sensor's unit"),
     Column("belief_distance_m", _SERIES, "expected distance of the belief to the source [m]; NaN without one"),
     Column("belief_mass_near", _SERIES, "probability of the belief within the success radius; NaN without one"),
 )
 
 
 # As in the tables of a run, `meaning` and `unit` are metadata of the file's fields.
-def _build_schema(columns: Sequence[Column]) -> pa.Schema:
+def build_schema(columns: Sequence[Column]) -> pa.Schema:
+    """Return the schema of a table with these columns."""
     fields: list[pa.Field[Any]] = []
     for column in columns:
-        unit = re.search(r"\[(.+?)\]$", column.meaning)
-        metadata = {"meaning": column.meaning, **({"unit": unit[1]} if unit else {})}
+        metadata = {"meaning": column.meaning, **({"unit": column.unit} if column.unit else {})}
         fields.append(pa.field(column.name, column.type, metadata=metadata))
     return pa.schema(fields)
 
 
-TRIALS = _build_schema(TRIAL_COLUMNS)
-TRACKS = _build_schema(TRACK_COLUMNS)
+TRIALS = build_schema(TRIAL_COLUMNS)
+TRACKS = build_schema(TRACK_COLUMNS)
 
 
 def is_machine_dependent(column: str) -> bool:

@@ -19,7 +19,7 @@ from gslcosim.cli.bench_workers import (
     start_pool,
     verify_here,
 )
-from gslcosim.cli.commands import failures, sealing, submission, sweep, tune
+from gslcosim.cli.commands import dataset, failures, sealing, submission, sweep, tune
 from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import add_json_option, table, write, write_json
 
@@ -568,6 +568,7 @@ COMMAND = CommandFamily(
             add_arguments=_add_site_arguments,
             run=_site,
         ),
+        dataset.COMMAND,
         sweep.COMMAND,
         tune.COMMAND,
         failures.COMMAND,
