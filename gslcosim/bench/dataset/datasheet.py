@@ -19,6 +19,7 @@ from gslcosim.bench.store import WALL, ManifestEntry
 _compute: Any = pc
 
 EXAMPLE = """import pandas as pd
+
 trials = pd.read_parquet("trials.parquet")
 with_gas = trials[~trials.is_control]
 success = with_gas.groupby("entry").success.mean().sort_values()
