@@ -1,4 +1,4 @@
-"""The tables of the open comparison's pilot, from results that were never flown."""
+"""The tables of the open comparison's study, from results that were never flown."""
 
 import importlib.util
 import re
@@ -8,28 +8,28 @@ from pathlib import Path
 import pytest
 import synthetic
 
-SCRIPT = Path(__file__).parents[4] / "docs" / "studies" / "open_2026_pilot.py"
+SCRIPT = Path(__file__).parents[4] / "docs" / "studies" / "open_2026.py"
 GOOD = synthetic.Method(name="good", success=0.8, declares=1.0)
 POOR = synthetic.Method(name="poor", success=0.2, declares=0.5)
 SWEEP = synthetic.Method(name="sweep", success=0.9, mean_s=40.0)
 
 
 @pytest.fixture(scope="module")
-def pilot():
-    spec = importlib.util.spec_from_file_location("open_2026_pilot", SCRIPT)
+def study():
+    spec = importlib.util.spec_from_file_location("open_2026", SCRIPT)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
 
 
-def test_the_tables_have_each_entry_scenario_and_stratum(pilot, tmp_path, capsys, monkeypatch):
+def test_the_tables_have_each_entry_scenario_and_stratum(study, tmp_path, capsys, monkeypatch):
     plan = synthetic.Plan(
         methods=(SWEEP, POOR, GOOD, synthetic.ORACLE), n_scenarios=2, starts_m=synthetic.STARTS_M[-2:], maps=False,
         tracks=False, repetitions=6, harder=0.0,
     )  # fmt: skip
     folder = synthetic.make_results(tmp_path / "results", plan)
-    monkeypatch.setattr(sys, "argv", ["open_2026_pilot.py", str(folder)])
-    pilot.main()
+    monkeypatch.setattr(sys, "argv", ["open_2026.py", str(folder)])
+    study.main()
     entries, scenarios, groups, strata = capsys.readouterr().out.strip().split("\n\n")
     assert set(re.findall(r"^\| `(\w+)` \| 24 \|", entries, re.MULTILINE)) == {"sweep", "poor", "good", "oracle"}
     assert entries.index("`good`") < entries.index("`poor`")
@@ -42,3 +42,25 @@ def test_the_tables_have_each_entry_scenario_and_stratum(pilot, tmp_path, capsys
     assert re.search(r"^\| family `\w+` \|", groups, re.MULTILINE)
     assert re.search(r"^\| stratum ", groups, re.MULTILINE)
     assert re.search(r"\| (below 1|1 to 2|2 to 4|4 and more) \| \d \| \d+ \| \d", strata)
+
+
+def test_two_seeds_are_ranked_together_and_compared(study, tmp_path, capsys, monkeypatch):
+    folders = []
+    for seed in (1, 2):
+        plan = synthetic.Plan(
+            methods=(SWEEP, POOR, GOOD, synthetic.ORACLE), n_scenarios=2, starts_m=synthetic.STARTS_M[-2:], maps=False,
+            tracks=False, repetitions=6, harder=0.0, seed=seed,
+        )  # fmt: skip
+        folders.append(str(synthetic.make_results(tmp_path / f"results_{seed}", plan)))
+    monkeypatch.setattr(sys, "argv", ["open_2026.py", *folders])
+    study.main()
+    ranks, seeds, agreement, places, *_ = capsys.readouterr().out.strip().split("\n\n")
+    assert re.search(r"\| `oracle` \| 48 \|", ranks)
+    assert re.search(r"^\| \S+ \| `good` \| 48 \|.*`poor`", ranks, re.MULTILINE)
+    assert set(re.findall(r"^\| `(\w+)` \| \d+ of 24 \| \d+ of 24 \|", seeds, re.MULTILINE)) == {
+        "sweep",
+        "poor",
+        "good",
+    }
+    assert re.search(r"of 3 pairs change their order", agreement)
+    assert places.index("`good`") < places.index("`poor`")

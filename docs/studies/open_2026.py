@@ -1,0 +1,319 @@
+"""Prints the tables of the open comparison's study and pilots, and draws the study's figure.
+
+Run with `python docs/studies/open_2026.py RESULTS...`: folders of results of `open_2026` or `open_2026_quick`, one for
+each seed. It prints, as Markdown: success by entry; for each scenario coverage, the best blind entry and the best
+method; for each family and each stratum of coverage the best method and the best blind entry by declaration; and how
+well strata tell methods apart. Of several folders it takes all flights together, and prints three more tables: ranks
+with the entries that each one beats, success by seed, and success by group of scenarios.
+
+`--figure FILE` draws success by scenario and entry; it needs the extra `plot`.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import kendalltau
+
+from gslcosim.bench.report.leaderboard import build_leaderboard, sampling_units
+from gslcosim.bench.report.number_formats import (
+    format_estimate,
+    format_percent,
+    format_points,
+    format_ranks,
+    format_score,
+    format_three_digits,
+)
+from gslcosim.bench.report.report_data import ReportData, TrialRows, load_report_data
+from gslcosim.bench.statistics.difficulty import STRATA, coverage_ratio, coverage_stratum, fit_discrimination
+from gslcosim.bench.statistics.rates import difference_of_rates, rate_over_units, wilson
+
+SWEEP, ORACLE = "sweep", "oracle"
+# Scenarios of these families have walls or a building.
+INDOORS = ("room", "mixed")
+SEEDS_APART = 1_000_000
+
+
+def pool_results(folders: Sequence[ReportData]) -> ReportData:
+    """Return the flights of several seeds as one: equal rooms stay one room, repetitions are told apart."""
+    names = list(dict.fromkeys(entry.name for data in folders for entry in data.entries))
+    entries = tuple(next(e for data in folders for e in data.entries if e.name == name) for name in names)
+    shared = [name for name in folders[0].rows.columns if all(name in data.rows.columns for data in folders)]
+    columns = {name: np.concatenate([data.rows[name] for data in folders]) for name in shared}
+    seeds = np.concatenate([np.full(len(data.rows), k) for k, data in enumerate(folders)])
+    columns["repetition"] = columns["repetition"] + SEEDS_APART * seeds
+    index = {name: i for i, name in enumerate(names)}
+    keys = list(zip(columns["case"], columns["repetition"], columns["is_control"]))
+    units = {key: i for i, key in enumerate(dict.fromkeys(keys))}
+    rows = TrialRows(
+        columns=columns,
+        entry=np.array([index[name] for name in columns["entry"]], dtype=np.int64),
+        unit=np.array([units[key] for key in keys], dtype=np.int64),
+    )
+    return replace(folders[0], entries=entries, rows=rows)
+
+
+def print_ranks(data: ReportData) -> None:
+    """Print ranks, success over whole rooms, outcomes, and what each entry beats, of one family-wise comparison."""
+    rows = data.rows
+    table, comparison = build_leaderboard(data, np.ones(len(rows), bool))
+    beats: dict[int, list[str]] = {row.entry: [] for row in table}
+    for pair in comparison.pairs:
+        if pair.verdict:
+            winner, loser = (pair.a, pair.b) if pair.verdict > 0 else (pair.b, pair.a)
+            beats[winner].append(f"`{data.entries[loser].name}`")
+    lines = []
+    for row in sorted(table, key=lambda row: (row.rank, row.last_rank, -row.success.value)):
+        own = ~rows.is_control & (rows.entry == row.entry)
+        errors_m = rows["declared_error_in_plane_m"][own]
+        known_m = errors_m[np.isfinite(errors_m)]
+        lines.append([
+            format_ranks(row.rank, row.last_rank), f"`{data.entries[row.entry].name}`", row.n,
+            format_estimate(row.success, format_percent),
+            format_percent(float((rows["declared"][own] & ~rows["success"][own]).mean())),
+            format_percent(float((~rows["declared"][own]).mean())),
+            format_three_digits(float(np.median(known_m))) if known_m.size else "",
+            format_percent(float(np.isfinite(rows["time_within_1_m_s"][own]).mean())),
+            ", ".join(beats[row.entry]) or "none",
+        ])  # fmt: skip
+    heads = (
+        "rank", "entry", "runs", "declared within 1 m [%]", "declared elsewhere [%]", "declared nothing [%]",
+        "median error of a declaration [m]", "within 1 m at any time [%]", "beats",
+    )  # fmt: skip
+    print_table(heads, lines)
+
+
+def print_seeds(folders: Sequence[ReportData], pooled: ReportData) -> None:
+    """Print success of each entry by seed with the difference of the first two, and how far their orders agree."""
+    names = [entry.name for entry in pooled.entries if entry.name != ORACLE]
+    counts = {}
+    for name in names:
+        counts[name] = []
+        for data in folders:
+            entry = next(i for i, e in enumerate(data.entries) if e.name == name)
+            own = ~data.rows.is_control & (data.rows.entry == entry)
+            counts[name].append((int(data.rows["success"][own].sum()), int(own.sum())))
+    lines, apart = [], 0
+    for name in sorted(names, key=lambda name: -sum(k for k, _ in counts[name])):
+        first, second = counts[name][:2]
+        difference = difference_of_rates(*first, *second)
+        apart += difference.low > 0.0 or difference.high < 0.0
+        shown = [f"{k} of {n}" for k, n in counts[name]]
+        lines.append([f"`{name}`", *shown, format_estimate(difference, format_points)])
+    heads = ("entry", *(f"seed {chr(65 + k)}" for k in range(len(folders))), "A less B [points]")
+    print_table(heads, lines)
+    rates = np.array([[k / n for k, n in counts[name]] for name in names])
+    tau = float(kendalltau(rates[:, 0], rates[:, 1]).statistic)
+    swapped = sum(
+        bool((rates[i, 0] - rates[j, 0]) * (rates[i, 1] - rates[j, 1]) < 0.0)
+        for i, j in combinations(range(len(names)), 2)
+    )
+    sys.stdout.write(
+        f"Kendall's tau of the two orders {tau:.2f}; {swapped} of {len(names) * (len(names) - 1) // 2} pairs change "
+        f"their order; the difference of {apart} of {len(names)} entries excludes zero.\n\n"
+    )
+
+
+def print_places(data: ReportData) -> None:
+    """Print success of each entry on open ground, in rooms, and in mixtures, over whole rooms."""
+    rows, lines = data.rows, []
+    groups = {
+        "open ground": ~np.isin(rows["family"], INDOORS),
+        "rooms": rows["family"] == "room",
+        "mixtures": rows["family"] == "mixed",
+    }
+    for i, entry in enumerate(data.entries):
+        if entry.name == ORACLE:
+            continue
+        cells, total = [], 0.0
+        for here in groups.values():
+            own = np.flatnonzero(here & ~rows.is_control & (rows.entry == i))
+            rate = rate_over_units(rows["success"][own], sampling_units(rows, own))
+            total += float(rows["success"][own].sum())
+            cells.append(format_estimate(rate, format_percent))
+        lines.append((-total, [f"`{entry.name}`", *cells]))
+    print_table(("entry", *groups), [line for _, line in sorted(lines, key=lambda line: line[0])])
+
+
+def draw_figure(data: ReportData, path: Path) -> None:
+    """Draw the share of runs with success, a row for each scenario and a column for each entry."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    rows, scenarios = data.rows, list_scenarios(data)
+    own = {i: ~rows.is_control & (rows.entry == i) for i, e in enumerate(data.entries) if e.name != ORACLE}
+    order = sorted(own, key=lambda i: -float(rows["success"][own[i]].mean()))
+    share = np.array(
+        [[_rate(rows["success"], own[i] & (rows["scenario"] == name)) for i in order] for name in scenarios]
+    )
+    figure, axes = plt.subplots(figsize=(1.6 + 0.62 * len(order), 1.2 + 0.24 * len(scenarios)), layout="constrained")
+    drawn = axes.imshow(np.where(share < 0.0, np.nan, share), cmap="Greens", vmin=0.0, vmax=1.0, aspect="auto")
+    axes.set_xticks(range(len(order)), [data.entries[i].name for i in order], rotation=40, ha="right", fontsize=8)
+    axes.set_yticks(range(len(scenarios)), scenarios, fontsize=8)
+    families = [str(rows["family"][rows["scenario"] == name][0]) for name in scenarios]
+    for k in range(1, len(scenarios)):
+        if families[k] != families[k - 1]:
+            axes.axhline(k - 0.5, color="0.6", linewidth=0.6)
+    figure.colorbar(drawn, ax=axes, label="share of runs that declare within 1 m", shrink=0.5)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def print_table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Print a table as Markdown."""
+    lines = [heads, ["---"] * len(heads), *rows]
+    sys.stdout.write("".join("| " + " | ".join(map(str, line)) + " |\n" for line in lines) + "\n")
+
+
+def print_entries(data: ReportData) -> None:
+    """Print success by declaration, wrong declarations and approach of each entry."""
+    rows = data.rows
+    lines = []
+    for i, entry in enumerate(data.entries):
+        own = ~rows.is_control & (rows.entry == i)
+        n, success = int(own.sum()), int(rows["success"][own].sum())
+        wrong = int((rows["declared"][own] & ~rows["success"][own]).sum())
+        near = int(np.isfinite(rows["time_within_1_m_s"][own]).sum())
+        texts = [format_estimate(wilson(k, n), format_percent) for k in (success, wrong, near)]
+        lines.append((success / max(n, 1), [f"`{entry.name}`", n, *texts]))
+    found = [line for _, line in sorted(lines, key=lambda line: -line[0])]
+    print_table(
+        ("entry", "runs", "declared within 1 m [%]", "declared elsewhere [%]", "within 1 m at any time [%]"), found
+    )
+
+
+def find_blind(data: ReportData) -> list[int]:
+    """Return which entries are blind."""
+    return [i for i, entry in enumerate(data.entries) if entry.is_blind]
+
+
+def find_methods(data: ReportData) -> list[int]:
+    """Return which entries smell, without the oracle."""
+    return [i for i, entry in enumerate(data.entries) if not entry.is_blind and entry.name != ORACLE]
+
+
+def list_scenarios(data: ReportData) -> list[str]:
+    """Return the names of the scenarios, in the order in which they were flown."""
+    return list(dict.fromkeys(data.rows["scenario"].tolist()))
+
+
+def print_scenarios(data: ReportData) -> None:
+    """Print coverage, the best blind entry by approach and the best method by declaration of each scenario."""
+    rows, lines = data.rows, []
+    blind, methods = find_blind(data), find_methods(data)
+    for name in list_scenarios(data):
+        here = _runs_of(data, name)
+        ratio = _coverage(data, here)
+        best_blind = max((_rate(np.isfinite(rows["time_within_1_m_s"]), here & (rows.entry == i)), i) for i in blind)
+        best = max((_rate(rows["success"], here & (rows.entry == i)), i) for i in methods)
+        pooled = here & np.isin(rows.entry, methods)
+        lines.append([
+            f"`{name}`", _describe_coverage(ratio), coverage_stratum(ratio),
+            f"{100 * best_blind[0]:.0f} (`{data.entries[best_blind[1]].name}`)",
+            f"{100 * best[0]:.0f} (`{data.entries[best[1]].name}`)",
+            format_estimate(wilson(int(rows["success"][pooled].sum()), int(pooled.sum())), format_percent),
+        ])  # fmt: skip
+    heads = (
+        "scenario",
+        "limit / sweep's median",
+        "stratum",
+        "best blind, approach [%]",
+        "best method [%]",
+        "all methods [%]",
+    )
+    print_table(heads, lines)
+
+
+def _describe_coverage(ratio: float) -> str:
+    return "no sweep" if np.isnan(ratio) else "sweep fails" if ratio == 0 else f"{ratio:.1f}"
+
+
+def _rate(flags: np.ndarray, own: np.ndarray) -> float:
+    return float(flags[own].mean()) if own.any() else -1.0
+
+
+def _coverage(data: ReportData, here: np.ndarray) -> float:
+    sweep = here & (data.rows.entry == next(i for i, entry in enumerate(data.entries) if entry.name == SWEEP))
+    return coverage_ratio(data.rows["time_within_1_m_s"][sweep], float(data.rows["time_limit_s"][here][0]))
+
+
+def print_groups(data: ReportData) -> None:
+    """Print the best method and the best blind entry by declaration of each family, each stratum and all together."""
+    rows = data.rows
+    strata = np.array([coverage_stratum(_coverage(data, _runs_of(data, name))) for name in list_scenarios(data)])
+    index = {name: i for i, name in enumerate(list_scenarios(data))}
+    stratum = strata[[index[name] for name in rows["scenario"].tolist()]]
+    groups = [("all", np.ones(len(rows.entry), bool))]
+    groups += [(f"family `{name}`", rows["family"] == name) for name in dict.fromkeys(rows["family"].tolist())]
+    groups += [(f"stratum {name}", stratum == name) for name in STRATA if (stratum == name).any()]
+    lines = []
+    for label, here in groups:
+        own = here & ~rows.is_control
+        n_scenarios = len(set(rows["scenario"][own].tolist()))
+        lines.append(
+            [label, n_scenarios, *(_best(data, own, entries) for entries in (find_methods(data), find_blind(data)))]
+        )
+    print_table(("", "scenarios", "best method, declared within 1 m [%]", "best blind entry, the same [%]"), lines)
+
+
+# Its name, its rate and interval; of equal ones the first.
+def _best(data: ReportData, here: np.ndarray, entries: Sequence[int]) -> str:
+    best = max(entries, key=lambda i: _rate(data.rows["success"], here & (data.rows.entry == i)))
+    own = here & (data.rows.entry == best)
+    rate = wilson(int(data.rows["success"][own].sum()), int(own.sum()))
+    return f"`{data.entries[best].name}` {format_estimate(rate, format_percent)}"
+
+
+def _runs_of(data: ReportData, scenario: str) -> np.ndarray:
+    return ~data.rows.is_control & (data.rows["scenario"] == scenario)
+
+
+def print_discrimination(data: ReportData) -> None:
+    """Print how well each stratum of coverage tells methods apart."""
+    rows = data.rows
+    methods, scenarios = find_methods(data), list_scenarios(data)
+    successes, trials = (np.zeros((len(scenarios), len(methods))) for _ in range(2))
+    strata = []
+    for k, name in enumerate(scenarios):
+        here = _runs_of(data, name)
+        strata.append(coverage_stratum(_coverage(data, here)))
+        for j, entry in enumerate(methods):
+            own = here & (rows.entry == entry)
+            trials[k, j], successes[k, j] = own.sum(), rows["success"][own].sum()
+    fits = {fit.stratum: fit for fit in fit_discrimination(successes, trials, strata)}
+    lines = [
+        [name, fits[name].n_cells, fits[name].slope.n, format_estimate(fits[name].slope, format_score)]
+        for name in STRATA
+        if name in fits
+    ]
+    print_table(("stratum", "scenarios", "runs", "slope"), lines)
+
+
+def main() -> None:
+    """Print the tables of folders of results."""
+    parser = argparse.ArgumentParser(description="Prints the tables of the open comparison.")
+    parser.add_argument("results", type=Path, nargs="+", help="folder of results of open_2026 or open_2026_quick")
+    parser.add_argument("--figure", type=Path, help="file of the figure, .png or .svg")
+    options = parser.parse_args()
+    folders = [load_report_data(folder) for folder in options.results]
+    data = pool_results(folders) if len(folders) > 1 else folders[0]
+    if len(folders) > 1:
+        print_ranks(data)
+        print_seeds(folders, data)
+        print_places(data)
+    if options.figure:
+        draw_figure(data, options.figure)
+    print_entries(data)
+    print_scenarios(data)
+    print_groups(data)
+    print_discrimination(data)
+
+
+if __name__ == "__main__":
+    main()
