@@ -26,7 +26,7 @@ test: .venv/ready-dev       # what a newcomer types: the fast tests, and each ca
 LEFT_OUT := not soak and (debian or extras or (not tour and (slow or end_to_end)))
 test-all: .venv/ready-test-all  # all that `make test` leaves out; what is missing for a test is listed at the end
 	@tests/install_debian_packages.sh
-	$(BIN)/pytest -q -n 2 -rs -m "not end_to_end and $(LEFT_OUT)"
+	$(BIN)/pytest -q -n 2 -rs --dist loadscope --no-loadscope-reorder -m "not end_to_end and $(LEFT_OUT)"
 	$(BIN)/pytest -q -n 4 -rs --dist loadscope --no-loadscope-reorder -m "end_to_end and $(LEFT_OUT)"  # they wait for much of their time
 
 check: .venv/ready-check      # style, types, layers, spelling, imports that are not declared

@@ -31,6 +31,10 @@ LONGEST_MODULES = (
     "test_new_agents", "test_snapshots", "test_readme", "test_live", "test_machine_faults", "test_languages",
     "test_runner", "test_hostile_submissions", "test_get_started", "test_faults", "test_gateway",
     "test_transport_pages", "test_compose_run", "test_openfoam", "test_submission", "test_events", "test_methods",
+    # Of those that start no processes.
+    "test_foreign_folders", "test_wind_cases", "test_gas_pages", "test_pimplefoam", "test_extend_sensor",
+    "test_reference_free_kernels", "test_heated_cavity", "test_docs_site", "test_reference_cases", "test_plots",
+    "test_batch_equals_flight", "test_bundled_suites", "test_training", "test_exchange_fuzz",
 )  # fmt: skip
 
 

@@ -13,8 +13,8 @@ from real_runs import COMMAND, TINY_ROOM, Flight, children_of, start, with_agent
 
 from gslcosim.runtime.status import list_active_runs
 
-# Longer than any attack takes.
-LONG = ("--set", "referee.success.within_m=0.001", "--set", "referee.stop.time_limit_s=20000")
+# Longer than any attack takes, and as slow as the clock: they have to be there, not to take the processor from others.
+LONG = ("--set", "referee.success.within_m=0.001", "--set", "referee.stop.time_limit_s=20000", "--pace", "1")
 OTHER_RUNS = ("other_runs", "runs_of_the_server")
 
 

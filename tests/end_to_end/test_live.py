@@ -133,6 +133,7 @@ def test_the_page_names_commands_that_work(tmp_path, monkeypatch):
         for block in re.findall(r"```sh\n(.*?)```", page, re.DOTALL)
         for line in block.splitlines()
     ]
+    flight = None
     for line in lines:
         words = [str(next(Path("runs").iterdir())) if word == "RUN" else word for word in line[1:]]
         if {"--serve", "--web"} & set(words):
@@ -144,12 +145,16 @@ def test_the_page_names_commands_that_work(tmp_path, monkeypatch):
         elif words[0] in ("up", "view"):
             assert "expected a screen, was none" in _told(*words)
         else:
-            flight = _started("up", str(TINY_ROOM), *LONG, *UNRECORDED)
-            flight.wait_for(lambda: "flying" in _told("runs", "active"))
+            if flight is None:
+                flight = _started("up", str(TINY_ROOM), *LONG, *UNRECORDED, "--pace", "1")
+                flight.wait_for(lambda: "flying" in _told("runs", "active"))
             output = _told(*words, *(("--once",) if words[:2] == ["runs", "top"] else ()))
             assert "tiny_room" in output, words
-            flight.process.send_signal(signal.SIGINT)
-            flight.process.communicate()
+    assert flight is not None
+    # The last of the commands has stopped it.
+    assert words == ["runs", "stop"]
+    flight.process.communicate(timeout=PROCESS_S)
+    assert flight.process.returncode == 130
 
 
 def _started(*words):
