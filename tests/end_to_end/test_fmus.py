@@ -2,8 +2,12 @@
 
 import json
 import os
+import platform
+import re
 import shutil
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -82,6 +86,25 @@ def test_units_of_four_makers_have_one_digest_however_they_are_hosted_killed_and
     other = forked(many.run_dir, tmp_path / "other", 5, "--agent", "casting")
     assert other.result["fork_of"]["divergence"] is None
     assert other.result["digest"] != many.result["digest"]
+
+
+@pytest.mark.skipif(platform.system() != "Linux" or platform.machine() != "x86_64", reason="its FMUs are for these")
+def test_fmus_of_openmodelica_on_the_page_open_a_leak_and_drive_a_fan(tmp_path):
+    shutil.copy(EXAMPLE / "leaking_room.yaml", tmp_path)
+    (install,) = re.findall(r"^pip install --no-deps.*$", (ROOT / "docs" / "fmi.md").read_text(), re.MULTILINE)
+    call = [sys.executable, "-m", "pip", "--quiet", *install.split()[1:]]
+    done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        pytest.skip(f"pip could not install the package with FMUs: {done.stderr.strip()[-200:]}")
+    scenario = tmp_path / "leaking_room.yaml"
+    assert main(["validate", str(scenario)]) == 0
+    blows = "{participant: fan, value: state.share, above: 1.2}"
+    sticks = f"events=[{{what: sensor_sticks, agent: beetle, sensor: nose, when: {blows}}}]"
+    ended = fly_here(scenario, tmp_path / "runs", "--set", "referee.stop.time_limit_s=5", "--set", sticks)
+    assert ended.result["faults"] == [], ended.errors
+    assert [event["what"] for event in ended.result["events"]] == ["sensor_sticks"], "the fan follows the gas"
+    ports = json.loads((ended.run_dir / "digest.json").read_text())["ports"]
+    assert ports["truth/sources/0"]["participant"] == "leak"
 
 
 def test_a_unit_that_crashes_ends_the_run_by_its_name(tmp_path):
