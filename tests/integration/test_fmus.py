@@ -270,6 +270,19 @@ def test_each_fault_is_one_sentence_with_the_status_and_the_log_of_the_unit(
     assert expected in told_fault(core)
 
 
+def test_the_exception_of_a_unit_in_python_is_in_its_fault(tmp_path, core_of):
+    builder = pytest.importorskip("pythonfmu3.builder", reason="needs pip install pythonfmu3")
+    page = Path(__file__).parents[2] / "docs" / "examples" / "fmi" / "fan_controller.py"
+    first = "self.time = current_time + step_size"
+    script = tmp_path / page.name
+    script.write_text(page.read_text().replace(first, f"{first}\n        raise ValueError('no power')"))
+    builder.FmuBuilder.build_FMU(script, dest=tmp_path)
+    outputs = {"ventilation": {"share": "share"}, "state": {"is_on": "is_on"}}
+    text = told_fault(core_of(block(tmp_path / "FanController.fmu", outputs=outputs)))
+    assert "fmi3DoStep: expected status OK or Warning at 0.1 s, was Fatal. It logged: " in text
+    assert "ValueError('no power')" in text
+
+
 def test_a_wrong_token_is_named_and_what_a_unit_prints_does_no_harm(tmp_path, core_of):
     wrong = build_fan(tmp_path, 3, [("fan-1", "fan-2")])
     text = told_fault(core_of(block(wrong)))

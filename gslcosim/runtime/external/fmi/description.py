@@ -85,7 +85,7 @@ class FmuDescription:
         fixed_step_ns: The step that it has to be given, or whose multiple it needs; None: any.
         has_fixed_steps: Whether each of its steps has to be `fixed_step_ns`, and not a multiple.
         saves_state: Whether its state can be written and read back.
-        log_categories: Categories of its log.
+        log_categories: Categories of its log; the empty one is that of messages without a category.
         binaries: Platforms that it has a binary for.
     """
 
@@ -158,7 +158,7 @@ def read_fmu(path: Path) -> FmuDescription:
         fixed_step_ns=round(step_s * NS_PER_S) if is_fixed and step_s is not None else None,
         has_fixed_steps=has_fixed_steps,
         saves_state=bool(own.canGetAndSetFMUstate and own.canSerializeFMUstate),
-        log_categories=tuple(category.name for category in found.logCategories if category.name),
+        log_categories=_list_log_categories(found),
         binaries=binaries,
     )
 
@@ -218,6 +218,12 @@ def _get_platform(version: int) -> str:
     import fmpy
 
     return fmpy.platform if version == 2 else fmpy.platform_tuple
+
+
+# Units on PythonFMU and PythonFMU3 log exceptions under no category, which none of those in their descriptions is.
+def _list_log_categories(found: Any) -> tuple[str, ...]:
+    named = tuple(category.name for category in found.logCategories if category.name)
+    return (*named, "") if named and str(found.generationTool).startswith("PythonFMU") else named
 
 
 def _get_ending() -> str:

@@ -132,7 +132,7 @@ class LoadedFmu:
             self._marker.leave()
 
     def _instantiate(self, categories: Sequence[str]) -> None:
-        kinds = {name: name for name in categories if any(word in name.lower() for word in _FAULT_CATEGORIES)}
+        kinds = [name for name in categories if not name or any(word in name.lower() for word in _FAULT_CATEGORIES)]
         try:
             if self._version == 3:
                 self._unit.instantiate(loggingOn=True, logMessage=self._log_message)
@@ -149,7 +149,7 @@ class LoadedFmu:
         self._is_instantiated = True
         # All else that a unit could log at each step costs time.
         if kinds:
-            self._unit.setDebugLogging(loggingOn=True, categories=[*kinds])
+            self._unit.setDebugLogging(loggingOn=True, categories=kinds)
 
     def _build_callbacks(self) -> Any:
         from ctypes import byref
