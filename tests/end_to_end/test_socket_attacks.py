@@ -7,7 +7,9 @@ import json
 import os
 import re
 import shutil
+import socket
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -28,6 +30,7 @@ ATTACKS = re.findall(r"^def ([a-z]\w+)\(\):", (AGENTS / "socket_attacker.py").re
 # server would have to look at is a zombie.
 REFUSED_ANYWAY = {
     "join_another_run", "call_services_past_the_router", "hear_the_truth_on_the_bus", "ask_services_on_the_bus",
+    "hear_ros_on_the_bus", "command_by_ros_on_the_bus",
     "ask_the_router_for_its_configuration", "end_the_run", "ask_the_server_by_a_second_thread",
 }  # fmt: skip
 # Without a sandbox it gets through where the server has looked before the caller's end.
@@ -41,6 +44,25 @@ def _sockets(ending):
     return sorted({path for path in paths if path.endswith(ending) and path.startswith("/")})
 
 
+@contextmanager
+def _ros_graph():
+    """The address of a graph of ROS 2, and what a node in it sees of what is forged."""
+    pytest.importorskip("rosbags", reason="needs the extra ros")
+    from gslcosim.ros.node import RosSession
+    from gslcosim.ros.types import RosTypes
+
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    forged = []
+    with RosSession.open(RosTypes("jazzy"), endpoint=endpoint) as session:
+        topics = session.zenoh.declare_subscriber("0/beetle/agent/**", forged.append)
+        tokens = session.zenoh.liveliness().declare_subscriber("@ros2_lv/**/forged", forged.append)
+        yield endpoint, forged
+        topics.undeclare()
+        tokens.undeclare()
+
+
 def attacked(folder, sandbox):
     """Fly with the attacker, its program among the sockets of all others: the arrangement that helps it most."""
     if reason := unavailable_reason(sandbox):
@@ -50,7 +72,7 @@ def attacked(folder, sandbox):
     mark = user_state_folder() / "verified" / "known.json"
     mark.parent.mkdir(parents=True, exist_ok=True)
     mark.write_text("what the user has found out")
-    with crowded(folder) as crowd:
+    with crowded(folder) as crowd, _ros_graph() as (ros_endpoint, forged):
         sockets = crowd.sockets
         for name in ("socket_attacker.py", "raw.py"):
             shutil.copy(AGENTS / name, sockets)
@@ -70,6 +92,7 @@ def attacked(folder, sandbox):
             "routers": _sockets("router.sock"),
             "meshes": _sockets(".mesh"),
             "mark": str(mark),
+            "ros_endpoint": ros_endpoint,
         }
         assert attacks["routers"]
         assert attacks["meshes"]
@@ -77,6 +100,7 @@ def attacked(folder, sandbox):
         changes = ("--set", f"agents[0].start={json.dumps(start_by)}", "--set", f"agents[0].sandbox={sandbox}")
         # Where temporary files are kept no program is seen unless the user says so.
         changes = (*changes, "--set", f"agents[0].may_read=[{sockets}]")
+        changes = (*changes, "--set", f"ros2={{endpoint: '{ros_endpoint}', truth: true}}")
         ended = fly(TINY_ROOM, folder / "runs", *changes, "--set", "referee.stop.time_limit_s=6")
         assert {flight.pid for flight in list_active_runs()} == {flight.pid for flight in seen}
         # One more is let in as if nothing had happened.
@@ -87,7 +111,9 @@ def attacked(folder, sandbox):
     assert ended.result["faults"] == []
     lines = (ended.run_dir / "logs" / "agent_beetle.log").read_text().splitlines()
     attacks = [json.loads(line) for line in lines if line.startswith('{"attack"')]
-    return {line["attack"]: line["reached"] for line in attacks}, outside
+    reached = {line["attack"]: line["reached"] for line in attacks}
+    reached["command_by_ros_on_the_bus"] *= bool(forged)
+    return reached, outside
 
 
 @pytest.fixture(scope="module", params=SANDBOXES)

@@ -200,6 +200,40 @@ def ask_services_on_the_bus():
     return ""
 
 
+def join_the_ros_graph():
+    import zenoh
+
+    from gslcosim.base.errors import GslCosimError
+    from gslcosim.bus.zenoh_bus import build_session_config, open_session
+
+    config = build_session_config(None)
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", json.dumps([TARGETS["ros_endpoint"]]))
+    with contextlib.suppress(GslCosimError, zenoh.ZError), open_session(config) as session:
+        return next((f"router {number}" for number in session.info.routers_zid()), "")
+    return ""
+
+
+def hear_ros_on_the_bus():
+    session, received, held = agent.bus._session, queue.SimpleQueue(), []
+    for key in ("@ros2_lv/**", "0/**"):
+        held.append(session.declare_subscriber(key, received.put))
+        held.append(session.liveliness().declare_subscriber(key, received.put, history=True))
+    with contextlib.suppress(queue.Empty):
+        return str(received.get(timeout=1.0).key_expr)
+    for each in held:
+        each.undeclare()
+    return ""
+
+
+def command_by_ros_on_the_bus():
+    """What the router lets pass is seen by a node outside."""
+    session = agent.bus._session
+    agent.forged = session.liveliness().declare_token("@ros2_lv/0/a1/0/0/NN/%/%/forged")
+    session.put("0/beetle/agent/goal/forged", b"forged")
+    return "sent"
+
+
 def ask_the_router_for_its_configuration():
     session = agent.bus._session
     keys = [str(reply.ok.key_expr) for reply in session.get("@/**") if reply.ok is not None]
@@ -231,7 +265,8 @@ ATTACKS = [
     ask_the_server_by_a_second_thread, ask_the_server_by_our_own_command, read_the_secret_of_the_server,
     list_the_sockets_of_the_user, read_the_status_of_another_run, listen_beside_the_server, pretend_to_be_a_run,
     join_another_run, call_services_past_the_router, hear_the_truth_on_the_bus, ask_services_on_the_bus,
-    ask_the_router_for_its_configuration, change_what_was_verified, end_the_run,
+    join_the_ros_graph, hear_ros_on_the_bus, command_by_ros_on_the_bus, ask_the_router_for_its_configuration,
+    change_what_was_verified, end_the_run,
 ]  # fmt: skip
 
 if __name__ == "__main__":
