@@ -75,6 +75,8 @@ class RosSession:
         self._reported: set[str] = set()
         self._n_ids = 0
         self._own: list[Token] = []
+        # Zenoh takes out of the graph what nobody holds.
+        self._nodes: list[RosNode] = []
         self._graph: dict[str, Token] = {}
         self._subscribed: set[str] = set()
         self._graph_lock = threading.Condition()
@@ -128,13 +130,20 @@ class RosSession:
             self._session.close()
 
     def create_node(self, name: str, namespace: str = "/") -> "RosNode":
-        """Return a new node, visible in the graph.
+        """Return a new node, visible in the graph until it or the session is closed.
 
         Args:
             name: Such as `gslcosim`.
             namespace: Such as `/beetle`.
         """
-        return RosNode(self, name, namespace)
+        node = RosNode(self, name, namespace)
+        self._nodes.append(node)
+        return node
+
+    def forget_node(self, node: "RosNode") -> None:
+        """Hold a node no longer, for it is closed."""
+        if node in self._nodes:
+            self._nodes.remove(node)
 
     @property
     def graph(self) -> list[Token]:
@@ -361,6 +370,7 @@ class RosNode:
         """Take the node out of the graph, with all its endpoints."""
         while self._held:
             self._held.pop().undeclare()
+        self._session.forget_node(self)
 
     def _token(self, kind: wire.Kind, entity_id: int, **endpoint: str) -> Token:
         return Token(

@@ -1,7 +1,9 @@
 """Nodes meet those of another session, and those of a package that others wrote."""
 
+import gc
 import queue
 import socket
+import weakref
 from contextlib import ExitStack
 
 import pytest
@@ -41,6 +43,17 @@ def open_session(port, reports):
             return stack.enter_context(RosSession.open(types, endpoint=f"tcp/127.0.0.1:{port}", report=reports.put))
 
         yield open_one
+
+
+def test_a_node_that_nobody_holds_stays_in_the_graph_until_it_is_closed(open_session):
+    ours = open_session()
+    gone = weakref.ref(ours.create_node("gslcosim"))
+    publisher = gone().create_publisher("/gas", FLOAT32)
+    gc.collect()
+    assert open_session().wait_for("MP", publisher.topic, PATIENCE_S).node == "gslcosim"
+    gone().close()
+    gc.collect()
+    assert gone() is None
 
 
 @pytest.mark.parametrize("distribution", ROS_DISTRIBUTIONS)
