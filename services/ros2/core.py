@@ -41,7 +41,7 @@ from gslcosim_services.world.vehicle_urdf import build_urdf
 
 NODE_NAME = "gslcosim"
 # Of a run that is faster than its readers: what they have not read yet.
-_QUEUED = QosProfile(depth=1000)
+QUEUED = QosProfile(depth=1000)
 _LATCHED_MANY = QosProfile(is_transient_local=True, depth=1000)
 _TRACK_PERIOD_NS = NS_PER_S
 
@@ -91,7 +91,7 @@ class Ros2Core:
         node = self._session.create_node(NODE_NAME)
         self._is_over = False
 
-        def declare(topic: str, kind: str, qos: QosProfile = _QUEUED) -> None:
+        def declare(topic: str, kind: str, qos: QosProfile = QUEUED) -> None:
             self._topics[topic] = node.create_publisher(topic, kind, qos)
 
         declare("/clock", "rosgraph_msgs/msg/Clock")
@@ -246,13 +246,13 @@ class _AgentTopics:
             if isinstance(sensor, RaySensorSpec)
         }
         self.topics: dict[str, tuple[str, QosProfile]] = {
-            f"{self._root}/odom": ("nav_msgs/msg/Odometry", _QUEUED),
-            f"{self._root}/pose": ("geometry_msgs/msg/PoseStamped", _QUEUED),
-            f"{self._root}/track": ("visualization_msgs/msg/MarkerArray", _QUEUED),
+            f"{self._root}/odom": ("nav_msgs/msg/Odometry", QUEUED),
+            f"{self._root}/pose": ("geometry_msgs/msg/PoseStamped", QUEUED),
+            f"{self._root}/track": ("visualization_msgs/msg/MarkerArray", QUEUED),
             f"{self._root}/waypoints": ("visualization_msgs/msg/Marker", _LATCHED_MANY),
         }
         for sensor in agent.sensors:
-            self.topics |= {topic: (kind, _QUEUED) for topic, kind in self._sensor_topics(sensor).items()}
+            self.topics |= {topic: (kind, QUEUED) for topic, kind in self._sensor_topics(sensor).items()}
 
     def _sensor_topics(self, sensor: SensorSpec) -> dict[str, str]:
         topic = messages.topic_of(self.name, sensor.name)
