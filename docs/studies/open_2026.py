@@ -39,13 +39,15 @@ SEEDS_APART = 1_000_000
 
 
 def pool_results(folders: Sequence[ReportData]) -> ReportData:
-    """Return the flights of several seeds as one: equal rooms stay one room, repetitions are told apart."""
+    """Return the flights of several seeds as one: a case is a scenario, and repetitions of two seeds are apart."""
     names = list(dict.fromkeys(entry.name for data in folders for entry in data.entries))
     entries = tuple(next(e for data in folders for e in data.entries if e.name == name) for name in names)
     shared = [name for name in folders[0].rows.columns if all(name in data.rows.columns for data in folders)]
     columns = {name: np.concatenate([data.rows[name] for data in folders]) for name in shared}
     seeds = np.concatenate([np.full(len(data.rows), k) for k, data in enumerate(folders)])
     columns["repetition"] = columns["repetition"] + SEEDS_APART * seeds
+    # Rooms drawn anew for each seed would count twice as much as open ground, which is one case for all seeds.
+    columns["case"] = columns["scenario"]
     index = {name: i for i, name in enumerate(names)}
     keys = list(zip(columns["case"], columns["repetition"], columns["is_control"]))
     units = {key: i for i, key in enumerate(dict.fromkeys(keys))}
