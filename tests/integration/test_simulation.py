@@ -89,6 +89,8 @@ def test_truth_is_what_sample_says_and_observations_hold_none_of_it(tmp_path):
     for quantity, expected in (("gas", gas_ppm[:, None]), ("wind", wind_m_s)):
         out = tmp_path / f"{quantity}.csv"
         words = ["environment", "sample", str(scenario), "--time", "5", "--points", str(points), "--out", str(out)]
+        # A folder of runs is there; a whole path is no beginning of a run's name.
+        words += ["--runs-dir", str(tmp_path)]
         assert main([*words, "--quantity", quantity]) == 0
         values = np.loadtxt(out, delimiter=",", skiprows=1)[:, 3 : 3 + expected.shape[1]]
         np.testing.assert_allclose(values, expected, rtol=1e-6)

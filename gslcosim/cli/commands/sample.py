@@ -182,7 +182,8 @@ def _named_fields(arguments: argparse.Namespace) -> "FieldSampler":
     from gslcosim_services.fields.offline import ScenarioFieldSampler
 
     runs_dir: Path = arguments.runs_dir
-    runs = sorted(runs_dir.glob(f"{arguments.source}*/scenario.yaml")) if runs_dir.is_dir() else []
+    found = sorted(runs_dir.glob("*/scenario.yaml")) if runs_dir.is_dir() else []
+    runs = [path for path in found if path.parent.name.startswith(arguments.source)]
     exact = [path for path in runs if path.parent.name == arguments.source]
     is_scenario = Path(arguments.source).is_file() or _is_bundled(arguments.source)
     if exact or (len(runs) == 1 and not is_scenario):
