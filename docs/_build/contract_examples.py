@@ -5,7 +5,7 @@ Together they hold every message type, and every optional field at least once wi
 
 import numpy as np
 
-from gslcosim.contract.environment_messages import SourceRate, WindShare
+from gslcosim.contract.environment_messages import ProbeSample, ProbeSamples, SourceRate, WindShare
 from gslcosim.contract.messages import (
     AgentResult,
     AgentScore,
@@ -100,6 +100,16 @@ PARTICIPATION_EXAMPLES: dict[str, Message] = {
     "values": ParticipantValues(tick=2, values={"is_in_gas": True, "n_ticks": 3.0}),
     "wind_share": WindShare(tick=2, share=1.25),
     "source_rate": SourceRate(tick=2, filaments_per_s=2.5),
+    "probe_samples": ProbeSamples(
+        tick=2,
+        samples=(
+            ProbeSample(
+                probe="return_air",
+                gases=(GasAmount(gas="ethanol", mixing_ratio_ppm=3.5),),
+                wind_world_m_s=(0.5, -0.25, 0.0),
+            ),
+        ),
+    ),
 }
 
 

@@ -224,6 +224,15 @@ _FAULTS_BY_MESSAGE = {
             schema_refuses=False,
         ),
     ),
+    "ProbeSamples": (
+        _Fault(name="no_samples", reason="samples is missing", change={"samples": _DROP}),
+        _Fault(name="samples_is_map", reason="samples is a list", change={"samples": {}}),
+        _Fault(
+            name="sample_without_wind",
+            reason="wind_world_m_s is missing",
+            change={"samples": [{"probe": "return_air", "gases": []}]},
+        ),
+    ),
     "ParticipantHello": (
         _Fault(name="no_writes", reason="writes is missing", change={"writes": _DROP}),
         _Fault(name="reads_is_text", reason="reads is a list", change={"reads": "truth/samples"}),

@@ -35,8 +35,9 @@ The same for programs, as JSON Schema, AsyncAPI and golden bytes, is in [agents/
 _PARTICIPANTS = f"""## Messages of participants, contract {PARTICIPATION_VERSION}
 
 Your own model sends and receives these through the gateway; see [participant.md](extend/participant.md).
-In a run `WindShare` is on the key `truth/wind`, `SourceRate` on `truth/sources/<index>`, and `ParticipantValues` on
-`participant/<name>/<word>`; the others stay between the program and the one who started it.
+In a run `WindShare` is on the key `truth/wind`, `SourceRate` on `truth/sources/<index>`, `ProbeSamples` on
+`truth/probes`, and `ParticipantValues` on `participant/<name>/<word>`; the others stay between the program and the
+one who started it.
 They are a contract of their own, with the rules of [contract-evolution.md](contract-evolution.md).
 """
 

@@ -17,7 +17,7 @@ from gslcosim.base.bundled import bundled_contract
 from gslcosim.base.rng import stream
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.contract import codec, keys
-from gslcosim.contract.environment_messages import WIND, SourceRate, WindShare, build_source_port
+from gslcosim.contract.environment_messages import PROBES, WIND, ProbeSamples, SourceRate, WindShare, build_source_port
 from gslcosim.contract.keys import AGENT_PLACEHOLDER as ANY_AGENT
 from gslcosim.contract.keys import KEY_TABLE
 from gslcosim.contract.messages import (
@@ -208,6 +208,8 @@ def get_message_name(port: str) -> str | None:
     parts = port.split("/")
     if port == WIND:
         return WindShare.__name__
+    if port == PROBES:
+        return ProbeSamples.__name__
     if port.startswith(_SOURCE_PORTS_PREFIX) and parts[-1].isdecimal():
         return SourceRate.__name__
     if parts[0] == _OWN_PORT_PREFIX and len(parts) == 3 and all(parts):

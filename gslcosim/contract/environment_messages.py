@@ -1,10 +1,12 @@
-"""Messages about changes of the environment: events that begin, wind and rates of sources; no agent reads them."""
+"""Messages about the environment: events that begin, wind, rates of sources, probes; no agent reads them."""
 
 from typing import Annotated
 
 from pydantic import Field
 
-from gslcosim.contract.record import Message
+from gslcosim.base.quantities import Vec3
+from gslcosim.contract.messages import GasAmount
+from gslcosim.contract.record import Message, Name, Record
 
 EVENTS = "truth/events"
 """The port of `EventsBeginning`."""
@@ -46,3 +48,24 @@ class SourceRate(Message):
     """
 
     filaments_per_s: Annotated[float, Field(ge=0)]
+
+
+PROBES = "truth/probes"
+"""The port of `ProbeSamples`."""
+
+
+class ProbeSample(Record):
+    """True gas and wind at a probe, a point that stays where it is; part of `ProbeSamples`."""
+
+    probe: Name
+    gases: tuple[GasAmount, ...]
+    wind_world_m_s: Vec3
+
+
+class ProbeSamples(Message):
+    """True gas and wind at the scenario's `probes`, in its order. Written by fields on `truth/probes` every tick.
+
+    Only in runs with probes. Since 1.1.
+    """
+
+    samples: tuple[ProbeSample, ...]

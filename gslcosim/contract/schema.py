@@ -11,7 +11,7 @@ from typing import Any, cast
 
 from gslcosim.base.errors import ContractError
 from gslcosim.contract import messages, participant_messages
-from gslcosim.contract.environment_messages import SourceRate, WindShare
+from gslcosim.contract.environment_messages import ProbeSamples, SourceRate, WindShare
 from gslcosim.contract.messages import CONTRACT_VERSION, RECORDED_ONLY, Message
 from gslcosim.contract.participant_messages import PARTICIPATION_VERSION
 from gslcosim.contract.record import get_pydantic_model
@@ -34,7 +34,7 @@ def list_participation_types() -> tuple[type[Message], ...]:
         item for item in vars(participant_messages).values() if isinstance(item, type) and issubclass(item, Message)
     ]
     own = (item for item in found if item.__module__ == participant_messages.__name__)
-    return tuple(sorted((*own, SourceRate, WindShare), key=lambda item: item.__name__))
+    return tuple(sorted((*own, ProbeSamples, SourceRate, WindShare), key=lambda item: item.__name__))
 
 
 def list_published_types() -> tuple[type[Message], ...]:

@@ -132,8 +132,8 @@ def find_position_problems(scenario: Scenario, *, scenario_dir: Path | None = No
 def find_position_problems_in(scenario: Scenario, room: EnvironmentGeometry) -> list[Problem]:
     """Return what is wrong with the places that a scenario names in a room; empty when all is well.
 
-    Sources must be in air, wherever they move; vehicles must start in air, touch nothing but the floor, have room to
-    rise to their search height, and not overlap.
+    Sources must be in air, wherever they move, and so must probes; vehicles must start in air, touch nothing but the
+    floor, have room to rise to their search height, and not overlap.
     """
     problems = [
         problem
@@ -148,6 +148,8 @@ def find_position_problems_in(scenario: Scenario, room: EnvironmentGeometry) -> 
         ],
         room,
     )
+    probes = enumerate(scenario.probes or ())
+    problems += find_point_problems([(f"probes[{i}].position_m", probe.position_m) for i, probe in probes], room)
     problems += find_moving_door_problems(scenario, room)
     for i, agent in enumerate(scenario.agents):
         problems += _problems_of_vehicle(agent.vehicle, room, f"agents[{i}].vehicle")

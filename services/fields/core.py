@@ -1,4 +1,4 @@
-"""Fields core: true gas and wind at every sensor, snapshots of the gas, and events of its sources."""
+"""Fields core: true gas and wind at every sensor and probe, snapshots of the gas, and events of its sources."""
 
 import math
 from typing import cast
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gslcosim.base.errors import ModelError
 from gslcosim.base.ticks import exact_ticks_from_seconds, seconds_from_ticks
 from gslcosim.contract import keys
-from gslcosim.contract.environment_messages import SourceRate, build_source_port
+from gslcosim.contract.environment_messages import PROBES, ProbeSample, ProbeSamples, SourceRate, build_source_port
 from gslcosim.contract.messages import (
     BodyPoses,
     ConcentrationSlice,
@@ -120,9 +120,9 @@ class FieldsCore:
     Reads `truth/bodies` of the same tick, `truth/wind` of the last one where a service drives the wind,
     `truth/sources/<index>` of the last one where a participant sets the rate of a source, and `truth/events` of the
     last one where sources or the wind have events. Writes
-    `truth/samples` every tick and `truth/filaments` at tick 0 and every `recording.gas_every_s`. Readings see filaments
-    with a cut-off at 5 sigma (3 with `compatibility: gaden_3`) and along free lines of sight; slices are cut off at
-    3 sigma and do not look for walls.
+    `truth/samples` every tick, with `truth/probes` where the scenario has probes, and `truth/filaments` at tick 0 and
+    every `recording.gas_every_s`. Readings see filaments with a cut-off at 5 sigma (3 with `compatibility: gaden_3`)
+    and along free lines of sight; slices are cut off at 3 sigma and do not look for walls.
 
     Invariants: no filament in a solid cell; equal seeds give equal messages.
     Raises ModelError on a wind, filament or sample that is not finite; the runtime then ends the run as invalid.
@@ -144,6 +144,8 @@ class FieldsCore:
         wind_at = None if self._wind is None else self._wind.at
         self._gas = build_gas_field(scenario, environment, n_readings_per_step=n_readings_per_step, wind_at=wind_at)
         self._gas_events = GasEvents(scenario, self._gas)
+        self._probes = scenario.probes or ()
+        self._probes_m = np.array([probe.position_m for probe in self._probes]).reshape(-1, 3)
         self._beams = Beams(scenario, environment)
         self._downwash = Downwash(scenario)
         gas = self._gas
@@ -196,9 +198,11 @@ class FieldsCore:
             self._close_doors(self._wind.room.variant.closed)
         self._gas_events.obey(inbox)
         self._advance(self._timing.steps_at(tick), bodies)
-        outbox: dict[str, FieldSamples | FilamentCloud] = {keys.SAMPLES: self._samples(tick, bodies)}
+        outbox: dict[str, FieldSamples | FilamentCloud | ProbeSamples] = {keys.SAMPLES: self._samples(tick, bodies)}
         if tick % self._snapshot_ticks == 0:
             outbox[keys.FILAMENTS] = self._cloud(tick)
+        if self._probes:
+            outbox[PROBES] = self._probe_samples(tick)
         return outbox
 
     def prefetch(self) -> bool:
@@ -241,6 +245,24 @@ class FieldsCore:
             for mount in self._mounts.mounts
         ]
         return _new_samples(tick=tick, samples=tuple(self._with_beams(samples, bodies) if self._beams else samples))
+
+    # Apart from the mounts, whose sums, to the last digit, do not depend on how many probes there are.
+    def _probe_samples(self, tick: int) -> ProbeSamples:
+        gas_ppm = self.compute_gas_ppm(self._probes_m)
+        wind_m_s = self._wind_at(self._probes_m, tick)
+        is_finite = np.isfinite(gas_ppm).all(axis=1) & np.isfinite(wind_m_s).all(axis=1)
+        if not is_finite.all():
+            name = self._probes[int(np.argmin(is_finite))].name
+            raise ModelError(f"fields: gas or wind at probe {name} is not finite in tick {tick}.")
+        samples = (
+            ProbeSample(
+                probe=probe.name,
+                gases=tuple(GasAmount(gas=gas, mixing_ratio_ppm=x) for gas, x in zip(self.gases, ppm, strict=True)),
+                wind_world_m_s=(wind[0], wind[1], wind[2]),
+            )
+            for probe, ppm, wind in zip(self._probes, gas_ppm.tolist(), wind_m_s.tolist(), strict=True)
+        )
+        return ProbeSamples(tick=tick, samples=tuple(samples))
 
     # An instrument with a beam sees the mean along it instead of the gas at its mount.
     def _with_beams(self, samples: list[MountSample], bodies: BodyPoses) -> list[MountSample]:

@@ -212,7 +212,8 @@ NOTE_VALUES = Stream(
 )  # fmt: skip
 SERVICES = Stream(
     name="services", entity="plots/services/{port}/{field}", component=SCALARS, writer="services", table="services",
-    title="Services", meaning="what services of other packages wrote, and the wind's where it is driven",
+    title="Services",
+    meaning="what services of other packages wrote, the wind's where it is driven, and the truth at probes",
 )  # fmt: skip
 
 POINT_CLOUDS = Stream(

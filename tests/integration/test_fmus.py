@@ -1,6 +1,7 @@
 """Units of FMI behind their core, without a run around them: steps, states, faults, and what `validate` refuses."""
 
 import json
+import re
 import shutil
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
@@ -8,9 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from fan_units import build_fan
 
 from gslcosim.base.errors import SimulationFault
+from gslcosim.contract.environment_messages import ProbeSample, ProbeSamples
 from gslcosim.contract.messages import BodyPoses, BodyState, FieldSamples, GasAmount, MountSample
 from gslcosim.contract.participant import Episode
 from gslcosim.data.export.room_fmu import export_room_fmu
@@ -31,6 +34,7 @@ GAS = "samples[sensor=nose].gases[gas=ethanol].mixing_ratio_ppm"
 PPM = [0.0, 2.0, 3.0, 0.1, 0.0, 4.0, 4.0, 0.0]
 # Time for a busy machine to come as far as the function that hangs.
 HANG_S = 12.0
+FMI_PAGE = Path(__file__).parents[2] / "docs" / "fmi.md"
 
 
 def block(unit, *, inputs=None, outputs=None, **more):
@@ -121,6 +125,30 @@ def test_a_unit_steps_as_in_fmpy_and_goes_on_from_its_state(tmp_path, core_of, v
     core.reset(Episode(seed=1))
     core.restore(state)
     assert step(core, range(4, len(PPM))) == rest
+
+
+def test_a_unit_reads_the_gas_at_a_probe_as_on_the_page(tmp_path, core_of):
+    (line,) = re.findall(r"^- (\{port: truth/probes, .*\})$", FMI_PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    own = block(build_fan(tmp_path), reads=[yaml.safe_load(line)])
+    probes = "probes=[{name: other, position_m: [2, 2, 1]}, {name: return_air, position_m: [3, 2, 1]}]"
+    loaded = load(own, probes)
+    assert [*find_fmu_problems(loaded.scenario, loaded.directory)] == []
+    core = core_of(own, probes)
+    core.reset(Episode(seed=1))
+    found = []
+    for tick, ppm in enumerate(PPM):
+        samples = tuple(
+            ProbeSample(
+                probe=name,
+                gases=(GasAmount(gas="ethanol", mixing_ratio_ppm=value),),
+                wind_world_m_s=(0.5, 0.0, 0.0),
+            )
+            for name, value in (("other", 9.0), ("return_air", ppm))
+        )
+        box = core.step(tick, {"truth/probes": ProbeSamples(tick=tick, samples=samples)})
+        found.append(box["participant/fan/state"].values["is_in_gas"])
+    # It steps to a tick with the inputs of the tick before.
+    assert found[1:] == [ppm > 0.5 for ppm in PPM[:-1]]
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler: apt-get install gcc")

@@ -416,6 +416,7 @@ def _repeated_names(values: dict[str, Any]) -> Iterator[Problem]:
     yield from _repeats("channels", blocks_in(values, "channels"))
     yield from _repeats("services", blocks_in(values, "services"))
     yield from _repeats("participants", blocks_in(values, "participants"))
+    yield from _repeats("probes", blocks_in(values, "probes"))
     layout = block_in(block_in(values, "environment"), "layout")
     yield from _repeats("environment.layout.obstacles", blocks_in(layout, "obstacles"))
 

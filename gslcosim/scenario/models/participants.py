@@ -8,6 +8,7 @@ from pydantic import AfterValidator, Field, SerializeAsAny, StringConstraints, m
 from gslcosim.base.plugins import EntryPoints
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.processes import build_python_command
+from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import ParameterValue
 from gslcosim.contract.participant_messages import VENTILATION, build_own_port, find_driven_source, find_room_output
 from gslcosim.scenario.models.base import Name, OneOf, Positive, Spec
@@ -281,3 +282,13 @@ Service = Annotated[
         unknown="the name of a service that an installed package offers",
     ),
 ]
+
+
+class ProbeSpec(Spec):
+    """A point of the room at which participants can read true gas and wind, on the port `truth/probes`.
+
+    Probes change nothing else in a run, and no agent can read them.
+    """
+
+    name: Name = Field(description="name of the probe")
+    position_m: Vec3 = Field(description="position in the world, in the room's air")

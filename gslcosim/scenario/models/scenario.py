@@ -10,7 +10,7 @@ from gslcosim.base.method_names import name_method
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.ros_graphs import ROS_ENDPOINT, RosDistribution
-from gslcosim.contract.environment_messages import EVENTS, EventsBeginning, build_source_port
+from gslcosim.contract.environment_messages import EVENTS, PROBES, EventsBeginning, build_source_port
 from gslcosim.contract.messages import ParameterValue
 from gslcosim.contract.participant import Inbox, Read
 from gslcosim.scenario.models.base import Name, NonNegative, Positive
@@ -29,6 +29,7 @@ from gslcosim.scenario.models.participants import (
     AgentLimitsSpec,
     EnvironmentVariables,
     ParticipantProgramSpec,
+    ProbeSpec,
     SandboxChoice,
     Service,
 )
@@ -543,6 +544,9 @@ class Scenario(Spec):
     participants: tuple[ParticipantProgramSpec, ...] = Field(
         default=(), description="your own models, as programs in any language"
     )
+    probes: Annotated[tuple[ProbeSpec, ...], Field(min_length=1, max_length=1000)] | None = Field(
+        default=None, description="points at which participants can read the truth (absent: none)"
+    )
     events: tuple[Event, ...] = Field(default=(), description="events during the run")
     pace: Annotated[float, Field(ge=0.05, le=1000)] | None = Field(
         default=None,
@@ -659,11 +663,11 @@ class Scenario(Spec):
 
     @property
     def curve_ports(self) -> tuple[str, ...]:
-        """The ports of services of other packages and of participants that are recorded as curves."""
+        """The ports of services of other packages, of participants and of probes that are recorded as curves."""
         of_services = tuple(port for service in self.services for port in service.recorded_ports)
         of_sources = tuple(build_source_port(i) for i in self.driven_sources)
         own = tuple(port for participant in self.participants for port in participant.own_ports)
-        return (*of_services, *of_sources, *own)
+        return (*of_services, *of_sources, *own, *((PROBES,) if self.probes else ()))
 
     @property
     def cameras(self) -> tuple[tuple[AgentSpec, CameraSensorSpec], ...]:

@@ -1,4 +1,4 @@
-"""Rows of events, wind, and services of other packages, in space and as curves."""
+"""Rows of events, wind, probes, and services of other packages, in space and as curves."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -7,7 +7,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from gslcosim.base.ticks import seconds_from_ticks
-from gslcosim.contract.environment_messages import WIND
+from gslcosim.contract.environment_messages import WIND, ProbeSample, ProbeSamples
 from gslcosim.contract.messages import BodyState
 from gslcosim.contract.participant import Inbox
 from gslcosim.contract.participant_messages import ParticipantValues
@@ -50,7 +50,15 @@ class ServiceRows:
 
 
 def _numeric_fields(message: Message) -> Iterable[tuple[str, object]]:
+    if isinstance(message, ProbeSamples):
+        return [curve for sample in message.samples for curve in _curves_of(sample)]
     return (message.values if isinstance(message, ParticipantValues) else message.model_dump()).items()
+
+
+def _curves_of(sample: ProbeSample) -> list[tuple[str, float]]:
+    gases = [(f"{sample.probe}/{each.gas}_ppm", each.mixing_ratio_ppm) for each in sample.gases]
+    wind = [(f"{sample.probe}/wind_{axis}_m_s", x) for axis, x in zip("xyz", sample.wind_world_m_s, strict=True)]
+    return gases + wind
 
 
 ARROWS_PER_SIDE = 15

@@ -6,6 +6,7 @@ from built_messages import build_observation
 
 from gslcosim.base.errors import ContractError
 from gslcosim.contract import codec, keys, messages
+from gslcosim.contract.environment_messages import PROBES
 from gslcosim.contract.messages import BodyPoses, BodyState, Command, Declaration, Message, Note, Reading, Score
 from gslcosim.contract.record import get_pydantic_model
 from gslcosim.contract.schema import get_contract_hash, list_message_types
@@ -83,7 +84,7 @@ def test_the_contract_hash_changes_with_any_message(monkeypatch):
 def test_what_agents_may_see_is_never_under_truth():
     for function in (keys.briefing, keys.observation, keys.raw_command, keys.ending):
         assert function("beetle").startswith("agents/beetle/")
-    assert all(key.startswith("truth/") for key in (keys.BODIES, keys.SAMPLES, keys.FILAMENTS))
+    assert all(key.startswith("truth/") for key in (keys.BODIES, keys.SAMPLES, keys.FILAMENTS, PROBES))
 
 
 def test_a_note_is_sent_and_its_absence_leaves_no_trace():

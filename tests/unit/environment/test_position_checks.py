@@ -66,6 +66,17 @@ def test_a_source_outside_the_room_is_refused_with_the_nearest_free_point(positi
     assert np.linalg.norm(np.subtract(offered(problem), inside)) <= 0.2
 
 
+def test_a_probe_in_an_obstacle_or_outside_is_refused_with_the_nearest_free_point():
+    places_m = ((3.0, 2.5, 1.0), (5.0, 2.9, 1.0), (2.0, 5.0, 5.5))
+    probes = [{"name": f"probe_{i}", "position_m": position_m} for i, position_m in enumerate(places_m)]
+    plain = scenario().model_dump(by_alias=True, exclude_unset=True)
+    solid, outside = find_position_problems(Scenario.model_validate({**plain, "probes": probes}))
+    assert solid.where == "probes[1].position_m"
+    assert (solid.expected, solid.found) == ("a point in the room's air", "[5, 2.9, 1], inside shelf")
+    assert offered(solid) == pytest.approx((5.1, 3.1, 1.1), abs=0.21)
+    assert (outside.where, outside.found[:14]) == ("probes[2].position_m", "[2, 5, 5.5], o")
+
+
 def test_a_source_in_a_sealed_pocket_is_refused():
     walls = [
         {"name": "a", "min_m": [4, 4, 0], "max_m": [6, 4.2, 5]},

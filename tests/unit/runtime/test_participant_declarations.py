@@ -66,6 +66,26 @@ def test_a_rate_that_cannot_be_set_is_refused(word, change, expected):
     assert expected in str(caught.value)
 
 
+def test_the_truth_at_probes_is_a_port_where_the_scenario_has_probes():
+    reads = f"{{name: fan, {START}, reads: [{{port: truth/probes}}], writes: [state]}}"
+    assert problem_of(reads).found == "'truth/probes'"
+    probes = "probes=[{name: inlet, position_m: [1, 1, 1]}, {name: outlet, position_m: [2, 2, 1]}]"
+    scenario = load_scenario("tiny_room", overrides=[f"participants=[{reads}]", probes]).scenario
+    assert list(find_participant_problems(scenario)) == []
+    flow, plain = build_dataflow(scenario), build_dataflow(load_scenario("tiny_room").scenario)
+    assert {*flow.writes} - {*plain.writes} == {"truth/probes", "participant/fan/state"}
+    assert [name for name, spec in flow.by_name.items() if "truth/probes" in {r.port for r in spec.reads}] == [
+        "recorder",
+        "fan",
+    ]
+
+
+def test_probes_have_names_of_their_own():
+    probes = "probes=[{name: inlet, position_m: [1, 1, 1]}, {name: inlet, position_m: [2, 2, 1]}]"
+    with pytest.raises(ScenarioError, match=r"probes\[1\].name: expected a name that no other of probes has"):
+        load_scenario("tiny_room", overrides=[probes])
+
+
 def test_an_unknown_port_is_named_with_the_nearest_one():
     problem = problem_of(f"{{name: fan, {START}, reads: [{{port: truth/sample}}], writes: [state]}}")
     assert problem.where == "participants[0].reads[0].port"

@@ -60,8 +60,8 @@ def test_the_seed_option_replaces_the_seed(scenario_file):
          "max_acceleration_m_s2, avoidance, separation_m, was an unknown key. Did you mean hold_s? It is in seconds."),
         ("wnd.cell_m=1", "--set: wnd: expected one of the keys schema, name, seed, tick_ms, environment, wind, gas, "
          "agents, "
-         "referee, recording, channels, services, participants, events, pace, snapshots, restart, processes, ros2, "
-         "was an "
+         "referee, recording, channels, services, participants, probes, events, pace, snapshots, restart, processes, "
+         "ros2, was an "
          "unknown key. Did you mean wind?"),
         ("recording={enabled: maybe}", "--set: recording.enabled: expected true or false, was 'maybe'. Write true "
          "or false."),

@@ -5,6 +5,7 @@ import pytest
 
 from gslcosim.base.errors import GslCosimError, ModelError, ScenarioError
 from gslcosim.contract import codec, keys
+from gslcosim.contract.environment_messages import PROBES
 from gslcosim.contract.messages import BodyPoses, BodyState
 from gslcosim.contract.participant import Episode
 from gslcosim.environment.grid_kernels import trilinear_wind
@@ -258,3 +259,23 @@ def test_a_warm_up_run_leaves_the_gas_warm_up_out_and_a_run_does_not(scenario_wi
     assert core.gas.step == 1
     core.reset(Episode(seed=1))
     assert core.gas.time_s == pytest.approx(20.0)
+
+
+def test_probes_have_the_gas_and_wind_of_their_points_and_change_nothing_else(room, scenario_with):
+    places_m = ((6.0, 5.3, 2.0), (5.4, 5.1, 2.0), (1.0, 9.0, 4.0))
+    probes = [{"name": f"probe_{i}", "position_m": position_m} for i, position_m in enumerate(places_m)]
+    plain = scenario_with()
+    probed = Scenario.model_validate({**plain_values(plain), "probes": probes})
+    core, without = FieldsCore(probed, room), FieldsCore(plain, room)
+    for outbox, others in zip(run(core, 12), run(without, 12), strict=True):
+        assert [*outbox] == [*others, PROBES]
+        assert [codec.encode(outbox[port]) for port in others] == [codec.encode(others[port]) for port in others]
+    message = outbox[PROBES]
+    assert (message.tick, [sample.probe for sample in message.samples]) == (11, ["probe_0", "probe_1", "probe_2"])
+    points_m = np.array(places_m)
+    found_ppm = [[amount.mixing_ratio_ppm for amount in sample.gases] for sample in message.samples]
+    assert found_ppm == core.compute_gas_ppm(points_m).tolist()
+    assert found_ppm[1][0] > 0.0
+    found_m_s = [list(sample.wind_world_m_s) for sample in message.samples]
+    assert found_m_s == core.compute_wind_m_s(points_m, 11).tolist()
+    np.testing.assert_allclose(found_m_s, np.tile((0.3, 0.1, 0.0), (3, 1)), rtol=1e-6)
