@@ -26,7 +26,8 @@ MAX_VARIANTS = 16
 def find_moving_door_problems(scenario: Scenario, room: EnvironmentGeometry) -> Iterator[Problem]:
     """Yield what is wrong with the events of a scenario's doors in its room.
 
-    A door may not close on a vehicle's start or on a source, and events may not make more than `MAX_VARIANTS` rooms.
+    A door may not close on a vehicle's start, a source or a probe, and events may not make more than `MAX_VARIANTS`
+    rooms.
     """
     n_situations = len(find_variants(scenario))
     if n_situations > MAX_VARIANTS:
@@ -44,7 +45,7 @@ def find_moving_door_problems(scenario: Scenario, room: EnvironmentGeometry) -> 
         if hits:
             yield Problem(
                 where=f"events[{i}].door",
-                expected="a door that closes on no vehicle's start and on no source",
+                expected="a door that closes on no vehicle's start, no source and no probe",
                 found=f"{event.door}, which closes on {' and '.join(hits)}",
                 remedy=f"Move the door, or {hits[0]}.",
             )
@@ -58,6 +59,7 @@ def _hits(scenario: Scenario, room: EnvironmentGeometry, door: Box) -> list[str]
         for i, event in enumerate(scenario.events)
         if isinstance(event, SourceMovesSpec)
     ]
+    places += [(f"probes[{i}].position_m", probe.position_m) for i, probe in enumerate(scenario.probes or ())]
     cells = [(path, room.grid.cell_of(np.asarray(place_m))) for path, place_m in places]
     hits = [path for path, cell in cells if room.grid.contains_cell(cell) and is_door[tuple(cell)]]
     alone = replace(room, boxes=(door,))

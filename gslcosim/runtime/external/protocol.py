@@ -9,6 +9,7 @@ from gslcosim.base.errors import ContractError
 from gslcosim.base.problems import Problem
 from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.contract import codec
+from gslcosim.contract.environment_messages import PROBES
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import ParticipantSpec, Read, Write
 from gslcosim.contract.participant_messages import (
@@ -101,7 +102,7 @@ def _find_unknown_ports(scenario: Scenario, specs: Sequence[ParticipantSpec]) ->
             path = f"participants[{i}].reads[{j}].port"
             if read.port not in known:
                 expected = f"a port of this run ({', '.join(sorted(known))})"
-                remedy = did_you_mean(read.port, known)
+                remedy = did_you_mean(read.port, known) if read.port != PROBES else "Add probes to the scenario."
                 yield Problem(where=path, expected=expected, found=f"'{read.port}'", remedy=remedy)
                 continue
             announcer = known[read.port].announced_in

@@ -68,7 +68,8 @@ def test_a_rate_that_cannot_be_set_is_refused(word, change, expected):
 
 def test_the_truth_at_probes_is_a_port_where_the_scenario_has_probes():
     reads = f"{{name: fan, {START}, reads: [{{port: truth/probes}}], writes: [state]}}"
-    assert problem_of(reads).found == "'truth/probes'"
+    problem = problem_of(reads)
+    assert (problem.found, problem.remedy) == ("'truth/probes'", "Add probes to the scenario.")
     probes = "probes=[{name: inlet, position_m: [1, 1, 1]}, {name: outlet, position_m: [2, 2, 1]}]"
     scenario = load_scenario("tiny_room", overrides=[f"participants=[{reads}]", probes]).scenario
     assert list(find_participant_problems(scenario)) == []

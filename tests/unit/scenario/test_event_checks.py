@@ -154,8 +154,12 @@ def test_a_channel_that_is_not_there_is_refused():
          "environment.doors[0].name: expected a name that no other door or box of the room has, was 'lintel'."),
         (["environment.doors[0].is_open=true", "events=[{what: door_closes, at_s: 1, door: gate}]",
           "agents[0].vehicle.start_m=[3.1, 2, 0.2]"],
-         "events[0].door: expected a door that closes on no vehicle's start and on no source, was gate, which closes "
-         "on agents[0].vehicle.start_m. Move the door, or agents[0].vehicle.start_m."),
+         "events[0].door: expected a door that closes on no vehicle's start, no source and no probe, was gate, which "
+         "closes on agents[0].vehicle.start_m. Move the door, or agents[0].vehicle.start_m."),
+        (["environment.doors[0].is_open=true", "events=[{what: door_closes, at_s: 1, door: gate}]",
+          "probes=[{name: doorway, position_m: [3.1, 2, 1]}]"],
+         "events[0].door: expected a door that closes on no vehicle's start, no source and no probe, was gate, which "
+         "closes on probes[0].position_m. Move the door, or probes[0].position_m."),
         (["agents[0].vehicle.start_m=[3.1, 2, 0.2]"],
          "agents[0].vehicle.start_m: expected a point in the room's air, was [3.1, 2, 0.2], inside gate."),
         (["environment.layout.openings=[{name: out, kind: outlet, min_m: [6, 3, 1], max_m: [6, 4, 2]}]",
