@@ -12,7 +12,8 @@ from gslcosim.scenario import load_scenario
 
 ROOT = Path(__file__).parents[2]
 # Each is large and belongs to one service.
-OWNERS = {"mujoco": {"world", "cameras"}, "rerun": {"recorder"}}
+# A vehicle in ROS 2 is described with the masses and shapes of its model.
+OWNERS = {"mujoco": {"world", "cameras", "ros2"}, "rerun": {"recorder"}}
 # The supervisor of a run in a room that was made before compiles nothing, draws nothing and solves nothing.
 NOT_THE_SUPERVISORS = {"mujoco", "rerun", "pyarrow", "numba", "scipy", "PIL"}
 CORES = {
