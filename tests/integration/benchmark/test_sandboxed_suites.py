@@ -83,8 +83,8 @@ def test_verify_says_what_agents_were_in_and_refuses_rows_without_the_sandbox_th
     flown: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     trusting, sealed = flown
-    assert main(["bench", "verify", str(sealed), "--sample", "1", "--jobs", "1", "--seed", "1"]) == 0
-    assert f"Sandbox of agents: 1 {find_strongest_sandbox()}" in capsys.readouterr().out
+    assert main(["bench", "verify", str(sealed), "--sample", "3", "--jobs", "1"]) == 0
+    assert f"Sandbox of agents: 3 {find_strongest_sandbox()}" in capsys.readouterr().out
     assert main(["bench", "verify", str(trusting), "--sample", "3", "--jobs", "1", "--trusted"]) == 0
     assert "3 none: in this process. Agents without one could read the truth" in capsys.readouterr().out
     changed = tmp_path / "changed"

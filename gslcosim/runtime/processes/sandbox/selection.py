@@ -68,8 +68,8 @@ _SIGNS = (
     ("suite.yaml", "manifest.json"),
     ("environment.yaml", "occupancy.npy"),
 )
-# Results keep the programs that were run.
-_PROGRAMS = "agents"
+# Results keep the programs that were run, those of a suite that another one includes with that suite.
+_PROGRAMS, _INCLUDED_SUITES = "agents", "suites"
 
 
 class TooMuchToSearchError(Exception):
@@ -139,7 +139,14 @@ def is_truth_folder(folder: Path) -> bool:
         folder: The programs that results keep do not count as part of them.
     """
     around = [folder.resolve(), *folder.resolve().parents]
-    return any(_is_result_folder(place) and not folder.resolve().is_relative_to(place / _PROGRAMS) for place in around)
+    return any(_is_result_folder(place) and not _is_kept_program(folder.resolve(), place) for place in around)
+
+
+def _is_kept_program(folder: Path, results: Path) -> bool:
+    parts = folder.relative_to(results).parts
+    while parts[:1] == (_INCLUDED_SUITES,):
+        parts = parts[2:]
+    return parts[:1] == (_PROGRAMS,)
 
 
 def _search(
