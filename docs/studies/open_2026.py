@@ -48,15 +48,7 @@ def pool_results(folders: Sequence[ReportData]) -> ReportData:
     columns["repetition"] = columns["repetition"] + SEEDS_APART * seeds
     # Rooms drawn anew for each seed would count twice as much as open ground, which is one case for all seeds.
     columns["case"] = columns["scenario"]
-    index = {name: i for i, name in enumerate(names)}
-    keys = list(zip(columns["case"], columns["repetition"], columns["is_control"]))
-    units = {key: i for i, key in enumerate(dict.fromkeys(keys))}
-    rows = TrialRows(
-        columns=columns,
-        entry=np.array([index[name] for name in columns["entry"]], dtype=np.int64),
-        unit=np.array([units[key] for key in keys], dtype=np.int64),
-    )
-    return replace(folders[0], entries=entries, rows=rows)
+    return replace(folders[0], entries=entries, rows=TrialRows.of_columns(columns, names))
 
 
 def print_ranks(data: ReportData) -> None:

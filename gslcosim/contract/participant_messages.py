@@ -34,7 +34,7 @@ def build_own_port(participant: str, word: str) -> str:
 
 
 class RoomOutput(NamedTuple):
-    """What a word for an output that changes the room stands for: it holds until the next, and is there every tick.
+    """Output of a participant that changes the room: it holds until the next, and is there every tick.
 
     `value` is the name of the one value in its message.
     """

@@ -20,13 +20,13 @@ from typing import Any
 
 import numpy as np
 
+from gslcosim.base.ticks import NS_PER_S
 from gslcosim.ros.node import CALL_TIMEOUT_S, RosNode, RosRequest, RosSession
-from gslcosim.ros.types import CANCEL_GOAL
+from gslcosim.ros.types import CANCEL_GOAL, RosTypes
 from gslcosim.ros.wire import LATCHED
 
 STATUS_ARRAY = "action_msgs/msg/GoalStatusArray"
 _UUID = "unique_identifier_msgs/msg/UUID"
-_NS_PER_S = 1_000_000_000
 # Of goals that go on, for each is work; of those that are over, for who asks late.
 _MAX_GOALS = 10
 _MAX_ENDED_GOALS = 100
@@ -45,7 +45,7 @@ class GoalStatus(IntEnum):
 
     @property
     def is_end(self) -> bool:
-        """Whether a goal stays in this state."""
+        """True if a goal stays in this state."""
         return self >= GoalStatus.SUCCEEDED
 
 
@@ -78,7 +78,7 @@ class ActionGoal:
 
     @property
     def is_canceling(self) -> bool:
-        """Whether somebody wants it to end before it is reached."""
+        """True if somebody wants it to end before it is reached."""
         return self.status == GoalStatus.CANCELING
 
     def publish_feedback(self, feedback: Any) -> None:
@@ -136,8 +136,8 @@ class ActionServer:
 
     def publish_feedback(self, goal: ActionGoal, feedback: Any) -> None:
         """Publish feedback about a goal; see `ActionGoal.publish_feedback`."""
-        message = self._types.make(f"{self._kind}_FeedbackMessage", goal_id=self._make_id(goal), feedback=feedback)
-        self._feedback.publish(message)
+        goal_id = _make_goal_id(self._types, goal.goal_id)
+        self._feedback.publish(self._types.make(f"{self._kind}_FeedbackMessage", goal_id=goal_id, feedback=feedback))
 
     def end_goal(self, goal: ActionGoal, status: GoalStatus, result: Any) -> None:
         """End a goal; see `ActionGoal.end`."""
@@ -189,7 +189,7 @@ class ActionServer:
     def _cancel_goals(self, request: Any) -> Any:
         goal_id = bytes(request.goal_info.goal_id.uuid)
         stamp = request.goal_info.stamp
-        until_ns = stamp.sec * _NS_PER_S + stamp.nanosec
+        until_ns = stamp.sec * NS_PER_S + stamp.nanosec
         is_of_all = not any(goal_id) and not until_ns
         with self._lock:
             named = self._goals.get(goal_id)
@@ -222,13 +222,8 @@ class ActionServer:
         ]
         self._status.publish(make(STATUS_ARRAY, status_list=goals))
 
-    def _make_id(self, goal: ActionGoal) -> Any:
-        return self._types.make(_UUID, uuid=np.frombuffer(goal.goal_id, np.uint8))
-
     def _make_info(self, goal: ActionGoal) -> Any:
-        return self._types.make(
-            "action_msgs/msg/GoalInfo", goal_id=self._make_id(goal), stamp=self._types.time(goal.accepted_ns)
-        )
+        return _make_goal_info(self._types, goal.goal_id, goal.accepted_ns)
 
 
 class ActionClient:
@@ -273,7 +268,8 @@ class ActionClient:
         """
         goal_id = uuid.uuid4().bytes
         self._own.add(goal_id)
-        request = self._types.make(f"{self._kind}_SendGoal_Request", goal_id=self._make_id(goal_id), goal=goal)
+        named = _make_goal_id(self._types, goal_id)
+        request = self._types.make(f"{self._kind}_SendGoal_Request", goal_id=named, goal=goal)
         if not self._goals.call(request, timeout_s=timeout_s).accepted:
             self._own.discard(goal_id)
             raise ValueError(f"{self._kind}: expected a goal that the server accepts, was rejected")
@@ -285,7 +281,7 @@ class ActionClient:
         Raises:
             TimeoutError: it has not ended.
         """
-        request = self._types.make(f"{self._kind}_GetResult_Request", goal_id=self._make_id(goal_id))
+        request = self._types.make(f"{self._kind}_GetResult_Request", goal_id=_make_goal_id(self._types, goal_id))
         response = self._results.call(request, timeout_s=timeout_s)
         return GoalStatus(response.status), response.result
 
@@ -296,9 +292,14 @@ class ActionClient:
             TimeoutError: no server answers.
         """
         types = self._types
-        info = types.make("action_msgs/msg/GoalInfo", goal_id=self._make_id(goal_id), stamp=types.time(0))
-        request = types.make(f"{CANCEL_GOAL}_Request", goal_info=info)
+        request = types.make(f"{CANCEL_GOAL}_Request", goal_info=_make_goal_info(types, goal_id, 0))
         return CancelCode(self._cancels.call(request, timeout_s=timeout_s).return_code)
 
-    def _make_id(self, goal_id: bytes) -> Any:
-        return self._types.make(_UUID, uuid=np.frombuffer(goal_id, np.uint8))
+
+def _make_goal_id(types: RosTypes, goal_id: bytes) -> Any:
+    return types.make(_UUID, uuid=np.frombuffer(goal_id, np.uint8))
+
+
+def _make_goal_info(types: RosTypes, goal_id: bytes, accepted_ns: int) -> Any:
+    stamp = types.time(accepted_ns)
+    return types.make("action_msgs/msg/GoalInfo", goal_id=_make_goal_id(types, goal_id), stamp=stamp)

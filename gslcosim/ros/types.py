@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.ros_graphs import RosDistribution
+from gslcosim.base.ticks import NS_PER_S
 from gslcosim.ros.wire import NO_HASH
 
 REMEDY = "pip install 'gslcosim[ros]'"
@@ -220,7 +221,7 @@ class RosTypes:
 
     def time(self, time_ns: int) -> Any:
         """Return a time."""
-        sec, nanosec = divmod(time_ns, 1_000_000_000)
+        sec, nanosec = divmod(time_ns, NS_PER_S)
         return self.make("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
 
     def header(self, time_ns: int, frame: str) -> Any:

@@ -160,10 +160,10 @@ class SimulationServices:
 
     def _simulate_steps(self, goal: ActionGoal) -> None:
         status, code, text, n_steps = GoalStatus.SUCCEEDED, ResultCode.OK, "", goal.message.steps
+        make = partial(self._types.make, f"{interfaces.SIMULATE_STEPS}_Feedback")
         try:
             with closing(self._iterate_steps(n_steps)) as steps:
                 for n_done in steps:
-                    make = partial(self._types.make, f"{interfaces.SIMULATE_STEPS}_Feedback")
                     goal.publish_feedback(make(completed_steps=n_done, remaining_steps=n_steps - n_done))
                     if goal.is_canceling and n_done < n_steps:
                         status, code = GoalStatus.CANCELED, ResultCode.OPERATION_FAILED

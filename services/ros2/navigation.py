@@ -59,7 +59,7 @@ class Navigator:
 
     @property
     def has_goal(self) -> bool:
-        """Whether there is a goal that has not ended."""
+        """True if there is a goal that has not ended."""
         return self._goal is not None
 
     def observe(self, time_ns: int, pose: Any) -> None:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.frames import rpy_from_rotation
 from gslcosim.vehicles.catalogue import RotorDrawing, Vehicle, WheelDrawing
 
 _DARK, _LIGHT = "0.15 0.15 0.18 1", "0.55 0.6 0.65 0.8"
@@ -37,7 +38,7 @@ def build_urdf(vehicle: Vehicle, link: str) -> str:
     for i in range(model.ngeom):
         shape = _describe_geom(int(model.geom_type[i]), model.geom_size[i])
         if shape is not None:
-            rpy_rad = _rpy_from_rotation(data.geom_xmat[i].reshape(3, 3))
+            rpy_rad = rpy_from_rotation(data.geom_xmat[i].reshape(3, 3))
             _add_shape(body, "collision", shape, data.geom_xpos[i], rpy_rad)
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True) + "\n"
@@ -124,15 +125,6 @@ def _add_shape(
         # Materials of one name are one material in URDF.
         material = ElementTree.SubElement(element, "material", name="dark" if colour == _DARK else "light")
         ElementTree.SubElement(material, "color", rgba=colour)
-
-
-# The inverse of `base.frames.rotation_from_rpy`.
-def _rpy_from_rotation(rotation: NDArray[np.float64]) -> tuple[float, float, float]:
-    return (
-        math.atan2(rotation[2, 1], rotation[2, 2]),
-        math.asin(min(1.0, max(-1.0, -rotation[2, 0]))),
-        math.atan2(rotation[1, 0], rotation[0, 0]),
-    )
 
 
 def _format(values: "NDArray[np.float64] | list[float] | tuple[float, ...]") -> str:

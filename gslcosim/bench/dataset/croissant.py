@@ -48,7 +48,7 @@ class PublishedFile:
 
 @dataclass(frozen=True, kw_only=True)
 class Publication:
-    """What a dataset is called, who publishes it, and on which terms. `license` is a URL."""
+    """Name, authors and terms of a dataset. `license` is a URL."""
 
     name: str
     description: str

@@ -37,7 +37,7 @@ PREPROCESSING = (
     f"{', '.join(LEFT_OUT)} is left out, and absolute paths in texts are shortened to their last part. Nothing else "
     "was changed, and no row was removed."
 )
-PRIVACY = "None: robots and rooms are simulated."
+PRIVACY = "Robots and rooms are simulated: there are no data about people."
 USES = (
     "Compare search methods on equal cases, pair by pair.",
     "Look at how flights went: paths, gas on the way, errors of declared places.",
@@ -59,22 +59,22 @@ MAINTENANCE = (
     "The folder is complete as it is. A correction is a new folder with other hashes in croissant.json; the same "
     "results give the same bytes with the same versions of gslcosim and pyarrow."
 )
-_MISSING = "absent values stand for what did not occur or was not asked for; descriptions of columns say which"
+_MISSING = "Absent values stand for what did not occur or was not asked for; descriptions of columns say which."
 STATEMENTS: Mapping[str, str | Sequence[str]] = {
     "dataCollection": COLLECTION,
-    "dataCollectionMissingData": f"{_MISSING[0].upper()}{_MISSING[1:]}.",
+    "dataCollectionMissingData": _MISSING,
     "dataPreprocessingProtocol": [PREPROCESSING],
     "dataUseCases": USES,
     "dataLimitations": LIMITS,
     "personalSensitiveInformation": [PRIVACY],
     "dataReleaseMaintenancePlan": MAINTENANCE,
 }
-"""What the sheet says of collection, uses and limits, by the properties of Croissant for responsible AI."""
+"""Texts on collection, uses and limits, by the properties of Croissant for responsible AI."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Counts:
-    """How many flights, and of how many entries, cases, rooms and plumes, a dataset has."""
+    """Numbers of flights, samples, entries, cases, rooms and plumes of a dataset."""
 
     flights: int
     controls: int
@@ -85,7 +85,7 @@ class Counts:
     plumes: int
 
 
-def count(trials: PublishedTable, tracks: PublishedTable) -> Counts:
+def count_dataset(trials: PublishedTable, tracks: PublishedTable) -> Counts:
     """Return the counts of a dataset."""
     rows = trials.table
     rooms, gas = rows["environment_hash"].to_pylist(), rows["gas_seed"].to_pylist()
@@ -127,7 +127,7 @@ def build_datasheet(
         tables: Flights and samples.
         suite_files: Files of the suites.
     """
-    counts = count(*tables)
+    counts = count_dataset(*tables)
     parts = [
         f"# {_text(publication.name)}",
         _text(publication.description),
@@ -211,8 +211,7 @@ def _describe_composition(
             _table((name, "flights"), sorted(Counter(rows[name].to_pylist()).items()))
             for name in ("family", "outcome", "status", "validity")
         ),
-        f"Rows whose status is not `flown` count as failures at the time limit. {_MISSING[0].upper()}{_MISSING[1:]}. "
-        f"People are not part of the data: {PRIVACY[0].lower()}{PRIVACY[1:]}",
+        f"Rows whose status is not `flown` count as failures at the time limit. {_MISSING} {PRIVACY}",
     ]
     if dropped:
         parts += ["Cases of the suite that could not be flown:", _table(("results", "case", "reason"), dropped)]

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pyarrow as pa
@@ -93,6 +93,18 @@ class TrialRows:
     columns: Mapping[str, NDArray[Any]]
     entry: Ints
     unit: Ints
+
+    @classmethod
+    def of_columns(cls, columns: Mapping[str, NDArray[Any]], entries: Sequence[str]) -> Self:
+        """Return the rows with some columns, whose `entry` is one of these names."""
+        index = {name: i for i, name in enumerate(entries)}
+        keys = list(zip(columns["case"], columns["repetition"], columns["is_control"]))
+        units = {key: i for i, key in enumerate(dict.fromkeys(keys))}
+        return cls(
+            columns=columns,
+            entry=np.array([index[name] for name in columns["entry"]], dtype=np.int64),
+            unit=np.array([units[key] for key in keys], dtype=np.int64),
+        )
 
     def __getitem__(self, column: str) -> NDArray[Any]:
         """Return a column."""
@@ -253,14 +265,7 @@ def _text(value: Any) -> str:
 
 def _rows(table: pa.Table, entries: Sequence[ReportEntry]) -> TrialRows:
     columns = {name: _array(table.column(name)) for name in table.schema.names}
-    index = {entry.name: i for i, entry in enumerate(entries)}
-    keys = list(zip(columns["case"], columns["repetition"], columns["is_control"]))
-    units = {key: i for i, key in enumerate(dict.fromkeys(keys))}
-    return TrialRows(
-        columns=columns,
-        entry=np.array([index[name] for name in columns["entry"]], dtype=np.int64),
-        unit=np.array([units[key] for key in keys], dtype=np.int64),
-    )
+    return TrialRows.of_columns(columns, [entry.name for entry in entries])
 
 
 def _array(column: pa.ChunkedArray) -> NDArray[Any]:

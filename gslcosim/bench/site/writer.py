@@ -1,12 +1,11 @@
 """Writer of a site: results are read, merged if need be, and shown in a folder that opens from disk."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gslcosim.base.errors import UsageError, build_path_error
+from gslcosim.base.errors import UsageError, reporting_path_errors
 from gslcosim.bench.report.analysis import analyse
 from gslcosim.bench.site.cards import find_cards
 from gslcosim.bench.site.pages import CASES, METHODS, PLANS, TRACKS, SiteData, build_site
@@ -54,7 +53,7 @@ def write_site(results: Sequence[Path], folder: Path) -> WrittenSite:
         keys=published.keys,
     )
     n_bytes = 0
-    with _reporting_errors(folder):
+    with reporting_path_errors("--out", "a folder that can be written", path=folder):
         _prepare(folder)
         for name, content in build_site(data):
             (folder / name).write_bytes(content)
@@ -77,7 +76,7 @@ def _check_folder(folder: Path, results: Sequence[Path]) -> None:
     inside = next((each for each in results if folder.resolve().is_relative_to(each.resolve())), None)
     if inside is not None:
         raise UsageError(f"--out: expected a folder outside of the results, was {folder} in {inside}. Choose another.")
-    with _reporting_errors(folder):
+    with reporting_path_errors("--out", "a folder that can be written", path=folder):
         links = [folder / name for name in _ENDINGS if (folder / name).is_symlink()]
         is_ours = folder.is_dir() and not links and _has_marker(folder / MARKER)
         if (folder.exists() and not folder.is_dir()) or (not is_ours and folder.is_dir() and any(folder.iterdir())):
@@ -103,11 +102,3 @@ def _prepare(folder: Path) -> None:
         (folder / name).mkdir(exist_ok=True)
         for path in (folder / name).glob(f"*{ending}"):
             path.unlink()
-
-
-@contextmanager
-def _reporting_errors(folder: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise build_path_error(error, "--out", "a folder that can be written", path=folder) from error

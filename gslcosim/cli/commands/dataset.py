@@ -4,6 +4,7 @@ import argparse
 from datetime import date
 from pathlib import Path
 
+from gslcosim.bench.dataset import DEFAULT_LICENSE
 from gslcosim.cli.arguments import Command
 from gslcosim.cli.terminal import add_json_option, write, write_json
 
@@ -27,7 +28,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="new folder of the dataset")
     parser.add_argument(
         "--license",
-        default="CC-BY-4.0",
+        default=DEFAULT_LICENSE,
         metavar="LICENSE",
         help="SPDX identifier or URL of the license (default: %(default)s)",
     )

@@ -144,14 +144,14 @@ CHECKS = (
         is_needed=_has_own_services,
     ),
     Check(
-        name="units",
+        name="FMUs",
         of="scenario",
         subject="services",
         finder="gslcosim.runtime.external.fmi.checks:find_fmu_problems",
         is_needed=_has_fmus,
     ),
     Check(
-        name="states of units",
+        name="states of FMUs",
         of="scenario",
         subject="services",
         finder="gslcosim.runtime.external.fmi.checks:find_fmu_warnings",

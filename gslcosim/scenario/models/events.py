@@ -127,8 +127,8 @@ class TriggerSpec(Spec):
     @property
     def text(self) -> str:
         """The condition in words."""
-        first = "each time that" if self.repeats else "once"
-        return f"{self.delay_s:g} s after {self._what}" if self.delay_s else f"{first} {self._what}"
+        when = f"{self.delay_s:g} s after" if self.delay_s else "" if self.repeats else "once"
+        return " ".join(part for part in (when, "each time that" if self.repeats else "", self._what) if part)
 
     @property
     def _what(self) -> str:

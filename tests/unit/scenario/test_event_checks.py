@@ -5,6 +5,7 @@ import pytest
 from gslcosim.base.errors import ScenarioError
 from gslcosim.environment.positions import find_position_problems
 from gslcosim.scenario import load_scenario
+from gslcosim.scenario.models.events import TriggerSpec
 
 
 def check(scenario, directory):
@@ -188,3 +189,16 @@ def test_too_many_rooms_are_refused():
         )
     assert "events: expected at most 16 combinations of closed doors and inlets" in str(caught.value)
     assert "was 32. Give the events of doors and wind times (at_s)" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("more", "text"),
+    [
+        ({"above": 2.0}, "once state.level of hvac is above 2"),
+        ({"repeats": True}, "each time that state.level of hvac is true"),
+        ({"below": 1.0, "delay_s": 3.0}, "3 s after state.level of hvac is below 1"),
+        ({"repeats": True, "delay_s": 3.0}, "3 s after each time that state.level of hvac is true"),
+    ],
+)
+def test_a_condition_is_told_in_words(more, text):
+    assert TriggerSpec(participant="hvac", value="state.level", **more).text == text
