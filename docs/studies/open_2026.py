@@ -6,6 +6,10 @@ method; for each family and each stratum of coverage the best method and the bes
 well strata tell methods apart. Of several folders it takes all flights together, and prints three more tables: ranks
 with the entries that each one beats, success by seed, and success by group of scenarios.
 
+`--whole FOLDER` takes results of the whole suite with another seed. All tables are then of the entries that flew the
+whole suite, and four more are printed: false alarms in runs without gas; quick and whole side by side; their pairs of
+entries; and all entries in the first repetition of each scenario.
+
 `--figure FILE` draws success by scenario and entry; it needs the extra `plot`.
 """
 
@@ -19,7 +23,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import kendalltau
 
-from gslcosim.bench.report.leaderboard import build_leaderboard, sampling_units
+from gslcosim.bench.report.leaderboard import build_leaderboard, compare_within, sampling_units
 from gslcosim.bench.report.number_formats import (
     format_estimate,
     format_percent,
@@ -30,6 +34,7 @@ from gslcosim.bench.report.number_formats import (
 )
 from gslcosim.bench.report.report_data import ReportData, TrialRows, load_report_data
 from gslcosim.bench.statistics.difficulty import STRATA, coverage_ratio, coverage_stratum, fit_discrimination
+from gslcosim.bench.statistics.estimates import Estimate
 from gslcosim.bench.statistics.rates import difference_of_rates, rate_over_units, wilson
 
 SWEEP, ORACLE = "sweep", "oracle"
@@ -49,6 +54,30 @@ def pool_results(folders: Sequence[ReportData]) -> ReportData:
     # Rooms drawn anew for each seed would count twice as much as open ground, which is one case for all seeds.
     columns["case"] = columns["scenario"]
     return replace(folders[0], entries=entries, rows=TrialRows.of_columns(columns, names))
+
+
+def select_flights(data: ReportData, own: np.ndarray) -> ReportData:
+    """Return some flights as results of their own, with the entries that flew any of them."""
+    names = [entry.name for i, entry in enumerate(data.entries) if (own & (data.rows.entry == i)).any()]
+    columns = {name: column[own] for name, column in data.rows.columns.items()}
+    entries = tuple(entry for entry in data.entries if entry.name in names)
+    return replace(data, entries=entries, rows=TrialRows.of_columns(columns, names))
+
+
+def select_complete(data: ReportData) -> ReportData:
+    """Return the flights of the entries that flew all cases and repetitions with gas."""
+    n = np.bincount(data.rows.entry[~data.rows.is_control], minlength=len(data.entries))
+    return select_flights(data, np.isin(data.rows.entry, np.flatnonzero(n == n.max())))
+
+
+def select_quick(data: ReportData) -> ReportData:
+    """Return the first repetition of each scenario in its first room: what the quick profile flies of a seed."""
+    rows = data.rows
+    first = {}
+    for scenario, case in zip(rows["scenario"].tolist(), rows["case"].tolist()):
+        first.setdefault(scenario, case)
+    in_first = rows["case"] == np.array([first[scenario] for scenario in rows["scenario"].tolist()])
+    return select_flights(data, ~rows.is_control & in_first & (rows["repetition"] == rows["repetition"].min()))
 
 
 def print_ranks(data: ReportData) -> None:
@@ -110,6 +139,63 @@ def print_seeds(folders: Sequence[ReportData], pooled: ReportData) -> None:
         f"Kendall's tau of the two orders {tau:.2f}; {swapped} of {len(names) * (len(names) - 1) // 2} pairs change "
         f"their order; the difference of {apart} of {len(names)} entries excludes zero.\n\n"
     )
+
+
+def print_false_alarms(data: ReportData) -> None:
+    """Print how often each entry declared a source in runs without gas."""
+    rows, lines = data.rows, []
+    for i, entry in enumerate(data.entries):
+        own = np.flatnonzero(rows.is_control & (rows.entry == i))
+        if not own.size:
+            continue
+        alarms = rate_over_units(rows["declared"][own], sampling_units(rows, own))
+        lines.append((alarms.value, [f"`{entry.name}`", own.size, format_estimate(alarms, format_percent)]))
+    found = [line for _, line in sorted(lines, key=lambda line: line[0])]
+    print_table(("entry", "runs without gas", "declared a source [%]"), found)
+
+
+def print_quick_and_whole(quick: ReportData, whole: ReportData) -> None:
+    """Print success in the quick profile of some seeds and in the whole suite of another, and how far they agree."""
+    shared = {entry.name for entry in quick.entries} & {entry.name for entry in whole.entries} - {ORACLE}
+    names = [entry.name for entry in whole.entries if entry.name in shared]
+    profiles = (quick, select_quick(whole), whole)
+    rates = {name: [_find_success(data, name) for data in profiles] for name in names}
+    heads = ("entry", "quick, other seeds [%]", "quick, same seed [%]", "whole [%]")
+    lines = [[f"`{name}`", *(format_estimate(r, format_percent) for r in rates[name])] for name in names]
+    print_table(heads, [line for _, line in sorted(zip([-rates[n][2].value for n in names], lines))])
+    values = np.array([[r.value for r in rates[name]] for name in names])
+    for label, data, column in (("other seeds", quick, 0), ("the same seed", profiles[1], 1)):
+        tau = float(kendalltau(values[:, column], values[:, 2]).statistic)
+        held, inside, opposite, decided, n = 0, 0, 0, 0, 0
+        of_whole = _compare_pairs(whole, names)
+        for pair, (estimate, verdict) in _compare_pairs(data, names).items():
+            other, decision = of_whole[pair]
+            n += 1
+            decided += decision != 0
+            held += verdict != 0 and verdict == decision
+            opposite += verdict * decision < 0
+            inside += estimate.low <= other.value <= estimate.high
+        sys.stdout.write(
+            f"Quick profile of {label}: Kendall's tau with the whole suite {tau:.2f}; the interval of {inside} of {n} "
+            f"differences holds that of the whole suite; of {decided} pairs that the whole suite tells apart it tells "
+            f"{held}, and {opposite} the other way round.\n\n"
+        )
+
+
+def _find_success(data: ReportData, name: str) -> Estimate:
+    entry = next(i for i, e in enumerate(data.entries) if e.name == name)
+    own = np.flatnonzero(~data.rows.is_control & (data.rows.entry == entry))
+    return rate_over_units(data.rows["success"][own], sampling_units(data.rows, own))
+
+
+# The difference in success of each two entries and which is better, in one family of these entries.
+def _compare_pairs(data: ReportData, names: Sequence[str]) -> dict[tuple[str, str], tuple[Estimate, int]]:
+    index = [next(i for i, e in enumerate(data.entries) if e.name == name) for name in names]
+    compared = compare_within(data.rows, np.ones(len(data.rows), bool), index)
+    return {
+        (data.entries[pair.a].name, data.entries[pair.b].name): (pair.differences["success"], pair.verdict)
+        for pair in compared.pairs
+    }
 
 
 def print_places(data: ReportData) -> None:
@@ -293,13 +379,22 @@ def main() -> None:
     """Print the tables of folders of results."""
     parser = argparse.ArgumentParser(description="Prints the tables of the open comparison.")
     parser.add_argument("results", type=Path, nargs="+", help="folder of results of open_2026 or open_2026_quick")
+    parser.add_argument("--whole", type=Path, help="folder of results of open_2026 with another seed")
     parser.add_argument("--figure", type=Path, help="file of the figure, .png or .svg")
     options = parser.parse_args()
     folders = [load_report_data(folder) for folder in options.results]
     data = pool_results(folders) if len(folders) > 1 else folders[0]
-    if len(folders) > 1:
+    if options.whole:
+        quick, flown = data, load_report_data(options.whole)
+        data = pool_results([select_complete(flown)])
+        print_quick_and_whole(quick, data)
+        print_false_alarms(data)
+        print_entries(select_quick(flown))
+    if len(folders) > 1 or options.whole:
         print_ranks(data)
-        print_seeds(folders, data)
+    if len(folders) > 1:
+        print_seeds(folders, pool_results(folders))
+    if len(folders) > 1 or options.whole:
         print_places(data)
     if options.figure:
         draw_figure(data, options.figure)

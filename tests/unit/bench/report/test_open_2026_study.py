@@ -64,3 +64,36 @@ def test_two_seeds_are_ranked_together_and_compared(study, tmp_path, capsys, mon
     }
     assert re.search(r"of 3 pairs change their order", agreement)
     assert places.index("`good`") < places.index("`poor`")
+
+
+def test_the_whole_suite_is_compared_with_quick_profiles(study, tmp_path, capsys, monkeypatch):
+    folders = []
+    for seed, repetitions in ((1, 6), (2, 6), (3, 12)):
+        plan = synthetic.Plan(
+            methods=(SWEEP, POOR, GOOD, synthetic.ORACLE), n_scenarios=2, starts_m=synthetic.STARTS_M[-2:], maps=False,
+            tracks=False, repetitions=repetitions, harder=0.0, seed=seed,
+        )  # fmt: skip
+        folders.append(str(synthetic.make_results(tmp_path / f"results_{seed}", plan)))
+    monkeypatch.setattr(sys, "argv", ["open_2026.py", *folders[:2], "--whole", folders[2]])
+    study.main()
+    rates, of_others, of_same, alarms, first, ranks, *_ = capsys.readouterr().out.strip().split("\n\n")
+    assert re.search(r"\| `good` \| [5-9]\d \(.*\) \| \d+ \(.*\) \| [6-9]\d \(", rates)
+    assert rates.index("`sweep`") < rates.index("`good`") < rates.index("`poor`")
+    assert "of other seeds: Kendall's tau" in of_others
+    assert "the same seed: Kendall's tau" in of_same
+    told = re.search(r"of (\d) pairs that the whole suite tells apart it tells (\d), and (\d)", of_others)
+    assert told, of_others
+    assert int(told[1]) >= int(told[2]) >= 1
+    assert told[3] == "0"
+    assert re.search(r"\| `poor` \| 20 \| ", alarms)
+    assert "| `oracle` | 2 | 100 " in first
+    assert "| `good` | 48 |" in ranks
+
+
+def test_entries_with_missing_flights_are_left_out_of_the_whole(study, tmp_path):
+    plan = synthetic.Plan(
+        methods=(GOOD, POOR), n_scenarios=1, starts_m=synthetic.STARTS_M[-1:], maps=False, tracks=False,
+        controls_frac=0.0, missing=1,
+    )  # fmt: skip
+    data = study.load_report_data(synthetic.make_results(tmp_path / "results", plan))
+    assert [entry.name for entry in study.select_complete(data).entries] == ["good"]
