@@ -29,7 +29,6 @@ def flown(words, package, gslcosim_with, folder):
 
 
 @pytest.mark.slow
-@pytest.mark.tour
 @pytest.mark.end_to_end
 def test_a_service_of_a_package_runs_in_one_process_and_in_many_with_one_digest(package, gslcosim_with, tmp_path):
     (command,) = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)

@@ -33,7 +33,6 @@ def package(lay_out_package, tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.tour
 def test_the_criterion_of_a_package_is_run_reported_and_judged(package, gslcosim_with, tmp_path):
     (command,) = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
     program, *words = shlex.split(command)

@@ -98,7 +98,6 @@ def test_who_is_continued_has_changed_nothing(tmp_path, name, stop_s):
 
 
 @linux
-@pytest.mark.tour
 def test_a_service_that_is_stopped_before_it_joins_is_awaited_in_words_and_ends_the_run(tmp_path, monkeypatch):
     """The log says who is missing, and the run ends when it is sure that nothing will come."""
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(HALTING), *filter(None, [os.environ.get("PYTHONPATH")])]))

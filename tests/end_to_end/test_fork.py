@@ -50,7 +50,6 @@ def past(tmp_path_factory):
     return fly(TINY_ROOM, tmp_path_factory.mktemp("past"))
 
 
-@pytest.mark.tour
 def test_another_method_goes_on_where_the_run_is_forked(past, tmp_path):
     """Up to the tick nothing differs, and what differs first is the new agent's command; it can be run again."""
     fork = forked(past.run_dir, tmp_path, 5, "--agent", "infotaxis", in_process=False)

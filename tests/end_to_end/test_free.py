@@ -22,8 +22,7 @@ def commands_of(run_dir, agent=None):
     return [line for line in lines if agent is None or line["agent"] == agent]
 
 
-@pytest.mark.tour
-@pytest.mark.parametrize("processes", ["one", "separate"])
+@pytest.mark.parametrize("processes", ["one", pytest.param("separate", marks=pytest.mark.tour)])
 def test_a_free_run_repeats_to_the_bit(tmp_path, processes):
     """The same method as ever; every tick has an input, and the method's own are among them."""
     past = fly(TINY_ROOM, tmp_path / "past", *FREE[:2], "--pace", "4", *SHORT, "--processes", processes)

@@ -56,7 +56,6 @@ def test_sigterm_while_processes_start_leaves_a_result(tmp_path):
     assert all(path.stat().st_size for path in ended.run_dir.glob("recording.rrd"))
 
 
-@pytest.mark.tour
 def test_a_closed_terminal_is_as_ctrl_c(tmp_path):
     """The system tells the run so, and a shell that had started it would tell it again."""
     ours, theirs = pty.openpty()

@@ -81,7 +81,6 @@ def is_viewer(pid):
         return False
 
 
-@pytest.mark.tour
 def test_a_browser_that_comes_late_gets_all_of_the_recording(tmp_path):
     flight = start(TINY_ROOM, tmp_path / "runs", "--serve", *A_MINUTE, is_recorded=True)
     said = Said(flight)

@@ -13,8 +13,7 @@ from gslcosim.base.bundled import bundled_agents
 from gslcosim.methods.card import find_card_beside
 
 ROOM = Path(__file__).parents[2] / "scenarios" / "tiny_room.yaml"
-# One of each kind for the short tests: plain, with a belief, over the radio.
-TOUR = ("e_coli", "infotaxis", "s_pso")
+TOUR = ("infotaxis",)
 SENSORS_OF_KIND = {
     "gas": [{"model": "pid", "name": "nose"}, {"model": "pid", "name": "nose_right", "mount_m": [0.0, -0.2, 0.0]}],
     "gas_ppm": [{"model": "pid", "name": "nose"}, {"model": "pid", "name": "nose_right", "mount_m": [0.0, -0.2, 0.0]}],

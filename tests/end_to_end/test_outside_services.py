@@ -40,7 +40,6 @@ def run_scenario(folder, *words):
 
 
 @pytest.mark.end_to_end
-@pytest.mark.tour
 def test_a_run_whose_every_service_is_of_another_package_has_one_digest_in_all_deployments(tmp_path):
     one, _ = run_scenario(tmp_path / "one", "--in-process")
     many, run = run_scenario(tmp_path / "many")

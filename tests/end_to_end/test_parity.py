@@ -34,7 +34,6 @@ def test_the_digest_does_not_depend_on_how_a_run_is_executed(tmp_path, busy_proc
     assert (multi.result["agents"], multi.result["ticks"]) == (single.result["agents"], single.result["ticks"])
 
 
-@pytest.mark.tour
 def test_services_that_share_a_process_give_the_same_digest(tmp_path):
     """All services in one process, and some of them in two, agree with one process; agents stay apart."""
     grouped = fly(TINY_ROOM, tmp_path / "grouped", "--processes", "grouped", is_recorded=True)
@@ -69,7 +68,6 @@ def test_parity_holds_in_every_mode(tmp_path, mode):
     assert digest_of(multi) == digest_of(single)
 
 
-@pytest.mark.tour
 def test_a_python_agent_behind_the_gateway_runs_the_same_run(tmp_path):
     """With `door: stdio` it is a process where everything else is in one; its prints go to the log."""
     apart = ("--set", f"agents[0].start={{python: {AGENTS / 'talkative.py'}, door: stdio}}")

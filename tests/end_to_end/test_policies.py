@@ -45,7 +45,7 @@ def model_in(folder):
     return folder / "theirs.onnx"
 
 
-MAKERS = [pytest.param(model_in, marks=pytest.mark.extras), pytest.param(table_in, marks=pytest.mark.tour)]
+MAKERS = [pytest.param(model_in, marks=pytest.mark.extras), table_in]
 
 
 @pytest.mark.parametrize("make", MAKERS)

@@ -57,7 +57,6 @@ def test_a_service_that_is_killed_is_started_again(digests, tmp_path, scenario, 
     assert ended.result["faults"] == []
 
 
-@pytest.mark.tour
 def test_the_whole_run_is_recorded_once_and_the_restart_reported(digests, tmp_path):
     """The recorder lives on: it sees each message once, anyone who has sent it twice."""
     ended = killed(TINY_ROOM, tmp_path, "fields", "--set", "recording.enabled=true", tick=50)

@@ -66,7 +66,6 @@ def refused(*words):
     return errors.getvalue()
 
 
-@pytest.mark.tour
 def test_a_warm_run_is_the_same_as_a_cold_one(server, tmp_path):
     """And the server has one thread before it and after: Zenoh's and MuJoCo's are those of its forks."""
     cold = fly_here(TINY_ROOM, tmp_path / "cold")

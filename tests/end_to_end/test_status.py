@@ -53,8 +53,7 @@ def started(tmp_path, *arguments):
     return flight
 
 
-@pytest.mark.tour
-@pytest.mark.parametrize("processes", ["separate", "grouped", "one"])
+@pytest.mark.parametrize("processes", ["separate", pytest.param("grouped", marks=pytest.mark.tour), "one"])
 def test_a_run_is_listed_looked_at_and_stopped(tmp_path, processes):
     flight = started(tmp_path, "--processes", processes)
     (facts,) = listed()

@@ -31,7 +31,6 @@ def flown(tmp_path_factory):
     return fly(SWARM, tmp_path_factory.mktemp("swarm"))
 
 
-@pytest.mark.tour
 def test_processes_and_one_process_agree(flown, tmp_path):
     assert digest_of(fly_here(SWARM, tmp_path)) == digest_of(flown)
 

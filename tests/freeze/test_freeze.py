@@ -54,7 +54,6 @@ def test_errors_are_worded_as_they_were_frozen():
 
 
 @pytest.mark.slow
-@pytest.mark.tour
 def test_processes_do_not_matter_to_a_run_which_is_as_it_was_frozen():
     runs = {mode: jobs_by_name()[f"run/tiny_room/seed2/{mode}"] for mode in ("one", "separate")}
     entries = {mode: run.entries()[run.name] for mode, run in runs.items()}

@@ -68,7 +68,6 @@ def site(tmp_path_factory):
     return folder / "site"
 
 
-@pytest.mark.tour
 def test_the_vehicle_of_an_installed_package_runs(site, tmp_path):
     environment = {**os.environ, "PYTHONPATH": str(site)}
     listed = run([sys.executable, "-m", "gslcosim", "list", "vehicles", "--json"], env=environment)

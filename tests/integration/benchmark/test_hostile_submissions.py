@@ -124,7 +124,6 @@ def reached(outside):
     return {path.name for path in outside.iterdir()}
 
 
-@pytest.mark.tour
 def test_programs_of_results_reach_nothing_while_they_are_verified(here, capsys):
     folder, outside = here
     assert verify(folder, "--json") == 0

@@ -74,7 +74,6 @@ def smoke(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.end_to_end
-@pytest.mark.tour
 def test_two_workers_bring_the_same_rows_and_tracks_as_one(smoke: Path, tmp_path: Path) -> None:
     ended = bench("run", "smoke", "--jobs", "2", "--no-report", cwd=tmp_path)
     assert ended.returncode == 0, ended.stderr
@@ -254,7 +253,6 @@ def test_a_full_disk_is_reported_and_costs_nothing_that_was_run(smoke: Path, tmp
 
 
 @pytest.mark.end_to_end
-@pytest.mark.tour
 def test_verify_finds_a_row_that_was_changed(smoke: Path, tmp_path: Path) -> None:
     folder = tmp_path / "changed"
     shutil.copytree(smoke, folder, ignore=shutil.ignore_patterns("recordings"))

@@ -60,7 +60,6 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 @pytest.mark.end_to_end
 @pytest.mark.slow
-@pytest.mark.tour
 def test_honest_agents_run_the_same_and_a_thief_finds_nothing(flown: tuple[Path, Path]) -> None:
     """The columns that say who and where differ; the thief reads the source from its process's memory."""
     trusting, sealed = (rows_of(folder) for folder in flown)

@@ -100,7 +100,6 @@ def assert_equal_flights(scenario, overrides, seeds, *, drift=(0.0, 0.0), n_thre
 
 
 @pytest.mark.slow
-@pytest.mark.tour
 def test_velocities_on_request_are_those_of_single_runs():
     overrides = (*BALL, "referee.stop.time_limit_s=15")
     outcomes = assert_equal_flights("tiny_room", overrides, [1, 2, 3], hold_s=0.5)

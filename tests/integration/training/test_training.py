@@ -36,7 +36,6 @@ def whole(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.tour
 def test_a_training_killed_after_a_checkpoint_ends_with_the_same_weights(whole, tmp_path):
     trained, folder = whole
     killed, found = tmp_path / "killed", tmp_path / "found"
@@ -293,7 +292,6 @@ def method_file(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.tour
 def test_parameters_of_a_method_resumed_are_the_same(method_file, tmp_path, capsys):
     file = load_train_file(method_file)
     whole = Training(file, tmp_path / "whole").train()
