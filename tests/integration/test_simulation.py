@@ -20,6 +20,7 @@ LASTS = ["referee.stop.time_limit_s=3600", "referee.success.within_m=0.01"]
 ATTACHED = [*LASTS, "agents[0].start={attach: true}", "agents[0].mode=lockstep", "agents[0].parameters={}"]
 
 
+@pytest.mark.slow
 def test_single_steps_are_one_long_step_and_a_reset_is_a_fresh_start():
     with gslcosim.Simulation("tiny_room", seed=3, overrides=LASTS) as simulation:
         assert simulation.tick == -1

@@ -403,6 +403,7 @@ STATUS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_active_runs_report_anything(status_socket, data):

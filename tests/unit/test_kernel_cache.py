@@ -194,6 +194,7 @@ def test_an_agent_that_has_no_key_reads_signed_files_as_numba_does(cached, tmp_p
     assert not (tmp_path / "nothing").exists()
 
 
+@pytest.mark.slow
 def test_who_inherits_the_folder_and_has_another_cache_shares_the_kernels(cached, tmp_path):
     """With a key of its own it would compile and sign all of them, and after it everybody else would."""
     (folder,) = (path for path in (tmp_path / "cache" / "numba").iterdir() if path.is_dir())

@@ -171,7 +171,12 @@ def places_of(command):
     return [*waypoints, *([command.position_world_m] if command.position_world_m else [])]
 
 
-every_method = pytest.mark.parametrize("name", NAMES)
+# Its belief takes seconds where those of the others take tenths.
+SLOW = "pmfs_published"
+
+every_method = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name == SLOW else ()) for name in NAMES]
+)
 
 
 @every_method

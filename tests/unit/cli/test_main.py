@@ -249,6 +249,7 @@ def test_an_output_that_cannot_be_written_returns_3_and_is_one_sentence(words, e
     assert (ended.returncode, ended.stderr) == (3, text + remedy)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is always full")
 @pytest.mark.parametrize("end", ["2> /dev/full", "2>&-", "<&- 2>&-"])
 def test_a_note_that_nobody_can_read_changes_nothing(end):

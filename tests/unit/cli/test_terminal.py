@@ -280,6 +280,7 @@ def is_writing(node):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_nothing_else_writes_to_a_standard_stream():
     found = set()
     for path in PACKAGE.rglob("*.py"):

@@ -28,6 +28,7 @@ def difference(a, b):
     return np.sqrt(np.mean((a - b) ** 2) / np.mean(b**2))
 
 
+@pytest.mark.slow
 def test_an_empty_room_settles_and_its_mean_is_that_of_a_much_longer_run():
     report = solve_wind_report(AIR, CELL_M, [INLET, OUTLET])
     settling = report.settling

@@ -152,6 +152,7 @@ def test_values_are_shown_as_people_write_them(value, text):
     assert format_value(value) == text
 
 
+@pytest.mark.slow
 def test_every_field_of_every_model_can_be_described(problem_lines):
     """Whatever the models allow, an error can say it: no annotation is unknown to the words."""
     from gslcosim.scenario.model_schema import _all_blocks, find_schema_node, list_keys

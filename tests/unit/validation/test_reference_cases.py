@@ -44,6 +44,7 @@ def test_leaks_are_found_by_lasers():
     assert all(row.is_met for row in rows_of("laser-source", "chilbolton", "quick").values())
 
 
+@pytest.mark.slow
 def test_leaks_are_found_by_masts():
     rows = rows_of("network-events", "metec")
     assert all(row.is_met is not False for row in rows.values())

@@ -70,6 +70,7 @@ def test_a_fork_compiles_the_kernels_of_a_scenario(server):
     assert fork_warmup(server, loaded.scenario, loaded.directory).wait(PROCESS_S) == 0
 
 
+@pytest.mark.slow
 def test_a_server_that_is_killed_takes_its_forks_along(tmp_path):
     with ForkServer() as server:
         process = fork(server, "world", log=tmp_path / "world.log")
@@ -83,6 +84,7 @@ def test_a_server_that_is_killed_takes_its_forks_along(tmp_path):
             fork(server, "world", log=tmp_path / "world.log")
 
 
+@pytest.mark.slow
 def test_a_stopped_server_shows_the_ends_of_its_forks_when_it_is_woken(server, tmp_path):
     """And nobody has to wait for it to learn that a number is not known yet."""
     os.kill(server.pid, signal.SIGSTOP)
@@ -93,6 +95,7 @@ def test_a_stopped_server_shows_the_ends_of_its_forks_when_it_is_woken(server, t
     assert process.pid > 0
 
 
+@pytest.mark.slow
 def test_a_run_ends_although_its_fork_server_is_stopped(tmp_path):
     """The end of its forks is not told; they end with the server, which is ended next."""
     with ForkServer() as server, ChildProcesses(lambda name, code, how: None) as children:
@@ -122,6 +125,7 @@ def test_who_imports_what_a_recorder_needs_becomes_the_recorder_once(tmp_path):
     assert (tmp_path / "recorder.log").read_text().count("expected run_dir in the join data") == 2
 
 
+@pytest.mark.slow
 def test_a_recorder_is_forked_where_who_should_become_it_was_killed(tmp_path):
     with ForkServer() as server:
         fork(server, "world", log=tmp_path / "world.log").wait(EVENT_S)

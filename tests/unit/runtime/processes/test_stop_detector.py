@@ -112,6 +112,7 @@ def test_a_process_that_is_gone_is_not_stopped(sleeping):
     assert not is_stopped(sleeping.pid)
 
 
+@pytest.mark.slow
 @linux
 def test_the_watch_reports_once_and_kills(sleeping):
     reported, has_told = [], threading.Event()
@@ -128,6 +129,7 @@ def test_the_watch_reports_once_and_kills(sleeping):
     assert "stopped by a signal" in describe_stop()
 
 
+@pytest.mark.slow
 @linux
 def test_what_a_launcher_has_started_is_killed_with_it():
     """A child with a group of its own, which nobody told to end with its launcher."""

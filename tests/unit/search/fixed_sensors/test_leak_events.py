@@ -53,6 +53,7 @@ def test_each_event_gets_its_place_and_rate(log):
         assert each.correlation[each.place] > 0.9
 
 
+@pytest.mark.slow
 def test_a_place_that_is_no_candidate_is_found_in_the_plane(log):
     clock_s, readings, wind = log
     excess = find_excess(clock_s, readings)

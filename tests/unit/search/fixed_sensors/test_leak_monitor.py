@@ -36,6 +36,7 @@ def test_a_leak_is_reported_once_after_it_is_over(network):
     assert report.rate_m3_s == pytest.approx(1.473 * release.rate_kg_s, rel=0.3)
 
 
+@pytest.mark.slow
 def test_without_candidates_it_is_somewhere_near(network):
     ((_, report),) = reports_of(network, places_m=None)
     assert np.hypot(*np.subtract(report.position_m, PLACES_M["well"])) < 10.0

@@ -82,6 +82,7 @@ cat '{picture}' > "$2"
     return program
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_hangs", [1, viewer.N_TRIES])
 def test_a_viewer_that_hangs_is_started_again(record, tmp_path, monkeypatch, n_hangs):
     path, png, program = record(n_ticks=1), tmp_path / "picture.png", _hanging_viewer(tmp_path, n_hangs=n_hangs)
