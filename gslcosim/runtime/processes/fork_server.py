@@ -215,7 +215,7 @@ class ForkServer:
         self._lines = JsonLines(self._socket)
         self._lock = threading.Lock()
         self._forked: dict[str, ForkedProcess] = {}
-        self._is_gone = self._is_closing = False
+        self._is_gone = self._is_closing = self._was_asked = False
         self._code: int | None = None
         with theirs:
             self.pid, self._wait = start(theirs, self._log)
@@ -273,6 +273,7 @@ class ForkServer:
         """
         process = ForkedProcess(name)
         with self._lock:
+            self._was_asked = True
             if not self._is_gone:
                 self._forked[name] = process
                 with contextlib.suppress(OSError):
@@ -308,8 +309,11 @@ class ForkServer:
         self._is_closing = True
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
-        self._reader.join(CLOSE_TIMEOUT_S)
+        # One that nobody has asked for anything still imports, and hears nothing meanwhile.
+        self._reader.join(CLOSE_TIMEOUT_S if self._was_asked else 0.0)
         if self._reader.is_alive():
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self.pid, signal.SIGKILL)  # it may have no group of its own yet
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self.pid, signal.SIGKILL)
             self._reader.join()
