@@ -14,6 +14,7 @@ packages=(
     bubblewrap           # the stronger sandbox of agents
     iproute2 openssl     # two hosts in network namespaces, and their certificate
     openfoam             # the other wind solver
+    chromium             # the player on a site's pages
     zsh fish             # shells that complete commands
 )
 
