@@ -74,25 +74,30 @@ STATEMENTS: Mapping[str, str | Sequence[str]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Counts:
-    """Numbers of flights, samples, entries, cases, rooms and plumes of a dataset."""
+    """Numbers of flights, samples, entries, cases, rooms and plumes of a dataset.
 
+    `planned` counts the flights of its suites with all their entries, `samples` is None without tracks.
+    """
+
+    planned: int
     flights: int
     controls: int
-    samples: int
+    samples: int | None
     entries: int
     cases: int
     rooms: int
     plumes: int
 
 
-def count_dataset(trials: PublishedTable, tracks: PublishedTable) -> Counts:
+def count_dataset(origins: Sequence[Origin], tables: Sequence[PublishedTable]) -> Counts:
     """Return the counts of a dataset."""
-    rows = trials.table
+    rows = tables[0].table
     rooms, gas = rows["environment_hash"].to_pylist(), rows["gas_seed"].to_pylist()
     return Counts(
+        planned=sum(origin.n_planned for origin in origins),
         flights=rows.num_rows,
         controls=_compute.sum(rows["is_control"]).as_py() or 0,
-        samples=tracks.table.num_rows,
+        samples=tables[1].table.num_rows if len(tables) > 1 else None,
         entries=len(rows["entry"].unique()),
         cases=len(set(_cases(rows))),
         rooms=len(set(rooms)),
@@ -107,16 +112,17 @@ def _cases(rows: Any) -> list[tuple[str, str]]:
 
 def describe_dataset(origins: Sequence[Origin], counts: Counts) -> str:
     """Return a sentence on what the dataset is."""
+    tracks = "" if counts.samples is None else f", with {counts.samples} samples of their tracks"
     return (
         f"{counts.flights} simulated flights of {counts.entries} search methods for gas sources in {counts.cases} "
-        f"cases of the suite {origins[0].suite.suite.name} of gslcosim, with {counts.samples} samples of their tracks."
+        f"cases of the suite {origins[0].suite.suite.name} of gslcosim{tracks}."
     )
 
 
 def build_datasheet(
     publication: Publication,
     origins: Sequence[Origin],
-    tables: tuple[PublishedTable, PublishedTable],
+    tables: Sequence[PublishedTable],
     suite_files: Sequence[PublishedFile],
 ) -> str:
     """Return the datasheet as Markdown.
@@ -124,10 +130,10 @@ def build_datasheet(
     Args:
         publication: Name, authors and terms.
         origins: Folders of results.
-        tables: Flights and samples.
+        tables: Flights, and their samples if they are published.
         suite_files: Files of the suites.
     """
-    counts = count_dataset(*tables)
+    counts = count_dataset(origins, tables)
     parts = [
         f"# {_text(publication.name)}",
         _text(publication.description),
@@ -157,15 +163,15 @@ def build_datasheet(
     return "\n\n".join(parts) + "\n"
 
 
-def _describe_files(
-    tables: tuple[PublishedTable, PublishedTable], suite_files: Sequence[PublishedFile]
-) -> tuple[str, ...]:
+def _describe_files(tables: Sequence[PublishedTable], suite_files: Sequence[PublishedFile]) -> tuple[str, ...]:
     rows = [(f"`{table.file}`", f"{table.table.num_rows} rows; a row is {table.row}") for table in tables]
     rows += [
         ("`suite/`", f"the suite of each folder of results, {len(suite_files)} files: gslcosim bench plan reads it"),
         ("`croissant.json`", "files with hashes and columns, for programs (Croissant 1.0)"),
     ]
-    return "## Files", _table(("file", "content"), rows), "Both tables have the column `trial`; it joins them."
+    joined = "Both tables have the column `trial`; it joins them."
+    left_out = "Tracks are not published: flights of the suite with the same seed and software have them again."
+    return "## Files", _table(("file", "content"), rows), joined if len(tables) > 1 else left_out
 
 
 def _describe_motivation(origins: Sequence[Origin]) -> tuple[str, ...]:
@@ -180,12 +186,16 @@ def _describe_motivation(origins: Sequence[Origin]) -> tuple[str, ...]:
 
 
 def _describe_composition(
-    origins: Sequence[Origin], tables: tuple[PublishedTable, PublishedTable], counts: Counts
+    origins: Sequence[Origin], tables: Sequence[PublishedTable], counts: Counts
 ) -> tuple[str, ...]:
     rows = tables[0].table
+    is_incomplete = counts.flights < counts.planned
     found = [
-        ("flights", counts.flights), ("of these controls without gas", counts.controls),
-        ("samples of tracks", counts.samples), ("entries", counts.entries), ("cases", counts.cases),
+        ("flights", counts.flights),
+        *([("flights of the suites with all entries", counts.planned)] if is_incomplete else []),
+        ("of these controls without gas" if not is_incomplete else "controls without gas", counts.controls),
+        *([] if counts.samples is None else [("samples of tracks", counts.samples)]),
+        ("entries", counts.entries), ("cases", counts.cases),
         ("rooms with their wind", counts.rooms), ("plumes", counts.plumes),
     ]  # fmt: skip
     entries: dict[str, ManifestEntry] = {}
@@ -213,6 +223,11 @@ def _describe_composition(
         ),
         f"Rows whose status is not `flown` count as failures at the time limit. {_MISSING} {PRIVACY}",
     ]
+    if is_incomplete:
+        parts.append(
+            "A part of the suites was flown. Entries have different numbers of flights, so compare them in cases that "
+            "all of them flew."
+        )
     if dropped:
         parts += ["Cases of the suite that could not be flown:", _table(("results", "case", "reason"), dropped)]
     return tuple(parts)

@@ -48,7 +48,8 @@ _FOLDER = re.compile(r"""(?<![\w.)\]}/:])/(?:[^\s/:;,'"()<>|\[\]{}]+/)+""")
 class Origin:
     """A folder of results that a dataset is made of.
 
-    `key` is the fingerprint of the key that has signed it, or None.
+    `key` is the fingerprint of the key that has signed it, or None; `n_planned` counts the flights of the suite with
+    all its entries.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Origin:
     manifest: ResultsManifest
     suite: LoadedSuite
     key: str | None
+    n_planned: int
 
     @property
     def seed(self) -> int | None:
@@ -83,22 +85,26 @@ class PublishedTable:
         return f"{self.name}.parquet"
 
 
-def read_origins(folders: Sequence[Path]) -> tuple[Origin, ...]:
+def read_origins(folders: Sequence[Path], *, may_be_incomplete: bool = False) -> tuple[Origin, ...]:
     """Return folders of results that can be published together: finished, and of the same cases but for their seeds.
+
+    Args:
+        folders: Folders of `bench run`.
+        may_be_incomplete: Accept those in which flights of the suite are missing.
 
     Raises:
         ScenarioError: the suite of a folder has problems.
         SignatureError: a folder is not what its author has signed.
         UsageError: a folder has no results or unfinished ones, or they do not belong together.
     """
-    origins = tuple(_read_origin(folder) for folder in folders)
+    origins = tuple(_read_origin(folder, may_be_incomplete=may_be_incomplete) for folder in folders)
     _check_names(origins)
     _check_suites(origins)
     _check_programs(origins)
     return origins
 
 
-def _read_origin(folder: Path) -> Origin:
+def _read_origin(folder: Path, *, may_be_incomplete: bool) -> Origin:
     results = ResultsFolder(folder)
     results.check()
     if results.shard.is_file():
@@ -107,10 +113,10 @@ def _read_origin(folder: Path) -> Origin:
             "first: gslcosim bench merge."
         )
     state = read_state(folder)
-    if state["state"] != "complete":
+    if state["state"] != "complete" and not may_be_incomplete:
         raise UsageError(
             f"{folder}: expected finished results, {state['n_planned']} trials, were {state['n_rows']}. Give the same "
-            "gslcosim bench run again: it flies the rest."
+            "gslcosim bench run again: it flies the rest; or add --incomplete if a part was chosen on purpose."
         )
     if not results.suite.is_file():
         raise UsageError(
@@ -124,6 +130,7 @@ def _read_origin(folder: Path) -> Origin:
         manifest=cast("ResultsManifest", results.read_json(results.manifest)),
         suite=load_suite(results.suite, needs_seed=False),
         key=None if signed is None else signed.key.fingerprint,
+        n_planned=state["n_planned"],
     )
 
 
@@ -162,8 +169,12 @@ def _check_programs(origins: Sequence[Origin]) -> None:
                 )
 
 
-def build_published_tables(origins: Sequence[Origin]) -> tuple[PublishedTable, PublishedTable]:
+def build_published_tables(origins: Sequence[Origin], *, has_tracks: bool = True) -> tuple[PublishedTable, ...]:
     """Return the tables `trials` and `tracks` of all folders, without paths of machines.
+
+    Args:
+        origins: Folders of results.
+        has_tracks: Whether tracks are published; else the table of trials is alone.
 
     Raises:
         UsageError: a table is damaged, or a trial is in two of the folders.
@@ -180,18 +191,20 @@ def build_published_tables(origins: Sequence[Origin]) -> tuple[PublishedTable, P
                 )
             places[trial] = origin
         trials.append(_publish_trials(origin, rows, columns))
-        tracks.append(_flatten_tracks(origin, series))
-    return (
-        PublishedTable(
-            name="trials", row="a flight", columns=(*ORIGIN_COLUMNS, *columns), table=pa.concat_tables(trials)
-        ),
-        PublishedTable(
-            name="tracks",
-            row="a sample of a flight, about one a second, for each agent",
-            columns=_sample_columns(),
-            table=pa.concat_tables(tracks),
-        ),
+        if has_tracks:
+            tracks.append(_flatten_tracks(origin, series))
+    table_of_trials = PublishedTable(
+        name="trials", row="a flight", columns=(*ORIGIN_COLUMNS, *columns), table=pa.concat_tables(trials)
     )
+    if not has_tracks:
+        return (table_of_trials,)
+    table_of_tracks = PublishedTable(
+        name="tracks",
+        row="a sample of a flight, about one a second, for each agent",
+        columns=_sample_columns(),
+        table=pa.concat_tables(tracks),
+    )
+    return table_of_trials, table_of_tracks
 
 
 def _publish_trials(origin: Origin, rows: pa.Table, columns: Iterable[Column]) -> pa.Table:

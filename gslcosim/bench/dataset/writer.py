@@ -50,6 +50,8 @@ def write_dataset(
     authors: Sequence[str] = (),
     url: str | None = None,
     published: date | None = None,
+    may_be_incomplete: bool = False,
+    has_tracks: bool = True,
 ) -> WrittenDataset:
     """Write finished results as a dataset; the same results give the same bytes.
 
@@ -60,6 +62,8 @@ def write_dataset(
         authors: Names of who publishes it; nobody: anonymous.
         url: Where it is published.
         published: When; by default the day on which the last of the results was begun.
+        may_be_incomplete: Accept results in which flights of the suite are missing; the datasheet says so.
+        has_tracks: Whether tracks, the larger table, are published too.
 
     Raises:
         ScenarioError: the suite of a folder has problems.
@@ -69,9 +73,9 @@ def write_dataset(
     """
     terms = _find_license(license)
     _check_folder(folder, results)
-    origins = read_origins(results)
-    tables = build_published_tables(origins)
-    counts = count_dataset(*tables)
+    origins = read_origins(results, may_be_incomplete=may_be_incomplete)
+    tables = build_published_tables(origins, has_tracks=has_tracks)
+    counts = count_dataset(origins, tables)
     publication = Publication(
         name=origins[0].suite.suite.name,
         description=describe_dataset(origins, counts),
@@ -101,7 +105,7 @@ def write_dataset(
     return WrittenDataset(
         folder=folder,
         n_flights=counts.flights,
-        n_samples=counts.samples,
+        n_samples=counts.samples or 0,
         n_files=len(files) + 1,
         n_bytes=n_bytes,
     )

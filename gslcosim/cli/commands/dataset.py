@@ -46,6 +46,10 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DATE",
         help="day of publication (default: that on which the last results were begun)",
     )
+    parser.add_argument(
+        "--incomplete", action="store_true", help="accept results of a part of the suite; the datasheet says so"
+    )
+    parser.add_argument("--no-tracks", action="store_true", help="leave out the tracks, which are most of the bytes")
 
 
 def _write_dataset(arguments: argparse.Namespace) -> int:
@@ -60,6 +64,8 @@ def _write_dataset(arguments: argparse.Namespace) -> int:
         authors=arguments.author,
         url=arguments.url,
         published=arguments.date,
+        may_be_incomplete=arguments.incomplete,
+        has_tracks=not arguments.no_tracks,
     )
     if arguments.json:
         write_json(asdict(written) | {"folder": str(written.folder)})

@@ -213,6 +213,22 @@ def test_results_that_cannot_be_published_are_refused_in_a_sentence(tmp_path, ma
     assert not (tmp_path / "out").exists()
 
 
+def test_a_part_of_a_suite_is_published_without_tracks_where_that_is_asked_for(tmp_path, capsys):
+    unfinished(tmp_path)
+    words = ["--out", str(tmp_path / "d"), "--incomplete", "--no-tracks"]
+    assert main(["bench", "dataset", str(tmp_path / "a"), *words]) == 0
+    assert capsys.readouterr().out.startswith("21 flights, 0 samples, 4 files, ")
+    assert not (tmp_path / "d" / "tracks.parquet").exists()
+    assert len(pq.read_table(tmp_path / "d" / "trials.parquet")) == 21
+    described = json.loads((tmp_path / "d" / "croissant.json").read_text())
+    assert [each["name"] for each in described["recordSet"]] == ["trials"]
+    assert "samples" not in described["description"]
+    sheet = (tmp_path / "d" / "README.md").read_text()
+    assert "| flights | 21 |\n| flights of the suites with all entries | 24 |" in sheet
+    assert "A part of the suites was flown." in sheet
+    assert "Tracks are not published" in sheet
+
+
 def test_options_are_checked_before_anything_is_read(results, tmp_path):
     with pytest.raises(UsageError, match=r"--license: expected an SPDX identifier such as CC-BY-4.0, .* was 'mine !'"):
         write_dataset(results, tmp_path / "out", license="mine !")
