@@ -7,13 +7,14 @@ well strata tell methods apart. Of several folders it takes all flights together
 with the entries that each one beats, success by seed, and success by group of scenarios.
 
 `--whole FOLDER` takes results of the whole suite with another seed. All tables are then of the entries that flew the
-whole suite, and four more are printed: false alarms in runs without gas; quick and whole side by side; their pairs of
-entries; and all entries in the first repetition of each scenario.
+whole suite, and five more are printed: quick and whole side by side; their pairs of entries; false alarms in runs
+without gas; all entries in the first repetition of each scenario; and what each axis of the mixtures changes.
 
 `--figure FILE` draws success by scenario and entry; it needs the extra `plot`.
 """
 
 import argparse
+import json
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -23,6 +24,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import kendalltau
 
+from gslcosim.bench.cases.models import LABELS, select_labels
 from gslcosim.bench.report.leaderboard import build_leaderboard, compare_within, sampling_units
 from gslcosim.bench.report.number_formats import (
     format_estimate,
@@ -34,7 +36,7 @@ from gslcosim.bench.report.number_formats import (
 )
 from gslcosim.bench.report.report_data import ReportData, TrialRows, load_report_data
 from gslcosim.bench.statistics.difficulty import STRATA, coverage_ratio, coverage_stratum, fit_discrimination
-from gslcosim.bench.statistics.estimates import Estimate
+from gslcosim.bench.statistics.estimates import Estimate, student_quantile
 from gslcosim.bench.statistics.rates import difference_of_rates, rate_over_units, wilson
 
 SWEEP, ORACLE = "sweep", "oracle"
@@ -292,12 +294,14 @@ def print_scenarios(data: ReportData) -> None:
         ratio = _coverage(data, here)
         best_blind = max((_rate(np.isfinite(rows["time_within_1_m_s"]), here & (rows.entry == i)), i) for i in blind)
         best = max((_rate(rows["success"], here & (rows.entry == i)), i) for i in methods)
-        pooled = here & np.isin(rows.entry, methods)
+        pooled = np.flatnonzero(here & np.isin(rows.entry, methods))
+        # Flights of several methods in one plume are not independent.
+        of_all = rate_over_units(rows["success"][pooled], sampling_units(rows, pooled))
         lines.append([
             f"`{name}`", _describe_coverage(ratio), coverage_stratum(ratio),
             f"{100 * best_blind[0]:.0f} (`{data.entries[best_blind[1]].name}`)",
             f"{100 * best[0]:.0f} (`{data.entries[best[1]].name}`)",
-            format_estimate(wilson(int(rows["success"][pooled].sum()), int(pooled.sum())), format_percent),
+            format_estimate(of_all, format_percent),
         ])  # fmt: skip
     heads = (
         "scenario",
@@ -321,6 +325,44 @@ def _rate(flags: np.ndarray, own: np.ndarray) -> float:
 def _coverage(data: ReportData, here: np.ndarray) -> float:
     sweep = here & (data.rows.entry == next(i for i, entry in enumerate(data.entries) if entry.name == SWEEP))
     return coverage_ratio(data.rows["time_within_1_m_s"][sweep], float(data.rows["time_limit_s"][here][0]))
+
+
+def print_mixture_effects(data: ReportData) -> None:
+    """Print what each axis of the mixtures changes in the success of methods, of an additive fit over their rooms.
+
+    The eight mixtures are an orthogonal array (L8), so effects of axes do not mix. A cell is a mixture in one room;
+    what the fit leaves over of cells gives the intervals (Student's t).
+    """
+    rows = data.rows
+    of_methods = ~rows.is_control & (rows["family"] == "mixed") & np.isin(rows.entry, find_methods(data))
+    cells = sorted(set(zip(rows["varied"][of_methods].tolist(), rows["environment_hash"][of_methods].tolist())))
+    if not cells:
+        return
+    labels = [select_labels(json.loads(text)) for text, _ in cells]
+    success = np.array([
+        rows["success"][of_methods & (rows["varied"] == text) & (rows["environment_hash"] == room)].mean()
+        for text, room in cells
+    ])  # fmt: skip
+    axes = {axis: sorted({str(each[axis]) for each in labels}, key=_comes_later) for axis in labels[0]}
+    axes = {axis: levels for axis, levels in axes.items() if len(levels) == 2}
+    design = np.array([[1.0, *(str(each[axis]) == axes[axis][1] for axis in axes)] for each in labels])
+    freedom = len(cells) - design.shape[1]
+    if freedom < 1:
+        return
+    fitted, *_ = np.linalg.lstsq(design, success, rcond=None)
+    variance = float(((success - design @ fitted) ** 2).sum()) / freedom
+    half = student_quantile(0.975, freedom) * np.sqrt(variance * np.diag(np.linalg.inv(design.T @ design)))
+    lines = [
+        [f"`{axis.removeprefix(LABELS)}`", f"{levels[1]} in place of {levels[0]}",
+         format_estimate(Estimate(e, e - h, e + h, len(cells)), format_points)]
+        for (axis, levels), e, h in zip(axes.items(), fitted[1:], half[1:])
+    ]  # fmt: skip
+    print_table(("axis", "change", "success of methods [points]"), lines)
+
+
+# The core's levels come first.
+def _comes_later(level: str) -> tuple[bool, str]:
+    return level not in ("boxes", "steady", "one", "neutral", "pid", "exact", "point"), level
 
 
 def print_groups(data: ReportData) -> None:
@@ -400,6 +442,8 @@ def main() -> None:
         draw_figure(data, options.figure)
     print_entries(data)
     print_scenarios(data)
+    if options.whole:
+        print_mixture_effects(data)
     print_groups(data)
     print_discrimination(data)
 

@@ -1,12 +1,18 @@
 """The tables of the open comparison's study, from results that were never flown."""
 
 import importlib.util
+import itertools
+import json
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import synthetic
+
+from gslcosim.bench.report.number_formats import format_points
 
 SCRIPT = Path(__file__).parents[4] / "docs" / "studies" / "open_2026.py"
 GOOD = synthetic.Method(name="good", success=0.8, declares=1.0)
@@ -97,3 +103,26 @@ def test_entries_with_missing_flights_are_left_out_of_the_whole(study, tmp_path)
     )  # fmt: skip
     data = study.load_report_data(synthetic.make_results(tmp_path / "results", plan))
     assert [entry.name for entry in study.select_complete(data).entries] == ["good"]
+
+
+def test_effects_of_axes_in_mixtures_are_told_apart(study, tmp_path, capsys):
+    plan = synthetic.Plan(
+        methods=(GOOD,), n_scenarios=1, starts_m=synthetic.STARTS_M[-1:], maps=False, tracks=False, controls_frac=0.0,
+        repetitions=16,
+    )  # fmt: skip
+    data = study.load_report_data(synthetic.make_results(tmp_path / "results", plan))
+    levels = list(itertools.product(("boxes", "walls"), ("pid", "mox"), ("steady", "gusting"), (1, 2)))
+    labels = [{"labels.room": a, "labels.sensor": b, "labels.wind": c, "seed": d} for a, b, c, d in levels]
+    columns = {
+        **data.rows.columns,
+        "family": np.full(16, "mixed"),
+        "varied": np.array([json.dumps(each) for each in labels]),
+        # Walls halve it, and a MOX takes a quarter.
+        "success": np.array([1.0 - 0.5 * (a == "walls") - 0.25 * (b == "mox") for a, b, _, _ in levels]),
+    }
+    rows = type(data.rows).of_columns(columns, ["good"])
+    study.print_mixture_effects(replace(data, rows=rows))
+    printed = capsys.readouterr().out
+    for axis, change, effect in (("room", "walls in place of boxes", -50), ("sensor", "mox in place of pid", -25)):
+        assert f"| `{axis}` | {change} | {format_points(effect / 100)} (" in printed
+    assert re.search(r"`wind` \| gusting in place of steady \| [^0-9]?0 \(", printed)
