@@ -133,6 +133,9 @@ def test_a_unit_reads_the_gas_at_a_probe_as_on_the_page(tmp_path, core_of):
     probes = "probes=[{name: other, position_m: [2, 2, 1]}, {name: return_air, position_m: [3, 2, 1]}]"
     loaded = load(own, probes)
     assert [*find_fmu_problems(loaded.scenario, loaded.directory)] == []
+    without = load(own, probes.replace("return_air", "supply_air"))
+    (problem,) = find_fmu_problems(without.scenario, without.directory)
+    assert "expected one of this scenario's (other, supply_air) for probe, was 'return_air'." in str(problem)
     core = core_of(own, probes)
     core.reset(Episode(seed=1))
     found = []

@@ -204,7 +204,12 @@ def _check_names(path: ValuePath, scenario: Scenario, where: str) -> Iterable[Pr
     sensors = sorted(
         {sensor.name for name, agent in agents.items() if not wanted or name in wanted for sensor in agent.sensors}
     )
-    known = {"agent": sorted(agents), "sensor": sensors, "gas": sorted(scenario.substances)}
+    known = {
+        "agent": sorted(agents),
+        "sensor": sensors,
+        "gas": sorted(scenario.substances),
+        "probe": [probe.name for probe in scenario.probes or ()],
+    }
     for key, names in known.items():
         for name in path.find_names(key):
             if name not in names:
