@@ -12,6 +12,7 @@ from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
+from gslcosim.environment.columns import clear_height_m, is_take_off
 from gslcosim.environment.model import Box, Cell, EnvironmentGeometry, point_text
 from gslcosim.environment.openings import voxelize
 from gslcosim.environment.store import load_environment
@@ -413,17 +414,22 @@ def _random_start_m(
         x_m, y_m = (grid.origin_m[axis] + (n + 0.5) * grid.cell_m for axis, n in ((0, i), (1, j)))
         start_m = _rounded((x_m, y_m, grid.origin_m[2] + START_HEIGHT_M))
         is_apart = all(np.hypot(x_m - other[0], y_m - other[1]) >= 1.0 for other in taken_m)
-        if is_apart and can_start_at(start_m, vehicle, room) and (escape is None or escape.leads_from(x_m, y_m)):
+        if is_apart and can_start_at(start_m, vehicle, room) and (escape is None or escape.leads_from(start_m)):
             return start_m
     return None
 
 
 class _EscapePath:
-    """Check that a vehicle's planner finds a way from its start: not out of what is narrower than the vehicle."""
+    """Check that a vehicle that plans its ways gets off the ground and away from its start.
+
+    Its planner and its autopilot look at cells, which reach farther than what is in them: a start beside a wall, with
+    room enough for the vehicle, may be none for them.
+    """
 
     def __init__(self, room: EnvironmentGeometry, vehicle: VehicleSpec) -> None:
         from gslcosim.environment.paths.planner import MARGIN_M, free_space
 
+        self._room, self._vehicle = room, vehicle
         body, floor_m = vehicle.facts.body, room.grid.origin_m[2]
         ground_m = floor_m if vehicle.drives else None
         self._height_m = floor_m + body.half_height_m if vehicle.drives else vehicle.search_height_m
@@ -435,9 +441,16 @@ class _EscapePath:
         self._largest = int(sizes.argmax())
 
     # A start too near to something is left to the nearest free place in sight, as in flight.
-    def leads_from(self, x_m: float, y_m: float) -> bool:
-        place_m = self._free_cells.nearest_m((x_m, y_m, self._path_height_m), in_sight=True)
+    def leads_from(self, start_m: Vec3) -> bool:
+        if not (self._vehicle.drives or self._rises_from(start_m)):
+            return False
+        place_m = self._free_cells.nearest_m((start_m[0], start_m[1], self._path_height_m), in_sight=True)
         return place_m is not None and self._free_cells.part_of(place_m) == self._largest
+
+    def _rises_from(self, start_m: Vec3) -> bool:
+        wanted_m = self._vehicle.search_height_m
+        to_m = clear_height_m(self._room, self._vehicle.facts.body.radius_m, start_m, wanted_m)
+        return is_take_off(start_m[2], to_m, wanted_m)
 
 
 def _rounded(point_m: Vec3) -> Vec3:

@@ -7,9 +7,11 @@ from typing import Literal
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.contract.messages import Command, DriveSetpoint
+from gslcosim.environment.columns import MIN_CLIMB_M as MIN_CLIMB_M
+from gslcosim.environment.columns import clear_height_m, is_take_off
 from gslcosim.scenario.models.scenario import AgentSpec, VehicleSpec
 from gslcosim_services.world import task_order
-from gslcosim_services.world.flight_space import FlightSpace, clear_height_m
+from gslcosim_services.world.flight_space import FlightSpace
 from gslcosim_services.world.leg_planners import Leg
 from gslcosim_services.world.obstacle_avoidance import BrakingMonitor, ObstacleAvoidance
 from gslcosim_services.world.path_follower import (
@@ -38,8 +40,6 @@ from gslcosim_services.world.tasks import (
 from gslcosim_services.world.trajectory import UNCHANGED_HEADING, Heading, Trajectory
 from gslcosim_services.world.vehicle_records import Setpoint, VehicleCapabilities
 
-# A lower flight than this above where it stood is none [m].
-MIN_CLIMB_M = 0.5
 STANDING_TOLERANCE_M = 0.05
 # How long a vehicle on wheels may stop and turn before it gives up.
 MAX_TURN_S = 20.0
@@ -111,9 +111,11 @@ class FlightStateMachine:
         """Rise to the height of search; with avoidance only as far as nothing is in the way."""
         place_m = self.follower.position_m if self.has_taken_off else self.follower.trajectory.end_world_m
         wanted_m = self._vehicle.search_height_m
-        to_m = wanted_m if self._avoidance is None else clear_height_m(self._space, place_m, wanted_m)
+        to_m = wanted_m
+        if self._avoidance is not None:
+            to_m = clear_height_m(self._space.room, self._space.radius_m, place_m, wanted_m)
         found = f"take_off: expected a free way to a height of {wanted_m:g} m, was free as far as {to_m:.2f} m"
-        if to_m < min(wanted_m, place_m[2] + MIN_CLIMB_M):
+        if not is_take_off(place_m[2], to_m, wanted_m):
             if self._stands_at(place_m):
                 self.hold(tick, self._vehicle.hold_s)
                 return f"{found}; the vehicle stays."

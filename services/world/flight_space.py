@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.scalar_kernels import scalar_kernel
-from gslcosim.environment.model import Cell, Closed, Environment, Grid
+from gslcosim.environment.model import Cell, Closed, Environment
 from gslcosim.environment.paths.planner import MARGIN_M, FreeSpace, free_space
 from gslcosim.environment.variants import DynamicEnvironment
 
@@ -192,53 +192,6 @@ class FlightSpace:
             if all(a <= p <= b for a, p, b in zip(box.min_m, position_world_m, box.max_m, strict=True)):
                 return f"({place}) m, inside {box.name}"
         return f"({place}) m, inside a solid cell"
-
-
-# What a vehicle keeps from what is above or below it, beyond its radius [m].
-_MARGIN_M = 0.05
-# Cells that only just reach into the way, up to rounding, do not.
-_CELL_TOLERANCE = 1e-6
-
-
-def clear_height_m(space: FlightSpace, place_m: Vec3, to_m: float) -> float:
-    """Return the height nearest to a wanted one that a vehicle reaches straight up or down, world frame [m].
-
-    Args:
-        space: The room, and the vehicle's radius.
-        place_m: Where it is, world frame [m]; the cell it is in is not in its way.
-        to_m: The height wanted, world frame [m].
-    """
-    origin_m, cell_m = space.room.grid.origin_m[2], space.room.grid.cell_m
-    keeps_m = space.radius_m + _MARGIN_M
-    here = (place_m[2] - origin_m) / cell_m
-    if to_m >= place_m[2]:
-        above = _solid_layers(space, place_m, here, (to_m + keeps_m - origin_m) / cell_m + 1.0)
-        return min(to_m, origin_m + float(above[0]) * cell_m - keeps_m) if len(above) else to_m
-    below = _solid_layers(space, place_m, (to_m - keeps_m - origin_m) / cell_m - 1.0, here)
-    return max(to_m, origin_m + float(below[-1] + 1) * cell_m + keeps_m) if len(below) else to_m
-
-
-def is_descent_clear(space: FlightSpace, place_m: Vec3, ground_m: float) -> bool:
-    """Return whether a vehicle meets nothing solid between a place and the ground below it, world frame [m]."""
-    origin_m, cell_m = space.room.grid.origin_m[2], space.room.grid.cell_m
-    low, high = ((height_m - origin_m) / cell_m for height_m in (ground_m, place_m[2]))
-    return not len(_solid_layers(space, place_m, low, high))
-
-
-# Layers wholly between two heights, in cells, with something solid within the vehicle's radius of the vertical line.
-def _solid_layers(space: FlightSpace, place_m: Vec3, low: float, high: float) -> NDArray[np.int64]:
-    grid = space.room.grid
-    first = max(0, math.ceil(low - _CELL_TOLERANCE))
-    layers = space.room.occupancy[:, :, first : max(first, math.floor(high + _CELL_TOLERANCE))] == Cell.SOLID
-    x_gap_m, y_gap_m = (_gaps_m(grid, axis, place_m[axis]) for axis in (0, 1))
-    is_near = np.add.outer(x_gap_m**2, y_gap_m**2) < space.radius_m**2
-    return first + np.flatnonzero(layers[is_near].any(axis=0))
-
-
-# How far the cells along an axis are from a coordinate; 0 for the one that holds it.
-def _gaps_m(grid: Grid, axis: int, at_m: float) -> NDArray[np.float64]:
-    centres_m = grid.origin_m[axis] + (np.arange(grid.shape[axis]) + 0.5) * grid.cell_m
-    return np.maximum(np.abs(centres_m - at_m) - grid.cell_m / 2, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,8 @@ import numpy as np
 
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import AttitudeSetpoint, Command, DriveSetpoint, RateSetpoint, Waypoint
-from gslcosim_services.world.flight_space import FlightSpace, is_descent_clear
+from gslcosim.environment.columns import is_descent_clear
+from gslcosim_services.world.flight_space import FlightSpace
 from gslcosim_services.world.leg_planners import AT_REST, Leg, find_curve_refusal, find_motion_refusal
 from gslcosim_services.world.obstacle_avoidance import BrakingMonitor
 from gslcosim_services.world.path_follower import PathFollower
@@ -196,7 +197,7 @@ def _find_ground_refusal(position_world_m: Vec3, space: FlightSpace, *, avoids: 
     corners = [(x_m + i * space.radius_m, y_m + j * space.radius_m, z_m) for i in (-1, 1) for j in (-1, 1)]
     heights_m = {space.support_height_m(corner) for corner in (position_world_m, *corners)}
     if max(heights_m) - min(heights_m) < 1e-6:
-        if not avoids or is_descent_clear(space, position_world_m, max(heights_m)):
+        if not avoids or is_descent_clear(space.room, space.radius_m, position_world_m, max(heights_m)):
             return None
         return f"land: expected a free way down from ({x_m:.2f}, {y_m:.2f}, {z_m:.2f}) m, was something solid in it."
     return (

@@ -3,6 +3,7 @@
 import pytest
 import yaml
 
+from gslcosim.environment.columns import clear_height_m
 from gslcosim.environment.geometry_source import build_geometry
 from gslcosim.environment.model import Cell
 from gslcosim.environment.positions import draw_positions, find_position_problems
@@ -137,3 +138,24 @@ def test_a_vehicle_that_plans_its_way_does_not_start_where_there_is_none(load, a
 
     n_in_closet = sum(is_in_closet(seed) for seed in range(12))
     assert (n_in_closet > 0) is (avoidance == "none")
+
+
+def test_no_start_is_so_near_a_wall_that_its_cells_keep_the_vehicle_on_the_ground(load):
+    """Thin walls fill whole cells: beside them a holonomic vehicle fits, and its autopilot does not take off."""
+    walls = [
+        {"name": f"wall_{i}", "min_m": [0.55 + i, 0.0, 0.0], "max_m": [0.6 + i, 3.0, 3.0]} for i in range(5)
+    ]  # fmt: skip
+    environment = {
+        "layout": {
+            "kind": "warehouse_empty", "size_m": [6, 6, 3], "inlet_size_m": [1, 1], "outlet_size_m": [1, 1],
+            "obstacles": walls,
+        }
+    }  # fmt: skip
+    vehicle = {"model": "holonomic", "start_m": "random", "search_height_m": 1.5, "avoidance": "2d"}
+    agents = [{**SCENARIO["agents"][0], "vehicle": vehicle}]
+    gas = {"sources": [{"position_m": [5.5, 5.5, 1]}]}
+    for seed in range(20):
+        scenario = load(seed=seed, environment=environment, gas=gas, agents=agents, wind={"solver": "uniform"})
+        room = build_geometry(scenario.environment, scenario.wind)
+        spec = scenario.agents[0].vehicle
+        assert clear_height_m(room, spec.facts.body.radius_m, spec.start_m, 1.5) == 1.5

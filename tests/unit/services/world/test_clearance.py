@@ -2,11 +2,9 @@
 
 import math
 
-import numpy as np
 import pytest
 
 from gslcosim.contract.messages import DriveSetpoint
-from gslcosim_services.world.flight_space import FlightSpace, clear_height_m, is_descent_clear
 
 WALL = ("wall", (7.0, 0.0, 0.0), (7.5, 10.0, 3.5))
 LAND, TAKE_OFF = {"kind": "land"}, {"kind": "take_off"}
@@ -144,29 +142,3 @@ def test_it_lands_on_a_level_top_and_rises_again(make_pilot):
     pilot.run_until_asked()
     pilot.step(agent_0=TAKE_OFF)
     assert pilot.run_until_asked().position_world_m == pytest.approx((5.5, 5.5, 2.0), abs=0.02)
-
-
-# ---------------------------------------------------------------- columns
-
-
-def test_heights_are_those_of_the_first_cells_in_the_way(make_room):
-    space = FlightSpace(environment=make_room(obstacles=[beam(1.5, 1.75)]), radius_m=0.3)
-    assert clear_height_m(space, (3.0, 3.0, 0.1), 1.0) == 1.0
-    assert clear_height_m(space, (3.0, 3.0, 0.1), 1.2) == pytest.approx(1.15)
-    assert clear_height_m(space, (3.0, 3.0, 0.1), 5.0) == pytest.approx(1.15)
-    assert clear_height_m(space, (3.0, 3.0, 5.0), 2.0) == pytest.approx(2.1)
-    assert clear_height_m(space, (3.0, 3.0, 5.0), 3.0) == 3.0
-    # Beside it by more than the radius, and by less.
-    assert clear_height_m(space, (4.31, 3.0, 0.1), 5.0) == 5.0
-    assert clear_height_m(space, (4.29, 3.0, 0.1), 5.0) == pytest.approx(1.15)
-    assert is_descent_clear(space, (3.0, 3.0, 4.0), 1.75)
-    assert not is_descent_clear(space, (3.0, 3.0, 4.0), 0.0)
-
-
-def test_the_cell_it_is_in_is_not_in_the_way(make_room):
-    room = make_room()
-    room.occupancy[12, 12, 0] = 1
-    space = FlightSpace(environment=room, radius_m=0.3)
-    place_m = (12.5 * 0.25, 12.5 * 0.25, 0.1)
-    assert clear_height_m(space, place_m, 2.0) == 2.0
-    assert np.isfinite(clear_height_m(space, place_m, 5.9))
