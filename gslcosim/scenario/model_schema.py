@@ -322,7 +322,8 @@ def _range(constraints: tuple[Any, ...]) -> str:
 
 
 def _number(bound: Any) -> str:
-    return f"{bound:.15g}"
+    # Whole numbers keep all digits: a rounded bound may lie beyond the true one.
+    return str(bound) if isinstance(bound, int) else f"{bound:.15g}"
 
 
 def _alternatives(values: list[str]) -> str:

@@ -2,6 +2,7 @@
 
 import pytest
 
+from gslcosim.bench.cases.models import Suite
 from gslcosim.scenario.model_schema import find_schema_node, paths_of_key
 
 A_NAME = "a name: a small letter, then small letters, digits and _, at most 40 in all"
@@ -32,6 +33,10 @@ A_NAME = "a name: a small letter, then small letters, digits and _, at most 40 i
 def test_a_place_is_described_from_its_model(location, path, words):
     slot = find_schema_node(location)
     assert (slot.path, slot.describe()) == (path, words)
+
+
+def test_whole_bounds_keep_all_digits():
+    assert find_schema_node(("seed",), root=Suite).describe() == "a whole number from 0 to 9223372036854775807"
 
 
 def test_a_list_of_blocks_names_their_keys():
