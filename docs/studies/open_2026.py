@@ -42,7 +42,30 @@ from gslcosim.bench.statistics.rates import difference_of_rates, rate_over_units
 SWEEP, ORACLE = "sweep", "oracle"
 # Scenarios of these families have walls or a building.
 INDOORS = ("room", "mixed")
-SEEDS_APART = 1_000_000
+GROUNDED = "take_off: expected a free way"
+CASES_APART, SEEDS_APART = 10_000, 10_000_000
+
+
+def select_flights(data: ReportData, own: np.ndarray) -> ReportData:
+    """Return some flights as results of their own, with the entries that flew any of them."""
+    names = [entry.name for i, entry in enumerate(data.entries) if (own & (data.rows.entry == i)).any()]
+    columns = {name: column[own] for name, column in data.rows.columns.items()}
+    entries = tuple(entry for entry in data.entries if entry.name in names)
+    return replace(data, entries=entries, rows=TrialRows.of_columns(columns, names))
+
+
+def leave_out_grounded(data: ReportData) -> ReportData:
+    """Return results without the cases whose start no vehicle left, whoever flew it.
+
+    Starts were drawn beside thin walls until 28 November 2026, where the autopilot does not take off.
+    """
+    warnings = data.rows["warnings"].tolist()
+    grounded = np.array([GROUNDED in text and "the vehicle stays" in text for text in warnings])
+    left_out = np.isin(data.rows.unit, data.rows.unit[grounded])
+    if left_out.any():
+        n = len(set(data.rows.unit[left_out].tolist()))
+        sys.stderr.write(f"{data.folder}: {n} case{'s' * (n != 1)} left out, in which no vehicle takes off.\n")
+    return select_flights(data, ~left_out)
 
 
 def pool_results(folders: Sequence[ReportData]) -> ReportData:
@@ -52,18 +75,12 @@ def pool_results(folders: Sequence[ReportData]) -> ReportData:
     shared = [name for name in folders[0].rows.columns if all(name in data.rows.columns for data in folders)]
     columns = {name: np.concatenate([data.rows[name] for data in folders]) for name in shared}
     seeds = np.concatenate([np.full(len(data.rows), k) for k, data in enumerate(folders)])
-    columns["repetition"] = columns["repetition"] + SEEDS_APART * seeds
+    # Flights of one scenario in two rooms, or with two seeds, are no pair.
+    _, cases = np.unique(columns["case"], return_inverse=True)
+    columns["repetition"] = columns["repetition"] + CASES_APART * cases + SEEDS_APART * seeds
     # Rooms drawn anew for each seed would count twice as much as open ground, which is one case for all seeds.
     columns["case"] = columns["scenario"]
     return replace(folders[0], entries=entries, rows=TrialRows.of_columns(columns, names))
-
-
-def select_flights(data: ReportData, own: np.ndarray) -> ReportData:
-    """Return some flights as results of their own, with the entries that flew any of them."""
-    names = [entry.name for i, entry in enumerate(data.entries) if (own & (data.rows.entry == i)).any()]
-    columns = {name: column[own] for name, column in data.rows.columns.items()}
-    entries = tuple(entry for entry in data.entries if entry.name in names)
-    return replace(data, entries=entries, rows=TrialRows.of_columns(columns, names))
 
 
 def select_complete(data: ReportData) -> ReportData:
@@ -103,7 +120,7 @@ def print_ranks(data: ReportData) -> None:
             format_percent(float((~rows["declared"][own]).mean())),
             format_three_digits(float(np.median(known_m))) if known_m.size else "",
             format_percent(float(np.isfinite(rows["time_within_1_m_s"][own]).mean())),
-            ", ".join(beats[row.entry]) or "none",
+            "all" if len(beats[row.entry]) == len(table) - 1 else ", ".join(beats[row.entry]) or "none",
         ])  # fmt: skip
     heads = (
         "rank", "entry", "runs", "declared within 1 m [%]", "declared elsewhere [%]", "declared nothing [%]",
@@ -156,17 +173,23 @@ def print_false_alarms(data: ReportData) -> None:
     print_table(("entry", "runs without gas", "declared a source [%]"), found)
 
 
-def print_quick_and_whole(quick: ReportData, whole: ReportData) -> None:
-    """Print success in the quick profile of some seeds and in the whole suite of another, and how far they agree."""
+def print_quick_and_whole(quick: ReportData, same: ReportData, whole: ReportData) -> None:
+    """Print success in the quick profile of some seeds and in the whole suite of another, and how far they agree.
+
+    Args:
+        quick: The quick profile of other seeds.
+        same: The quick profile of the seed of the whole suite.
+        whole: The whole suite.
+    """
     shared = {entry.name for entry in quick.entries} & {entry.name for entry in whole.entries} - {ORACLE}
     names = [entry.name for entry in whole.entries if entry.name in shared]
-    profiles = (quick, select_quick(whole), whole)
+    profiles = (quick, same, whole)
     rates = {name: [_find_success(data, name) for data in profiles] for name in names}
     heads = ("entry", "quick, other seeds [%]", "quick, same seed [%]", "whole [%]")
     lines = [[f"`{name}`", *(format_estimate(r, format_percent) for r in rates[name])] for name in names]
     print_table(heads, [line for _, line in sorted(zip([-rates[n][2].value for n in names], lines))])
     values = np.array([[r.value for r in rates[name]] for name in names])
-    for label, data, column in (("other seeds", quick, 0), ("the same seed", profiles[1], 1)):
+    for label, data, column in (("other seeds", quick, 0), ("the same seed", same, 1)):
         tau = float(kendalltau(values[:, column], values[:, 2]).statistic)
         held, inside, opposite, decided, n = 0, 0, 0, 0, 0
         of_whole = _compare_pairs(whole, names)
@@ -424,14 +447,14 @@ def main() -> None:
     parser.add_argument("--whole", type=Path, help="folder of results of open_2026 with another seed")
     parser.add_argument("--figure", type=Path, help="file of the figure, .png or .svg")
     options = parser.parse_args()
-    folders = [load_report_data(folder) for folder in options.results]
+    folders = [leave_out_grounded(load_report_data(folder)) for folder in options.results]
     data = pool_results(folders) if len(folders) > 1 else folders[0]
     if options.whole:
-        quick, flown = data, load_report_data(options.whole)
+        quick, flown = data, leave_out_grounded(load_report_data(options.whole))
         data = pool_results([select_complete(flown)])
-        print_quick_and_whole(quick, data)
+        print_quick_and_whole(quick, pool_results([select_quick(flown)]), data)
         print_false_alarms(data)
-        print_entries(select_quick(flown))
+        print_ranks(pool_results([select_quick(flown)]))
     if len(folders) > 1 or options.whole:
         print_ranks(data)
     if len(folders) > 1:

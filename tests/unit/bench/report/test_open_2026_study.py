@@ -92,7 +92,7 @@ def test_the_whole_suite_is_compared_with_quick_profiles(study, tmp_path, capsys
     assert int(told[1]) >= int(told[2]) >= 1
     assert told[3] == "0"
     assert re.search(r"\| `poor` \| 20 \| ", alarms)
-    assert "| `oracle` | 2 | 100 " in first
+    assert "`oracle` | 2 | 100 " in first
     assert "| `good` | 48 |" in ranks
 
 
@@ -103,6 +103,27 @@ def test_entries_with_missing_flights_are_left_out_of_the_whole(study, tmp_path)
     )  # fmt: skip
     data = study.load_report_data(synthetic.make_results(tmp_path / "results", plan))
     assert [entry.name for entry in study.select_complete(data).entries] == ["good"]
+
+
+def test_flights_of_a_scenario_in_two_rooms_are_no_pair(study, tmp_path):
+    plan = synthetic.Plan(
+        methods=(GOOD, POOR), n_scenarios=1, starts_m=synthetic.STARTS_M[-2:], maps=False, tracks=False
+    )
+    data = study.load_report_data(synthetic.make_results(tmp_path / "results", plan))
+    assert len(set(data.rows["case"].tolist())) == 2
+    assert len(set(study.pool_results([data]).rows.unit.tolist())) == len(data.rows) / 2
+    assert len(study.select_quick(data).rows) == 2
+
+
+def test_cases_in_which_one_entry_did_not_take_off_are_left_out_for_all(study, tmp_path, capsys):
+    plan = synthetic.Plan(methods=(GOOD, POOR), n_scenarios=1, maps=False, tracks=False)
+    data = study.load_report_data(synthetic.make_results(tmp_path / "results", plan))
+    text = "commands: The vehicle refused 9 of 9 commands, the first because take_off: expected a free way to a height"
+    warnings = np.array([f"{text}; the vehicle stays." if i == 3 else "" for i in range(len(data.rows))])
+    rows = type(data.rows).of_columns({**data.rows.columns, "warnings": warnings}, ["good", "poor"])
+    kept = study.leave_out_grounded(replace(data, rows=rows))
+    assert len(kept.rows) == len(rows) - 2
+    assert "1 case left out" in capsys.readouterr().err
 
 
 def test_effects_of_axes_in_mixtures_are_told_apart(study, tmp_path, capsys):
