@@ -162,7 +162,8 @@ def _described(problem: "ErrorDetails") -> str:
 
 def _unreadable(path: Path, error: OSError, remedy: str) -> MalformedFileError:
     if isinstance(error, FileNotFoundError):
-        return MalformedFileError(f"{path.parent.name}: expected a folder with {path.name}, found none.\nFile: {path}")
+        folder = path.parent.name or path.resolve().parent.name
+        return MalformedFileError(f"{folder}: expected a folder with {path.name}, found none.\nFile: {path}")
     place = f"{path.parent.name}/{path.name}"
     return MalformedFileError(
         f"{place}: expected a file that can be read, was {describe_os_error(error)}. {remedy}\nFile: {path}"

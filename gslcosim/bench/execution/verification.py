@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import gslcosim
 from gslcosim.base.errors import UsageError
 from gslcosim.bench.cases.models import Trial
 from gslcosim.bench.cases.plan import Plan, build_plan_of_rows
@@ -237,12 +238,10 @@ class RepeatableResults:
         manifest = folder.read_json(folder.manifest)
         self.n_missing = self.plan.n_trials - len(self.trials)
         if len(self.trials) < len(self.rows):
-            version = manifest.get("versions", {}).get("gslcosim", "?")
-            same = manifest.get("software_hash") == self.plan.software_hash
-            cause = "the programs of its agents have changed" if same else f"they were made by gslcosim {version}"
+            cause = describe_other_software(manifest, self.plan.software_hash)
             raise UsageError(
                 f"{folder.path}: expected flights that this version can repeat, {len(self.rows) - len(self.trials)} of "
-                f"{len(self.rows)} are others ({cause}). Install that version, or fly the suite again with bench run."
+                f"{len(self.rows)} are others: {cause}, or fly the suite again with bench run."
             )
 
         _check_manifest(self.plan, folder, manifest)
@@ -438,3 +437,13 @@ def _differing(before: Row, now: Row) -> list[str]:
         for name in now
         if not is_machine_dependent(name) and name not in in_other_words and now[name] != before.get(name)
     ]
+
+
+def describe_other_software(manifest: Mapping[str, Any], software_hash: str) -> str:
+    """Return why rows of results are not those of this software, which has a hash, and what to do about it."""
+    if manifest.get("software_hash") == software_hash:
+        return "the programs of its agents have changed. Give it those programs"
+    version = manifest.get("versions", {}).get("gslcosim", "?")
+    if version == gslcosim.__version__:
+        return f"they were made by other code or packages of gslcosim {version}. Install those"
+    return f"they were made by gslcosim {version}. Install that version"

@@ -104,7 +104,10 @@ def _log(arguments: argparse.Namespace) -> int:
             for line in lines
         ]
         write(table(("LINE", "SIGNED AT", "AUTHOR", "SUITE OR NOTE", "HASH"), rows))
-        write(f"{len(lines)} lines, each signed and chained to the one before. Note the hash of the last: {head}")
+        counted = (
+            "1 line, signed." if len(lines) == 1 else f"{len(lines)} lines, each signed and chained to the one before."
+        )
+        write(f"{counted} Note the hash of the last: {head}")
     return 0
 
 

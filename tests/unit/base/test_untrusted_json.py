@@ -2,6 +2,7 @@
 
 import json
 import os
+from pathlib import Path
 from typing import Required, TypedDict
 
 import pytest
@@ -82,6 +83,12 @@ def test_any_bytes_give_a_block_or_an_error(data):
     except MalformedFileError as error:
         shown = str(error)
     assert shown.startswith("r: expected ")
+
+
+def test_a_missing_file_of_this_folder_is_named_with_the_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(MalformedFileError, match=f"^{tmp_path.name}: expected a folder with result.json, found none"):
+        read_json(Path("result.json"), Result)
 
 
 def test_a_file_is_named_with_what_helps(tmp_path):
