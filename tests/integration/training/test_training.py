@@ -163,7 +163,6 @@ def test_a_name_that_is_not_observed_is_reported(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.tour
 def test_the_command_leaves_a_policy_curves_and_a_recording(tmp_path, capsys):
     folder = tmp_path / "out"
     assert main(["train", TINY, "--out", str(folder), "--rounds", "2", "--record", "1", "--json"]) == 0

@@ -95,6 +95,7 @@ def leak_box():
     return LeakBox((1.0, 1.0, 0.5), rake_m, {"low": 1e-3}, 0.166, 294.0, (leak,)), leak
 
 
+@pytest.mark.slow
 def test_a_light_gas_has_layers_with_buoyancy_alone(monkeypatch):
     monkeypatch.setattr("gslcosim.validation.cases.leak_box.LATER_S", 30.0)
     box, leak = leak_box()
