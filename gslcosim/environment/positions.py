@@ -12,11 +12,11 @@ from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
-from gslcosim.environment.columns import clear_height_m, is_take_off
 from gslcosim.environment.model import Box, Cell, EnvironmentGeometry, point_text
 from gslcosim.environment.openings import voxelize
 from gslcosim.environment.store import load_environment
 from gslcosim.environment.variants import door_box, find_variants, variant_scenarios
+from gslcosim.environment.vertical_clearance import clear_height_m, is_climb_sufficient
 from gslcosim.scenario.loader import RandomPosition
 from gslcosim.scenario.models.events import DoorClosesSpec, SourceMovesSpec
 from gslcosim.scenario.models.scenario import AgentSpec, EnvironmentSpec, Scenario, SolverSpec, VehicleSpec
@@ -450,7 +450,7 @@ class _EscapePath:
     def _rises_from(self, start_m: Vec3) -> bool:
         wanted_m = self._vehicle.search_height_m
         to_m = clear_height_m(self._room, self._vehicle.facts.body.radius_m, start_m, wanted_m)
-        return is_take_off(start_m[2], to_m, wanted_m)
+        return is_climb_sufficient(start_m[2], to_m, wanted_m)
 
 
 def _rounded(point_m: Vec3) -> Vec3:

@@ -7,8 +7,7 @@ from typing import Literal
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.contract.messages import Command, DriveSetpoint
-from gslcosim.environment.columns import MIN_CLIMB_M as MIN_CLIMB_M
-from gslcosim.environment.columns import clear_height_m, is_take_off
+from gslcosim.environment.vertical_clearance import clear_height_m, is_climb_sufficient
 from gslcosim.scenario.models.scenario import AgentSpec, VehicleSpec
 from gslcosim_services.world import task_order
 from gslcosim_services.world.flight_space import FlightSpace
@@ -115,7 +114,7 @@ class FlightStateMachine:
         if self._avoidance is not None:
             to_m = clear_height_m(self._space.room, self._space.radius_m, place_m, wanted_m)
         found = f"take_off: expected a free way to a height of {wanted_m:g} m, was free as far as {to_m:.2f} m"
-        if not is_take_off(place_m[2], to_m, wanted_m):
+        if not is_climb_sufficient(place_m[2], to_m, wanted_m):
             if self._stands_at(place_m):
                 self.hold(tick, self._vehicle.hold_s)
                 return f"{found}; the vehicle stays."

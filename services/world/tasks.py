@@ -8,7 +8,7 @@ import numpy as np
 
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import AttitudeSetpoint, Command, DriveSetpoint, RateSetpoint, Waypoint
-from gslcosim.environment.columns import is_descent_clear
+from gslcosim.environment.vertical_clearance import is_descent_clear
 from gslcosim_services.world.flight_space import FlightSpace
 from gslcosim_services.world.leg_planners import AT_REST, Leg, find_curve_refusal, find_motion_refusal
 from gslcosim_services.world.obstacle_avoidance import BrakingMonitor

@@ -191,9 +191,8 @@ def _describe_composition(
     rows = tables[0].table
     is_incomplete = counts.flights < counts.planned
     found = [
-        ("flights", counts.flights),
+        ("flights", counts.flights), ("of these controls without gas", counts.controls),
         *([("flights of the suites with all entries", counts.planned)] if is_incomplete else []),
-        ("of these controls without gas" if not is_incomplete else "controls without gas", counts.controls),
         *([] if counts.samples is None else [("samples of tracks", counts.samples)]),
         ("entries", counts.entries), ("cases", counts.cases),
         ("rooms with their wind", counts.rooms), ("plumes", counts.plumes),

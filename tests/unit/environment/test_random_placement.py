@@ -3,10 +3,10 @@
 import pytest
 import yaml
 
-from gslcosim.environment.columns import clear_height_m
 from gslcosim.environment.geometry_source import build_geometry
 from gslcosim.environment.model import Cell
 from gslcosim.environment.positions import draw_positions, find_position_problems
+from gslcosim.environment.vertical_clearance import clear_height_m
 from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.problems import InvalidScenarioError
 

@@ -147,3 +147,17 @@ def test_effects_of_axes_in_mixtures_are_told_apart(study, tmp_path, capsys):
     for axis, change, effect in (("room", "walls in place of boxes", -50), ("sensor", "mox in place of pid", -25)):
         assert f"| `{axis}` | {change} | {format_points(effect / 100)} (" in printed
     assert re.search(r"`wind` \| gusting in place of steady \| [^0-9]?0 \(", printed)
+
+
+def test_the_page_has_the_figures_of_the_published_flights(monkeypatch, capsys):
+    monkeypatch.syspath_prepend(str(SCRIPT.parent))
+    importlib.import_module("open_2026_data").main()
+    printed, page = capsys.readouterr().out, SCRIPT.with_suffix(".md").read_text(encoding="utf-8")
+    tuned = re.findall(r"^\| (infotaxis|source_map|surge_cast)(, \w+)? (\|.*)$", printed, re.MULTILINE)
+    assert len(tuned) == 12
+    for name, kind, figures in tuned:
+        assert f"| `{name}`{kind} {figures}" in page
+    found = re.search(r"(\d+) declarations, .* within 2 m; (\d+) wrong, (\d+) of these", printed)
+    assert f"{found[2]} of their {found[1]} declarations are wrong, {found[3]} of these by less than 2 m" in page
+    silent = re.search(r"(\d+ of \d+) runs of infotaxis and particle_filter", printed)
+    assert f"{silent[1]} runs of `infotaxis` and `particle_filter`" in page

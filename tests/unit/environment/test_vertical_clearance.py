@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gslcosim.environment.columns import clear_height_m, is_descent_clear, is_take_off
 from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid
+from gslcosim.environment.vertical_clearance import clear_height_m, is_climb_sufficient, is_descent_clear
 
 RADIUS_M = 0.3
 
@@ -42,7 +42,7 @@ def test_the_cell_it_is_in_is_not_in_the_way(room):
 
 
 def test_a_rise_of_less_than_half_a_metre_is_none_unless_no_more_is_wanted():
-    assert is_take_off(0.05, 1.5, 1.5)
-    assert is_take_off(0.05, 0.56, 1.5)
-    assert not is_take_off(0.05, 0.54, 1.5)
-    assert is_take_off(0.05, 0.3, 0.3)
+    assert is_climb_sufficient(0.05, 1.5, 1.5)
+    assert is_climb_sufficient(0.05, 0.56, 1.5)
+    assert not is_climb_sufficient(0.05, 0.54, 1.5)
+    assert is_climb_sufficient(0.05, 0.3, 0.3)

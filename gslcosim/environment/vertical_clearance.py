@@ -1,4 +1,4 @@
-"""Vertical columns of a room: what is solid above and below a place, and how far a vehicle rises or sinks there."""
+"""Vertical clearance in a room: how far a vehicle can rise or sink straight up and down from a place."""
 
 import math
 
@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid
 
-MIN_CLIMB_M = 0.5
-"""A vehicle stays on the ground where it could rise by less than this and not to its height of search."""
-
+# A vehicle that could rise by less than this, and not to its height of search, stays on the ground [m].
+_MIN_CLIMB_M = 0.5
 # What a vehicle keeps from what is above or below it, beyond its radius [m].
 _MARGIN_M = 0.05
 # Cells that only just reach into the way, up to rounding, do not.
@@ -36,9 +35,15 @@ def clear_height_m(room: EnvironmentGeometry, radius_m: float, place_m: Vec3, to
     return max(to_m, origin_m + float(below[-1] + 1) * cell_m + keeps_m) if len(below) else to_m
 
 
-def is_take_off(from_m: float, to_m: float, wanted_m: float) -> bool:
-    """Return whether to rise from one height to another is worth it, where a third is wanted, world frame [m]."""
-    return to_m >= min(wanted_m, from_m + MIN_CLIMB_M)
+def is_climb_sufficient(from_m: float, to_m: float, wanted_m: float) -> bool:
+    """Return whether a climb ends at the wanted height, or at least half a metre higher than it began.
+
+    Args:
+        from_m: Where it begins, world frame [m].
+        to_m: Where it ends, world frame [m].
+        wanted_m: The height wanted, world frame [m].
+    """
+    return to_m >= min(wanted_m, from_m + _MIN_CLIMB_M)
 
 
 def is_descent_clear(room: EnvironmentGeometry, radius_m: float, place_m: Vec3, ground_m: float) -> bool:
