@@ -122,13 +122,19 @@ def print_ranks(data: ReportData) -> None:
             format_percent(float((~rows["declared"][own]).mean())),
             format_three_digits(float(np.median(known_m))) if known_m.size else "",
             format_percent(float(np.isfinite(rows["time_within_1_m_s"][own]).mean())),
-            "all" if len(beats[row.entry]) == len(table) - 1 else ", ".join(beats[row.entry]) or "none",
+            _list_beaten(beats[row.entry], len(table) - 1),
         ])  # fmt: skip
     heads = (
         "rank", "entry", "runs", "declared within 1 m [%]", "declared elsewhere [%]", "declared nothing [%]",
         "median error of a declaration [m]", "within 1 m at any time [%]", "beats",
     )  # fmt: skip
     print_table(heads, lines)
+
+
+def _list_beaten(names: Sequence[str], n_others: int) -> str:
+    if len(names) == n_others:
+        return "all"
+    return ", ".join(names) or "none" if len(names) < 6 else f"{len(names)} entries"
 
 
 def print_seeds(folders: Sequence[ReportData], pooled: ReportData) -> None:
