@@ -135,12 +135,17 @@ def assert_displays_are_offered(offered):
 
 
 def assert_markers_show_what_other_topics_have(live):
-    (line,) = live["/beetle/track"][-1].markers
-    ends = {(point.x, point.y, point.z) for point in line.points}
     poses = [message.pose.position for message in live["/beetle/pose"]]
+    posed_ns = stamp_ns(live["/beetle/pose"][-1].header.stamp)
+    (line,) = [m.markers for m in live["/beetle/track"] if stamp_ns(m.markers[0].header.stamp) <= posed_ns][-1]
+    ends = {(point.x, point.y, point.z) for point in line.points}
     assert len(line.points) > 2
     assert ends <= {(place.x, place.y, place.z) for place in poses}
-    spheres, cloud = live["/truth/plume"][-1].markers, live["/truth/filaments"][-1]
+    # The last message of either topic may be the newer one: those of one instant are compared.
+    clouds = {stamp_ns(message.header.stamp): message for message in live["/truth/filaments"]}
+    plumes = {stamp_ns(message.markers[0].header.stamp): message.markers for message in live["/truth/plume"]}
+    last_ns = max(set(clouds) & set(plumes))
+    spheres, cloud = plumes[last_ns], clouds[last_ns]
     points_m = np.array([(point.x, point.y, point.z) for each in spheres for point in each.points])
     filaments_m = cloud.data.view("<f4").reshape(cloud.width, 4)
     assert len(points_m) == cloud.width > 10
