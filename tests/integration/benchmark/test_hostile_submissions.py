@@ -12,6 +12,7 @@ import pytest
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import user_state_folder
+from gslcosim.base.kernel_cache import get_cache_root
 from gslcosim.bench import run
 from gslcosim.bench.execution import verification
 from gslcosim.bench.store import ResultsFolder
@@ -201,9 +202,13 @@ def test_units_of_results_are_theirs_and_nobody_elses(tmp_path):
     ],
 )
 def test_results_that_ask_for_folders_are_refused_before_anything_is_started(
-    sent, tmp_path, capsys, of_agent, expected
+    sent, tmp_path, monkeypatch, capsys, of_agent, expected
 ):
     results, outside = sent
+    # A home of few files: its author's flights search all of what an agent may read for traces of the truth.
+    monkeypatch.setenv("GSLCOSIM_CACHE", str(get_cache_root()))
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    (tmp_path / "home").mkdir()
     granted = {key: [place.replace("OUTSIDE", str(outside)) for place in value] for key, value in of_agent.items()}
     folder = flown_with(tmp_path, results, scenario_text(**granted), "")
     for path in outside.iterdir():
