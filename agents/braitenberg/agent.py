@@ -4,7 +4,7 @@ import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.declaration import PlumeEndWatch, ReactiveDeclarer
+from gslcosim.search.motion.declaration import MissionDeclarer, ReactiveDeclarer
 from gslcosim.search.motion.legs import LegSpace, next_leg
 from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.taxis import lateral_pair, speed_and_turn, wheel_speeds_m_s
@@ -40,7 +40,7 @@ class Braitenberg(Agent):
             height_m=self.height_m,
             is_on=self.settings.declares,
             apart_m=0.5,
-            plume_end=PlumeEndWatch(briefing, left, setting=self.settings.plume_end),
+            mission_declarer=MissionDeclarer(briefing, left, plume_end=self.settings.plume_end),
         )
 
     def observe(self, observation: Observation) -> None:

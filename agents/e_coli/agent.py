@@ -3,7 +3,7 @@
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.commands import LegCommander
-from gslcosim.search.motion.declaration import PlumeEndWatch, ReactiveDeclarer
+from gslcosim.search.motion.declaration import MissionDeclarer, ReactiveDeclarer
 from gslcosim.search.motion.legs import LegSpace
 from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.random_walks import RunAndTumble
@@ -26,7 +26,7 @@ class EColi(Agent):
             nose,
             height_m=briefing.search_height_m,
             is_on=settings.declares,
-            plume_end=PlumeEndWatch(briefing, nose, setting=settings.plume_end),
+            mission_declarer=MissionDeclarer(briefing, nose, plume_end=settings.plume_end),
         )
 
     def observe(self, observation: Observation) -> None:

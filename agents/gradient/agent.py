@@ -3,7 +3,7 @@
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.search.method_settings import load_settings
 from gslcosim.search.motion.commands import LegCommander
-from gslcosim.search.motion.declaration import PlumeEndWatch, ReactiveDeclarer
+from gslcosim.search.motion.declaration import MissionDeclarer, ReactiveDeclarer
 from gslcosim.search.motion.legs import LegSpace, next_leg
 from gslcosim.search.random_stream import RandomStream
 from gslcosim.search.reactive.taxis import RecentReadings, mount_position_m
@@ -28,7 +28,7 @@ class Gradient(Agent):
             self.noses[0],
             height_m=briefing.search_height_m,
             is_on=self.settings.declares,
-            plume_end=PlumeEndWatch(briefing, self.noses[0], setting=self.settings.plume_end),
+            mission_declarer=MissionDeclarer(briefing, self.noses[0], plume_end=self.settings.plume_end),
         )
         self.side = 1
         self.end_m: tuple[float, ...] | None = None

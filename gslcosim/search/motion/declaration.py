@@ -14,8 +14,10 @@ from gslcosim.contract.missions import asks_for_declaration
 from gslcosim.search import beliefs
 from gslcosim.search.beliefs import CellGrid
 from gslcosim.search.motion.commands import declaration
+from gslcosim.search.motion.legs import to_millimetre
+from gslcosim.search.plume_fit import PlumeFit
 from gslcosim.search.senses.hit_detection import GasHits, GasLevel
-from gslcosim.search.senses.instruments import Nose
+from gslcosim.search.senses.instruments import Nose, find_vanes
 
 Point = tuple[float, ...]
 Array = NDArray[np.float64]
@@ -295,48 +297,146 @@ def _agree(upwind_rad: float | None, other_rad: float | None) -> bool:
     return upwind_rad is None or other_rad is None or math.cos(upwind_rad - other_rad) >= 0.5
 
 
-class PlumeEndWatch:
-    """Applies `PlumeEndRule` to what a nose shows above clean air, where the mission asks for a declaration.
+class PlumeFitRule:
+    """Declares the source of a straight plume (`plume_fit.PlumeFit`), where such a plume explains the readings.
 
-    A third of the time limit without a change is long enough, and nine tenths of it are late. A MOX sensor that
-    recovers shows gas of before: its readings are of gas while it has a hit, and otherwise of clean air.
+    1. at least `n_gas` readings with gas, one reading a period, and an advantage of the fit above 0
+    2. the advantage is at least `least_nats`, the share within a metre at least `least_share`, and the place has stayed
+       within `still_m` for `wait_s`; or it is later than `latest_s`
 
-    State: that of the rule, the cleanest air, and the rule of the hits.
+    The confidence is share (1 - exp(-advantage)): the probability that the fit gives, times a trust in its plume.
+    The wind of a reading is the running mean over `smooth_s`; while there is none nothing is noted.
+
+    State: the fit, the running mean of the wind, for how long the place has stayed, and `explains`: whether a straight
+    plume explained the readings better than gas that may be met anywhere when the estimate was asked for.
+
+    Source:
+        The fit's; when it is declared is ours, chosen on training flights of `open_2026_quick`.
+    Held by:
+        tests/unit/search/motion/test_plume_end.py
+    """
+
+    def __init__(
+        self,
+        fit: PlumeFit,
+        *,
+        wait_s: float,
+        latest_s: float,
+        n_gas: int = 10,
+        least_nats: float = 1.0,
+        least_share: float = 0.8,
+        still_m: float = 0.5,
+        smooth_s: float = 20.0,
+        period_s: float = 1.0,
+    ) -> None:
+        """Begin without readings.
+
+        Args:
+            fit: New, without readings.
+            wait_s: For how long the place must stay [s].
+            latest_s: When it is declared even if it has not stayed [s].
+            n_gas: How many readings with gas are enough.
+            least_nats: Which advantage of the fit is enough early [nat].
+            least_share: Which share within a metre is enough early.
+            still_m: How far the place may move and count as the same [m].
+            smooth_s: Time constant of the mean of the wind [s].
+            period_s: Time from one reading to the next that counts [s].
+        """
+        self._fit, self._latest_s, self._n_gas = fit, latest_s, n_gas
+        self._least_nats, self._least_share = least_nats, least_share
+        self._unchanged = UnchangedRule(radius_m=still_m, n_legs=1, for_s=wait_s)
+        self._smooth_s, self._period_s = smooth_s, period_s
+        self.explains = False
+        self._wind_m_s = (0.0, 0.0)
+        self._last_wind_s: float | None = None
+        self._last_s = -math.inf
+
+    def add(self, time_s: float, position_m: Sequence[float], level: float, wind_m_s: Sequence[float]) -> None:
+        """Take note of a reading: its place, its level above clean air, and the wind there, world frame [m/s]."""
+        u, v = self._wind_m_s
+        share = 1.0 if self._last_wind_s is None else min(1.0, (time_s - self._last_wind_s) / self._smooth_s)
+        self._wind_m_s = (u + share * (wind_m_s[0] - u), v + share * (wind_m_s[1] - v))
+        self._last_wind_s = time_s
+        if time_s < self._last_s + self._period_s or not math.hypot(*self._wind_m_s) > 0.0:
+            return
+        self._last_s = time_s
+        self._fit.add(position_m, level, math.atan2(self._wind_m_s[1], self._wind_m_s[0]))
+
+    def estimate(self, time_s: float, height_m: float) -> Estimate | None:
+        """Return the estimate of the source at a height, if all conditions hold now."""
+        found = self._fit.best()
+        self.explains = found is not None and found.n_gas >= self._n_gas and found.advantage_nats > 0.0
+        if found is None or not self.explains:
+            return None
+        is_still = self._unchanged.add(found.position_m, time_s=time_s)
+        is_sure = found.advantage_nats >= self._least_nats and found.share >= self._least_share
+        if not (is_still and is_sure) and time_s < self._latest_s:
+            return None
+        confidence = found.share * -math.expm1(-found.advantage_nats)
+        return Estimate(position_m=(*map(to_millimetre, found.position_m), height_m), confidence=confidence)
+
+
+class MissionDeclarer:
+    """Gives the declaration of a method that follows a plume, where the mission asks for one.
+
+    By `PlumeFitRule` where a straight plume explains what was met, else by `PlumeEndRule`. The fit waits for a tenth of
+    the time limit without a change, the plume's end for a third of it; nine tenths of it are late for both. A MOX
+    sensor that recovers shows gas of before: its readings are of gas while it has a hit, and otherwise of clean air.
+
+    State: that of the rules, the cleanest air, and the rule of the hits.
 
     Held by:
         tests/unit/search/motion/test_plume_end.py
     """
 
-    def __init__(self, briefing: Briefing, nose: Nose, *, setting: str = "by_mission") -> None:
-        """Begin without gas; `setting` is `by_mission`, or `never`."""
+    def __init__(
+        self, briefing: Briefing, nose: Nose, *, plume_end: str = "by_mission", plume_fit: str = "never"
+    ) -> None:
+        """Begin without gas; `plume_end` and `plume_fit` say when each rule is applied: `by_mission`, or `never`."""
         self._nose, self._level, self._hits = nose, GasLevel(nose), GasHits(nose)
-        self._rule: PlumeEndRule | None = None
-        if setting == "by_mission" and asks_for_declaration(briefing.mission):
-            limit_s = briefing.time_limit_s
-            self._rule = PlumeEndRule(
-                threshold=self._level.threshold,
-                wait_s=limit_s / 3.0,
-                latest_s=0.9 * limit_s,
-                bounds=briefing.bounds,
+        self._end: PlumeEndRule | None = None
+        self._fit: PlumeFitRule | None = None
+        self._vane = next(iter(find_vanes(briefing)), None)
+        if not asks_for_declaration(briefing.mission):
+            return
+        limit_s, threshold = briefing.time_limit_s, self._level.threshold
+        if plume_end == "by_mission":
+            self._end = PlumeEndRule(
+                threshold=threshold, wait_s=limit_s / 3.0, latest_s=0.9 * limit_s, bounds=briefing.bounds
             )
+        if plume_fit == "by_mission" and self._vane is not None:
+            fit = PlumeFit(briefing.bounds, threshold=threshold)
+            self._fit = PlumeFitRule(fit, wait_s=limit_s / 10.0, latest_s=0.9 * limit_s)
 
     def add(self, observation: Observation, upwind_rad: float | None = None) -> None:
         """Take note of an observation, from `Agent.observe`; without a wind that is trusted there is no direction."""
-        if self._rule is None or not self._nose.is_ready(observation):
+        if (self._end is None and self._fit is None) or not self._nose.is_ready(observation):
             return
         value = self._nose.value(observation)
         level, is_hit = self._level.of(value), self._hits.add(observation)
         # A broken reading is no clean air.
-        if math.isfinite(value):
-            self._rule.add(observation.time_s, observation.position_world_m, level if is_hit else 0.0, upwind_rad)
+        if not math.isfinite(value):
+            return
+        time_s, here_m, level = observation.time_s, observation.position_world_m, level if is_hit else 0.0
+        if self._end is not None:
+            self._end.add(time_s, here_m, level, upwind_rad)
+        if self._fit is not None and self._vane is not None and self._vane.is_ready(observation):
+            wind_m_s = self._vane.wind_world_m_s(observation)
+            if all(map(math.isfinite, (*wind_m_s, level))):
+                self._fit.add(time_s, here_m, level, wind_m_s)
 
     def estimate(self, observation: Observation) -> Estimate | None:
         """Return the estimate of the source, if it is to be declared now."""
-        return None if self._rule is None else self._rule.estimate(observation.time_s)
+        time_s = observation.time_s
+        if self._fit is not None:
+            found = self._fit.estimate(time_s, observation.position_world_m[2])
+            if found is not None or self._fit.explains:
+                return found
+        return None if self._end is None else self._end.estimate(time_s)
 
 
 class ReactiveDeclarer:
-    """Gives the declarations of a reactive method with one nose: by `ReactiveRule`, and by `PlumeEndRule` if asked.
+    """Gives the declarations of a reactive method with one nose: by `ReactiveRule`, and where the mission asks for one.
 
     State: the rule's stops, the cleanest air that was met, and what was declared.
 
@@ -351,7 +451,7 @@ class ReactiveDeclarer:
         height_m: float,
         is_on: bool = True,
         apart_m: float = 0.1,
-        plume_end: PlumeEndWatch | None = None,
+        mission_declarer: MissionDeclarer | None = None,
     ) -> None:
         """Begin with nothing declared.
 
@@ -360,9 +460,9 @@ class ReactiveDeclarer:
             height_m: Where the source is said to be, for a method in the plane [m].
             is_on: Whether to declare at all.
             apart_m: Questions no farther apart than this are asked at one stop [m].
-            plume_end: The rule for missions that ask for a declaration; absent: none.
+            mission_declarer: The rules for missions that ask for a declaration; absent: none.
         """
-        self._plume_end = plume_end
+        self._mission_declarer = mission_declarer
         self._apart_m = apart_m
         self._level, self._height_m, self._is_on = GasLevel(nose), height_m, is_on
         self._rule = ReactiveRule(threshold=self._level.threshold)
@@ -371,8 +471,8 @@ class ReactiveDeclarer:
 
     def observe(self, observation: Observation) -> None:
         """Take note of gas on the way, from `Agent.observe`; these methods know no wind."""
-        if self._plume_end is not None:
-            self._plume_end.add(observation)
+        if self._mission_declarer is not None:
+            self._mission_declarer.add(observation)
 
     def command(
         self, observation: Observation, value: float | None, *, upwind_rad: float | None = None, is_planar: bool = True
@@ -394,8 +494,8 @@ class ReactiveDeclarer:
             self._stop_m = stop_m
             self._rule.add(stop_m, level)
         found = self._rule.estimate(upwind_rad)
-        if found is None and self._plume_end is not None:
-            found = self._plume_end.estimate(observation)
+        if found is None and self._mission_declarer is not None:
+            found = self._mission_declarer.estimate(observation)
         estimate = self._declared.passes(found)
         if estimate is None:
             return None

@@ -10,7 +10,7 @@ from gslcosim.agent_kit import Briefing, Command, Observation
 from gslcosim.base.quantities import Vec3
 from gslcosim.search.method_settings import extract_settings
 from gslcosim.search.motion.coverage import CoverageGrid
-from gslcosim.search.motion.declaration import Estimate, PlumeEndWatch, ReactiveRule
+from gslcosim.search.motion.declaration import Estimate, MissionDeclarer, ReactiveRule
 from gslcosim.search.motion.legs import LegPlanner, StuckDetector
 from gslcosim.search.search_agent import SearchAgent
 from gslcosim.search.senses.instruments import find_noses
@@ -76,8 +76,8 @@ class ReactiveSettings:
     one that only explores or casts; `explore_step_m` is the edge of the squares of `coverage.CoverageGrid`;
     `threshold_ppm` and `threshold_m_s` are the least gas and wind that count; `leash_legs` legs within `leash_m` are
     too many, after which `leash_away_legs` legs only explore; `declares` switches declarations, by
-    `declaration.ReactiveRule`, after `n_lost` losses of the plume within `spread_m` by `LossPoints`, and, unless
-    `plume_end` is `never`, by `declaration.PlumeEndRule` where the mission asks for a declaration.
+    `declaration.ReactiveRule`, and after `n_lost` losses of the plume within `spread_m` by `LossPoints`. Where the
+    mission asks for a declaration, `plume_fit` and `plume_end` say whether `declaration.MissionDeclarer` declares.
     """
 
     margin_m: float
@@ -92,6 +92,7 @@ class ReactiveSettings:
     declares: bool
     n_lost: int = 6
     spread_m: float = 1.0
+    plume_fit: str = "by_mission"
     plume_end: str = "by_mission"
 
 
@@ -99,7 +100,7 @@ class ReactiveAgent(SearchAgent):
     """An agent that answers gas and wind of the moment: a subclass says which step follows from a contact.
 
     Gas may end a leg that is under way (`may_abort`). It declares by `declaration.ReactiveRule`, by `LossPoints` where
-    the method says that it has lost the plume, and by `declaration.PlumeEndRule` where the mission asks for a
+    the method says that it has lost the plume, and by `declaration.MissionDeclarer` where the mission asks for a
     declaration. A stuck search is sent away to explore for some legs.
 
     Its settings: those of `ReactiveSettings`.
@@ -123,7 +124,9 @@ class ReactiveAgent(SearchAgent):
         self._stuck_detector = StuckDetector(n_legs=shared.leash_legs, radius_m=shared.leash_m)
         self._rule = ReactiveRule(threshold=shared.threshold_ppm)
         self._losses = LossPoints(n=shared.n_lost, spread_m=shared.spread_m)
-        self._plume_end = PlumeEndWatch(briefing, find_noses(briefing)[0], setting=shared.plume_end)
+        self._declarer = MissionDeclarer(
+            briefing, find_noses(briefing)[0], plume_end=shared.plume_end, plume_fit=shared.plume_fit
+        )
         self.explore_height_m: float | None = None
         self._n_away = 0
         self._goal_m: tuple[float, float] | None = None
@@ -132,7 +135,7 @@ class ReactiveAgent(SearchAgent):
         """Watch for gas on the way too."""
         self.watch.add(observation)
         self.unseen.note(observation.position_world_m)
-        self._plume_end.add(observation, None if self._contact is None else self._contact.upwind_rad)
+        self._declarer.add(observation, None if self._contact is None else self._contact.upwind_rad)
 
     @property
     def may_abort(self) -> bool:
@@ -156,7 +159,7 @@ class ReactiveAgent(SearchAgent):
     def estimate(self, observation: Observation) -> Estimate | None:
         """Return the estimate of the source, if the last stops or the plume's upwind end satisfy their rule."""
         assert self._contact is not None
-        return self._rule.estimate(self._contact.upwind_rad) or self._plume_end.estimate(observation)
+        return self._rule.estimate(self._contact.upwind_rad) or self._declarer.estimate(observation)
 
     def next_leg(self, observation: Observation) -> Command:
         """Return the step that follows from the contact."""

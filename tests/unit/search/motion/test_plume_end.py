@@ -8,7 +8,7 @@ from briefings import briefing, observation
 from gslcosim.contract.messages import Bounds
 from gslcosim.contract.missions import asks_for_declaration
 from gslcosim.scenario.models.success import DeclarationSuccess, SourceSuccess
-from gslcosim.search.motion.declaration import PlumeEndRule, PlumeEndWatch
+from gslcosim.search.motion.declaration import MissionDeclarer, PlumeEndRule
 from gslcosim.search.senses.instruments import Nose, find_noses
 from gslcosim_agents.e_coli.agent import EColi
 from gslcosim_agents.surge_cast.agent import SurgeCast
@@ -122,7 +122,7 @@ def test_only_a_mission_that_asks_for_a_declaration_gets_one():
 def declared_m(mission: str, *, sensor: str = "pid", values=(0.0, 5.0), **parameters):
     """Where a watch that has met gas at x = 7 m sees the source at the end of the time."""
     one = briefing(sensors=((sensor, "nose"),), mission=mission)
-    watch = PlumeEndWatch(one, find_noses(one)[0], **parameters)
+    watch = MissionDeclarer(one, find_noses(one)[0], **parameters)
     clean, gas = values
     for tick in range(200):
         at_m = (7.0 if 80 <= tick < 120 else 2.0, 5.0, 2.0)
@@ -140,7 +140,7 @@ def test_a_nose_in_ppm_and_one_in_ohms_see_the_same_end():
 def test_clean_air_another_mission_and_the_setting_declare_nothing():
     assert declared_m(DECLARE, values=(0.0, 0.0)) is None
     assert declared_m(ARRIVE) is None
-    assert declared_m(DECLARE, setting="never") is None
+    assert declared_m(DECLARE, plume_end="never") is None
 
 
 @pytest.mark.parametrize("agent_type", [SurgeCast, EColi])
@@ -167,6 +167,6 @@ def test_the_blind_guess_is_the_middle_of_the_room_once():
 
 def test_a_nose_of_hits_counts_them():
     one = briefing(sensors=(("binary", "nose"),), mission=DECLARE)
-    watch = PlumeEndWatch(one, Nose(name="nose", unit="1", mount_body_m=(0.0, 0.0, 0.0)))
+    watch = MissionDeclarer(one, Nose(name="nose", unit="1", mount_body_m=(0.0, 0.0, 0.0)))
     watch.add(observation(tick=1, readings={"nose": 1.0}))
     assert watch.estimate(observation(tick=2).model_copy(update={"time_s": 299.0})) is not None
