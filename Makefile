@@ -7,7 +7,8 @@ unexport PYTHONDONTWRITEBYTECODE
 
 # The versions that development and CI use; `make LOCK=` takes the newest that pyproject.toml allows.
 LOCK ?= requirements.lock
-INSTALL = -m pip install --quiet --disable-pip-version-check $(if $(LOCK),--constraint $(LOCK))
+# Modules are compiled when they are first imported: pip would compile all of the packages, one after the other.
+INSTALL = -m pip install --quiet --disable-pip-version-check --no-compile $(if $(LOCK),--constraint $(LOCK))
 
 # The last commit of 0.1.0.
 BASE ?= 9693e5e

@@ -5,8 +5,8 @@
 import re
 import struct
 import threading
-from collections.abc import Callable, Generator, Sequence
-from contextlib import closing
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, contextmanager
 from functools import partial
 from typing import Any
 
@@ -27,6 +27,12 @@ NODE_NAME = "simulator"
 PREFIX = "/gslcosim"
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 _MAX_FILTER_CHARACTERS = 200
+# Python's expressions take a time that grows with the length of a name to the power of their repetitions, and where
+# groups are repeated exponentially; meanwhile the whole process stands still.
+_MAX_FILTER_REPETITIONS = 3
+_ESCAPED = re.compile(r"\\.", re.DOTALL)
+_REPETITIONS = re.compile(r"[*+?{]")
+_REPEATED_GROUP = re.compile(r"\)[*+{]")
 
 
 class _RefusalError(Exception):
@@ -40,8 +46,9 @@ class _RefusalError(Exception):
 class SimulationServices:
     """Answers services about a simulation, which begins paused; poses and gas are the true ones.
 
-    Requests that control it are carried out one after the other; others are answered between two ticks. Whatever a
-    request has wrong is answered with a result, or with an error where it cannot even be read.
+    Requests that control it are carried out one after the other; others are answered between two ticks. A new state
+    and a reset end steps that are being made, and those that wait, after the present tick. Whatever a request has wrong
+    is answered with a result, or with an error where it cannot even be read.
 
     Args:
         simulation: The simulation.
@@ -54,7 +61,10 @@ class SimulationServices:
         self._types = session.types
         self._pace = pace
         self._is_stopped = False
-        self._control = threading.Lock()
+        # Of requests that control the simulation: one has the turn, others wait for it.
+        self._turns = threading.Condition()
+        self._is_turn_taken = False
+        self._n_interruptions = 0
         self._quit = threading.Event()
         interfaces.define_interfaces(self._types)
         node = session.create_node(NODE_NAME, PREFIX)
@@ -74,7 +84,7 @@ class SimulationServices:
                 f"{PREFIX}/{_to_snake_case(name)}", get_service_type(name), self._build_answerer(name, answer)
             )
         path = f"{PREFIX}/{_to_snake_case('SimulateSteps')}"
-        ActionServer(session, node, path, interfaces.SIMULATE_STEPS, self._start_steps)
+        ActionServer(session, node, path, interfaces.SIMULATE_STEPS, self._start_steps, cancel=self._wake_up)
         node.answer_service("/odor_value", interfaces.GADEN_GAS, self._get_gas)
         node.answer_service("/wind_value", interfaces.GADEN_WIND, self._get_wind)
 
@@ -133,9 +143,11 @@ class SimulationServices:
         if wanted == State.QUITTING:
             # A step that is being made ends after its tick.
             self._quit.set()
+            self._wake_up()
             return {}
-        with self._control:
-            if wanted == self._state:
+        has_interrupted = self._interrupt_steps() and wanted == State.PAUSED
+        with self._take_turn():
+            if wanted == self._state and not has_interrupted:
                 raise _RefusalError(ResultCode.ALREADY_IN_TARGET_STATE, f"It is {State(wanted).name} already.")
             try:
                 if wanted == State.PLAYING:
@@ -154,6 +166,34 @@ class SimulationServices:
             pass
         return {}
 
+    def _interrupt_steps(self) -> bool:
+        """End steps that are being made or wait; return whether a request has the turn."""
+        with self._turns:
+            self._n_interruptions += 1
+            self._turns.notify_all()
+            return self._is_turn_taken
+
+    def _wake_up(self, goal: ActionGoal | None = None) -> None:
+        """Let requests that wait see whether they are still wanted."""
+        del goal
+        with self._turns:
+            self._turns.notify_all()
+
+    @contextmanager
+    def _take_turn(self, is_unwanted: Callable[[], bool] = lambda: False) -> Iterator[None]:
+        """Control the simulation, after those that do; who is not wanted any more does not wait."""
+        with self._turns:
+            self._turns.wait_for(lambda: is_unwanted() or not self._is_turn_taken)
+            has_turn = not is_unwanted()
+            self._is_turn_taken = self._is_turn_taken or has_turn
+        try:
+            yield
+        finally:
+            if has_turn:
+                with self._turns:
+                    self._is_turn_taken = False
+                    self._turns.notify_all()
+
     # On a thread of its own, for whoever has sent the goal may cancel it, and ask for other things.
     def _start_steps(self, goal: ActionGoal) -> None:
         threading.Thread(target=self._simulate_steps, args=(goal,), name="simulates steps", daemon=True).start()
@@ -162,32 +202,36 @@ class SimulationServices:
         status, code, text, n_steps = GoalStatus.SUCCEEDED, ResultCode.OK, "", goal.message.steps
         make = partial(self._types.make, f"{interfaces.SIMULATE_STEPS}_Feedback")
         try:
-            with closing(self._iterate_steps(n_steps)) as steps:
+            with closing(self._iterate_steps(n_steps, lambda: goal.is_canceling)) as steps:
                 for n_done in steps:
                     goal.publish_feedback(make(completed_steps=n_done, remaining_steps=n_steps - n_done))
-                    if goal.is_canceling and n_done < n_steps:
-                        status, code = GoalStatus.CANCELED, ResultCode.OPERATION_FAILED
-                        text = f"It went {n_done} of {n_steps} steps: it was canceled."
-                        break
         except _RefusalError as refusal:
             status, code, text = GoalStatus.ABORTED, refusal.code, str(refusal)
         except GslCosimError as error:
             status, code, text = GoalStatus.ABORTED, ResultCode.OPERATION_FAILED, str(error)
+        if status == GoalStatus.ABORTED and goal.is_canceling:
+            status = GoalStatus.CANCELED
         result = self._make_result(code, text)
         goal.end(status, self._types.make(f"{interfaces.SIMULATE_STEPS}_Result", result=result))
 
-    def _iterate_steps(self, n_steps: int) -> Generator[int, None, None]:
+    def _iterate_steps(
+        self, n_steps: int, is_canceled: Callable[[], bool] = lambda: False
+    ) -> Generator[int, None, None]:
         """Simulate ticks, and yield after each how many have been simulated; others control nothing meanwhile."""
-        n_done = 0
+        n_done, n_interruptions = 0, self._n_interruptions
         if n_steps < 1:
             raise _RefusalError(ResultCode.OPERATION_FAILED, f"steps: expected at least 1, was {n_steps}.")
-        with self._control:
-            if self._state != State.PAUSED:
-                raise _RefusalError(
-                    ResultCode.OPERATION_FAILED,
-                    f"Expected state PAUSED, was {self._state.name}. Pause it first.",
-                )
-            while n_done < n_steps and not self._quit.is_set():
+
+        def is_unwanted() -> bool:
+            return is_canceled() or self._quit.is_set() or self._n_interruptions != n_interruptions
+
+        with self._take_turn(is_unwanted):
+            while n_done < n_steps and not is_unwanted():
+                if self._state != State.PAUSED:
+                    raise _RefusalError(
+                        ResultCode.OPERATION_FAILED,
+                        f"Expected state PAUSED, was {self._state.name}. Pause it first.",
+                    )
                 n_done += self._simulation.step()
                 yield n_done
                 if n_done < n_steps and (self._simulation.is_over or self._simulation.asked):
@@ -196,7 +240,9 @@ class SimulationServices:
                         f"It went {n_done} of {n_steps} steps: {self._describe_halt()}.",
                     )
         if n_done < n_steps:
-            raise _RefusalError(ResultCode.OPERATION_FAILED, f"It went {n_done} of {n_steps} steps: it quits.")
+            why = "it quits" if self._quit.is_set() else "another request has set the state"
+            why = "it was canceled" if is_canceled() else why
+            raise _RefusalError(ResultCode.OPERATION_FAILED, f"It went {n_done} of {n_steps} steps: {why}.")
 
     def _describe_halt(self) -> str:
         if self._simulation.asked:
@@ -211,7 +257,8 @@ class SimulationServices:
                 ResultCode.FEATURE_UNSUPPORTED,
                 f"scope: expected 0, {both} or 255, for time and state are reset together, was {request.scope}.",
             )
-        with self._control:
+        self._interrupt_steps()
+        with self._take_turn():
             self._simulation.reset()
             self._is_stopped = False
         return {}
@@ -323,8 +370,13 @@ def _parse_name_filter(pattern: str) -> Callable[[str], bool]:
     try:
         if len(pattern) > _MAX_FILTER_CHARACTERS:
             raise re.error(f"more than {_MAX_FILTER_CHARACTERS} characters")
+        plain = _ESCAPED.sub("x", pattern)
+        if "(?" in plain or "[:" in plain or _REPEATED_GROUP.search(plain):
+            raise re.error("with a repeated group, (? or [:, which are not offered")
+        if len(_REPETITIONS.findall(plain)) > _MAX_FILTER_REPETITIONS:
+            raise re.error(f"with more than {_MAX_FILTER_REPETITIONS} repetitions")
         expression = re.compile(pattern)
-    except re.error as error:
+    except (re.error, OverflowError, RecursionError) as error:
         raise _RefusalError(
             ResultCode.OPERATION_FAILED, f"filter: expected a regular expression, was {pattern[:80]!r} ({error})."
         ) from error

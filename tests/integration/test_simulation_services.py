@@ -142,6 +142,11 @@ def test_states_change_as_the_standard_says_and_only_a_paused_simulation_is_step
         call("step_simulation", steps=300, timeout_s=0.01)
     assert call("step_simulation", steps=1).result.result == OK
     assert simulation.tick == 302
+    # Nor who asks for steps without end: a new state ends them.
+    with pytest.raises(TimeoutError):
+        call("step_simulation", steps=2**63, timeout_s=0.2)
+    assert set_state(State.STOPPED).result == OK
+    assert (get_state(), simulation.tick) == (State.STOPPED, -1)
 
 
 def test_an_action_simulates_steps_tells_of_each_and_can_be_canceled(paused):
@@ -168,11 +173,20 @@ def test_an_action_simulates_steps_tells_of_each_and_can_be_canceled(paused):
         ]
         goal_id = simulate(1_000_000)
         told.get(timeout=PATIENCE_S)
+        # One that waits for its turn is canceled at once, and makes no step.
+        waiting = simulate(5)
+        assert client.cancel_goal(waiting, timeout_s=PATIENCE_S) == CancelCode.NONE
+        nothing_done = (GoalStatus.CANCELED, FAILED, "It went 0 of 5 steps: it was canceled.")
+        assert wait_for_result(waiting) == nothing_done
         assert client.cancel_goal(goal_id, timeout_s=PATIENCE_S) == CancelCode.NONE
         status, code, text = wait_for_result(goal_id)
         n_done = simulation.tick - 19
         assert (status, code) == (GoalStatus.CANCELED, FAILED)
         assert text == f"It went {n_done} of 1000000 steps: it was canceled."
+        goal_id = simulate(2**63)
+        assert call("reset_simulation", scope=0).result.result == OK
+        status, _, text = wait_for_result(goal_id)
+        assert (status, text.split(": ")[1]) == (GoalStatus.ABORTED, "another request has set the state.")
         assert wait_for_result(simulate(0))[:2] == (GoalStatus.ABORTED, FAILED)
         assert set_state(State.PLAYING).result == OK
         refused = (GoalStatus.ABORTED, FAILED, "Expected state PAUSED, was PLAYING. Pause it first.")
@@ -205,6 +219,16 @@ def test_features_and_entities_are_those_that_there_are(paused):
     assert find(bounds=3, points=sphere) == (OK, ["beetle"])
     assert find(bounds=3, points=[types.vector(np.zeros(3)), sphere[1]]) == (OK, [])
     assert find(name="(")[0] == find(bounds=3, points=sphere[:1])[0] == FAILED
+    # Backtracking would hold up everything for longer than the test lasts.
+    refused = (
+        "(.*)*(.*)*(.*)*(.*)*(.*)*Z",
+        ".?" * 60 + "Z",
+        r"[\][](.*)*(.*)*(.*)*(.*)*Z]",
+        "(?x)(.*) *",
+        "a{9999999999999}",
+    )
+    assert {find(name=name)[0] for name in refused} == {FAILED}
+    assert find(name=r"^b[a-z]*(tle)?$") == (OK, ["beetle"])
     assert find(bounds=1, points=sphere)[0] == ResultCode.FEATURE_UNSUPPORTED
     state = call("get_entity_state", entity="beetle").state
     both = call("get_entities_states", filters=build_filters(types))
