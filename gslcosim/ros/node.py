@@ -45,6 +45,7 @@ _HEARTBEAT_S = 0.5
 _WAIT_BEFORE_DROP_US = 50_000
 # Of reports: somebody may send nonsense all day.
 _MAX_REPORTS = 100
+_MAX_REPORT_CHARACTERS = 1000
 
 Reporter = Callable[[str], None]
 _LOGGER = logging.getLogger(__name__)
@@ -182,7 +183,8 @@ class RosSession:
         return name in self._subscribed
 
     def report_once(self, text: str) -> None:
-        """Report what others do wrong, each thing once."""
+        """Report what others do wrong, each thing once, in text that neither floods nor steers a terminal."""
+        text = "".join(each if each.isprintable() else "?" for each in text[:_MAX_REPORT_CHARACTERS])
         if text not in self._reported and len(self._reported) < _MAX_REPORTS:
             self._reported.add(text)
             self._report(text)

@@ -19,6 +19,7 @@ vehicle is idle.
 
 import queue
 import sys
+import threading
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -82,6 +83,9 @@ class RosAgent(Agent):
             )
         }
         self._is_heard = False
+        # Stamp of the question that nobody has answered yet; an answer to nothing is not even kept.
+        self._question: tuple[int, int] | None = None
+        self._question_lock = threading.Lock()
         self._navigator = Navigator(session, node, f"{self._root}/navigate_to_pose", self._take_navigation)
 
     def observe(self, observation: Observation) -> None:
@@ -127,6 +131,8 @@ class RosAgent(Agent):
             self._navigator.give_up()
         is_under_way = self._navigator.is_flying and self._speak is None
         if not is_under_way:
+            with self._question_lock:
+                self._question = stamp.sec, stamp.nanosec
             self._publishers["question"].publish(
                 self._types.make("std_msgs/msg/Header", stamp=stamp, frame_id=observation.status)
             )
@@ -140,12 +146,11 @@ class RosAgent(Agent):
             if answer is None and (answer := self._get_navigation(stamp)) is None:
                 continue
             answered, kind, fields = answer
+            # What came as the navigator answered is late now.
             if (answered.sec, answered.nanosec) == (stamp.sec, stamp.nanosec):
+                with self._question_lock:
+                    self._question = None
                 return Command(tick=observation.tick, kind=kind, **fields)
-            self._session.report_once(
-                f"{self._root}: expected an answer with the stamp {stamp.sec}.{stamp.nanosec:09d} of the question, was "
-                f"{answered.sec}.{answered.nanosec:09d}; ignored. Copy the stamp of {self._root}/question."
-            )
 
     # The last of what the navigator has said; it answers whatever question there is.
     def _get_navigation(self, stamp: Any) -> tuple[Any, CommandKind, dict[str, Any]] | None:
@@ -165,14 +170,17 @@ class RosAgent(Agent):
 
     def _take_goal(self, goal: Any) -> None:
         place = goal.pose.position
+        _check_frame(goal.header)
         self._take(goal.header.stamp, "waypoint", position_world_m=_check(place.x, place.y, place.z))
 
     def _take_velocity(self, velocity: Any) -> None:
         v = velocity.twist.linear
+        _check_frame(velocity.header)
         self._take(velocity.header.stamp, "velocity", velocity_world_m_s=_check(v.x, v.y, v.z))
 
     def _take_source(self, source: Any) -> None:
         place = source.point
+        _check_frame(source.header)
         declaration = Declaration(position_world_m=_check(place.x, place.y, place.z))
         self._take(source.header.stamp, "declare_source", declaration=declaration)
 
@@ -181,10 +189,23 @@ class RosAgent(Agent):
 
     # On a thread of Zenoh.
     def _take(self, stamp: Any, kind: CommandKind, **fields: Any) -> None:
-        if self._speak is None:
-            self._answers.put((stamp, kind, fields))
-        else:
+        if self._speak is not None:
             self._speak(Command(tick=self._tick, kind=kind, **fields))
+            return
+        answered = stamp.sec, stamp.nanosec
+        with self._question_lock:
+            asked = self._question
+            if answered == asked:
+                self._question = None
+                self._answers.put((stamp, kind, fields))
+                return
+        expected = "no answer before the next question, was one with the stamp"
+        if asked is not None:
+            expected = f"an answer with the stamp {asked[0]}.{asked[1]:09d} of the question, was"
+        self._session.report_once(
+            f"{self._root}: expected {expected} {answered[0]}.{answered[1]:09d}; ignored. Copy the stamp of "
+            f"{self._root}/question."
+        )
 
     # On a thread of Zenoh.
     def _take_navigation(self, kind: CommandKind, fields: dict[str, Any]) -> None:
@@ -194,6 +215,11 @@ class RosAgent(Agent):
         else:
             self._navigator.is_flying = self._navigator.has_goal
             self._speak(Command(tick=self._tick, kind=kind, **fields))
+
+
+def _check_frame(header: Any) -> None:
+    if header.frame_id not in ("", MAP_FRAME):
+        raise ValueError(f"expected frame_id {MAP_FRAME} or none, was {header.frame_id[:80]!r}")
 
 
 def _check(x: float, y: float, z: float) -> tuple[float, float, float]:

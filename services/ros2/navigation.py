@@ -1,6 +1,7 @@
 """Nav2's action NavigateToPose for an agent: a goal is a waypoint, told of until the vehicle is there."""
 
 import math
+import threading
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -51,6 +52,8 @@ class Navigator:
         self._types = session.types
         self._command = command
         self._goal: ActionGoal | None = None
+        # Goals start and are canceled on threads of Zenoh, and end on that of the agent.
+        self._lock = threading.RLock()
         self._began_ns: int | None = None
         self.is_flying = False
         ActionServer(
@@ -88,18 +91,24 @@ class Navigator:
             self._end(goal, GoalStatus.ABORTED)
 
     def _start(self, goal: ActionGoal) -> None:
-        self.give_up()
-        self._goal, self._began_ns = goal, None
-        self._command("waypoint", {"position_world_m": _read_place(goal.message.pose.pose)})
+        with self._lock:
+            # Somebody may have canceled it before it starts.
+            if goal.status.is_end:
+                return
+            self.give_up()
+            self._goal, self._began_ns = goal, None
+            self._command("waypoint", {"position_world_m": _read_place(goal.message.pose.pose)})
 
     def _cancel(self, goal: ActionGoal) -> None:
-        if goal is self._goal:
-            self._command("hold", {})
-        self._end(goal, GoalStatus.CANCELED)
+        with self._lock:
+            if goal is self._goal:
+                self._command("hold", {})
+            self._end(goal, GoalStatus.CANCELED)
 
     def _end(self, goal: ActionGoal, status: GoalStatus) -> None:
-        if goal is self._goal:
-            self._goal, self.is_flying = None, False
+        with self._lock:
+            if goal is self._goal:
+                self._goal, self.is_flying = None, False
         goal.end(status, self._types.make_blank(f"{NAVIGATE_TO_POSE}_Result"))
 
 

@@ -27,7 +27,7 @@ PREFIX = "/beetle/agent"
 
 
 class Node:
-    """Answers each question by the rule, once the readings of its tick are there, after two answers that are none."""
+    """Answers each question by the rule, once the readings of its tick are there, after answers that are none."""
 
     def __init__(self, session, goal_type="geometry_msgs/msg/PoseStamped"):
         self.types, self.told = session.types, queue.SimpleQueue()
@@ -47,19 +47,22 @@ class Node:
                 continue
             self.send(float("nan"), 0.0, 0.0, known["question"].stamp)
             self.send(0.0, 0.0, 0.0, self.types.time(1))
+            self.send(0.0, 0.0, 0.0, known["question"].stamp, "beetle/base_link")
             place = known["pose"].pose.position
             target_m = choose_target((place.x, place.y, place.z), known["nose"].raw)
             self.send(*target_m, known["question"].stamp)
+            # Too late: this tick has its answer.
+            self.send(0.0, 0.0, 0.0, known["question"].stamp)
             del known["question"]
 
-    def send(self, x, y, z, stamp):
+    def send(self, x, y, z, stamp, frame="map"):
         types = self.types
         pose = types.make(
             "geometry_msgs/msg/Pose",
             position=types.make("geometry_msgs/msg/Point", x=x, y=y, z=z),
             orientation=types.make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0),
         )
-        header = types.make("std_msgs/msg/Header", stamp=stamp, frame_id="map")
+        header = types.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
         self.goals.publish(types.make("geometry_msgs/msg/PoseStamped", header=header, pose=pose))
 
     @staticmethod
@@ -88,6 +91,7 @@ def test_a_node_in_lockstep_flies_as_the_same_rule_in_python(tmp_path):
     assert ended.result["digest"] == native.result["digest"]
     log = (ended.run_dir / "logs" / "agent_beetle.log").read_text()
     assert "/beetle/agent/goal: expected finite numbers, was nan, 0, 0; ignored." in log
+    assert "/beetle/agent/goal: expected frame_id map or none, was 'beetle/base_link'; ignored." in log
     assert "of the question, was 0.000000001; ignored. Copy the stamp of /beetle/agent/question." in log
 
 

@@ -104,9 +104,10 @@ def test_nonsense_is_reported_and_the_next_message_arrives(open_session, reports
     assert sum("/goal: expected std_msgs/msg/Float32 as CDR" in each for each in said) == 2
     assert any("expected a message of at most 1000 bytes, was 2000 bytes; ignored." in each for each in said)
     # Another distribution's type, or another type of that name.
-    theirs.create_node("old").create_publisher("/goal", "std_msgs/msg/Int32")
+    theirs.create_node("old\x1b[2J\n" + "y" * 9000).create_publisher("/goal", "std_msgs/msg/Int32")
     both = [reports.get(timeout=PATIENCE_S) for _ in range(2)]
-    assert any("node old has std_msgs/msg/Int32" in each for each in both)
+    assert any("node old?[2J?yyy" in each for each in both)
+    assert max(len(each) for each in both) == 1000
 
 
 def test_a_package_of_others_reads_and_writes_us(open_session, port):
