@@ -81,7 +81,14 @@ def is_viewer(pid):
         return False
 
 
-def test_a_browser_that_comes_late_gets_all_of_the_recording(tmp_path):
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """The digests of the minute's run that nobody looks at."""
+    ended = fly(TINY_ROOM, tmp_path_factory.mktemp("alone"), *A_MINUTE, is_recorded=True)
+    return (ended.run_dir / "digest.json").read_bytes()
+
+
+def test_a_browser_that_comes_late_gets_all_of_the_recording(tmp_path, alone):
     flight = start(TINY_ROOM, tmp_path / "runs", "--serve", *A_MINUTE, is_recorded=True)
     said = Said(flight)
     page, query = said.until(r"Watch it at (http://127\.0\.0\.1:\d+)\?url=(\S+)").groups()
@@ -102,8 +109,7 @@ def test_a_browser_that_comes_late_gets_all_of_the_recording(tmp_path):
         visitor.wait()
     flight.process.send_signal(signal.SIGINT)
     assert ended(flight, said) == 1, "the time was up, which is the flight's exit code"
-    alone = fly(TINY_ROOM, tmp_path / "alone", *A_MINUTE, is_recorded=True)
-    assert (run_dir / "digest.json").read_bytes() == (alone.run_dir / "digest.json").read_bytes()
+    assert (run_dir / "digest.json").read_bytes() == alone
 
 
 def test_a_recording_is_served_afterwards(tmp_path):
@@ -175,7 +181,7 @@ def test_ctrl_c_in_a_run_ends_run_and_viewer(tmp_path):
     assert "stays open" not in said.text
 
 
-def test_a_viewer_that_is_killed_changes_nothing(tmp_path):
+def test_a_viewer_that_is_killed_changes_nothing(tmp_path, alone):
     flight = start(TINY_ROOM, tmp_path / "runs", "--serve", *A_MINUTE, is_recorded=True)
     said = Said(flight)
     said.until("Watch it at")
@@ -183,8 +189,7 @@ def test_a_viewer_that_is_killed_changes_nothing(tmp_path):
     assert ended(flight, said) == 1
     assert "viewer: expected to end with 0, it ended with -9" in said.text
     (run_dir,) = (tmp_path / "runs").glob("*/")
-    alone = fly(TINY_ROOM, tmp_path / "alone", *A_MINUTE, is_recorded=True)
-    assert (run_dir / "digest.json").read_bytes() == (alone.run_dir / "digest.json").read_bytes()
+    assert (run_dir / "digest.json").read_bytes() == alone
 
 
 def test_a_viewer_ends_with_a_command_that_is_killed(tmp_path):
