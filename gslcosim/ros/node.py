@@ -19,6 +19,7 @@ made by `types.make("std_srvs/srv/Trigger_Response", ...)`; an answerer that ref
 
 import json
 import logging
+import re
 import threading
 from collections.abc import Callable, Collection
 from contextlib import suppress
@@ -45,6 +46,8 @@ _HEARTBEAT_S = 0.5
 _WAIT_BEFORE_DROP_US = 50_000
 # Of reports: somebody may send nonsense all day.
 _MAX_REPORTS = 100
+# Where in its own source Zenoh has refused.
+_SOURCE_LINE = re.compile(r" at /\S+\.rs:\d+\.?")
 _MAX_REPORT_CHARACTERS = 1000
 
 Reporter = Callable[[str], None]
@@ -113,7 +116,7 @@ class RosSession:
             except zenoh.ZError:
                 raise UsageError(
                     f"ros2: expected to be the router of ROS nodes at {endpoint}, or to find one there, could not "
-                    f"({refusal}). Give another endpoint, such as tcp/localhost:7448."
+                    f"({_SOURCE_LINE.sub('', str(refusal))}). Give another endpoint, such as tcp/localhost:7448."
                 ) from refusal
         return cls(session, types, domain=domain, report=report)
 

@@ -80,6 +80,10 @@ class EnvironmentSpec(Spec):
         return self
 
 
+_ROS_HOSTS = ("tcp/localhost", "tcp/127.0.0.1", "tcp/[::1]")
+_LAST_PORT = 65_535
+
+
 class RosGraphSpec(Spec):
     """A ROS 2 graph over Zenoh: distribution, domain and router."""
 
@@ -91,6 +95,19 @@ class RosGraphSpec(Spec):
         default=ROS_ENDPOINT,
         description="address of the graph's router on this machine: the run is it, unless one is there already",
     )
+
+    @field_validator("endpoint", mode="before")
+    @classmethod
+    def _check_endpoint(cls, endpoint: object) -> object:
+        if isinstance(endpoint, str):
+            host, _, port = endpoint.rpartition(":")
+            if host not in _ROS_HOSTS or not (port.isascii() and port.isdigit() and 0 < int(port[:6]) <= _LAST_PORT):
+                raise broken_rule_error(
+                    expected="an address of this machine with a port from 1 to 65535",
+                    found=f"{endpoint[:80]!r}",
+                    remedy=f"For example {ROS_ENDPOINT}.",
+                )
+        return endpoint
 
 
 class Ros2Spec(RosGraphSpec):

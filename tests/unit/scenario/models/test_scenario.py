@@ -80,6 +80,9 @@ AN_INLET = "size_m: [15, 10, 8], inlet: {min_m: [0, 0, 0], max_m: [1, 1, 1]}"
         ("size_m: [15, 10, 8]", f"{AN_INLET.replace('[1, 1, 1]', '[0, 1, 1]')}, inlet_size_m: [1, 2]",
          "hall.yaml:4: environment.layout.inlet_size_m: expected no size beside inlet, which has its own, was both. "
          "Leave out inlet_size_m, or inlet to have it in its usual place."),
+        ("{python: dung_beetle}", "{ros2: {endpoint: 'tcp/localhost:99999'}}",
+         "hall.yaml:10: agents[0].start.ros2.endpoint: expected an address of this machine with a port from 1 to "
+         "65535, was 'tcp/localhost:99999'. For example tcp/localhost:7447."),
         ("size_m: [15, 10, 8]", AN_OBSTACLE,
          "hall.yaml:4: environment.layout.obstacles[0].max_m: expected each number greater than that of min_m, [1, "
          "1, 0], "
