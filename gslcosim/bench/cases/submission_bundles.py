@@ -83,8 +83,12 @@ class PreparedBundles:
     roots: Mapping[str, Path]
 
 
-def load_submission(folder: Path) -> Submission:
+def load_submission(folder: Path, *, shown_path: Path | None = None) -> Submission:
     """Return the submission file of a folder.
+
+    Args:
+        folder: The folder.
+        shown_path: What errors call it where files are missing; absent: the folder.
 
     Raises:
         ScenarioError: it cannot be read, or has problems: all of them in one error.
@@ -100,7 +104,9 @@ def load_submission(folder: Path) -> Submission:
     for name in (CARD_FILE, *submission.lock):
         if not (folder / name).is_file():
             what = "the method's card" if name == CARD_FILE else "a file that lock names"
-            raise UsageError(f"{folder}: expected {what}, {name}, found none. Add it beside {SUBMISSION_FILE}.")
+            raise UsageError(
+                f"{shown_path or folder}: expected {what}, {name}, found none. Add it beside {SUBMISSION_FILE}."
+            )
     load_card(folder / CARD_FILE)
     _check_entry(submission.entry, folder)
     return submission
@@ -306,7 +312,7 @@ def unpack_bundle(path: Path, below: Path) -> Bundle:
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(data)
             target.chmod(mode)
-        submission = load_submission(beside)
+        submission = load_submission(beside, shown_path=path)
         _check_packed(submission, files, path)
         if others := sorted(files.keys() - {each.relative_to(beside).as_posix() for each in list_bundle_files(beside)}):
             raise UsageError(f"{expected}, was one with a file that pack leaves out: {others[0]}. Pack it again.")

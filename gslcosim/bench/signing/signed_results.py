@@ -125,6 +125,8 @@ def check_signature(folder: Path, *, author: str | None = None) -> SignedResults
         if author is None:
             return None
         raise SignatureError(f"{folder}: expected results signed by {author}, were unsigned ones.")
+    if link := next((path for path in paths if path.is_symlink()), None):
+        raise SignatureError(f"{link}: expected a plain file, was a link; put the file itself in its place.")
     if missing := next((path for path in paths if not path.is_file()), None):
         raise SignatureError(
             f"{folder}: expected {STATEMENT_FILE} and {SIGNATURE_FILE} together, {missing.name} is missing. Take the "

@@ -217,6 +217,13 @@ def test_a_signature_leaves_the_mark_of_a_verification(folder):
     assert "were unsigned ones" in error_of(folder, author="SHA256:" + "A" * 43)
 
 
+@pytest.mark.parametrize("name", ["signed.json", "signed.json.sig"])
+def test_links_to_statement_and_signature_are_refused(folder, name):
+    (folder / name).rename(folder.parent / "elsewhere")
+    (folder / name).symlink_to(folder.parent / "elsewhere")
+    assert f"{name}: expected a plain file, was a link" in error_of(folder)
+
+
 def test_contents_that_hashes_of_files_miss_are_refused(folder, key):
     """A link to what is not signed could be signed, and Python runs its caches whatever the source says."""
     rows, outside, caches = folder / "trials.parquet", folder / "recordings", folder / "agents" / "mine" / "__pycache__"
