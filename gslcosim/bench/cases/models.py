@@ -5,7 +5,7 @@ import itertools
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cached_property
@@ -571,6 +571,8 @@ def derive_seed(suite_seed: int, *words: str | int) -> int:
 
 
 KEYS = ("entry", "scenario", "family", "case", "repetition", "control", "trial")
+_NAMES = ("entry", "scenario", "family", "case")
+_MAX_TOLD = 40
 
 
 @dataclass(frozen=True)
@@ -609,18 +611,40 @@ class Selection:
 
     def may_take(self, slot: TrialSlot) -> bool:
         """Return whether a trial in this place can be chosen: whether all keys but `trial` fit."""
-        values = {
-            "entry": slot.entry,
-            "scenario": slot.scenario,
-            "family": slot.family,
-            "case": slot.case,
-            "repetition": str(slot.repetition),
-            "control": "yes" if slot.is_control else "no",
-        }
-        return all(self._fits(key, value) for key, value in values.items())
+        return all(self._fits(key, value) for key, value in _describe_slot(slot).items())
+
+    def check_patterns(self, slots: Iterable[TrialSlot]) -> None:
+        """Refuse a pattern that fits nothing in the plan: of an entry, scenario, family or case it is a typing error.
+
+        Raises:
+            UsageError: there is such a pattern.
+        """
+        known: dict[str, dict[str, None]] = {}
+        for slot in slots:
+            for key, value in _describe_slot(slot).items():
+                known.setdefault(key, {})[value] = None
+        for key, some in self.patterns:
+            if key not in _NAMES:
+                continue
+            for one in some:
+                if known and not any(fnmatchcase(value, one) for value in known[key]):
+                    names, n_others = list(known[key])[:_MAX_TOLD], len(known[key]) - _MAX_TOLD
+                    told = ", ".join(names) + (f" and {n_others} others" if n_others > 0 else "")
+                    raise UsageError(f"--only {key}={one}: expected a pattern of {told}, was '{one}'.")
 
     def _fits(self, key: str, value: str) -> bool:
         return all(any(fnmatchcase(value, one) for one in some) for of, some in self.patterns if of == key)
+
+
+def _describe_slot(slot: TrialSlot) -> dict[str, str]:
+    return {
+        "entry": slot.entry,
+        "scenario": slot.scenario,
+        "family": slot.family,
+        "case": slot.case,
+        "repetition": str(slot.repetition),
+        "control": "yes" if slot.is_control else "no",
+    }
 
 
 MOST_SHARDS = 100_000

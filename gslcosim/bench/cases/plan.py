@@ -459,10 +459,10 @@ class _Planner:
                 wanted = [
                     (n_trials + i, entry)
                     for i, entry in enumerate(entries)
-                    if not n_trials + i
-                    or self._wants(
+                    if self._wants(
                         TrialSlot(case.scenario, case.family, case.name, repetition, is_control, entry.spec.name)
                     )
+                    or not n_trials + i
                 ]
                 n_trials += len(entries)
                 resolved.check([entry for _, entry in wanted], is_control=is_control)

@@ -25,7 +25,7 @@ from gslcosim.cli.terminal import add_json_option, table, write, write_json
 
 if TYPE_CHECKING:
     from gslcosim.bench.cases import LoadedSuite, Plan
-    from gslcosim.bench.cases.models import Selection, Shard
+    from gslcosim.bench.cases.models import Selection, Shard, TrialSlot
     from gslcosim.bench.cases.submission_bundles import PreparedBundles
 
 EXAMPLES = """  gslcosim bench list
@@ -475,8 +475,15 @@ def _planned(arguments: argparse.Namespace, selection: "Selection", *, is_quiet:
         loaded = load_sealed_suite(arguments.suite, arguments.sealed, is_flown=True)
     else:
         loaded = load_suite(arguments.suite, seed=arguments.seed, is_flown=True)
+    slots: list[TrialSlot] = []
+
+    def wants(slot: "TrialSlot") -> bool:
+        slots.append(slot)
+        return selection.may_take(slot)
+
     with ProgressLine("planning", is_quiet=is_quiet) as line:
-        plan = build_plan(loaded, wants=selection.may_take, progress=lambda n: line.count(n, 0))
+        plan = build_plan(loaded, wants=wants, progress=lambda n: line.count(n, 0))
+    selection.check_patterns(slots)
     return loaded, plan
 
 

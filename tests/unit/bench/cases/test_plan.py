@@ -542,3 +542,21 @@ def test_the_plan_of_rows_has_their_trials_or_all(tmp_path: Path) -> None:
     assert len(part.trials) < len(whole.trials)
     assert build_plan_of_rows(whole.loaded, [rows[0] | {"case": "another"}, rows[-1]]).trials[-1] == whole.trials[-1]
     assert build_plan_of_rows(whole.loaded, [rows[-1] | {"case": "another"}]).trials == whole.trials
+
+
+@pytest.mark.parametrize(
+    ("only", "name"),
+    [("entry=bee*,walker", None), ("entry=bee*,wolker", "wolker"), ("scenario=tiny", "tiny"), ("repetition=77", None)],
+)
+def test_a_pattern_that_fits_no_name_of_the_plan_is_refused(tmp_path: Path, only: str, name: str | None) -> None:
+    (tmp_path / "suite.yaml").write_text(
+        HEAD + "scenarios: [tiny_room]\nrepetitions: 1\nentries:\n  - {name: beetle, start: {python: dung_beetle}}\n"
+        "  - {name: walker, start: {python: random_walker}}\n"
+    )
+    slots = []
+    build_plan(load_suite(tmp_path / "suite.yaml"), wants=lambda slot: bool(slots.append(slot)))
+    if name is None:
+        Selection.of([only]).check_patterns(slots)
+        return
+    with pytest.raises(UsageError, match=f"={name}: expected a pattern of (beetle, walker|tiny_room), was '{name}'"):
+        Selection.of([only]).check_patterns(slots)
