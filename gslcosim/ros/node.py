@@ -115,7 +115,7 @@ class RosSession:
                 session = open_session(config)
             except zenoh.ZError:
                 raise UsageError(
-                    f"ros2: expected to be the router of ROS nodes at {endpoint}, or to find one there, could not "
+                    f"endpoint: expected to be the router of ROS nodes at {endpoint}, or to find one there, could not "
                     f"({_SOURCE_LINE.sub('', str(refusal))}). Give another endpoint, such as tcp/localhost:7448."
                 ) from refusal
         return cls(session, types, domain=domain, report=report)
