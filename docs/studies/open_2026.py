@@ -10,6 +10,8 @@ with the entries that each one beats, success by seed, and success by group of s
 whole suite, and five more are printed: quick and whole side by side; their pairs of entries; false alarms in runs
 without gas; all entries in the first repetition of each scenario; and what each axis of the mixtures changes.
 
+Of results without a blind entry it prints success by entry and by place, ranks, and false alarms.
+
 `--figure FILE` draws success by scenario and entry; it needs the extra `plot`.
 """
 
@@ -472,6 +474,12 @@ def main() -> None:
     if options.figure:
         draw_figure(data, options.figure)
     print_entries(data)
+    if not find_blind(data):
+        # Without a sweep there is no coverage to compare with.
+        print_false_alarms(data)
+        print_ranks(pool_results([select_complete(data)]))
+        print_places(data)
+        return
     print_scenarios(data)
     if options.whole:
         print_mixture_effects(data)

@@ -161,3 +161,8 @@ def test_the_page_has_the_figures_of_the_published_flights(monkeypatch, capsys):
     assert f"{found[2]} of their {found[1]} declarations are wrong, {found[3]} of these by less than 2 m" in page
     silent = re.search(r"(\d+ of \d+) runs of infotaxis and particle_filter", printed)
     assert f"{silent[1]} runs of `infotaxis` and `particle_filter`" in page
+    places = re.findall(r"^\| (?:all|open ground|room|mixed) \| \d+ \| .*$", printed, re.MULTILINE)
+    assert len(places) == 4
+    assert all(line in page for line in places)
+    far = re.search(r"(\d+) 2 m and more away, (\d+) of these among walls; (\d+) runs met no gas", printed)
+    assert f"{far[3]} of the 290 runs met no gas, and {far[1]} declarations were 2 m and more away, {far[2]} " in page
