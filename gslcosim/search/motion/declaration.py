@@ -313,7 +313,7 @@ class PlumeFitRule:
     Source:
         The fit's; when it is declared is ours, chosen on training flights of `open_2026_quick`.
     Held by:
-        tests/unit/search/motion/test_plume_end.py
+        tests/unit/search/test_plume_fit.py
     """
 
     def __init__(
@@ -386,7 +386,7 @@ class MissionDeclarer:
     State: that of the rules, the cleanest air, and the rule of the hits.
 
     Held by:
-        tests/unit/search/motion/test_plume_end.py
+        tests/unit/search/motion/test_plume_end.py, tests/unit/search/test_plume_fit.py
     """
 
     def __init__(

@@ -4,10 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from briefings import briefing, observation
 
 from gslcosim.contract.messages import Bounds
-from gslcosim.search.motion.declaration import PlumeFitRule
+from gslcosim.scenario.models.success import DeclarationSuccess
+from gslcosim.search.motion.declaration import MissionDeclarer, PlumeFitRule
 from gslcosim.search.plume_fit import PlumeFit
+from gslcosim.search.senses.instruments import find_noses
 
 BOUNDS = Bounds(min_m=(0.0, 0.0, 0.0), max_m=(16.0, 12.0, 3.0))
 SOURCE_M = (5.2, 7.3)
@@ -113,3 +116,28 @@ def test_gas_that_no_plume_explains_and_air_without_wind_declare_nothing():
     rng = np.random.default_rng(6)
     assert declared(lambda place_m: float(np.exp(rng.standard_normal()))) is None
     assert declared(lambda place_m: plume_level(place_m, 0.0, rng), wind_m_s=(0.0, 0.0)) is None
+
+
+def declared_by_mission(plume_fit, *, sensors=(("pid", "nose"), ("anemometer", "vane"))):
+    """Where a method that flies lanes through a plume declares its source at the end of the time."""
+    mission = DeclarationSuccess(horizontal=True).task_text("ethanol") + " in at most 300 s."
+    one = briefing(sensors=sensors, mission=mission)
+    declarer = MissionDeclarer(one, find_noses(one)[0], plume_fit=plume_fit)
+    rng = np.random.default_rng(8)
+    for i, place_m in enumerate(lanes()):
+        readings = {"nose": plume_level(place_m, 0.0, rng), "vane": (0.5, math.pi)}
+        seen = observation(
+            tick=i + 1, position_m=(*place_m, 1.5), readings={name: readings[name] for _, name in sensors}
+        )
+        declarer.add(seen.model_copy(update={"time_s": float(i + 1)}), math.pi)
+    found = declarer.estimate(observation(tick=999, position_m=(1.0, 1.0, 1.5)).model_copy(update={"time_s": 299.0}))
+    return found.position_m
+
+
+def test_where_a_mission_asks_the_fit_goes_before_the_end_of_the_gas():
+    assert math.dist(declared_by_mission("by_mission")[:2], SOURCE_M) < 1.0
+    end_m = declared_by_mission("never")
+    assert end_m != declared_by_mission("by_mission")
+    assert declared_by_mission("by_mission", sensors=(("pid", "nose"),)) == declared_by_mission(
+        "never", sensors=(("pid", "nose"),)
+    )
