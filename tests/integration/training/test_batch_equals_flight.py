@@ -263,6 +263,7 @@ def test_a_kernel_that_batches_cannot_have_is_reported(kernel, sentence, monkeyp
         BatchSearchEnv([task.loaded(1)], 2)
 
 
+@pytest.mark.slow
 def test_ten_thousand_searches_take_less_than_32_mb():
     batch = BatchSearchEnv([LearningTask(scenario="tiny_room", overrides=BALL).loaded(1)], 10_000)
     assert 10_000 * batch.bytes_per_env < 32_000_000

@@ -59,7 +59,7 @@ def rms_m(places_m, others_m):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("vehicle", [pytest.param("iris", marks=pytest.mark.tour), "crazyflie"])
+@pytest.mark.parametrize("vehicle", ["iris", "crazyflie"])
 def test_a_rotorcraft_is_where_a_full_flight_is_closer_than_a_point_robot_would_be(vehicle):
     actions = drawn_velocities(2, 400)
     full_m = flown_alone(vehicle, actions)
