@@ -572,7 +572,7 @@ def derive_seed(suite_seed: int, *words: str | int) -> int:
 
 KEYS = ("entry", "scenario", "family", "case", "repetition", "control", "trial")
 _NAMES = ("entry", "scenario", "family", "case")
-_MAX_TOLD = 40
+_MAX_LISTED = 40
 
 
 @dataclass(frozen=True)
@@ -628,9 +628,9 @@ class Selection:
                 continue
             for one in some:
                 if known and not any(fnmatchcase(value, one) for value in known[key]):
-                    names, n_others = list(known[key])[:_MAX_TOLD], len(known[key]) - _MAX_TOLD
-                    told = ", ".join(names) + (f" and {n_others} others" if n_others > 0 else "")
-                    raise UsageError(f"--only {key}={one}: expected a pattern of {told}, was '{one}'.")
+                    names, n_others = list(known[key])[:_MAX_LISTED], len(known[key]) - _MAX_LISTED
+                    listed = ", ".join(names) + (f" and {n_others} others" if n_others > 0 else "")
+                    raise UsageError(f"--only {key}={one}: expected a pattern of {listed}, was '{one}'.")
 
     def _fits(self, key: str, value: str) -> bool:
         return all(any(fnmatchcase(value, one) for one in some) for of, some in self.patterns if of == key)

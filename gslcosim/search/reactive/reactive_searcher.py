@@ -157,7 +157,7 @@ class ReactiveAgent(SearchAgent):
             self._n_away = self.shared.leash_away_legs
 
     def estimate(self, observation: Observation) -> Estimate | None:
-        """Return the estimate of the source, if the last stops or the plume's upwind end satisfy their rule."""
+        """Return the estimate of the source, if the last stops or the readings of the whole search satisfy a rule."""
         assert self._contact is not None
         return self._rule.estimate(self._contact.upwind_rad) or self._declarer.estimate(observation)
 
