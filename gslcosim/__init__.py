@@ -4,7 +4,6 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.base.kernel_cache import use_kernel_cache
-from gslcosim.base.old_names import support_old_names
 
 if TYPE_CHECKING:
     from gslcosim.data.run import open_run as open_run
@@ -13,7 +12,6 @@ if TYPE_CHECKING:
 __version__ = "0.2.0"
 
 use_kernel_cache()
-support_old_names()
 
 
 # What a person calls, by where it is; imported when it is asked for, so that a start stays short.
