@@ -163,12 +163,12 @@ def iterate_commands(groups: Iterable[CommandGroup]) -> "Iterator[tuple[tuple[st
 
 
 def parse(parser: Parser, groups: Sequence[CommandGroup], words: Sequence[str]) -> argparse.Namespace:
-    """Return the parsed words of a command line, and these as `command_line`; an old name is told to stderr.
+    """Return the parsed words of a command line; an old name prints a note to stderr.
 
     Raises:
         UsageError: an unknown command or option, or a wrong value; names the nearest known one.
     """
-    given, words = tuple(words), list(words)
+    words = list(words)
     names = [command.name for group in groups for command in group.commands]
     moved = {command.old_name: path for path, command in iterate_commands(groups) if command.old_name}
     first = next((word for word in words if not word.startswith("-")), None)
@@ -184,7 +184,6 @@ def parse(parser: Parser, groups: Sequence[CommandGroup], words: Sequence[str]) 
     arguments, unknown = parser.parse_known_args(_joined(words))
     if unknown:
         raise UsageError(_unknown_words(parser, words, unknown))
-    arguments.command_line = given
     return arguments
 
 

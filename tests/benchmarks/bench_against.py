@@ -196,19 +196,6 @@ def first_tick_s(code: Code, runs_dir: str, arguments: list[str]) -> float:
     return found_s
 
 
-@contextlib.contextmanager
-def warm_server(code: Code) -> Iterator[None]:
-    """Keep a warm server."""
-    server = subprocess.Popen([code.python, "-m", "gslcosim", "serve"], stdout=subprocess.PIPE, text=True)
-    try:
-        server.stdout.readline()
-        yield
-    finally:
-        server.terminate()
-        server.wait()
-        server.stdout.close()
-
-
 def cold_s(code: Code) -> float:
     """Return how long the quickstart takes where nothing is cached: kernels compiled, wind solved, run."""
     with tempfile.TemporaryDirectory() as folder:
@@ -265,7 +252,7 @@ def loop_s() -> float:
     return time.process_time() - started
 
 
-def measure(code: Code, runs_dir: str, *, has_tape: bool, has_groups: bool, has_server: bool) -> dict[str, float]:
+def measure(code: Code, runs_dir: str, *, has_tape: bool, has_groups: bool) -> dict[str, float]:
     """Return one round of figures of a version."""
     separate_us, separate = cpu_us_a_tick(code, runs_dir, BLIND)
     one_us, one = cpu_us_a_tick(code, runs_dir, [*BLIND, *ONE])
@@ -288,7 +275,6 @@ def measure(code: Code, runs_dir: str, *, has_tape: bool, has_groups: bool, has_
         "speed_one_unrecorded": unrecorded_one.speed,
         "command_s": command_s(code, runs_dir),
         "first_tick_cold_s": first_tick_s(code, runs_dir, []),
-        "first_tick_warm_s": first_tick_s(code, runs_dir, ["--warm"]) if has_server else math.nan,
         "speed_separate": separate.speed,
         "speed_one": one.speed,
         "cpu_separate_us": separate_us,
@@ -321,7 +307,6 @@ ROWS = (
         "first tick / the base's, from the command",
         lambda own, base: own["first_tick_cold_s"] / base["first_tick_cold_s"],
     ),
-    ("  from a warm server", lambda own, base: own["first_tick_warm_s"] / base["first_tick_cold_s"]),
     ("lockstep agent, separate, x real time", lambda own, base: own["speed_lockstep"]),
     ("  all services in one process", lambda own, base: own["speed_lockstep_grouped"]),
     ("grouped / one process, speed", lambda own, base: own["speed_grouped"] / own["speed_one"]),
@@ -330,7 +315,6 @@ ROWS = (
     ("  descriptors of the process with most", lambda own, base: own["n_descriptors"]),
     ("command to end, a run of one tick [s]", lambda own, base: own["command_s"]),
     ("first tick after the command [s]", lambda own, base: own["first_tick_cold_s"]),
-    ("  from a warm server", lambda own, base: own["first_tick_warm_s"]),
     ("first tick after the scenario is read [s]", lambda own, base: own["first_tick_s"]),
     ("separate, x real time", lambda own, base: own["speed_separate"]),
     ("one process, x real time", lambda own, base: own["speed_one"]),
@@ -383,16 +367,11 @@ def main() -> None:
             for arguments in ([], ONE):
                 fly(code, runs_dir, [*arguments, *until(SHORT_S)])  # fills the caches
         fly(today, runs_dir, [*BLIND, *ONE, *QUIET, "--set", "gas.tape=true", *until(LONG_S)])
-        has_server = supports(other, "serve", "--help")
         os.environ["TMPDIR"] = runs_dir
         load = ForeignLoad()
         for number in range(options.n):
-            for code, rounds, has in (
-                (today, own, (True, True, True)),
-                (other, base, (has_tape, has_groups, has_server)),
-            ):
-                with warm_server(code) if has[2] else contextlib.nullcontext():
-                    rounds.append(measure(code, runs_dir, has_tape=has[0], has_groups=has[1], has_server=has[2]))
+            for code, rounds, has in ((today, own, (True, True)), (other, base, (has_tape, has_groups))):
+                rounds.append(measure(code, runs_dir, has_tape=has[0], has_groups=has[1]))
                 rounds[-1]["foreign_cores"] = load.take()
             loads = ", ".join(f"{rounds[-1]['foreign_cores']:.2f}" for rounds in (own, base))
             note(f"round {number + 1} of {options.n}: foreign load {loads} cores (today, {options.base[:10]})")

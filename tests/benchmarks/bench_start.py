@@ -6,7 +6,6 @@ the command; the end is that of a run of one tick. Each way to start adds one th
     spawned   each service is a new Python
     forked    services are forks of a server that has imported what they share
     preforked and those that import for long were forked first, and have imported it already
-    warm      and the command itself is a fork of `gslcosim serve`, which is started for it, and ended
 """
 
 import os
@@ -40,7 +39,6 @@ STARTS: dict[str, list[str]] = {
     "spawned": [sys.executable, "-c", SPAWNED, *FLIGHT],
     "forked": [sys.executable, "-c", FORKED, *FLIGHT],
     "preforked": [*COMMAND, *FLIGHT],
-    "warm": [*COMMAND, *FLIGHT, "--warm"],
 }
 TITLES = ("first tick [s]", "end of a run of one tick [s]", "processor time of command [s]")
 
@@ -70,20 +68,11 @@ def main():
     with tempfile.TemporaryDirectory() as place:
         os.environ["TMPDIR"] = place
         os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-        began = time.perf_counter()
-        server = subprocess.Popen([*COMMAND, "serve"], stdout=subprocess.PIPE, text=True)
-        try:
-            if not server.stdout.readline():
-                sys.exit("bench_start: expected a server, it has ended.")
-            ready_s = time.perf_counter() - began
-            for i in range(n + 1):
-                for start, call in STARTS.items():
-                    taken = begin(place, call)
-                    if i:  # the first fills the caches
-                        rounds[start].append(taken)
-        finally:
-            server.terminate()
-            server.wait()
+        for i in range(n + 1):
+            for start, call in STARTS.items():
+                taken = begin(place, call)
+                if i:  # the first fills the caches
+                    rounds[start].append(taken)
     medians = {start: [statistics.median(column) for column in zip(*rounds[start], strict=True)] for start in STARTS}
     print(f"start of the quickstart, {os.cpu_count()} cores, medians of {n} rounds in turns")  # noqa: T201
     print(f"{'':32}" + "".join(f"{start:>12}" for start in STARTS))  # noqa: T201
@@ -91,7 +80,6 @@ def main():
         print(f"{title:32}" + "".join(f"{medians[start][i]:12.2f}" for start in STARTS))  # noqa: T201
     ratios = [1.0] + [now[0] / before[0] for before, now in zip(list(medians.values()), list(medians.values())[1:])]
     print(f"{'first tick, of the way before':32}" + "".join(f"{ratio:12.2f}" for ratio in ratios))  # noqa: T201
-    print(f"the server was ready after {ready_s:.2f} s")  # noqa: T201
 
 
 if __name__ == "__main__":

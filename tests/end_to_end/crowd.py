@@ -1,62 +1,54 @@
-"""What attackers find beside their own run: a warm server and two other flights of the same user."""
+"""Other runs of the same user, beside that of an attacker."""
 
 import contextlib
-import subprocess
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from deadlines import EVENT_S
-from real_runs import COMMAND, TINY_ROOM, Flight, children_of, start, with_agent
+from real_runs import TINY_ROOM, Flight, children_of, start, with_agent
 
 from gslcosim.runtime.status import list_active_runs
 
 # Longer than any attack takes, and as slow as the clock: they have to be there, not to take the processor from others.
 LONG = ("--set", "referee.success.within_m=0.001", "--set", "referee.stop.time_limit_s=20000", "--pace", "1")
-OTHER_RUNS = ("other_runs", "runs_of_the_server")
+OTHER_RUNS = ("other_runs", "more_runs")
 
 
 @dataclass
 class Crowd:
-    """The server, a flight of its own processes and one that the server flies, and the folder of their sockets."""
+    """Two runs, and the folder of their sockets."""
 
     sockets: Path
-    server: subprocess.Popen
     flights: list[Flight]
 
     @property
     def pids(self) -> list[int]:
         """The processes of all of them."""
-        tops = [self.server.pid, *(flight.process.pid for flight in self.flights)]
+        tops = [flight.process.pid for flight in self.flights]
         return [*tops, *(pid for top in tops for pid in children_of(top))]
 
     def end(self) -> None:
-        """End the flights; that nobody has touched them is seen in their results."""
+        """End the runs; their results show whether they were disturbed."""
         for flight in self.flights:
             assert flight.process.poll() is None, "the other flights go on"
             flight.process.terminate()
             ended = flight.end()
             assert ended.result["end_reason"] == "interrupted", ended.errors
             assert ended.result["faults"] == []
-        assert self.server.poll() is None, "the server goes on"
 
 
 @contextlib.contextmanager
 def crowded(folder: Path) -> Iterator[Crowd]:
-    """Serve and fly beside what happens within; the other runs are in `OTHER_RUNS` of the folder."""
-    with _folder_of_sockets() as sockets, _serving() as server:
-        own, of_server = (folder / name for name in OTHER_RUNS)
-        flights = [
-            start(TINY_ROOM, own, *LONG, *with_agent("holding")),
-            start(TINY_ROOM, of_server, *LONG, *with_agent("holding"), "--warm"),
-        ]
+    """Fly beside what happens within; the other runs are in `OTHER_RUNS` of the folder."""
+    with _folder_of_sockets() as sockets:
+        flights = [start(TINY_ROOM, folder / name, *LONG, *with_agent("holding")) for name in OTHER_RUNS]
         try:
             for flight in flights:
                 flight.wait_until_flying()
             assert len(list_active_runs()) == len(flights)
-            yield Crowd(sockets, server, flights)
+            yield Crowd(sockets, flights)
         finally:
             for flight in flights:
                 flight.abandon()
@@ -69,15 +61,3 @@ def _folder_of_sockets() -> Iterator[Path]:
         patch.setenv("TMPDIR", folder)
         patch.setattr("tempfile.tempdir", None)
         yield Path(folder)
-
-
-@contextlib.contextmanager
-def _serving() -> Iterator[subprocess.Popen]:
-    process = subprocess.Popen([*COMMAND, "serve"], stdout=subprocess.PIPE, text=True, start_new_session=True)
-    try:
-        assert "--warm" in process.stdout.readline()
-        yield process
-    finally:
-        process.terminate()
-        process.wait(EVENT_S)
-        process.stdout.close()

@@ -77,7 +77,7 @@ class Attacked:
 def attacked(folder: Path, sandbox: str) -> Attacked:
     """Fly with the attacker, its program beside the scenario and the runs: the arrangement that helps it most.
 
-    A warm server and two other flights go on beside it, and are as they were in the end.
+    Two other runs go on beside it, and are as they were in the end.
     """
     if reason := unavailable_reason(sandbox):
         pytest.skip(f"{sandbox} cannot be tested here: {reason}")

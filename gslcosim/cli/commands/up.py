@@ -1,11 +1,8 @@
-"""`gslcosim up` and `serve`: fly a scenario, or keep a warm server for it."""
+"""`gslcosim up`: run a scenario."""
 
 import argparse
 import contextlib
-import importlib
-import os
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,7 +11,7 @@ from gslcosim.base.errors import UsageError
 from gslcosim.base.ros_graphs import ROS_DISTRIBUTIONS
 from gslcosim.cli.arguments import Command, add_pace_option, add_runs_dir_option, add_scenario_arguments, load_checked
 from gslcosim.cli.commands.view import add_live_options, open_live_view
-from gslcosim.cli.terminal import add_json_option, finish_output, write, write_json, write_note
+from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
     from gslcosim.bus.interface import Certificate
@@ -110,11 +107,6 @@ def _add_up_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help=("maximum lead of a writer over its slowest reader in ticks (default: 256); raise it for distant hosts"),
     )
-    parser.add_argument(
-        "--warm",
-        action="store_true",
-        help="start from the server of gslcosim serve, which saves start-up time",
-    )
     ros2 = parser.add_argument_group("ROS 2")
     ros2.add_argument(
         "--ros2", action="store_true", help="publish the run as topics in a ROS 2 graph while it goes on; extra ros"
@@ -132,11 +124,6 @@ def _add_up_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run_up(arguments: argparse.Namespace) -> int:
-    if arguments.warm:
-        from gslcosim.runtime.processes.daemon import run_on_daemon
-
-        return run_on_daemon(arguments.command_line)
-
     from gslcosim.runtime.processes.fork_server import ForkServer
 
     is_forking = arguments.processes != "one" and "all" not in arguments.elsewhere and ForkServer.is_possible()
@@ -153,9 +140,6 @@ def run_scenario(arguments: argparse.Namespace, fork_server: "ForkServer | None"
         fork_server: Forks the services, if there is one already.
     """
     loaded = _with_ros2(load_checked(arguments), arguments)
-    # Libraries for linear algebra have one thread in what a warm server forks, and agents in this process may not.
-    if arguments.warm and "one" in (arguments.processes, arguments.processes or loaded.scenario.processes):
-        raise UsageError("--warm: expected --processes separate or grouped with it, was one. Leave --warm away.")
 
     from gslcosim.cli.run_output import format_summary, show_run_progress
     from gslcosim.runtime.run import run_scenario
@@ -251,82 +235,4 @@ UP = Command(
     examples=UP_EXAMPLES,
     add_arguments=_add_up_arguments,
     run=_run_up,
-)
-
-
-SERVE_EXAMPLES = """  gslcosim serve                       in one shell, until Ctrl-C
-  gslcosim up warehouse_empty --warm   in other shells, as often as you like"""
-
-
-def _add_serve_arguments(parser: argparse.ArgumentParser) -> None:
-    # Titles of forks are written over the command line that the server was started with.
-    parser.add_argument("--room-for-titles", default="", help=argparse.SUPPRESS)
-
-
-# What a run imports besides what its services share.
-_SUPERVISOR_MODULES = (
-    "gslcosim.runtime.run",
-    "gslcosim.runtime.distributed.process_launch",
-    "gslcosim.environment.positions",
-    "gslcosim.environment.generation.cache",
-    "gslcosim_services.sensing.briefing",
-    "rich.live",
-)
-_WARMUP_SCENARIO = "warehouse_empty"
-
-
-def _run_serve(arguments: argparse.Namespace) -> int:
-    if sys.platform != "linux":
-        raise UsageError("serve: expected Linux, where processes fork safely. Fly without --warm.")
-    if not arguments.room_for_titles:
-        _restart_server()
-
-    from gslcosim.runtime.distributed.service_main import build_fork_work
-    from gslcosim.runtime.processes.daemon import serve_daemon
-
-    serve_daemon(_fly_warm, warm_up=_warm_up_runs, work=build_fork_work(), announce=_announce_server)
-    return 0
-
-
-def _warm_up_runs() -> None:
-    from gslcosim.runtime.distributed.service_main import import_shared_modules
-
-    import_shared_modules()
-    for module in _SUPERVISOR_MODULES:
-        importlib.import_module(module)
-
-    from gslcosim.runtime.early_warmup import warm_up_services
-    from gslcosim.scenario import load_scenario
-
-    loaded = load_scenario(_WARMUP_SCENARIO)
-    warm_up_services(loaded.scenario, loaded.directory)
-
-
-# With one thread, also in libraries that read how many when they are loaded.
-def _restart_server() -> None:
-    from gslcosim.base.processes import build_python_command
-    from gslcosim.runtime.processes.fork_server import SINGLE_THREAD_VARIABLES, TITLE_PADDING
-
-    command = build_python_command("-m", "gslcosim", "serve", "--room-for-titles", TITLE_PADDING)
-    finish_output()
-    os.execve(command[0], command, {**os.environ, **SINGLE_THREAD_VARIABLES})
-
-
-def _announce_server(socket: Path) -> None:
-    write(f"Flights begin from here with: gslcosim up SCENARIO --warm   (socket {socket}; Ctrl-C ends it)")
-    finish_output()
-
-
-def _fly_warm(words: Sequence[str], fork_server: "ForkServer") -> int:
-    from gslcosim.cli.main import run_command
-
-    return run_command(words, lambda arguments: run_scenario(arguments, fork_server))
-
-
-SERVE = Command(
-    name="serve",
-    summary="keep a warm server for gslcosim up --warm, which saves start-up time",
-    examples=SERVE_EXAMPLES,
-    add_arguments=_add_serve_arguments,
-    run=_run_serve,
 )

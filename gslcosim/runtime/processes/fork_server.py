@@ -32,7 +32,7 @@ from gslcosim.base.errors import ExitCode, SimulationFault, format_machine_error
 from gslcosim.base.files import append_bytes, build_temporary_directory_error, open_for_writing
 from gslcosim.base.processes import build_python_command, describe_exit
 from gslcosim.base.spawn import Streams, spawn
-from gslcosim.runtime.processes.current_process import keep_memory_private, set_process_title
+from gslcosim.runtime.processes.current_process import keep_memory_private
 
 FORK_SERVER = "fork_server"
 CLOSE_TIMEOUT_S = 2.0
@@ -51,12 +51,10 @@ class JsonLines:
 
     Args:
         connection: The socket; it stays its owner's.
-        max_bytes: How long a line may be.
     """
 
-    def __init__(self, connection: socket.socket, *, max_bytes: int | None = None) -> None:
+    def __init__(self, connection: socket.socket) -> None:
         self.connection = connection
-        self._max_bytes = max_bytes
         self._unread = b""
 
     def send(self, message: object) -> None:
@@ -67,7 +65,7 @@ class JsonLines:
         """Read once; return the objects that are whole now, None where the other end is closed."""
         received = self.connection.recv(_READ_BYTES)
         *lines, self._unread = (self._unread + received).split(b"\n")
-        if not received or (self._max_bytes is not None and len(self._unread) > self._max_bytes):
+        if not received:
             return None
         return [json.loads(line) for line in lines]
 
@@ -76,14 +74,13 @@ class JsonLines:
             yield from messages
 
 
-def fork_child(main: Callable[[], object], *, unwanted: Sequence[int] = (), ends_with_parent: bool = True) -> int:
+def fork_child(main: Callable[[], object], *, unwanted: Sequence[int] = ()) -> int:
     """Fork this process, which must have one thread; return the number of the fork, which leads a session of its own.
 
     Args:
         main: What the fork does. It never returns from here: it ends with 0 when that returns, as `SystemExit` says, or
             with 1 after an error, which it prints.
         unwanted: Descriptors that are none of the fork's business.
-        ends_with_parent: Whether Linux kills it when this process ends.
 
     Raises:
         OSError: there is no room for a process more.
@@ -93,10 +90,10 @@ def fork_child(main: Callable[[], object], *, unwanted: Sequence[int] = (), ends
         return pid
     code = 1
     try:
-        if ends_with_parent:
-            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-            if os.getppid() != parent:
-                os._exit(1)
+        # Linux kills it when this process ends.
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:
+            os._exit(1)
         os.setsid()
         signal.set_wakeup_fd(-1)
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
@@ -178,17 +175,16 @@ class ForkedProcess:
         self._has_ended.set()
 
 
-def _start_server(theirs: socket.socket, log: IO[bytes]) -> "tuple[int, Callable[[], int]]":
+def _start_server(theirs: socket.socket, log: IO[bytes]) -> "subprocess.Popen[bytes]":
     inherited = {key: value for key, value in os.environ.items() if not key.startswith("GSLCOSIM_JOIN")}
     number = os.dup(theirs.fileno())
-    process = spawn(
+    return spawn(
         FORK_SERVER,
         build_python_command("-m", "gslcosim_services", "--fork-server", str(number), TITLE_PADDING),
         environment={**inherited, **SINGLE_THREAD_VARIABLES},
         streams=Streams(stdout=log.fileno()),
         inherited=[number],
     )
-    return process.pid, process.wait
 
 
 class ForkServer:
@@ -196,17 +192,11 @@ class ForkServer:
 
     It starts to import when it is made, so it is made before anything else is prepared.
 
-    Args:
-        start: Starts its process, given its end of the socket and its log, and returns its number and what waits for
-            its end; by default a process of its own.
-
     Raises:
         MachineError: it cannot be started.
     """
 
-    def __init__(
-        self, start: Callable[[socket.socket, IO[bytes]], tuple[int, Callable[[], int]]] = _start_server
-    ) -> None:
+    def __init__(self) -> None:
         try:
             self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - `close` does
         except OSError as error:
@@ -218,31 +208,10 @@ class ForkServer:
         self._is_gone = self._is_closing = self._was_asked = False
         self._code: int | None = None
         with theirs:
-            self.pid, self._wait = start(theirs, self._log)
+            self._process = _start_server(theirs, self._log)
+        self.pid = self._process.pid
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
-
-    @classmethod
-    def fork_this_process(cls, work: "ForkWork", unwanted: Sequence[int] = ()) -> Self:
-        """Return a fork server that is a fork of this process, which has imported what its forks share.
-
-        This process must have one thread.
-
-        Args:
-            work: What its forks do.
-            unwanted: Descriptors that are none of the fork's business.
-        """
-
-        def start(theirs: socket.socket, log: IO[bytes]) -> tuple[int, Callable[[], int]]:
-            pid = fork_child(lambda: serve(theirs, log), unwanted=unwanted)
-            return pid, lambda: os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
-
-        def serve(requests: socket.socket, log: IO[bytes]) -> None:
-            _redirect_streams(os.open(os.devnull, os.O_RDONLY), os.dup(log.fileno()))
-            set_process_title(f"{sys.executable} -P -m gslcosim_services --fork-server {requests.fileno()}")
-            _Server(requests, work).serve()
-
-        return cls(start)
 
     @staticmethod
     def is_possible() -> bool:
@@ -334,7 +303,7 @@ class ForkServer:
         for process in self._forked.values():
             if process.poll() is None:
                 process.mark_ended(-signal.SIGKILL)
-        self._code = self._wait()
+        self._code = self._process.wait()
 
 
 @dataclass(frozen=True, kw_only=True)

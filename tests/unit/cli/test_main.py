@@ -50,7 +50,7 @@ def options_of(path):
          "--insecure, --join-dir, --json, --lease-s, "
          "--listen, --live, --no-services, --pace, --processes, --quiet, --ros-distro, --ros2, --ros2-truth, "
          "--runs-dir, --seed, --serve, --set, "
-         "--tls-ca, --tls-certificate, --tls-client-ca, --tls-key, --warm, --window-ticks, "
+         "--tls-ca, --tls-certificate, --tls-client-ca, --tls-key, --window-ticks, "
          "was '--sed'. Did you mean --seed?"),
         (["up", "x", "y"], "gslcosim up: expected no further words, was 'y'. See gslcosim up --help."),
         (["up"], "gslcosim up: the following arguments are required: SCENARIO. See gslcosim up --help."),

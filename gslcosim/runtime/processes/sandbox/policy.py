@@ -14,7 +14,6 @@ import gslcosim
 from gslcosim.base.bundled import bundled_agents, bundled_folder
 from gslcosim.base.files import user_state_folder
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE, get_cache_root, get_key_path
-from gslcosim.runtime.processes.daemon import get_daemon_folder
 from gslcosim.runtime.status import get_status_folder
 
 # Read-only for every agent, where they exist.
@@ -111,7 +110,7 @@ def list_hidden_folders() -> list[Path]:
     Bundled scenarios, the cache, what the user has found out, and the folders of sockets at which only those in no
     sandbox may ask.
     """
-    return [bundled_folder("."), *_list_caches(), user_state_folder(), get_daemon_folder(), get_status_folder()]
+    return [bundled_folder("."), *_list_caches(), user_state_folder(), get_status_folder()]
 
 
 # The kernels of who has started this process may lie in another cache, with the key that signs them.
