@@ -123,7 +123,7 @@ class InProcessRun:
             text = format_fault(error, traceback.format_exc())
             outcome.fault = ServiceFault(participant=culprit, tick=self._tick, text=text)
         outcome.is_cut = self._verdict is None and outcome.fault is None and self._loop.is_finished
-        outcome.is_interrupted = self._verdict is None and outcome.fault is None and not outcome.is_cut
+        outcome.is_interrupted = outcome.fault is None and not self._loop.is_finished
         self._close(outcome)
         outcome.flight_wall_s = time.perf_counter() - flying_since
         outcome.ticks_flown = self._verdict.tick if self._verdict else self._tick
@@ -133,7 +133,7 @@ class InProcessRun:
         steppers = self._loop.steppers
         outcome.timing = {stepper.spec.name: stepper.timing.as_fields() for stepper in steppers}
         outcome.summary = {key: value for stepper in steppers for key, value in self._loop.summarize(stepper).items()}
-        if outcome.is_cut or (self._verdict and outcome.fault is None):
+        if outcome.fault is None and self._loop.is_finished:
             outcome.digest = self.digest(outcome.ticks_flown)
 
     # Services begin at the snapshot; agents live through what came before, in the order in which they got it.

@@ -63,6 +63,13 @@ class RunOutcome:
         """True when the run counts."""
         return self.verdict is not None and self.digest is not None and self.fault is None and not self.is_interrupted
 
+    def require_reason(self) -> None:
+        """Put the supervisor at fault where nothing gives a reason why the run has ended."""
+        if not (self.is_valid or self.is_interrupted or self.is_cut) and self.fault is None:
+            lacking = "a verdict" if self.verdict is None else "a digest"
+            text = f"expected a verdict and a digest, an interruption or a fault, found none: {lacking} is missing."
+            self.fault = ServiceFault(participant="supervisor", tick=self.ticks_flown, text=text)
+
     @property
     def exit_code(self) -> ExitCode:
         """The exit code of the command line."""

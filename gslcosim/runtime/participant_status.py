@@ -66,7 +66,7 @@ class Stall:
 
 
 def explain_stall(participants: Sequence[ParticipantStatus]) -> Stall | None:
-    """Return who holds a run up, and who waits for it over whom; None where there are no participants.
+    """Return who holds a run up, and who waits for it over whom; None where all have done what they had to.
 
     The chain begins at the participant that is furthest behind among those that wait. It leads from what that one
     lacks to the one that writes it, and so on, until one waits for nobody: it is in its step, owes an answer, or is
@@ -75,7 +75,8 @@ def explain_stall(participants: Sequence[ParticipantStatus]) -> Stall | None:
     by_name = {participant.name: participant for participant in participants}
     # What agents write comes from their sessions; no service has such a name.
     by_name |= {get_agent_participant(name): participant for name, participant in by_name.items()}
-    open_ones = [participant for participant in participants if participant.state != "done"]
+    # An agent that waits for nothing in particular has answered all that it was asked.
+    open_ones = [each for each in participants if each.state not in ("done", "waiting") or each.waits_for]
     if not open_ones:
         return None
     waiting = [participant for participant in open_ones if _find_blocker(participant)]

@@ -349,7 +349,7 @@ def _execute(
 # Whatever ends a run that has a directory is in its result: what was wrong, what the machine refused, and our bugs.
 def _execute_or_fault(fly_it: Callable[[], RunOutcome]) -> RunOutcome:
     try:
-        return fly_it()
+        outcome = fly_it()
     except KeyboardInterrupt:
         # Before or after the part that ends in order by itself.
         return RunOutcome(is_interrupted=True)
@@ -358,6 +358,8 @@ def _execute_or_fault(fly_it: Callable[[], RunOutcome]) -> RunOutcome:
             return RunOutcome(is_interrupted=True)
         text = format_fault(error, traceback.format_exc())
         return RunOutcome(fault=ServiceFault(participant="supervisor", tick=0, text=text))
+    outcome.require_reason()
+    return outcome
 
 
 def _save_digest(run_dir: RunDir, outcome: RunOutcome) -> None:

@@ -31,7 +31,7 @@ from gslcosim.runtime.distributed.protocol import (
 from gslcosim.runtime.distributed.watchdog import LOST_CONTACT_GRACE_S, RestartPolicy, Watchdog
 from gslcosim.runtime.network import JOIN_TIMEOUT_S
 from gslcosim.runtime.outcome import RunOutcome, ServiceFault, build_ending
-from gslcosim.runtime.participant_status import ParticipantState, ParticipantStatus
+from gslcosim.runtime.participant_status import MissingMessage, ParticipantState, ParticipantStatus
 from gslcosim.runtime.processes.fork_server import FORK_SERVER
 from gslcosim.runtime.processes.stop_detection import PauseDetector, describe_stop
 from gslcosim.runtime.services import ServiceGroup, build_dataflow, list_service_names
@@ -186,7 +186,7 @@ class Supervisor:
             self._handle_next()
 
     def fly(self, interruption: Interruption) -> None:
-        """Let simulated time begin, and watch until all services are done, or interruption.
+        """Let simulated time begin, and watch until all services are done and have been heard out, or interruption.
 
         Raises:
             RunEndedError: a service has failed, or nothing moves any more.
@@ -201,7 +201,7 @@ class Supervisor:
             self._handle_next()
             self._check_time()
         self._bus.publish(protocol.START_KEY, b"", urgent=True)
-        while not self._watchdog.is_finished and not interruption.is_set():
+        while not (self._watchdog.is_finished and not self._list_overdue()) and not interruption.is_set():
             self._handle_next()
             self._check_time()
             self._report_run()
@@ -228,14 +228,19 @@ class Supervisor:
         accounts = (*(report.summary for report in reports.values()), self._restarts.summary)
         outcome.summary = {key: value for account in accounts for key, value in account.items()}
         outcome.ticks_flown = verdict.tick if verdict else self._watchdog.finished_tick
-        if verdict is None or not self._watchdog.is_finished:
+        if verdict is None or outcome.fault is not None or not self._watchdog.is_finished:
             return
-        trails: dict[str, HashChain] = {}
-        for report in reports.values():
+        writer_of = build_dataflow(self._setup.scenario).writer_of
+        trails = {keys.command(name): host.session.trail for name, host in self._agent_hosts.items()}
+        for name, report in reports.items():
+            written = {port for port, writer in writer_of.items() if writer == name}
+            if report.last_tick < verdict.tick or report.trails.keys() != written:
+                expected = f"its final report: expected tick {verdict.tick} and chains of {len(written)} ports"
+                found = f"was tick {report.last_tick} and {len(report.trails)}, or others."
+                outcome.fault = self._watchdog.fault(name, f"{expected}, {found}")
+                return
             trails |= {port: HashChain.from_fields(fields) for port, fields in report.trails.items()}
-        for name, host in self._agent_hosts.items():
-            trails[keys.command(name)] = host.session.trail
-        outcome.digest = RunDigest.of(trails, build_dataflow(self._setup.scenario).writer_of, verdict.tick)
+        outcome.digest = RunDigest.of(trails, writer_of, verdict.tick)
 
     def _build_agent_host(self, agent: AgentSpec) -> AgentHost:
         link = self._bus_links.get(agent.name) or self._gateway.get_transport(agent.name)
@@ -378,12 +383,29 @@ class Supervisor:
     def _on_final_report(self, payload: bytes) -> None:
         report = protocol.FinalReport.from_bytes(payload)
         self._watchdog.record_final_report(report, time.monotonic())
-        if report.name == "referee" and self._verdict is None:
-            # It has ended the run, so its verdict got lost on the way.
-            question = protocol.ResendRequest(port=keys.VERDICT, tick=report.last_tick).to_bytes()
-            self._bus.ask(
-                protocol.build_resend_key("referee"), question, lambda _, answer: self._put(keys.VERDICT, answer)
-            )
+        # It is sent again until the end of the run, and so is the question.
+        for overdue in self._list_overdue():
+            if overdue.writer == report.name:
+                question = protocol.ResendRequest(port=overdue.port, tick=overdue.tick).to_bytes()
+                self._bus.ask(
+                    protocol.build_resend_key(report.name),
+                    question,
+                    lambda _, answer, port=overdue.port: self._put(port, answer),
+                )
+
+    # What services that are done have written and what has not come: each subscription has a thread of its own, so that
+    # a final report may overtake it.
+    def _list_overdue(self) -> list[MissingMessage]:
+        reports, verdict = self._watchdog.final_reports, self._verdict
+        if verdict is None:
+            ticks = [reports["referee"].last_tick] if "referee" in reports else []
+            return [MissingMessage(port=keys.VERDICT, tick=tick, writer="referee", last_tick=-1) for tick in ticks]
+        last_ticks = {name: host.session.last_tick for name, host in self._agent_hosts.items()}
+        return [
+            MissingMessage(port=keys.observation(name), tick=tick + 1, writer="sensing", last_tick=tick)
+            for name, tick in last_ticks.items()
+            if "sensing" in reports and tick < verdict.tick
+        ]
 
     def _on_end_of(self, name: str, how: str) -> None:
         if name == FORK_SERVER:
@@ -433,7 +455,9 @@ class Supervisor:
                 # An agent that owes an answer is not a stall of the run; it has its own deadline.
                 self._watchdog.moved(now_s)
                 host.check_deadline()
-        fault = self._watchdog.check(now_s, is_judged=self._verdict is not None, look=self._look_twice)
+        fault = self._watchdog.check(
+            now_s, is_judged=self._verdict is not None, look=self._look_twice, overdue=self._list_overdue()
+        )
         if fault is not None:
             raise RunEndedError(fault)
 

@@ -8,7 +8,7 @@ from gslcosim.base.errors import ExitCode
 from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.distributed.protocol import FinalReport, TickReport
 from gslcosim.runtime.outcome import ServiceFault
-from gslcosim.runtime.participant_status import ParticipantStatus, explain_stall
+from gslcosim.runtime.participant_status import MissingMessage, ParticipantStatus, explain_stall
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.services import ServiceGroup, find_service, get_process_name
 from gslcosim.scenario import Scenario
@@ -85,7 +85,7 @@ class Watchdog:
 
     def record_final_report(self, report: FinalReport, now_s: float) -> None:
         """Take note that a service is done."""
-        if report.name not in self.final_reports:
+        if report.name in self and report.name not in self.final_reports:
             self.final_reports[report.name] = report
             self._moved_at_s = now_s
 
@@ -112,7 +112,12 @@ class Watchdog:
         return f" The supervisor itself had stood still for {self._missed_s:.0f} s." if self._missed_s else ""
 
     def check(
-        self, now_s: float, *, is_judged: bool, look: Callable[[], Sequence[ParticipantStatus]]
+        self,
+        now_s: float,
+        *,
+        is_judged: bool,
+        look: Callable[[], Sequence[ParticipantStatus]],
+        overdue: Sequence[MissingMessage] = (),
     ) -> ServiceFault | None:
         """Return who is at fault where contact is lost or nothing moves any more.
 
@@ -120,11 +125,17 @@ class Watchdog:
             now_s: The time.
             is_judged: Whether the verdict is there, so that services only have to finish.
             look: Looks at the participants, where nothing moves any more.
+            overdue: What services that are done have written, and what has not come.
         """
         if (fault := self.find_lost(now_s)) is not None:
             return fault
         limit_s = FINISH_TIMEOUT_S if is_judged else STALL_TIMEOUT_S
-        return self._stall(limit_s, look()) if now_s - self._moved_at_s > limit_s else None
+        if now_s - self._moved_at_s <= limit_s:
+            return None
+        for lost in overdue:
+            text = f"it is done, but its {lost.port} of tick {lost.tick} is lost: it did not come in {limit_s:g} s."
+            return self.fault(lost.writer, text, ExitCode.TIMEOUT)
+        return self._stall(limit_s, look())
 
     def find_lost(self, now_s: float) -> ServiceFault | None:
         """Return who is at fault where contact is lost, also before simulated time begins."""
@@ -143,7 +154,8 @@ class Watchdog:
 
     def _stall(self, limit_s: float, participants: Sequence[ParticipantStatus]) -> ServiceFault:
         stall = explain_stall(participants)
-        culprit = min(self._progress, key=lambda name: self._progress[name]) if stall is None else stall.culprit
+        unreported = [name for name in self._services if name not in self.final_reports] or self._services
+        culprit = min(unreported, key=lambda name: self._progress[name]) if stall is None else stall.culprit
         # What it says itself is newer than what it reports now and then.
         seen = [participant.tick for participant in participants if participant.name == culprit]
         tick = max(self.tick_of(culprit), *seen, 0)

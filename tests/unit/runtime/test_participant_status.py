@@ -69,6 +69,10 @@ def test_where_nobody_is_left_there_is_nothing_to_explain(participants):
     assert explain_stall(participants) is None
 
 
+def test_an_agent_that_owes_nothing_is_not_named_for_a_report_that_got_lost():
+    assert explain_stall([participant("recorder", 3, state="done"), participant("beetle", 3)]) is None
+
+
 def test_who_is_silent_is_named_with_those_who_wait_though_its_tick_is_long_past():
     """Services report every 64 ticks: what is known of a silent one is old."""
     stall = explain_stall([
