@@ -20,7 +20,15 @@ import gslcosim
 from gslcosim.base.code_identity import COMPUTING_PACKAGES
 from gslcosim.base.disk_cache import mark_used
 from gslcosim.base.errors import MachineError, SimulationFault, UsageError
-from gslcosim.bench.cases.models import LOWER_ANCHOR, UPPER_ANCHOR, Selection, Shard, Trial, choose_trials
+from gslcosim.bench.cases.models import (
+    LOWER_ANCHOR,
+    UPPER_ANCHOR,
+    Selection,
+    Shard,
+    Trial,
+    choose_trials,
+    derive_seed,
+)
 from gslcosim.bench.cases.plan import Plan, build_plan, build_plan_of_rows, group_settings, save_pace
 from gslcosim.bench.cases.suite_files import LoadedSuite, load_suite, write_suite
 from gslcosim.bench.execution.pool import POLL_PERIOD_S, Job, JobResult, LocalPool, Pool, n_cores
@@ -160,6 +168,15 @@ def select_recorded_trials(trials: Sequence[Trial], rows: Mapping[str, Row], kee
         if "median" in keep and found:
             chosen.add(found[math.ceil(len(found) / 2) - 1].id)
     return [trial for trial in trials if trial.id in chosen]
+
+
+def shuffle_trials(trials: Iterable[Trial], *, seed: int) -> list[Trial]:
+    """Return trials in the order in which they are flown, so that what one leaves behind meets no trial of its choice.
+
+    It depends on the seed of the suite and on the places of trials in it alone, not on who flies them or on how many
+    are left.
+    """
+    return sorted(trials, key=lambda trial: (derive_seed(seed, "order", trial.index), trial.index))
 
 
 _TRIES = 2
@@ -496,8 +513,7 @@ class SuiteRun:
     def _fly_all(self, pool: Pool, todo: Sequence[Trial]) -> None:
         began = time.perf_counter()
         tries = Counter[str]()
-        place_of = {room: i for i, room in enumerate(self._environments)}
-        for trial in sorted(todo, key=lambda trial: place_of[trial.room]):
+        for trial in shuffle_trials(todo, seed=self._plan.loaded.suite.seed):
             self._submit(pool, trial)
         left = len(todo)
         with Journal(self._folder.journal) as journal:

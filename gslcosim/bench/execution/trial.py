@@ -152,8 +152,8 @@ def _what_a_map_shows(trial: Trial) -> str:
     return json.dumps([trial.room, gas, scenario.agents[0].vehicle.search_height_m])
 
 
-# Rooms of a suite come one after the other.
-_ROOMS_KEPT = 2
+# Trials come in random order. Rooms are mapped files, so that one more costs little.
+_ROOMS_KEPT = 8
 
 
 @dataclass(frozen=True, kw_only=True)

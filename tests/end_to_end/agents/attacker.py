@@ -24,7 +24,8 @@ RUNS, OUTSIDE, VICTIM = Path(TARGETS["runs"]), Path(TARGETS["outside"]), TARGETS
 LIBRARY = ctypes.CDLL(None, use_errno=True)
 CLONE_NEWUSER, CLONE_NEWNS, PTRACE_SEIZE = 0x10000000, 0x20000, 0x4206
 # Numbers of system calls on every kind of machine, then by kind of machine.
-PIDFD_OPEN, PIDFD_GETFD = 434, 438
+PIDFD_OPEN, PIDFD_GETFD, PROCESS_MADVISE, CACHESTAT = 434, 438, 440, 451
+IO_SETUP = 0 if os.uname().machine == "aarch64" else 206
 KEYCTL, PERF_EVENT_OPEN, SYSLOG = (219, 241, 116) if os.uname().machine == "aarch64" else (250, 298, 103)
 SEARCH, READ, USER_KEYRING = 10, 11, -4
 SHARED_BYTES = 160 << 20
@@ -446,6 +447,8 @@ def watch_folders_of_others():
     folder = os.open("/usr", os.O_RDONLY)
     with contextlib.suppress(OSError):
         fcntl.fcntl(folder, fcntl.F_NOTIFY, fcntl.DN_ACCESS | fcntl.DN_CREATE)
+        # The first change would end this process by a signal.
+        os.close(folder)
         return "watched"
     return ""
 
@@ -500,6 +503,98 @@ def read_environment_of_the_user():
     return TARGETS["token_name"] if TARGETS["token_name"] in os.environ else ""
 
 
+# A large file of the system that hardly anybody reads meanwhile.
+def _shared_file():
+    found = [path for path in Path("/usr/bin").iterdir() if path.is_file() and 1 << 18 < path.stat().st_size < 1 << 24]
+    return max(found, key=lambda path: path.stat().st_size)
+
+
+def evict_pages_of_files():
+    cold, pageout, dont_need, new_pages = 20, 21, 4, 1
+    path = _shared_file()
+    path.read_bytes()
+    LIBRARY.mmap.restype = ctypes.c_void_p
+    with path.open("rb") as file:
+        n_bytes = ctypes.c_size_t(path.stat().st_size)
+        place = ctypes.c_void_p(LIBRARY.mmap(None, n_bytes, 1, 2, file.fileno(), ctypes.c_long(0)))
+        ctypes.string_at(place, n_bytes.value)
+        for advice in (cold, pageout):
+            LIBRARY.madvise(place, n_bytes, advice)
+        process = LIBRARY.syscall(PIDFD_OPEN, os.getpid(), 0)
+        piece = struct.pack("QQ", place.value, n_bytes.value)
+        LIBRARY.syscall(PROCESS_MADVISE, process, piece, ctypes.c_size_t(1), pageout, 0)
+        LIBRARY.munmap(place, n_bytes)
+        with contextlib.suppress(OSError):
+            os.posix_fadvise(file.fileno(), 0, 0, dont_need)
+        # Whoever has to wait for the disk has found a page that is not in memory.
+        before = resource.getrusage(new_pages).ru_majflt
+        place = ctypes.c_void_p(LIBRARY.mmap(None, n_bytes, 1, 2, file.fileno(), ctypes.c_long(0)))
+        ctypes.string_at(place, n_bytes.value)
+        LIBRARY.munmap(place, n_bytes)
+        n_waits = resource.getrusage(new_pages).ru_majflt - before
+    return f"{n_waits} pages had to be read again" if n_waits else ""
+
+
+def ask_which_pages_are_in_memory():
+    path = _shared_file()
+    with path.open("rb") as file:
+        LIBRARY.mmap.restype = ctypes.c_void_p
+        place = ctypes.c_void_p(LIBRARY.mmap(None, ctypes.c_size_t(4096), 1, 1, file.fileno(), ctypes.c_long(0)))
+        if LIBRARY.mincore(place, ctypes.c_size_t(4096), ctypes.create_string_buffer(1)) == 0:
+            return "by mincore"
+        span, told = struct.pack("QQ", 0, 4096), ctypes.create_string_buffer(40)
+        if LIBRARY.syscall(CACHESTAT, file.fileno(), span, told, 0) == 0:
+            return "by cachestat"
+        try:
+            os.preadv(file.fileno(), [bytearray(16)], 0, os.RWF_NOWAIT)
+            return "by a read that does not wait"
+        except BlockingIOError:
+            return "by a read that would have waited"
+        except OSError:
+            pass
+        # The flag may also stand in a queue of reads.
+        return "by asynchronous reads" if LIBRARY.syscall(IO_SETUP, 1, ctypes.create_string_buffer(8)) == 0 else ""
+
+
+def leave_hints_on_files():
+    import fcntl
+
+    set_hint, get_hint = 1036, 1035
+    with contextlib.suppress(OSError), Path(__file__).open("rb") as left, Path(__file__).open("rb") as found:
+        fcntl.fcntl(left, set_hint, struct.pack("Q", 3))
+        hint = struct.unpack("Q", fcntl.fcntl(found, get_hint, bytes(8)))[0]
+        fcntl.fcntl(left, set_hint, struct.pack("Q", 0))
+        return f"hint {hint}"
+    return ""
+
+
+def change_flags_of_files():
+    import fcntl
+
+    get_flags, set_flags = 0x80086601, 0x40086602
+    with contextlib.suppress(OSError), Path(__file__).open("rb") as file:
+        # To what they are.
+        fcntl.ioctl(file, set_flags, fcntl.ioctl(file, get_flags, bytes(8)))
+        return "changed"
+    return ""
+
+
+def change_rights_of_devices():
+    for name in ("null", "zero", "full", "random", "urandom", "tty"):
+        with contextlib.suppress(OSError):
+            # To what they are.
+            os.chmod(f"/dev/{name}", os.stat(f"/dev/{name}").st_mode & 0o7777)  # noqa: PTH101, PTH116
+            return name
+    return ""
+
+
+def leave_times_of_access():
+    path = Path(__file__).with_name("unread.md")
+    before = path.stat().st_atime_ns
+    path.read_bytes()
+    return "later than before" if path.stat().st_atime_ns != before else ""
+
+
 def touch_other_runs():
     for pid in TARGETS["other_runs"]:
         with contextlib.suppress(OSError):
@@ -526,7 +621,8 @@ ATTACKS = [
     leave_system_v_memory_behind, open_posix_queues, pass_by_netlink, watch_files_of_others, watch_folders_of_others,
     watch_file_system, change_times_of_files, connect_to_host_of_virtual_machine, offer_socket_to_other_agents,
     read_log_of_the_kernel, read_private_folders_of_others, read_environment_of_the_user, touch_other_runs,
-    leave_a_daemon_behind,
+    evict_pages_of_files, ask_which_pages_are_in_memory, leave_hints_on_files, change_flags_of_files,
+    change_rights_of_devices, leave_times_of_access, leave_a_daemon_behind,
 ]  # fmt: skip
 
 if __name__ == "__main__":

@@ -4,9 +4,10 @@ A process gives up, for itself and its descendants, all files but those it names
 uses no package of other people, because it runs in the small process between supervisor and agent. See
 https://docs.kernel.org/userspace-api/landlock.html for rights and versions, and `man 7 capabilities`.
 
-The filter refuses what Landlock cannot: sockets of the network, ways past files from one process to another, and
-changes of what belongs to others. Calls that are refused return EPERM. Written for x86_64 and arm64; elsewhere there is
-no filter, and `can_filter` says so. The instructions are those of classic BPF, see `man 2 seccomp`.
+The filter refuses what Landlock cannot: sockets of the network, ways past files from one process to another, changes
+of what belongs to others, and what outlives a process, as the pages that the kernel keeps of files. Calls that are
+refused return EPERM; advice is accepted and not followed. Written for x86_64 and arm64; elsewhere there is no filter,
+and `can_filter` says so. The instructions are those of classic BPF, see `man 2 seccomp`.
 """
 
 import ctypes
@@ -160,15 +161,27 @@ def _check_result(result: int, what: str = "Landlock") -> int:
 
 
 _PR_SET_SECCOMP, _MODE_FILTER = 22, 2
-_LOAD, _EQUAL, _AT_LEAST, _AND, _RETURN = 0x20, 0x15, 0x35, 0x54, 0x06
-_ALLOW, _REFUSE = 0x7FFF0000, 0x00050000 | errno.EPERM
-# Where the filter finds the number, the architecture, and the lower halves of the first three arguments.
-_NUMBER, _ARCHITECTURE, _FIRST, _SECOND, _THIRD = 0, 4, 16, 24, 32
+_LOAD, _EQUAL, _AT_LEAST, _HAS_ANY_BIT, _AND, _RETURN = 0x20, 0x15, 0x35, 0x45, 0x54, 0x06
+_ALLOW, _FAIL = 0x7FFF0000, 0x00050000
+_REFUSE, _PASS_OVER, _LACK = _FAIL | errno.EPERM, _FAIL, _FAIL | errno.ENOSYS
+# Where the filter finds the number, the architecture, and the lower halves of four of the six arguments.
+_NUMBER, _ARCHITECTURE, _FIRST, _SECOND, _THIRD, _SIXTH = 0, 4, 16, 24, 32, 56
 _UNIX, _INTERNET, _NETLINK, _INTERNET_6 = 1, 2, 16, 10
 _STREAM, _KIND_OF_SOCKET, _TCP = 1, 0xF, 6
 _X32 = 0x40000000
-# Commands of fcntl by which a process is informed of what others do with a file: leases, and changes in a folder.
-_WATCHING_COMMANDS = (1024, 1026)
+# Commands of fcntl by which a process is informed of what others do with a file (leases, changes in a folder), or
+# leaves a hint on it that others read (F_SET_RW_HINT, F_SET_FILE_RW_HINT).
+_FCNTL_COMMANDS = (1024, 1026, 1036, 1038)
+# Commands of ioctl that leave something on a file that is open for reading, its owner's rights alone being asked:
+# FS_IOC_SETFLAGS, FS_IOC_SETVERSION and EXT4_IOC_SETVERSION, those of 32 bits, FS_IOC_FSSETXATTR,
+# FS_IOC_ENABLE_VERITY, FS_IOC_ADD_ENCRYPTION_KEY; and EXT4_IOC_CLEAR_ES_CACHE, EXT4_IOC_PRECACHE_EXTENTS.
+_IOCTL_COMMANDS = (
+    0x40086602, 0x40087602, 0x40086604, 0x40046602, 0x40047602, 0x401C5820, 0x40806685, 0xC0506617, 0x6628, 0x6612,
+)  # fmt: skip
+# MADV_COLD, MADV_PAGEOUT.
+_EVICTING_ADVICE = (20, 21)
+# RWF_NOWAIT, by which a read tells whether it would have to wait for the disk, and RWF_DONTCACHE.
+_CACHE_FLAGS = 0x08 | 0x80
 
 
 class _Numbers(NamedTuple):
@@ -176,8 +189,16 @@ class _Numbers(NamedTuple):
     architecture: int
     socket: int
     fcntl: int
+    ioctl: int
+    madvise: int
+    # Read and write with flags.
+    with_flags: tuple[int, ...]
     # Refused in each sandbox.
     always: tuple[int, ...]
+    # Advice on which pages of files stay in memory, which all processes share.
+    advice: tuple[int, ...]
+    # Questions about which pages of files are there.
+    residency: tuple[int, ...]
     # Memory, queues and semaphores that last beyond their processes: bubblewrap has a namespace of them.
     shared: tuple[int, ...]
     # Changes of what belongs to others.
@@ -191,9 +212,18 @@ _CALL_NUMBERS = {
         architecture=0xC000003E,
         socket=41,
         fcntl=72,
+        ioctl=16,
+        madvise=28,
+        # preadv2, pwritev2
+        with_flags=(327, 328),
         # add_key, request_key, keyctl, perf_event_open, bpf, io_uring_setup, syslog, open_by_handle_at
         # inotify_init, inotify_init1, inotify_add_watch, fanotify_init, fanotify_mark
-        always=(248, 249, 250, 298, 321, 425, 103, 304, 253, 294, 254, 300, 301),
+        # io_setup, process_madvise, quotactl, quotactl_fd, userfaultfd
+        always=(248, 249, 250, 298, 321, 425, 103, 304, 253, 294, 254, 300, 301, 206, 440, 179, 443, 323),
+        # fadvise64, readahead
+        advice=(221, 187),
+        # mincore, cachestat
+        residency=(27, 451),
         # shmget, shmat, shmctl, semget, semop, semctl, semtimedop, msgget, msgsnd, msgrcv, msgctl, mq_open, mq_unlink
         shared=(29, 30, 31, 64, 65, 66, 220, 68, 69, 70, 71, 240, 241),
         # chmod, fchmod, chown, fchown, lchown, setxattr, lsetxattr, fsetxattr, removexattr, lremovexattr,
@@ -210,9 +240,18 @@ _CALL_NUMBERS = {
         architecture=0xC00000B7,
         socket=198,
         fcntl=25,
+        ioctl=29,
+        madvise=233,
+        # preadv2, pwritev2
+        with_flags=(286, 287),
         # add_key, request_key, keyctl, perf_event_open, bpf, io_uring_setup, syslog, open_by_handle_at
         # inotify_init1, inotify_add_watch, fanotify_init, fanotify_mark
-        always=(217, 218, 219, 241, 280, 425, 116, 265, 26, 27, 262, 263),
+        # io_setup, process_madvise, quotactl, quotactl_fd, userfaultfd
+        always=(217, 218, 219, 241, 280, 425, 116, 265, 26, 27, 262, 263, 0, 440, 60, 443, 282),
+        # fadvise64, readahead
+        advice=(223, 213),
+        # mincore, cachestat
+        residency=(232, 451),
         # shmget, shmctl, shmat, semget, semctl, semtimedop, semop, msgget, msgctl, msgrcv, msgsnd, mq_open, mq_unlink
         shared=(194, 195, 196, 190, 191, 192, 193, 186, 187, 188, 189, 180, 181),
         # setxattr, lsetxattr, fsetxattr, removexattr, lremovexattr, fremovexattr, fchmod, fchmodat, fchownat, fchown,
@@ -257,8 +296,10 @@ def build_filter_program(
     """Return the instructions of the filter.
 
     Always refused are keys of the user, watching others by perf, by inotify, fanotify and leases, programs in the
-    kernel, the kernel's log, files by their handles, and io_uring, by which a filter can be passed by; programs for
-    another kind of machine do not run.
+    kernel, the kernel's log, files by their handles, quotas, marks on files, and the kernel's own queues of reads and
+    writes, by which a filter can be passed by. Nothing evicts pages of files or asks which are in memory: advice is
+    accepted and not followed, and the questions are unknown, as on older kernels. Programs for another kind of machine
+    do not run.
 
     Args:
         machine: The kind of processor.
@@ -273,13 +314,26 @@ def build_filter_program(
     refuse, allow = (_RETURN, _REFUSE, 0, 0), (_RETURN, _ALLOW, 0, 0)
     code = [(_LOAD, _ARCHITECTURE, 0, 0), (_EQUAL, numbers.architecture, 1, 0), refuse]
     code += [(_LOAD, _NUMBER, 0, 0), (_AT_LEAST, _X32, 0, 1), refuse]
-    for number in (*numbers.always, *(() if is_beside_namespaces else (*numbers.shared, *numbers.of_others))):
-        code += [(_EQUAL, number, 0, 1), refuse]
-    # Not this one: over the next ones.
-    code += [(_EQUAL, numbers.fcntl, 0, 2 + 2 * len(_WATCHING_COMMANDS)), (_LOAD, _SECOND, 0, 0)]
-    for command in _WATCHING_COMMANDS:
-        code += [(_EQUAL, command, 0, 1), refuse]
-    code += [allow]
+    of_others = () if is_beside_namespaces else (*numbers.shared, *numbers.of_others)
+    for calls, answer in (
+        ((*numbers.always, *of_others), _REFUSE),
+        (numbers.advice, _PASS_OVER),
+        (numbers.residency, _LACK),
+    ):
+        for number in calls:
+            code += [(_EQUAL, number, 0, 1), (_RETURN, answer, 0, 0)]
+    no_such_flag = _FAIL | errno.EOPNOTSUPP
+    for number, argument, test, values, answer in (
+        (numbers.fcntl, _SECOND, _EQUAL, _FCNTL_COMMANDS, _REFUSE),
+        (numbers.ioctl, _SECOND, _EQUAL, _IOCTL_COMMANDS, _REFUSE),
+        (numbers.madvise, _THIRD, _EQUAL, _EVICTING_ADVICE, _PASS_OVER),
+        *((number, _SIXTH, _HAS_ANY_BIT, (_CACHE_FLAGS,), no_such_flag) for number in numbers.with_flags),
+    ):
+        # Not this one: over the next ones.
+        code += [(_EQUAL, number, 0, 2 + 2 * len(values)), (_LOAD, argument, 0, 0)]
+        for value in values:
+            code += [(test, value, 0, 1), (_RETURN, answer, 0, 0)]
+        code += [allow]
     for number in () if is_beside_namespaces else numbers.only_self:
         code += [(_EQUAL, number, 0, 4), (_LOAD, _FIRST, 0, 0), (_EQUAL, 0, 1, 0), refuse, allow]
     code += [(_EQUAL, numbers.socket, 1, 0), allow, (_LOAD, _FIRST, 0, 0)]
