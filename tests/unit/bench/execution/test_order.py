@@ -15,8 +15,8 @@ def make_trials(entry="beetle"):
     return [
         Trial(
             id=f"{entry}{i}", index=i, case=f"case_{case}", scenario="room", family="", varied="",
-            repetition=repetition, entry=entry, is_control=False, scenario_json="{}", directory=Path(), room=f"room_{case}", tape=None,
-            case_hash="",
+            repetition=repetition, entry=entry, is_control=False, scenario_json="{}", directory=Path(),
+            room=f"room_{case}", tape=None, case_hash="",
         )
         for i, (case, repetition) in enumerate(cases)
     ]  # fmt: skip
