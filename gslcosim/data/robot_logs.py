@@ -3,20 +3,14 @@
 import hashlib
 import math
 import time
-from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Set
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv
-from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.files import open_regular_file
-from gslcosim.base.frames import quaternion_from_yaw, yaw_from_quaternion
+from gslcosim.base.frames import yaw_from_quaternion
 from gslcosim.base.ticks import NS_PER_S, seconds_from_ticks
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import (
@@ -30,8 +24,10 @@ from gslcosim.contract.messages import (
     Verdict,
 )
 from gslcosim.contract.participant import Inbox
+from gslcosim.data.log_values import Floats, LoggedSensor, LoggedValues, RobotLog, list_parts
 from gslcosim.environment.generation import prepare_environment
-from gslcosim.ros.types import REMEDY, RosTypes, ros_types
+from gslcosim.environment.model import Grid
+from gslcosim.environment.store import load_environment
 from gslcosim.runtime.digest import HashChain, RunDigest
 from gslcosim.runtime.outcome import RunOutcome
 from gslcosim.runtime.replay.past_run import IMPORTED_FROM
@@ -44,271 +40,19 @@ from gslcosim.scenario.models.scenario import StartSpec
 from gslcosim_services.recorder.core import RecorderCore
 from gslcosim_services.referee.core import RefereeCore
 from gslcosim_services.sensing.briefing import describe_sensors
+from gslcosim_services.sensing.models.mox import ESTIMATE_QUANTITY
 
-Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LoggedValues:
-    """Values of an instrument: (n,) times, ascending [s], and (n, k) values in the unit of its readings."""
-
-    time_s: Floats
-    values: Floats
+# Longer gaps are a clock that was set, or times in another unit [s].
+_LONGEST_GAP_S = 3600.0
+# From here on a gap is remarked on [s].
+_LONG_GAP_S = 10.0
+# A vehicle that is faster, and farther than a metre away, has jumped [m/s].
+_GREATEST_SPEED_M_S = 50.0
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RobotLog:
-    """The poses of one vehicle and what its instruments said, by the clock of the log.
-
-    Attributes:
-        time_s: (n,) times of the poses, ascending [s].
-        position_world_m: (n, 3) [m].
-        quaternion_wxyz: (n, 4) world from body, unit length.
-        instruments: By the sensor's name in the scenario.
-    """
-
-    time_s: Floats
-    position_world_m: Floats
-    quaternion_wxyz: Floats
-    instruments: Mapping[str, LoggedValues] = field(default_factory=dict[str, LoggedValues])
-
-
-# How many numbers a reading has, by its unit in the sensor's description; others have one.
-_N_VALUES = {"m/s, rad": 2, "m/s": 3, "m/s^2, rad/s": 6, "m, m/s": 6, "m, 1, m/s": 10, "uT": 3}
-
-
-def count_values(unit: str) -> int:
-    """Return the number of values in a reading of an instrument with that unit."""
-    return _N_VALUES.get(unit, 1)
-
-
-_TIME = "time_s"
-_PLACE = ("x_m", "y_m", "z_m")
-_TURN = ("quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z")
-_YAW = "yaw_rad"
-
-
-def read_csv_log(path: Path, sensors: Mapping[str, str]) -> RobotLog:
-    """Read a log.
-
-    Columns are `time_s`, `x_m`, `y_m`, `z_m`; `yaw_rad` or `quaternion_w` … `quaternion_z`, else it looks along x; and
-    for each sensor those whose names begin with its name and an underscore, as many as its readings have numbers, in
-    the order of these. A row without a number in a sensor's columns has no reading of it.
-
-    Args:
-        path: The file.
-        sensors: By the sensors' names the units of their readings.
-
-    Raises:
-        UsageError: it cannot be read, a column is missing, or times do not ascend.
-    """
-    try:
-        table = pyarrow.csv.read_csv(path)
-    except (OSError, pa.ArrowException) as error:
-        raise UsageError(f"{path}: expected a table of comma-separated values, {error}") from error
-    columns = {name: _numbers(table, name, path) for name in table.column_names if _is_wanted(name, sensors)}
-    missing = [name for name in (_TIME, *_PLACE) if name not in columns]
-    if missing:
-        raise UsageError(
-            f"{path}: expected columns {', '.join((_TIME, *_PLACE))}, lacks {', '.join(missing)}. "
-            f"It has {', '.join(table.column_names)}."
-        )
-    time_s, place_m = columns[_TIME], np.column_stack([columns[name] for name in _PLACE])
-    is_placed = np.isfinite(time_s) & np.isfinite(place_m).all(axis=1)
-    return RobotLog(
-        time_s=time_s[is_placed],
-        position_world_m=place_m[is_placed],
-        quaternion_wxyz=_turns(columns, path)[is_placed],
-        instruments={
-            name: logged
-            for name, unit in sensors.items()
-            if (logged := _logged_column(columns, time_s, name, count_values(unit), path)) is not None
-        },
-    )
-
-
-def _is_wanted(name: str, sensors: Mapping[str, str]) -> bool:
-    is_pose = name in (_TIME, _YAW, *_PLACE, *_TURN)
-    return is_pose or any(name.startswith(f"{sensor}_") for sensor in sensors)
-
-
-def _numbers(table: pa.Table, name: str, path: Path) -> Floats:
-    try:
-        return table.column(name).cast(pa.float64()).to_numpy().astype(np.float64)
-    except pa.ArrowException as error:
-        raise UsageError(f"{path}: {name}: expected numbers, {error}") from error
-
-
-def _turns(columns: Mapping[str, Floats], path: Path) -> Floats:
-    n_rows = len(columns[_TIME])
-    if all(name in columns for name in _TURN):
-        turns = np.column_stack([columns[name] for name in _TURN])
-        lengths = np.linalg.norm(turns, axis=1, keepdims=True)
-        if not np.all(lengths[np.isfinite(lengths)] > 0):
-            raise UsageError(f"{path}: quaternion_w …: expected attitudes, was 0, 0, 0, 0 somewhere.")
-        return turns / lengths
-    return quaternion_from_yaw(columns.get(_YAW, np.zeros(n_rows)))
-
-
-def _logged_column(
-    columns: Mapping[str, Floats], time_s: Floats, sensor: str, n_values: int, path: Path
-) -> LoggedValues | None:
-    own = [name for name in columns if name.startswith(f"{sensor}_")]
-    if not own:
-        return None
-    if len(own) < n_values:
-        raise UsageError(
-            f"{path}: {sensor}: expected {n_values} columns that begin with {sensor}_, found {', '.join(own)}."
-        )
-    values = np.column_stack([columns[name] for name in own[:n_values]])
-    is_there = np.isfinite(time_s) & np.isfinite(values).all(axis=1)
-    return LoggedValues(time_s=time_s[is_there], values=values[is_there])
-
-
-_NS = 1e-9
-# What has a pose, in the order in which it is chosen where nobody says which.
-_POSES: dict[str, Callable[[Any], Any]] = {
-    "nav_msgs/msg/Odometry": lambda message: message.pose.pose,
-    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda message: message.pose.pose,
-    "geometry_msgs/msg/PoseStamped": lambda message: message.pose,
-}
-_MICROTESLA = 1e6
-_VALUES: dict[str, Callable[[Any], tuple[float, ...]]] = {
-    "olfaction_msgs/msg/GasSensor": lambda m: (m.raw,),
-    "olfaction_msgs/msg/Anemometer": lambda m: (m.wind_speed, m.wind_direction),
-    "std_msgs/msg/Float32": lambda m: (m.data,),
-    "std_msgs/msg/Float64": lambda m: (m.data,),
-    "sensor_msgs/msg/FluidPressure": lambda m: (m.fluid_pressure,),
-    "sensor_msgs/msg/Range": lambda m: (m.range,),
-    "sensor_msgs/msg/MagneticField": lambda m: tuple(
-        _MICROTESLA * part for part in (m.magnetic_field.x, m.magnetic_field.y, m.magnetic_field.z)
-    ),
-    "sensor_msgs/msg/Imu": lambda m: (
-        m.linear_acceleration.x, m.linear_acceleration.y, m.linear_acceleration.z,
-        m.angular_velocity.x, m.angular_velocity.y, m.angular_velocity.z,
-    ),
-}  # fmt: skip
-
-
-def read_bag_log(
-    path: Path, sensors: Mapping[str, str], *, pose_topic: str | None = None, topics: Mapping[str, str] | None = None
-) -> RobotLog:
-    """Read a log.
-
-    Args:
-        path: A folder of rosbag2, a `.bag` of ROS 1, or an `.mcap` with messages of ROS 2.
-        sensors: By the sensors' names the units of their readings.
-        pose_topic: Which topic has the pose; absent: the only one with poses, Odometry first.
-        topics: By the sensors' names their topics; absent ones have the topic whose last part is their name.
-
-    Raises:
-        UsageError: the extra `ros` is not installed, it cannot be read, or a topic is missing or of a type that
-            cannot be used.
-    """
-    types = ros_types()
-    kinds: dict[str, str] = {}
-    found: dict[str, list[tuple[float, Any]]] = defaultdict(list)
-    for topic, kind, time_ns, message in _messages(path, types):
-        kinds[topic] = kind
-        found[topic].append((time_ns * _NS, message))
-    pose_topic = _pose_topic(kinds, pose_topic, path)
-    poses = [(time_s, _POSES[kinds[pose_topic]](message)) for time_s, message in found[pose_topic]]
-    places = [(pose.position.x, pose.position.y, pose.position.z) for _, pose in poses]
-    turns = np.array([(q.w, q.x, q.y, q.z) for q in (pose.orientation for _, pose in poses)], dtype=np.float64)
-    # Nodes that know no attitude leave it empty.
-    turns[np.linalg.norm(turns, axis=1) == 0] = (1, 0, 0, 0)
-    by_sensor = _topics_of(sensors, kinds, topics or {}, path)
-    return RobotLog(
-        time_s=np.array([time_s for time_s, _ in poses]),
-        position_world_m=np.array(places, dtype=np.float64),
-        quaternion_wxyz=turns / np.linalg.norm(turns, axis=1, keepdims=True),
-        instruments={
-            sensor: _logged(found[topic], kinds[topic], sensors[sensor], sensor, topic)
-            for sensor, topic in by_sensor.items()
-        },
-    )
-
-
-def _messages(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, Any]]:
-    if path.suffix == ".mcap":
-        yield from _of_mcap(path, types)
-        return
-    from rosbags.highlevel import AnyReader
-
-    try:
-        with AnyReader([path], default_typestore=types.store) as bag:
-            wanted = [c for c in bag.connections if c.msgtype in _POSES or c.msgtype in _VALUES]
-            for connection, time_ns, data in bag.messages(connections=wanted):
-                yield connection.topic, connection.msgtype, time_ns, bag.deserialize(data, connection.msgtype)
-    # Of a reader that has an error for each part of a file, and not for all of them.
-    except Exception as error:
-        raise UsageError(f"{path}: expected a bag of ROS, was something else ({error}).") from error
-
-
-def _of_mcap(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, Any]]:
-    try:
-        from mcap.reader import make_reader
-    except ImportError as error:
-        raise UsageError(f"mcap: expected the package, found none. Install it with: {REMEDY}") from error
-    try:
-        with open_regular_file(path) as file:
-            for schema, channel, message in make_reader(file).iter_messages():
-                if schema is not None and (schema.name in _POSES or schema.name in _VALUES):
-                    content = types.store.deserialize_cdr(message.data, schema.name)
-                    yield channel.topic, schema.name, message.log_time, content
-    except Exception as error:
-        raise UsageError(f"{path}: expected an MCAP file, was something else ({error}).") from error
-
-
-def _pose_topic(kinds: Mapping[str, str], wanted: str | None, path: Path) -> str:
-    posed = {topic: kind for topic, kind in kinds.items() if kind in _POSES}
-    if wanted is not None:
-        if wanted not in posed:
-            raise UsageError(f"--pose {wanted}: expected one of {', '.join(sorted(posed)) or 'none'} in {path}.")
-        return wanted
-    for kind in _POSES:
-        some = sorted(topic for topic, its_kind in posed.items() if its_kind == kind)
-        if len(some) == 1:
-            return some[0]
-        if some:
-            raise UsageError(f"{path}: expected one topic with {kind}, found {', '.join(some)}. Say which with --pose.")
-    raise UsageError(f"{path}: expected a topic with poses ({', '.join(_POSES)}), found none.")
-
-
-def _topics_of(
-    sensors: Mapping[str, str], kinds: Mapping[str, str], given: Mapping[str, str], path: Path
-) -> dict[str, str]:
-    unknown = [name for name in given if name not in sensors]
-    if unknown:
-        raise UsageError(f"--topic {unknown[0]}: expected one of the sensors {', '.join(sensors)}.")
-    usable = {topic for topic, kind in kinds.items() if kind in _VALUES}
-    for sensor, topic in given.items():
-        if topic not in usable:
-            raise UsageError(
-                f"--topic {sensor}={topic}: expected one of {', '.join(sorted(usable)) or 'none'} in {path}."
-            )
-    return {**_guessed(sensors, usable), **given}
-
-
-# By their names; true values of our own bags are no readings.
-def _guessed(sensors: Mapping[str, str], usable: Set[str]) -> dict[str, str]:
-    fitting = {
-        sensor: [topic for topic in usable if topic.endswith(f"/{sensor}") and not topic.startswith("/truth/")]
-        for sensor in sensors
-    }
-    return {sensor: topics[0] for sensor, topics in fitting.items() if len(topics) == 1}
-
-
-def _logged(messages: list[tuple[float, Any]], kind: str, unit: str, sensor: str, topic: str) -> LoggedValues:
-    values = np.array([_VALUES[kind](message) for _, message in messages], dtype=np.float64)
-    if values.shape[1] != count_values(unit):
-        raise UsageError(
-            f"--topic {sensor}={topic}: expected {count_values(unit)} numbers in {unit}, {kind} has {values.shape[1]}."
-        )
-    return LoggedValues(time_s=np.array([time_s for time_s, _ in messages]), values=values)
-
-
-def import_log(log: RobotLog, source: Path, loaded: LoadedScenario, runs_dir: Path) -> RunResult:
+def import_log(
+    log: RobotLog, source: Path, loaded: LoadedScenario, runs_dir: Path, *, remark: Callable[[str], None]
+) -> RunResult:
     """Make a run of a log.
 
     The log's first pose is at tick 0; between its poses the vehicle is on the straight line. Readings stand until the
@@ -320,14 +64,17 @@ def import_log(log: RobotLog, source: Path, loaded: LoadedScenario, runs_dir: Pa
         source: The file it comes from; the manifest has its name and hash.
         loaded: Room, source, vehicle and sensors; its only agent is who flew.
         runs_dir: Where the run's folder is made.
+        remark: Receives what was left out of the log or assumed, sentence by sentence; the manifest has it, too.
 
     Raises:
-        UsageError: the scenario has several agents, or the log is too short, goes back in time or has numbers that are
-            none.
+        UsageError: the scenario has several agents, or the log is too short or has a gap that is none.
         MachineError: the folder cannot be made.
     """
     scenario = _scenario_of(log, loaded.scenario, source)
     environment_dir = prepare_environment(scenario, scenario_dir=loaded.directory)
+    remarks = [*log.remarks, *_remarks_on_poses(log), *_remarks_on_room(log, load_environment(environment_dir).grid)]
+    for text in remarks:
+        remark(f"{source}: {text}")
 
     def fly_it(setup: RunSetup, report: object) -> RunOutcome:
         del report
@@ -345,34 +92,36 @@ def import_log(log: RobotLog, source: Path, loaded: LoadedScenario, runs_dir: Pa
         began=time.perf_counter(),
         report=ignored,
         directory=loaded.directory,
-        origin={IMPORTED_FROM: {"file": source.name, "sha256": _hash_of(source)}},
+        origin={IMPORTED_FROM: {"file": source.name, "sha256": _hash_of(source), "remarks": remarks}},
     )
     return result
 
 
-def log_sensors(scenario: Scenario) -> dict[str, str]:
-    """Return the sensors of a scenario's only agent by name, with the units of their readings.
+def log_sensors(scenario: Scenario) -> tuple[LoggedSensor, ...]:
+    """Return the sensors of a scenario's only agent.
 
     Raises:
         UsageError: it has several agents.
     """
     if len(scenario.agents) != 1:
         raise UsageError(f"--scenario: expected one agent, was {len(scenario.agents)} in {scenario.name}.")
-    return {sensor.name: sensor.unit for sensor in describe_sensors(scenario.agents[0], scenario)}
+    return tuple(
+        LoggedSensor(name=one.name, parts=list_parts(one), is_estimate=one.quantity == ESTIMATE_QUANTITY)
+        for one in describe_sensors(scenario.agents[0], scenario)
+    )
 
 
 def _scenario_of(log: RobotLog, scenario: Scenario, source: Path) -> Scenario:
-    log_sensors(scenario)
     if len(log.time_s) < 2:
         raise UsageError(f"{source}: expected poses at two times or more, was {len(log.time_s)}.")
-    for name, times_s in {"poses": log.time_s, **{n: one.time_s for n, one in log.instruments.items()}}.items():
-        if np.any(np.diff(times_s) < 0):
-            at = int(np.argmax(np.diff(times_s) < 0))
-            raise UsageError(
-                f"{source}: {name}: expected times that ascend, {times_s[at + 1]:g} s follows {times_s[at]:g} s."
-            )
-    if not (np.isfinite(log.position_world_m).all() and np.isfinite(log.quaternion_wxyz).all()):
-        raise UsageError(f"{source}: expected places and attitudes of finite numbers, was NaN or infinity somewhere.")
+    gaps_s = np.diff(log.time_s)
+    if gaps_s.max() > _LONGEST_GAP_S:
+        i = int(np.argmax(gaps_s))
+        raise UsageError(
+            f"{source}: expected poses at most {_LONGEST_GAP_S:g} s apart, {log.time_s[i + 1]:.9g} s follows "
+            f"{log.time_s[i]:.9g} s. Give times in seconds, and import what is before and after a jump of the clock as "
+            "two logs."
+        )
     lasted_s = float(log.time_s[-1] - log.time_s[0])
     n_ticks = max(1, math.floor(lasted_s * NS_PER_S / scenario.tick_ns))
     limit_s = seconds_from_ticks(n_ticks, scenario.tick_ns)
@@ -387,6 +136,33 @@ def _scenario_of(log: RobotLog, scenario: Scenario, source: Path) -> Scenario:
             "recording": scenario.recording.model_copy(update={"enabled": True}),
         }
     )
+
+
+def _remarks_on_poses(log: RobotLog) -> Iterator[str]:
+    gaps_s = np.diff(log.time_s)
+    steps_m = np.linalg.norm(np.diff(log.position_world_m, axis=0), axis=1)
+    if gaps_s.max() > _LONG_GAP_S:
+        i = int(np.argmax(gaps_s))
+        yield f"no pose in the {gaps_s[i]:.1f} s after {log.time_s[i]:.9g} s; the vehicle is on a straight line there."
+    is_jump = (steps_m > 1.0) & (steps_m > _GREATEST_SPEED_M_S * gaps_s)
+    if is_jump.any():
+        i = int(np.argmax(is_jump))
+        yield (
+            f"the pose jumps {is_jump.sum()} times; first by {steps_m[i]:.1f} m within {gaps_s[i]:.3g} s after "
+            f"{log.time_s[i]:.9g} s. The path length includes it."
+        )
+
+
+def _remarks_on_room(log: RobotLog, grid: Grid) -> Iterator[str]:
+    places_m = log.position_world_m
+    is_outside = np.array(((places_m < grid.origin_m) | (places_m > grid.max_m)).any(axis=1))
+    if is_outside.any():
+        i = int(np.argmax(is_outside))
+        place = ", ".join(f"{part:.2f}" for part in log.position_world_m[i])
+        yield (
+            f"{is_outside.sum()} of {len(is_outside)} poses are outside the room; the first is ({place}) m at "
+            f"{log.time_s[i]:.9g} s. Poses are expected in metres in the frame of the room."
+        )
 
 
 def _hash_of(source: Path) -> str:
@@ -495,7 +271,7 @@ class _Retold:
 def _reading(sensor: SensorDescription, logged: LoggedValues | None, time_s: float) -> Reading:
     i = -1 if logged is None else int(np.searchsorted(logged.time_s, time_s + 1e-9, side="right")) - 1
     is_there = logged is not None and i >= 0
-    values = logged.values[i].tolist() if logged is not None and is_there else [0.0] * count_values(sensor.unit)
+    values = logged.values[i].tolist() if logged is not None and is_there else [0.0] * len(list_parts(sensor))
     return Reading(
         sensor=sensor.name,
         quantity=sensor.quantity,

@@ -333,10 +333,12 @@ def _missing_sensors(card: MethodCard, sensors: tuple[SensorDescription, ...]) -
     for kind, n_needed in card.needs.sensors.items():
         n_found = count_instruments(kind, sensors)
         if n_found < n_needed:
+            # A sensor's estimates are described beside it.
+            models = [sensor.model for sensor in sensors if not sensor.quantity.startswith("estimated_")]
             yield Problem(
                 where="sensors",
                 expected=f"at least {n_needed} of kind {kind} for {card.title}",
-                found=f"{n_found} ({', '.join(sensor.model for sensor in sensors) or 'no sensors'})",
+                found=f"{n_found} ({', '.join(models) or 'no sensors'})",
                 remedy=f"Add for example {INSTRUMENT_KINDS[kind][1]}.",
             )
 
