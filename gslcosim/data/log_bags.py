@@ -136,7 +136,7 @@ def read_bag_log(
     for topic, name, time_ns, message in _messages(path, ros_types()):
         kind = _KINDS.get(_fold(name), name)
         for part, one in _parts_of(topic, kind, message):
-            held = found.setdefault(part, _Topic(kind=_GAS_SENSOR if kind == _GAS_SENSORS else kind))
+            held = found.setdefault(part, _Topic(kind=kind if part == topic else _GAS_SENSOR))
             if one is not None:
                 held.messages.append((time_ns * _NS, one))
     pose_topic = _pose_topic(found, pose_topic, path)
@@ -205,13 +205,13 @@ def _compresses_messages(path: Path) -> bool:
 def _of_bag(paths: list[Path], types: RosTypes) -> Iterator[tuple[str, str, int, Any]]:
     from rosbags.highlevel import AnyReader
 
+    if (description := paths[0] / "metadata.yaml").is_file():
+        listed = read_regular_file(description)
+        if left := sorted(file.name for file in paths[0].glob("*.db3") if file.name.encode() not in listed):
+            raise UsageError(
+                f"{paths[0]}: expected all files in metadata.yaml, lacks {', '.join(left)}. Run `ros2 bag reindex`."
+            )
     with AnyReader(paths, default_typestore=types.store) as bag:
-        if paths[0].is_dir():
-            read = {storage.path.name for reader in bag.readers for storage in getattr(reader, "storages", ())}
-            if left := sorted({file.name for file in paths[0].glob("*.db3")} - read):
-                raise UsageError(
-                    f"{paths[0]}: expected all files in metadata.yaml, lacks {', '.join(left)}. Run `ros2 bag reindex`."
-                )
         for connection in bag.connections:
             yield connection.topic, connection.msgtype, 0, None
         # An empty list would mean all.

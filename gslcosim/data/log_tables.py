@@ -109,12 +109,6 @@ class _Table:
             return np.array([np.nan if cell.lower() in _BLANK else float(cell) for cell in cells]) * factor
         except ValueError:
             row = next(i for i, cell in enumerate(cells) if not _is_number(cell))
-        if self.names[column] in self.rows[row]:
-            raise self.error(
-                row,
-                "expected numbers, found the names of the columns again: the log was restarted there. Import each of "
-                "its parts as a file of its own.",
-            )
         raise self.error(row, f"{self.names[column]}: expected a number, was '{self.rows[row][column]}'.")
 
     def check_times(self, time_s: Floats) -> None:
@@ -157,6 +151,11 @@ def _read_table(path: Path) -> _Table:
     remarks: list[str] = []
     for line, cells in numbered:
         row = [cell.strip() for cell in cells]
+        if set(row) & set(filter(None, names)) and not any(map(_is_number, filter(None, row))):
+            raise UsageError(
+                f"{path}: line {line}: expected numbers, found the names of the columns again: the log was restarted "
+                "there. Import each of its parts as a file of its own."
+            )
         if len(row) > len(names) and not any(row[len(names) :]):
             row = row[: len(names)]
         rows.append(row)
@@ -315,7 +314,8 @@ def _in_order(sensor: LoggedSensor, own: Mapping[int, str], table: _Table) -> li
         )
     if len(chosen) != n_parts:
         raise UsageError(
-            f"{table.path}: {sensor.name}: expected {n_parts} columns that begin with {sensor.name}_, found {found}."
+            f"{table.path}: {sensor.name}: expected {n_parts} column{'s' * (n_parts > 1)} that begin{'s' * (n_parts == 1)} "
+            f"with {sensor.name}_, found {found}."
         )
     ordered: list[int] = []
     for part, group in groupby(sensor.parts):
