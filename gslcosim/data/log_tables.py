@@ -313,10 +313,8 @@ def _in_order(sensor: LoggedSensor, own: Mapping[int, str], table: _Table) -> li
             "columns, or remove them."
         )
     if len(chosen) != n_parts:
-        raise UsageError(
-            f"{table.path}: {sensor.name}: expected {n_parts} column{'s' * (n_parts > 1)} that begin{'s' * (n_parts == 1)} "
-            f"with {sensor.name}_, found {found}."
-        )
+        wanted = "1 column that begins" if n_parts == 1 else f"{n_parts} columns that begin"
+        raise UsageError(f"{table.path}: {sensor.name}: expected {wanted} with {sensor.name}_, found {found}.")
     ordered: list[int] = []
     for part, group in groupby(sensor.parts):
         left = [column for column in chosen if column not in ordered]

@@ -36,7 +36,6 @@ from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunResult, RunStatus
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.loader import LoadedScenario
-from gslcosim.scenario.models.scenario import StartSpec
 from gslcosim_services.recorder.core import RecorderCore
 from gslcosim_services.referee.core import RefereeCore
 from gslcosim_services.sensing.briefing import describe_sensors
@@ -62,7 +61,7 @@ def import_log(
     Args:
         log: What was run.
         source: The file it comes from; the manifest has its name and hash.
-        loaded: Room, source, vehicle and sensors; its only agent is who flew.
+        loaded: Room, source, vehicle and sensors; its only agent has flown, and none is started.
         runs_dir: Where the run's folder is made.
         remark: Receives what was left out of the log or assumed, sentence by sentence; the manifest has it, too.
 
@@ -126,12 +125,8 @@ def _scenario_of(log: RobotLog, scenario: Scenario, source: Path) -> Scenario:
     n_ticks = max(1, math.floor(lasted_s * NS_PER_S / scenario.tick_ns))
     limit_s = seconds_from_ticks(n_ticks, scenario.tick_ns)
     stop = scenario.referee.stop.model_copy(update={"time_limit_s": limit_s, "on_collision": False})
-    # Who flew is nobody that could be started.
-    (agent,) = scenario.agents
-    flown = agent.model_copy(update={"start": StartSpec(attach=True)})
     return scenario.model_copy(
         update={
-            "agents": (flown,),
             "referee": scenario.referee.model_copy(update={"stop": stop}),
             "recording": scenario.recording.model_copy(update={"enabled": True}),
         }
@@ -148,8 +143,8 @@ def _remarks_on_poses(log: RobotLog) -> Iterator[str]:
     if is_jump.any():
         i = int(np.argmax(is_jump))
         yield (
-            f"the pose jumps {is_jump.sum()} times; first by {steps_m[i]:.1f} m within {gaps_s[i]:.3g} s after "
-            f"{log.time_s[i]:.9g} s. The path length includes it."
+            f"{is_jump.sum()} of {len(is_jump)} steps between poses are jumps; the first is {steps_m[i]:.1f} m in "
+            f"{gaps_s[i]:.3g} s after {log.time_s[i]:.9g} s. The path length includes it."
         )
 
 

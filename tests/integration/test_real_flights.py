@@ -101,13 +101,54 @@ def test_a_bag_of_a_run_comes_back_as_a_run(tmp_path, capsys, to):
     assert "--topic nose=/x: expected one of /beetle/nose" in capsys.readouterr().err
 
 
+SCENARIO = """schema: gslcosim/scenario/1
+name: hall
+environment: {layout: {kind: warehouse_empty, size_m: [12, 12, 3], seed: 1}}
+wind: {solver: uniform, inlet_velocity_m_s: [0.3, 0, 0], cell_m: 0.5}
+gas: {sources: [{position_m: [10, 10, 1], filaments_per_s: 5}]}
+agents:
+  - name: rover
+    start: %s
+    vehicle: {model: crazyflie, start_m: [99, 4, 0.2], search_height_m: 1}
+    sensors: [{model: tgs2600, name: nose}, {model: pid, name: pid}]
+participants: [{name: hvac, start: {command: [no_such_program]}, writes: [source_0]}]
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("start", ["{python: dung_beetle}", "{python: no_such_file.py}", "{command: [./none, -v]}"])
+def test_neither_method_nor_programs_nor_start_matter_and_remarks_are_kept(tmp_path, capsys, start):
+    """The method would need an anemometer; the other programs do not exist, and the start is outside the room."""
+    (tmp_path / "hall.yaml").write_text(SCENARIO % start)
+    (tmp_path / "log.csv").write_text("time_s,x_m,y_m,z_m,nose_ohm\n0,4,4,1,-1\n20,5,4,1,48100\n21,70,4,1,48200\n")
+    words = ["runs", "import", str(tmp_path / "log.csv"), "--scenario", str(tmp_path / "hall.yaml"), "--json"]
+    assert main([*words, "--runs-dir", str(tmp_path / "runs")]) == 0
+    printed = capsys.readouterr()
+    run = gslcosim.open_run(tmp_path / "runs" / json.loads(printed.out)["run_id"])
+    remarks = run.manifest["imported_from"]["remarks"]
+    assert printed.err == "".join(f"{tmp_path / 'log.csv'}: {text}\n" for text in remarks)
+    for remark in (
+        "nose_ohm: 1 of 3 values are left out", "pid: expected a column that begins with pid_",
+        "no pose in the 20.0 s after 0 s", "1 of 2 steps between poses are jumps; the first is 65.0 m in 1 s",
+        "1 of 3 poses are outside the room; the first is (70.00, 4.00, 1.00) m at 21 s",
+    ):  # fmt: skip
+        assert any(text.startswith(remark) for text in remarks)
+    assert len(remarks) == 5
+    assert run.tracks["rover"].position_world_m[0].tolist() == [4, 4, 1]
+
+
 @pytest.mark.parametrize(
     ("head", "rows", "call_import"),
     [
         ("time_s,x_m,y_m", ["0,1,2", "1,1,2"], "lacks z_m"),
         ("time_s,x_m,y_m,z_m", ["0,1,2,1"], "expected poses at two times or more, was 1"),
         ("time_s,x_m,y_m,z_m", ["1,1,2,1", "0,1,2,1"], "expected times that ascend, 0 s follows 1 s"),
-        ("time_s,x_m,y_m,z_m", ["0,1,2,1", "1,here,2,1"], "x_m: expected numbers"),
+        ("time_s,x_m,y_m,z_m", ["0,1,2,1", "1,here,2,1"], "line 3: x_m: expected a number, was 'here'"),
+        (
+            "time_s,x_m,y_m,z_m",
+            ["0,1,2,1", "1.7e9,1,2,1"],
+            "expected poses at most 3600 s apart, 1.7e+09 s follows 0 s",
+        ),
         ("time_s,x_m,y_m,z_m,wind_speed", ["0,1,2,1,1", "1,1,2,1,1"], "wind: expected 2 columns that begin with wind_"),
         (
             "time_s,x_m,y_m,z_m,quaternion_w,quaternion_x,quaternion_y,quaternion_z",

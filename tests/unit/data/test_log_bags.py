@@ -381,5 +381,5 @@ def test_a_log_without_poses_is_refused_with_its_topics(tmp_path):
         for log in logs:
             with pytest.raises(UsageError, match=f"expected a topic with poses .*, found none. {found}"):
                 read_bag_log(log, [NOSE])
-    with pytest.raises(UsageError, match="--pose /tf: expected one of none in .*, was of tf2_msgs/msg/TFMessage"):
+    with pytest.raises(UsageError, match=r"--pose /tf: expected one of none in .*, was of tf2_msgs/msg/TFMessage"):
         read_bag_log(tmp_path / "a", [NOSE], pose_topic="/tf")

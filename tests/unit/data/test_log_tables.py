@@ -185,7 +185,7 @@ GOOD = table("nose_ohm", "48000", "47000")
         (table("nose_ohm,nose_ohm", "1,2"), "line 1: nose_ohm: expected one column of that name, found 2"),
         (table("nose_mv", "900"), "nose: expected ohm, found nose_mv"),
         (table("nose_ppm", "900"), "nose: expected ohm, found nose_ppm"),
-        (table("nose_1_ohm,nose_2_ohm", "1,2"), "nose: expected 1 column that begins with nose_, found nose_1_ohm, nose_2"),
+        (table("nose_1_ohm,nose_2_ohm", "1,2"), "expected 1 column that begins with nose_, found nose_1_ohm, nose_2"),
         (GOOD.replace(",", ";").replace("48000", "48,5").replace("47000", "4.5"), "commas in line 2, points in line 3"),
         (GOOD.replace("z_m", "z"), "expected columns time_s, x_m, y_m, z_m, lacks z_m"),
         (GOOD.replace("time_s", "stamp"), "lacks time_s"),
