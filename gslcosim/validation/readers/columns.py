@@ -22,6 +22,16 @@ MAX_BYTES = 256_000_000
 MAX_UNPACKED_BYTES = 1_000_000_000
 # Air has 2 ppm; a mast in a plume all day long has tens.
 _MAX_MEDIAN_METHANE_PPM = 200.0
+# What loggers write where nothing was measured: digits that no instrument gives, Campbell's codes, the end of a 16-bit
+# scale, and fills of NetCDF, which are larger than anything measured.
+_FILLS = (
+    *(-99999.0, -9999.0, -999.0, -9999.9, -9999.99, -999.9, -999.99, -999.25, -99.99, -99.9),
+    *(-6999.0, -7999.0, -32768.0, -65.536),
+)
+_MAX_MEASURED = 1e19
+# Of quantities that are above 0, or a little below for an instrument's offset, one of these alone stands for none.
+_RARELY_BELOW_0 = ("_ppm", "_ppb", "_k", "_pa", "_percent", "_std_m_s")
+_SMALL_FILLS = frozenset((-1.0, -9.0, -99.0))
 # Parts of units at the end of columns' names.
 _UNIT_WORDS = frozenset(
     (
@@ -93,10 +103,15 @@ class Columns:
         except ValueError:
             i = next(i for i, text in enumerate(texts) if text and not _is_number(text))
             raise self.error(name, i, "a number", f"{texts[i]!r}", "Correct or empty the field.") from None
+        remedy = "Empty the field where nothing was measured."
         bad = np.flatnonzero(~np.isfinite(values) & ~is_empty)
         if len(bad):
-            i = int(bad[0])
-            raise self.error(name, i, "a finite number", texts[i], "Empty the field where nothing was measured.")
+            raise self.error(name, int(bad[0]), "a finite number", texts[int(bad[0])], remedy)
+        fills = np.flatnonzero(_find_fills(name, values))
+        if len(fills):
+            i = int(fills[0])
+            found = f"{texts[i]}, which stands for none, in {len(fills)} of {len(texts)} rows"
+            raise self.error(name, i, "a measured number", found, remedy)
         if is_empty.any() and not allow_gaps:
             i = int(np.argmax(is_empty))
             raise self.error(name, i, "a number", "an empty field", "Fill it in, or leave the row out.")
@@ -228,6 +243,14 @@ def _without_unit(name: str) -> tuple[str, ...]:
     while len(parts) > 1 and parts[-1] in _UNIT_WORDS:
         parts.pop()
     return tuple(parts)
+
+
+def _find_fills(name: str, values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    is_fill = np.isin(values, _FILLS) | (np.abs(values) > _MAX_MEASURED)
+    below = set(values[(values < 0.0) & ~is_fill].tolist())
+    if name.endswith(_RARELY_BELOW_0) and len(below) == 1 and below <= _SMALL_FILLS:
+        is_fill |= values < 0.0
+    return is_fill
 
 
 def _is_number(text: str) -> bool:

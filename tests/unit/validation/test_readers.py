@@ -101,6 +101,22 @@ def test_a_wrong_row_is_told_in_one_sentence(tmp_path, second, said):
     assert str(error.value).splitlines()[0] == said
 
 
+@pytest.mark.parametrize("fill", ["-9999", "-9999.0", "-999.9", "-6999", "1e20", "9.96921e36", "1e300", "-1", "-99"])
+def test_values_that_stand_for_none_are_refused_by_line(tmp_path, fill):
+    with pytest.raises(MeasuredDataError) as error:
+        network_of(bad_minutes(tmp_path, FIRST, ("2030-01-01T00:01:00Z", "1", "0", fill, "2")))
+    assert str(error.value).splitlines()[0] == (
+        f"yard/minutes.csv, line 3, column ch4_north_ppm: expected a measured number, was {fill}, which stands for "
+        "none, in 1 of 2 rows. Empty the field where nothing was measured."
+    )
+
+
+def test_winds_and_offsets_below_0_are_measured(tmp_path):
+    rows = (("2030-01-01T00:01:00Z", "-1", "-9", "-1", "2"), ("2030-01-01T00:02:00Z", "1", "0", "-0.4", "2"))
+    network = network_of(bad_minutes(tmp_path, FIRST, *rows))
+    assert network.readings_ppm[1:, 0].tolist() == [-1, -0.4]
+
+
 def test_readings_in_another_unit_are_told_with_both_names(tmp_path):
     folder = write_network(tmp_path / "yard")
     text = (folder / "minutes.csv").read_text().replace("wind_east_m_s", "wind_east_km_h")
