@@ -176,6 +176,10 @@ def _messages(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, Any]
     if path.is_dir():
         files = sorted(path.glob("*.mcap")) or sorted(path.glob("*.bag"))
         kind = files[0].suffix if files else None
+        if not files and not (path / "metadata.yaml").is_file() and not any(path.glob("*.db3*")):
+            raise UsageError(
+                f"{path}: expected a folder of rosbag2 with metadata.yaml, or .mcap or .bag files, found neither."
+            )
     elif kind == ".bag" and path.suffix != kind:
         raise UsageError(f"{path}: expected a name that ends with .bag. Rename it; after a crash, `rosbag reindex` it.")
     try:

@@ -3,7 +3,7 @@
 import hashlib
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.frames import yaw_from_quaternion
+from gslcosim.base.problems import Problem
 from gslcosim.base.ticks import NS_PER_S, seconds_from_ticks
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import (
@@ -27,6 +28,7 @@ from gslcosim.contract.participant import Inbox
 from gslcosim.data.log_values import Floats, LoggedSensor, LoggedValues, RobotLog, list_parts
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.model import Grid
+from gslcosim.environment.positions import draw_positions
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.digest import HashChain, RunDigest
 from gslcosim.runtime.outcome import RunOutcome
@@ -34,7 +36,8 @@ from gslcosim.runtime.replay.past_run import IMPORTED_FROM
 from gslcosim.runtime.run import run_into_directory
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunResult, RunStatus
-from gslcosim.scenario import Scenario
+from gslcosim.scenario import Scenario, load_scenario
+from gslcosim.scenario.checks.registry import list_scenario_checks
 from gslcosim.scenario.loader import LoadedScenario
 from gslcosim_services.recorder.core import RecorderCore
 from gslcosim_services.referee.core import RefereeCore
@@ -47,6 +50,30 @@ _LONGEST_GAP_S = 3600.0
 _LONG_GAP_S = 10.0
 # A vehicle that is faster, and farther than a metre away, has jumped [m/s].
 _GREATEST_SPEED_M_S = 50.0
+
+
+# What has flown is not started again: its programs may be elsewhere, and no event takes place.
+_WITHOUT_PROGRAMS = ("agents[0].start={attach: true}", "participants=[]", "services=[]", "events=[]")
+
+
+def load_log_scenario(source: str, overrides: Sequence[str]) -> LoadedScenario:
+    """Read the scenario of a log; its room, source and sensors are checked, and neither method nor start.
+
+    Args:
+        source: A file, or the name of a bundled scenario.
+        overrides: Values to replace.
+
+    Raises:
+        ScenarioError: there is no such scenario, or it has problems.
+    """
+    checks = list_scenario_checks("room", without=("stored gas",))
+
+    def find_room_problems(scenario: Scenario, directory: Path) -> Iterator[Problem]:
+        found = (problem for check in checks for problem in check(scenario, directory))
+        return (problem for problem in found if not problem.where.startswith("agents"))
+
+    overrides = (*overrides, *_WITHOUT_PROGRAMS)
+    return load_scenario(source, overrides=overrides, checks=(find_room_problems,), placer=draw_positions)
 
 
 def import_log(

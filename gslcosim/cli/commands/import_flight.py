@@ -2,24 +2,13 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import ExitCode, UsageError
 from gslcosim.cli.arguments import Command, add_runs_dir_option
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from gslcosim.base.problems import Problem
-    from gslcosim.scenario import Scenario
-    from gslcosim.scenario.loader import Check
-
 EXAMPLES = """  gslcosim runs import hall.csv --scenario hall.yaml
   gslcosim runs import bag_2026_05_01 --scenario hall.yaml --pose /odom --topic nose=/pid/reading"""
-
-# What has flown is not started again: its programs may be elsewhere, and no event takes place.
-_WITHOUT_PROGRAMS = ("agents[0].start={attach: true}", "participants=[]", "services=[]", "events=[]")
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,20 +33,12 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.data.log_bags import is_bag, read_bag_log
     from gslcosim.data.log_tables import read_csv_log
-    from gslcosim.data.robot_logs import import_log, log_sensors
-    from gslcosim.environment.positions import draw_positions
-    from gslcosim.scenario import load_scenario
-    from gslcosim.scenario.checks.registry import list_scenario_checks
+    from gslcosim.data.robot_logs import import_log, load_log_scenario, log_sensors
 
     log = arguments.log
     if not log.exists():
         raise UsageError(f"{log}: expected a log, found none.")
-    loaded = load_scenario(
-        arguments.scenario,
-        overrides=[*arguments.set, *_WITHOUT_PROGRAMS],
-        checks=[_of_room(check) for check in list_scenario_checks("room", without=("stored gas",))],
-        placer=draw_positions,
-    )
+    loaded = load_log_scenario(arguments.scenario, arguments.set)
     sensors = log_sensors(loaded.scenario)
     if not (has_topics := is_bag(log)) and (arguments.pose or arguments.topic):
         raise UsageError(f"--pose, --topic: expected a bag of ROS, was {log.name}. Leave them out.")
@@ -73,14 +54,6 @@ def _run(arguments: argparse.Namespace) -> int:
             write(f"{agent['name']}: {agent['outcome']}, path {agent['path_length_m']:.1f} m")
         write(str(imported.run_dir))
     return ExitCode.SUCCESS if imported.result["valid"] else ExitCode.FAULT
-
-
-# Neither the method nor the start of the vehicle matters.
-def _of_room(check: "Check") -> "Check":
-    def find(scenario: "Scenario", directory: Path) -> "Iterator[Problem]":
-        return (problem for problem in check(scenario, directory) if not problem.where.startswith("agents"))
-
-    return find
 
 
 def _topic(text: str) -> tuple[str, str]:

@@ -250,6 +250,14 @@ def test_files_that_the_description_of_a_bag_lacks_are_named(tmp_path):
         read_bag_log(bag, [NOSE, WIND])
 
 
+def test_a_folder_that_is_no_bag_is_named(tmp_path):
+    with pytest.raises(UsageError, match=r"expected a folder of rosbag2 with metadata\.yaml, or \.mcap or \.bag files"):
+        read_bag_log(tmp_path, [NOSE])
+    ros2_bag(tmp_path / "walk", *ROS2).joinpath("metadata.yaml").unlink()
+    with pytest.raises(UsageError, match=r"was cut off, damaged or never closed.*ros2 bag reindex"):
+        read_bag_log(tmp_path / "walk", [NOSE])
+
+
 def test_folders_of_bags_of_ros_1_are_one_recording(tmp_path):
     (bags := tmp_path / "bags").mkdir()
     ros1_bag(bags / "pose.bag", ROS1[0])
