@@ -48,6 +48,10 @@ from gslcosim_services.sensing.models.mox import ESTIMATE_QUANTITY
 _LONGEST_GAP_S = 3600.0
 # From here on a gap is remarked on [s].
 _LONG_GAP_S = 10.0
+# Instruments start a little before the pose and end a little after it [s].
+_MARGIN_S = 1.0
+# Clocks that are not even have two readings in a tick now and then.
+_MOST_PER_TICK = 1.2
 # A vehicle that is faster, and farther than a metre away, has jumped [m/s].
 _GREATEST_SPEED_M_S = 50.0
 
@@ -98,7 +102,12 @@ def import_log(
     """
     scenario = _scenario_of(log, loaded.scenario, source)
     environment_dir = prepare_environment(scenario, scenario_dir=loaded.directory)
-    remarks = [*log.remarks, *_remarks_on_poses(log), *_remarks_on_room(log, load_environment(environment_dir).grid)]
+    remarks = [
+        *log.remarks,
+        *_remarks_on_poses(log),
+        *_remarks_on_readings(log, scenario),
+        *_remarks_on_room(log, load_environment(environment_dir).grid),
+    ]
     for text in remarks:
         remark(f"{source}: {text}")
 
@@ -175,6 +184,23 @@ def _remarks_on_poses(log: RobotLog) -> Iterator[str]:
         )
 
 
+def _remarks_on_readings(log: RobotLog, scenario: Scenario) -> Iterator[str]:
+    begin_s, end_s, tick_s = log.time_s[0], log.time_s[-1], seconds_from_ticks(1, scenario.tick_ns)
+    for name, one in log.instruments.items():
+        n_outside = int(np.sum((one.time_s < begin_s - _MARGIN_S) | (one.time_s > end_s + _MARGIN_S)))
+        if n_outside:
+            yield (
+                f"{name}: {n_outside} of {len(one.time_s)} readings are before the first pose or after the last, and "
+                "are left out."
+            )
+        n_ticks = len(np.unique(np.floor((one.time_s - begin_s) / tick_s)))
+        if len(one.time_s) > _MOST_PER_TICK * n_ticks:
+            yield (
+                f"{name}: {len(one.time_s)} readings in {n_ticks} ticks; the last of each tick is kept. A smaller "
+                f"tick_ms than {1e3 * tick_s:g} keeps more."
+            )
+
+
 def _remarks_on_room(log: RobotLog, grid: Grid) -> Iterator[str]:
     places_m = log.position_world_m
     is_outside = np.array(((places_m < grid.origin_m) | (places_m > grid.max_m)).any(axis=1))
@@ -183,7 +209,8 @@ def _remarks_on_room(log: RobotLog, grid: Grid) -> Iterator[str]:
         place = ", ".join(f"{part:.2f}" for part in log.position_world_m[i])
         yield (
             f"{is_outside.sum()} of {len(is_outside)} poses are outside the room; the first is ({place}) m at "
-            f"{log.time_s[i]:.9g} s. Poses are expected in metres in the frame of the room."
+            f"{log.time_s[i]:.9g} s. Poses are expected in metres in the frame of the room; the run ends "
+            "where the vehicle leaves it."
         )
 
 

@@ -137,6 +137,19 @@ def test_neither_method_nor_programs_nor_start_matter_and_remarks_are_kept(tmp_p
     assert run.tracks["rover"].position_world_m[0].tolist() == [4, 4, 1]
 
 
+@pytest.mark.slow
+def test_readings_that_no_tick_has_are_named(tmp_path, capsys):
+    """50 readings in each of two seconds at 10 ticks per second, and ten more when the pose has ended."""
+    rows = [f"{0.02 * i:.2f},{4 + 0.01 * i:.2f},2,1,{50000 - i}" for i in range(101)]
+    rows += [f"{5 + i},,,,40000" for i in range(10)]
+    log = written(tmp_path, head="time_s,x_m,y_m,z_m,nose_ohm", rows=rows)
+    _, run = imported(capsys, tmp_path, log, "--set", "agents[0].sensors=[{model: tgs2600, name: nose}]")
+    assert run.manifest["imported_from"]["remarks"] == [
+        "nose: 10 of 111 readings are before the first pose or after the last, and are left out.",
+        "nose: 111 readings in 31 ticks; the last of each tick is kept. A smaller tick_ms than 100 keeps more.",
+    ]
+
+
 @pytest.mark.parametrize(
     ("head", "rows", "call_import"),
     [
