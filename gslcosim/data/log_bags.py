@@ -248,6 +248,10 @@ def _of_mcap(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, Any]]
                     yield topic, name, record.log_time, decode(record.data)
 
 
+# Between the parts of a definition.
+_RULE = "=" * 80 + "\n"
+
+
 # By the definition in the file: fields of one name differ between distributions.
 def _decoder(schema: Any, encoding: str, types: RosTypes) -> Callable[[bytes], Any] | None:
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
@@ -259,9 +263,13 @@ def _decoder(schema: Any, encoding: str, types: RosTypes) -> Callable[[bytes], A
     store = types.store
     if text.strip():
         store = get_typestore(Stores.EMPTY)
-        store.register(
-            get_types_from_idl(text) if schema.encoding == "ros2idl" else get_types_from_msg(text, full_name)
-        )
+        if schema.encoding == "ros2idl":
+            # Each part has a line with its name above.
+            parts = [part.partition("\n")[2] if part.startswith("IDL: ") else part for part in text.split(_RULE)]
+            found = [get_types_from_idl(part) for part in parts if part.strip()]
+        else:
+            found = [get_types_from_msg(text, full_name)]
+        store.register({kind: fields for types_ in found for kind, fields in types_.items()})
     read = store.deserialize_cdr if encoding == "cdr" else store.deserialize_ros1
     return lambda data: read(data, full_name)
 

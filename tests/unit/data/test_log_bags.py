@@ -130,7 +130,12 @@ def ros2_bag(path, *topics, mcap=False, compression=None):
     return path
 
 
-def mcap_file(path, *topics, ros=2, **options):
+def idl_of(kind, struct):
+    package, _, name = kind.split("/")
+    return f"{'=' * 80}\nIDL: {kind}\nmodule {package} {{ module msg {{ struct {name} {{ {struct} }}; }}; }};\n"
+
+
+def mcap_file(path, *topics, ros=2, idl=(), **options):
     from mcap.writer import CompressionType, Writer
 
     store = store_of(ros)
@@ -141,7 +146,8 @@ def mcap_file(path, *topics, ros=2, **options):
         for topic in topics:
             text = store.generate_msgdef(topic.kind, ros_version=ros)[0]
             name = topic.kind if ros == 2 else topic.kind.replace("/msg/", "/")
-            schema = writer.register_schema(name=name, encoding=f"ros{ros}msg", data=text.encode())
+            data, encoding = (idl[name], "ros2idl") if name in idl else (text, f"ros{ros}msg")
+            schema = writer.register_schema(name=name, encoding=encoding, data=data.encode())
             encoding = "cdr" if ros == 2 else "ros1"
             made[topic.name] = writer.register_channel(topic=topic.name, message_encoding=encoding, schema_id=schema)
         write = store.serialize_cdr if ros == 2 else store.serialize_ros1
@@ -193,6 +199,20 @@ def test_mcap_files_need_neither_index_nor_chunks(tmp_path):
     bare = {"use_chunking": False, "use_statistics": False, "use_summary_offsets": False, "repeat_channels": False}
     file = mcap_file(tmp_path / "a.mcap", *ROS2, index_types=IndexType.NONE, repeat_schemas=False, **bare)
     check_all(read_bag_log(file, [NOSE, WIND]))
+
+
+def test_definitions_in_idl_are_read(tmp_path):
+    idl = {"std_msgs/msg/Float64": idl_of("std_msgs/msg/Float64", "double data;")}
+    number = Topic("/pid", "std_msgs/msg/Float64", lambda make, i: {"data": 0.5 + i})
+    log = read_bag_log(mcap_file(tmp_path / "a.mcap", pose(), number, idl=idl), [PID])
+    np.testing.assert_allclose(log.instruments["pid"].values[:, 0], 0.5 + np.arange(N))
+
+
+def test_a_definition_in_the_file_stands_above_that_of_a_distribution(tmp_path):
+    """Wind of 64 bits, as ROS 1 has it, where the types of today have 32."""
+    wind = anemometer("olfaction_msgs/msg/anemometer")
+    log = read_bag_log(ros2_bag(tmp_path / "a", pose(), wind, mcap=True), [WIND])
+    np.testing.assert_allclose(log.instruments["wind"].values, [[0.5, 3.0]] * N)
 
 
 def test_a_folder_of_mcap_files_needs_no_description(tmp_path):
