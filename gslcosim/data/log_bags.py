@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -78,12 +79,29 @@ def _fold(kind: str) -> tuple[str, str]:
 _KINDS = {_fold(kind): kind for kind in (*_POSES, *_VALUES, _GAS_SENSORS)}
 
 
+_Message = Callable[[], Any]
+
+
 @dataclass
 class _Topic:
-    """Messages of one topic by time [s]; the type as ROS 2 names it where it can be read, else as it is named."""
+    """Messages of one topic by time [s], decoded when called; the type as ROS 2 names it where it can be read."""
 
     kind: str
-    messages: list[tuple[float, Any]] = field(default_factory=list[tuple[float, Any]])
+    messages: list[tuple[float, _Message]] = field(default_factory=list[tuple[float, _Message]])
+
+    def decode(self, name: str, path: Path) -> list[tuple[float, Any]]:
+        """Return the messages' times [s] and contents.
+
+        Raises:
+            UsageError: the content is of another type, which the file does not define.
+        """
+        try:
+            return [(time_s, message()) for time_s, message in self.messages]
+        except Exception as error:
+            raise UsageError(
+                f"{path}: {name}: expected messages of {self.kind}, was something else ({error}). Record the topic "
+                "with the definitions of its types, for example as MCAP."
+            ) from error
 
 
 def is_bag(path: Path) -> bool:
@@ -135,18 +153,20 @@ def read_bag_log(
     found: dict[str, _Topic] = {}
     for topic, name, time_ns, message in _messages(path, ros_types()):
         kind = _KINDS.get(_fold(name), name)
-        for part, one in _parts_of(topic, kind, message):
+        for part, one in _parts_of(topic, kind, message, path):
             held = found.setdefault(part, _Topic(kind=kind if part == topic else _GAS_SENSOR))
             if one is not None:
                 held.messages.append((time_ns * _NS, one))
     pose_topic = _pose_topic(found, pose_topic, path)
-    time_s, place_m, turns = _poses(found[pose_topic], pose_topic, remarks)
+    time_s, place_m, turns = _poses(
+        found[pose_topic].decode(pose_topic, path), found[pose_topic].kind, pose_topic, remarks
+    )
     chosen = _topics_of(sensors, found, topics or {}, pose_topic, path, remarks)
     instruments = {
         sensor.name: logged
         for sensor in sensors
         if (topic := chosen.get(sensor.name)) is not None
-        and (logged := _logged(sensor, topic, found[topic], remarks)) is not None
+        and (logged := _logged(sensor, topic, found[topic].kind, found[topic].decode(topic, path), remarks)) is not None
     }
     return RobotLog(
         time_s=time_s,
@@ -158,19 +178,24 @@ def read_bag_log(
 
 
 # A topic without messages, or with messages that cannot be read, has one without content.
-def _parts_of(topic: str, kind: str, message: Any) -> Iterator[tuple[str, Any]]:
+def _parts_of(topic: str, kind: str, message: _Message | None, path: Path) -> Iterator[tuple[str, _Message | None]]:
     if kind == _GAS_SENSORS and message is not None:
-        for i, one in enumerate(message.sensors):
-            yield f"{topic}[{i}]", one
+        ((_, array),) = _Topic(kind=kind, messages=[(0.0, message)]).decode(topic, path)
+        for i, one in enumerate(array.sensors):
+            yield f"{topic}[{i}]", partial(_return, one)
     else:
         yield topic, message
+
+
+def _return(message: Any) -> Any:
+    return message
 
 
 # Tools that repair what was cut off, by the kind.
 _REPAIRS = {".mcap": "`mcap recover`", ".bag": "`rosbag reindex`"}
 
 
-def _messages(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, Any]]:
+def _messages(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, _Message | None]]:
     """Yield topic, type, time [ns] and message by time; the message is None where its topic is only named."""
     files, kind = [path], None if path.is_dir() else _find_kind(path)
     if path.is_dir():
@@ -206,7 +231,7 @@ def _compresses_messages(path: Path) -> bool:
     return description.is_file() and b"COMPRESSION_MODE: MESSAGE" in read_regular_file(description).upper()
 
 
-def _of_bag(paths: list[Path], types: RosTypes) -> Iterator[tuple[str, str, int, Any]]:
+def _of_bag(paths: list[Path], types: RosTypes) -> Iterator[tuple[str, str, int, _Message | None]]:
     from rosbags.highlevel import AnyReader
 
     if (description := paths[0] / "metadata.yaml").is_file():
@@ -219,12 +244,13 @@ def _of_bag(paths: list[Path], types: RosTypes) -> Iterator[tuple[str, str, int,
         for connection in bag.connections:
             yield connection.topic, connection.msgtype, 0, None
         # An empty list would mean all.
+        read = bag.typestore.deserialize_cdr if bag.is2 else bag.typestore.deserialize_ros1
         if wanted := [c for c in bag.connections if _fold(c.msgtype) in _KINDS]:
             for connection, time_ns, data in bag.messages(connections=wanted):
-                yield connection.topic, connection.msgtype, time_ns, bag.deserialize(data, connection.msgtype)
+                yield connection.topic, connection.msgtype, time_ns, partial(read, data, connection.msgtype)
 
 
-def _of_mcap(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, Any]]:
+def _of_mcap(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, _Message | None]]:
     try:
         from mcap.records import Channel, Message, Schema
         from mcap.stream_reader import StreamReader
@@ -245,7 +271,7 @@ def _of_mcap(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, Any]]
             elif isinstance(record, Message):
                 topic, name, decode = channels[record.channel_id]
                 if decode is not None:
-                    yield topic, name, record.log_time, decode(record.data)
+                    yield topic, name, record.log_time, partial(decode, record.data)
 
 
 # Between the parts of a definition.
@@ -295,8 +321,8 @@ def _kind_of(found: Mapping[str, _Topic], topic: str) -> str:
     return f", was of {found[topic].kind}" if topic in found else ""
 
 
-def _poses(topic: _Topic, name: str, remarks: Remarks) -> tuple[Floats, Floats, Floats]:
-    poses = [(time_s, _POSES[topic.kind](message)) for time_s, message in topic.messages]
+def _poses(messages: list[tuple[float, Any]], kind: str, name: str, remarks: Remarks) -> tuple[Floats, Floats, Floats]:
+    poses = [(time_s, _POSES[kind](message)) for time_s, message in messages]
     time_s = np.array([time_s for time_s, _ in poses], dtype=np.float64)
     place_m = np.array([_xyz(pose.position) for _, pose in poses], dtype=np.float64).reshape(-1, 3)
     turns = np.array([(q.w, *_xyz(q)) for q in (pose.orientation for _, pose in poses)], dtype=np.float64).reshape(
@@ -357,25 +383,27 @@ def _topics_of(
     return chosen
 
 
-def _logged(sensor: LoggedSensor, name: str, topic: _Topic, remarks: Remarks) -> LoggedValues | None:
-    kind = _VALUES[topic.kind]
-    if not topic.messages:
+def _logged(
+    sensor: LoggedSensor, name: str, type_name: str, messages: list[tuple[float, Any]], remarks: Remarks
+) -> LoggedValues | None:
+    kind = _VALUES[type_name]
+    if not messages:
         remarks.texts.append(f"{sensor.name}: expected messages of {name}, found none; it has no readings.")
         return None
-    values = np.array([kind.values(message) for _, message in topic.messages], dtype=np.float64)
+    values = np.array([kind.values(message) for _, message in messages], dtype=np.float64)
     if values.shape[1] != len(sensor.parts):
         raise UsageError(
-            f"--topic {sensor.name}={name}: expected {len(sensor.parts)} numbers in {sensor.units}, {topic.kind} has "
+            f"--topic {sensor.name}={name}: expected {len(sensor.parts)} numbers in {sensor.units}, {type_name} has "
             f"{values.shape[1]}."
         )
     if kind.parts not in (None, sensor.parts):
         raise UsageError(
-            f"--topic {sensor.name}={name}: expected numbers in {sensor.units}, {topic.kind} has "
+            f"--topic {sensor.name}={name}: expected numbers in {sensor.units}, {type_name} has "
             f"{', '.join(dict.fromkeys(kind.parts))}. Name another topic."
         )
-    if topic.kind == _GAS_SENSOR:
-        values *= _gas_factors(sensor, name, topic)[:, None]
-    time_s = np.array([time_s for time_s, _ in topic.messages])
+    if type_name == _GAS_SENSOR:
+        values *= _gas_factors(sensor, name, [message for _, message in messages])[:, None]
+    time_s = np.array([time_s for time_s, _ in messages])
     for i, limits in enumerate(sensor.limits):
         values[:, i] = remarks.without_fills(name, limits, values[:, i], lambda i: f"at {time_s[i]:.9g} s")
     is_there = np.isfinite(values).all(axis=1)
@@ -385,9 +413,9 @@ def _logged(sensor: LoggedSensor, name: str, topic: _Topic, remarks: Remarks) ->
     return LoggedValues(time_s=time_s[is_there], values=values[is_there])
 
 
-def _gas_factors(sensor: LoggedSensor, name: str, topic: _Topic) -> Floats:
+def _gas_factors(sensor: LoggedSensor, name: str, messages: list[Any]) -> Floats:
     factors: dict[int, float] = {_UNKNOWN: 1.0, _NOT_VALID: np.nan}
-    for number in {int(message.raw_units) for _, message in topic.messages} - factors.keys():
+    for number in {int(message.raw_units) for message in messages} - factors.keys():
         unit = find_unit(_GAS_UNITS.get(number, ""))
         if unit is None or unit[0] != sensor.parts[0]:
             was = "no unit" if unit is None else unit[0]
@@ -396,4 +424,4 @@ def _gas_factors(sensor: LoggedSensor, name: str, topic: _Topic) -> Floats:
                 "Name another topic, or give the scenario a sensor with that unit."
             )
         factors[number] = unit[1]
-    return np.array([factors[int(message.raw_units)] for _, message in topic.messages])
+    return np.array([factors[int(message.raw_units)] for message in messages])

@@ -74,7 +74,7 @@ class LoggedValues:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RobotLog:
-    """The poses of one vehicle and what its instruments said, by the clock of the log.
+    """The poses of one vehicle and the readings of its instruments, by the clock of the log.
 
     Attributes:
         time_s: (n,) times of the poses, ascending [s].
@@ -114,7 +114,7 @@ class LoggedSensor:
 
     @property
     def units(self) -> str:
-        """The units of its numbers, as texts for people have them."""
+        """The units of its numbers, each once, for messages."""
         return ", ".join(dict.fromkeys(self.parts))
 
 

@@ -215,6 +215,21 @@ def test_a_definition_in_the_file_stands_above_that_of_a_distribution(tmp_path):
     np.testing.assert_allclose(log.instruments["wind"].values, [[0.5, 3.0]] * N)
 
 
+def test_bags_without_definitions_are_read_where_the_types_are_known(tmp_path):
+    """As those of ROS 2 humble and before; an unknown type stops no other topic."""
+    import sqlite3
+    from contextlib import closing
+
+    beam = Topic("/beam", "olfaction_msgs/msg/TDLAS", lambda make, i: {"average_ppmxm": 7.0})
+    bag = ros2_bag(tmp_path / "a", *ROS2, beam)
+    with closing(sqlite3.connect(next(bag.glob("*.db3")))) as database:
+        database.execute("delete from message_definitions")
+        database.commit()
+    check_all(read_bag_log(bag, [NOSE, WIND]))
+    with pytest.raises(UsageError, match=r"/beam: expected messages of olfaction_msgs/msg/TDLAS, was something else"):
+        read_bag_log(bag, [BEAM])
+
+
 def test_a_folder_of_mcap_files_needs_no_description(tmp_path):
     (bag := ros2_bag(tmp_path / "walk", *ROS2, mcap=True)).joinpath("metadata.yaml").unlink()
     check_all(read_bag_log(bag, [NOSE, WIND]))
