@@ -193,7 +193,7 @@ def _remarks_on_readings(log: RobotLog, scenario: Scenario) -> Iterator[str]:
                 f"{name}: {n_outside} of {len(one.time_s)} readings are before the first pose or after the last, and "
                 "are left out."
             )
-        n_ticks = len(np.unique(np.floor((one.time_s - begin_s) / tick_s)))
+        n_ticks = len(np.unique(np.ceil((one.time_s - begin_s) / tick_s - 1e-3)))
         if len(one.time_s) > _MOST_PER_TICK * n_ticks:
             yield (
                 f"{name}: {len(one.time_s)} readings in {n_ticks} ticks; the last of each tick is kept. A smaller "

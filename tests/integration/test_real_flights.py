@@ -148,6 +148,10 @@ def test_readings_that_no_tick_has_are_named(tmp_path, capsys):
         "nose: 10 of 111 readings are before the first pose or after the last, and are left out.",
         "nose: 111 readings in 31 ticks; the last of each tick is kept. A smaller tick_ms than 100 keeps more.",
     ]
+    rows = [f"{0.1 * i:.1f},{4 + 0.01 * i:.2f},2,1,{50000 - i}" for i in range(41)]
+    log = written(tmp_path, head="time_s,x_m,y_m,z_m,nose_ohm", rows=rows)
+    _, run = imported(capsys, tmp_path, log, "--set", "agents[0].sensors=[{model: tgs2600, name: nose}]")
+    assert run.manifest["imported_from"]["remarks"] == []
 
 
 @pytest.mark.parametrize(
