@@ -234,6 +234,10 @@ def _compresses_messages(path: Path) -> bool:
 def _of_bag(paths: list[Path], types: RosTypes) -> Iterator[tuple[str, str, int, _Message | None]]:
     from rosbags.highlevel import AnyReader
 
+    # The package would wait for a pipe in place of a file.
+    for file in paths[0].iterdir() if paths[0].is_dir() else paths:
+        if not file.is_dir():
+            open_regular_file(file).close()
     if (description := paths[0] / "metadata.yaml").is_file():
         listed = read_regular_file(description)
         if left := sorted(file.name for file in paths[0].glob("*.db3") if file.name.encode() not in listed):

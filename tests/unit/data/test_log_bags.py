@@ -1,5 +1,6 @@
 """Bags of robot logs: every reading is the right one or is named, whatever names its type and whatever was cut off."""
 
+import os
 import shutil
 from dataclasses import dataclass
 
@@ -290,6 +291,14 @@ def test_a_folder_that_is_no_bag_is_named(tmp_path):
         read_bag_log(tmp_path, [NOSE])
     ros2_bag(tmp_path / "walk", *ROS2).joinpath("metadata.yaml").unlink()
     with pytest.raises(UsageError, match=r"was cut off, damaged or never closed.*ros2 bag reindex"):
+        read_bag_log(tmp_path / "walk", [NOSE])
+
+
+def test_a_pipe_in_a_bag_is_not_waited_for(tmp_path):
+    (file,) = ros2_bag(tmp_path / "walk", *ROS2).glob("*.db3")
+    file.unlink()
+    os.mkfifo(file)
+    with pytest.raises(UsageError, match="expected a whole recording"):
         read_bag_log(tmp_path / "walk", [NOSE])
 
 
