@@ -261,8 +261,17 @@ class RepeatableResults:
         return found[0]
 
     def draw(self, n: int, *, seed: str) -> list[Trial]:
-        """Return n of the runs with a result, drawn at random by `draw_trials`, in the order of the suite."""
-        chosen = set(draw_trials(self.list_flown(), n, seed=seed))
+        """Return n of the runs with a result, drawn at random by `draw_trials`, in the order of the suite.
+
+        A run's place is the hash of its case, its repetition, 1 for a control run, and its entry's position among the
+        entries. Ids would not do: a comment in a program changes them, and so its author could choose the draw.
+        """
+        positions = {entry.spec.name: i for i, entry in enumerate(self.plan.entries)}
+        places = {
+            key: f"{trial.case_hash} {trial.repetition} {trial.is_control:d} {positions[trial.entry]}"
+            for key, trial in self.trials.items()
+        }
+        chosen = set(draw_trials(self.list_flown(), n, seed=seed, places=places))
         return [trial for key, trial in self.trials.items() if key in chosen]
 
     def list_flown(self) -> list[str]:
@@ -270,15 +279,17 @@ class RepeatableResults:
         return [key for key in self.trials if self.rows[key]["status"] == COMPLETED]
 
 
-def draw_trials(trials: Iterable[str], n: int, *, seed: str) -> list[str]:
-    """Return n trials, those whose ids have the smallest SHA-256 behind a seed: a draw that any program can repeat.
+def draw_trials(trials: Iterable[str], n: int, *, seed: str, places: Mapping[str, str] | None = None) -> list[str]:
+    """Return n trials, those whose places have the smallest SHA-256 behind a seed: a draw that any program can repeat.
 
     Args:
         trials: Ids of trials, in any order.
         n: How many; all where there are fewer.
-        seed: Any text. The hash is of the seed, a line feed and the id.
+        seed: Any text. The hash is of the seed, a line feed and the place.
+        places: Place of each trial in its suite; absent: its id.
     """
-    return sorted(trials, key=lambda trial: hashlib.sha256(f"{seed}\n{trial}".encode()).digest())[:n]
+    places = places or {}
+    return sorted(trials, key=lambda each: hashlib.sha256(f"{seed}\n{places.get(each, each)}".encode()).digest())[:n]
 
 
 def verify_trials(

@@ -7,6 +7,7 @@ hash of the last line can tell later that no line up to it was altered, dropped,
 
 import hashlib
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -150,6 +151,37 @@ def find_submission(lines: Sequence[LogLine], signed: SignedResults, *, path: Pa
         f"{path}: expected a line with the statement {signed.statement_hash}, found none. Its organiser adds it with "
         "bench log --add; results that are signed again are another submission."
     )
+
+
+def find_beacon_note(lines: Sequence[LogLine], submission: LogLine, beacon: str, *, path: Path) -> LogLine | None:
+    """Return the first note of the log with an audit's beacon in it; None where no note has it.
+
+    Args:
+        lines: Of the log.
+        submission: Line of the results that are audited.
+        beacon: The value.
+        path: The log, for errors.
+
+    Raises:
+        SignatureError: the note stands before the submission, whose author could choose results by what would be drawn.
+    """
+    value = re.compile(rf"(?<!\w){re.escape(beacon.strip())}(?!\w)")
+    note = next((line for line in lines if line.kind == "note" and value.search(line.text)), None)
+    if note is not None and note.number < submission.number:
+        raise SignatureError(
+            f"{path}: expected a beacon from after line {submission.number}, the submission, was '{beacon}', which "
+            f"line {note.number} has: its author could know what would be drawn. Audit with a later beacon."
+        )
+    return note
+
+
+def list_submissions(lines: Sequence[LogLine], submission: LogLine) -> list[LogLine]:
+    """Return all submissions of a line's key for its suite, that is for the same cases, under whatever name."""
+    return [
+        line
+        for line in lines
+        if (line.kind, line.key, line.suite_hash) == (submission.kind, submission.key, submission.suite_hash)
+    ]
 
 
 def _list_fields(signed: SignedResults) -> dict[str, str]:

@@ -151,7 +151,7 @@ def _audit(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.execution.verification import RepeatableResults
     from gslcosim.bench.signing.keys import check_text, parse_author
     from gslcosim.bench.signing.signed_results import check_signature
-    from gslcosim.bench.signing.submission_log import find_submission, read_log
+    from gslcosim.bench.signing.submission_log import find_beacon_note, find_submission, list_submissions, read_log
     from gslcosim.bench.statistics.audits import required_draw
     from gslcosim.bench.store import ResultsFolder
     from gslcosim.bench.verification_marks import results_hash
@@ -166,26 +166,49 @@ def _audit(arguments: argparse.Namespace) -> int:
     signed = check_signature(folder.path, author=author)
     if signed is None:
         raise UsageError(f"{folder.path}: expected signed results, were unsigned ones. Their author signs them.")
-    line = find_submission(read_log(arguments.log, head=arguments.head), signed, path=arguments.log)
+    lines = read_log(arguments.log, head=arguments.head)
+    line = find_submission(lines, signed, path=arguments.log)
+    note = find_beacon_note(lines, line, arguments.beacon, path=arguments.log)
+    own = list_submissions(lines, line)
+    keys = {each.key: each for each in lines if (each.kind, each.suite_hash) == (line.kind, line.suite_hash)}
+    namesakes = [each for key, each in keys.items() if key != line.key and each.author == line.author]
     again = RepeatableResults(folder, choose_loader(arguments))
     n_flown = len(again.list_flown())
     if not n_flown:
         raise UsageError(f"{folder.path}: expected flights with a result, found none.")
     trials = again.draw(
         arguments.sample or required_draw(n_flown, arguments.at_most_false),
-        # Their author knows neither the beacon when the line is written, nor can change the line afterwards.
-        seed=f"{line.hash}\n{arguments.beacon}",
+        # Their author knows no beacon when the first line is written, and another line of the key changes nothing.
+        seed=f"{own[0].hash}\n{arguments.beacon}",
     )
     facts = {
         "signature": signature_to_json(signed),
         "line": line.number,
         "head": line.hash,
+        "draw_line": own[0].number,
+        "draw_head": own[0].hash,
+        "lines_of_key": [each.number for each in own],
+        "keys_of_suite": len(keys),
+        "keys_of_same_name": [each.key for each in namesakes],
         "beacon": arguments.beacon,
+        "beacon_line": None if note is None else note.number,
         "drawn": [trial.id for trial in trials],
     }
     draw = (
-        f"Drawn: {len(trials)} of {n_flown} rows, by line {line.number} of the log ({line.hash}) and the beacon "
-        f"'{arguments.beacon}'."
+        f"Drawn: {len(trials)} of {n_flown} rows, by line {own[0].number} of the log ({own[0].hash}), the first of "
+        f"this key for this suite, and the beacon '{arguments.beacon}'.\n"
+        f"Log: the results are line {line.number}; this key has {len(own)} for this suite "
+        f"({', '.join(str(each.number) for each in own)}), and {len(keys) - 1} other keys have some.\n"
+    )
+    if namesakes:
+        draw += (
+            f"Keys: '{line.author}' is the name beside {len(namesakes) + 1} keys for this suite; the log does not show "
+            "whether they are of one author.\n"
+        )
+    draw += (
+        "Beacon: no note of the log has it, so the log does not show that it is from after the results."
+        if note is None
+        else f"Beacon: line {note.number} of the log has it, after the results."
     )
     if arguments.draw_only:
         listed = "".join(f"\n  {trial.id} {trial.case}, {trial.entry}" for trial in trials)

@@ -112,6 +112,8 @@ def test_a_stranger_ranks_and_audits_what_two_authors_have_signed(
     assert main([*audit, "--sample", "2", "--draw-only"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert (len(told["drawn"]), told["line"], told["signature"]["author"]) == (2, 2, "bob")
+    assert (told["draw_line"], told["lines_of_key"], told["keys_of_suite"], told["beacon_line"]) == (2, [2], 2, None)
+    first = told["drawn"]
     # Bob makes his method better than it is, and signs that; an audit of all rows finds each of them.
     table = pq.read_table(signed[1] / "trials.parquet")
     scores = [1.0 if row["entry"] == "mine" else row["score"] for row in table.to_pylist()]
@@ -126,8 +128,31 @@ def test_a_stranger_ranks_and_audits_what_two_authors_have_signed(
     capsys.readouterr()
     assert main([*audit, "--sample", "1000"]) == 5
     told = json.loads(capsys.readouterr().out)
+    assert (told["line"], told["draw_line"], told["lines_of_key"]) == (3, 2, [2, 3])
+    assert set(first) <= set(told["drawn"])
     assert told["sample"] == told["rows"]
     assert told["max_false"] == told["entries"]["mine"]["different"] > 0
     assert told["entries"]["oracle"]["different"] == 0
     assert {each["entry"] for each in told["differences"]} == {"mine"}
     assert all(list(each["columns"]) == ["score"] for each in told["differences"])
+    # Bob signs again until a draw misses what is false: every copy has the draw of the first line.
+    for hour in (14, 15):
+        sign_results(signed[1], tmp_path / "bob", author="bob", signed_at=f"2026-11-27T{hour}:00:00+00:00")
+        assert main(["bench", "log", log, "--add", str(signed[1])]) == 0
+        capsys.readouterr()
+        assert main([*audit, "--sample", "2", "--draw-only"]) == 0
+        assert json.loads(capsys.readouterr().out)["drawn"] == first
+    # With another key he has another draw, and the audit says that there are two.
+    write_key(tmp_path / "second", "")
+    sign_results(signed[1], tmp_path / "second", author="bob", signed_at="2026-11-27T16:00:00+00:00")
+    assert main(["bench", "log", log, "--add", str(signed[1])]) == 0
+    assert main(["bench", "log", log, "--note", "beacon: 6 49 3", "--key", str(tmp_path / "ada")]) == 0
+    capsys.readouterr()
+    assert main([*audit[:-1], "--sample", "2", "--draw-only"]) == 0
+    out = capsys.readouterr().out
+    assert "'bob' is the name beside 2 keys for this suite" in out
+    assert "Beacon: line 7 of the log has it, after the results." in out
+    sign_results(signed[1], tmp_path / "bob", author="bob", signed_at="2026-11-27T17:00:00+00:00")
+    assert main(["bench", "log", log, "--add", str(signed[1])]) == 0
+    assert main([*audit, "--sample", "2", "--draw-only"]) == 2
+    assert "expected a beacon from after line 8" in capsys.readouterr().err

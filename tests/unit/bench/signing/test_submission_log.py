@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,15 @@ import pytest
 from gslcosim.base.errors import UsageError
 from gslcosim.bench.signing.keys import SignatureError, check_digest, write_key
 from gslcosim.bench.signing.signed_results import check_signature, sign_results
-from gslcosim.bench.signing.submission_log import FIRST, add_note, add_submission, find_submission, read_log
+from gslcosim.bench.signing.submission_log import (
+    FIRST,
+    add_note,
+    add_submission,
+    find_beacon_note,
+    find_submission,
+    list_submissions,
+    read_log,
+)
 from gslcosim.cli.main import main
 
 N_NOTES = 5
@@ -178,3 +187,42 @@ def test_the_command_line_adds_and_checks(signed_once, key, tmp_path, capsys):
     assert main(["bench", "log", str(log), "--head", "1" * 64]) == 2
     assert main(["bench", "log", str(tmp_path / "none.jsonl")]) == 2
     assert main(["bench", "log", str(log), "--note", "x"]) == 2
+
+
+def copy_signed(signed_once, tmp_path, key_path, name, *, signed_at="", change=""):
+    """Sign a copy of the results once more; `change` is a comment added to the program."""
+    folder = shutil.copytree(signed_once, tmp_path / name)
+    with (folder / "agents" / "mine" / "agent.py").open("a") as file:
+        file.write(change)
+    return sign_results(folder, key_path, author="Ada", signed_at=signed_at)
+
+
+def test_more_lines_of_a_key_leave_its_first_line_the_one_that_draws(log, signed_once, key, tmp_path):
+    """Copies signed again, changed programs and another suite's name do not make a new first line; another key does."""
+    first = find_submission(read_log(log), check_signature(signed_once), path=log)
+    for i in range(4):
+        signed = copy_signed(signed_once, tmp_path, key, f"copy {i}", signed_at=str(i), change=f"# {i}\n" * (i % 2))
+        added = add_submission(log, replace(signed, suite=f"renamed {i}") if i == 3 else signed)
+        own = list_submissions(read_log(log), added)
+        assert (own[0], own[-1], len(own)) == (first, added, i + 2)
+    write_key(tmp_path / "second", "")
+    other = add_submission(log, copy_signed(signed_once, tmp_path, tmp_path / "second", "other"))
+    assert list_submissions(read_log(log), other) == [other]
+    assert other.hash != first.hash
+
+
+def test_a_beacon_that_was_logged_before_the_results_is_refused(log, signed_once, key, tmp_path):
+    line = find_submission(read_log(log), check_signature(signed_once), path=log)
+    assert find_beacon_note(read_log(log), line, "6 49 3", path=log) is None
+    add_note(log, "beacon: 16 49 3", key, author="", signed_at="")
+    note = add_note(log, "beacon: 6 49 3", key, author="", signed_at="")
+    add_note(log, "once more: 6 49 3", key, author="", signed_at="")
+    assert find_beacon_note(read_log(log), line, " 6 49 3", path=log) == note
+    late = add_submission(log, copy_signed(signed_once, tmp_path, key, "late", signed_at="later"))
+    with pytest.raises(SignatureError, match=f"beacon from after line {late.number}.* line {note.number} has"):
+        find_beacon_note(read_log(log), late, "6 49 3", path=log)
+    # A log without its last lines still draws by the first; that they are missing is what a noted head shows.
+    raw = log.read_bytes().splitlines(keepends=True)
+    log.write_bytes(b"".join(raw[: note.number]))
+    assert list_submissions(read_log(log), line) == [line]
+    assert f"no line has the hash {late.hash}" in error_of(log, head=late.hash)
