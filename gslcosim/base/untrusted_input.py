@@ -208,6 +208,7 @@ def _kind_of(value: object) -> str:
 _UNSAFE = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ufff9-\ufffb\ud800-\udfff]"
 )
+_UNSAFE_IN_PAGE = re.compile(f"{_UNSAFE.pattern}|[&<>]")
 _LINE_BREAK = re.compile("[\n\t]")
 
 
@@ -222,9 +223,15 @@ def escape_terminal_text(text: str, *, is_one_line: bool = False) -> str:
     return _LINE_BREAK.sub(_escape_character, escaped) if is_one_line else escaped
 
 
-def escape_json_text(text: str) -> str:
-    r"""Return JSON with the same characters as JSON's own escapes (`\u001b`): it stays the same content."""
-    return _UNSAFE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+def escape_json_text(text: str, *, is_embedded: bool = False) -> str:
+    r"""Return JSON with the same characters as JSON's own escapes (`\u001b`): it stays the same content.
+
+    Args:
+        text: JSON.
+        is_embedded: Whether `&`, `<` and `>` are escaped too, so that a script element of a page can hold it.
+    """
+    unsafe = _UNSAFE_IN_PAGE if is_embedded else _UNSAFE
+    return unsafe.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
 def _escape_character(found: re.Match[str]) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TypedDict
 
 from gslcosim.base.errors import build_path_error
+from gslcosim.base.text_tables import Markdown, format_markdown_table
 from gslcosim.base.untrusted_input import read_json
 from gslcosim.data.figures.style import new_figure, styled
 from gslcosim.validation.cases import CASE_MODULES, load_case
@@ -153,7 +154,7 @@ def render_page(stored: Sequence[StoredResult]) -> str:
         "",
         f"**{n_met} of {len(judged)} goals are met.**",
         "",
-        *_table(_HEADINGS, [_cells(row) for row in rows]),
+        *format_markdown_table(_HEADINGS, [_cells(row) for row in rows]),
     ]
     for result in stored:
         lines += _section(result)
@@ -182,7 +183,7 @@ def _section(result: StoredResult) -> list[str]:
 
 
 def _cells(row: StoredRow) -> tuple[str, ...]:
-    met = {True: "yes", False: "**no**", None: ""}[row["is_met"]]
+    met = {True: "yes", False: Markdown("**no**"), None: ""}[row["is_met"]]
     return row["measured_set"], row["quantity"], row["anchor"], format_ours(row), row["goal"], met
 
 
@@ -200,13 +201,6 @@ def _number(value: float) -> str:
     if value == round(value) and abs(value) < 1e6:
         return f"{value:.0f}"
     return f"{value:.3g}"
-
-
-def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    return [
-        f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |"
-        for row in (headings, ["---"] * len(headings), *rows)
-    ]
 
 
 def terminal_rows(stored: Sequence[StoredResult]) -> tuple[Sequence[str], list[Sequence[str]]]:

@@ -4,7 +4,6 @@ Its sections are those of Gebru et al., "Datasheets for Datasets", Communication
 """
 
 import json
-import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from typing import Any
 
 import pyarrow.compute as pc
 
+from gslcosim.base.text_tables import escape_markdown, format_code, format_markdown_table
 from gslcosim.bench.dataset.croissant import Publication, PublishedFile, build_citation
 from gslcosim.bench.dataset.tables import LEFT_OUT, Origin, PublishedTable, remove_folders
 from gslcosim.bench.store import WALL, ManifestEntry
@@ -164,10 +164,13 @@ def build_datasheet(
 
 
 def _describe_files(tables: Sequence[PublishedTable], suite_files: Sequence[PublishedFile]) -> tuple[str, ...]:
-    rows = [(f"`{table.file}`", f"{table.table.num_rows} rows; a row is {table.row}") for table in tables]
+    rows = [(format_code(table.file), f"{table.table.num_rows} rows; a row is {table.row}") for table in tables]
     rows += [
-        ("`suite/`", f"the suite of each folder of results, {len(suite_files)} files: gslcosim bench plan reads it"),
-        ("`croissant.json`", "files with hashes and columns, for programs (Croissant 1.0)"),
+        (
+            format_code("suite/"),
+            f"the suite of each folder of results, {len(suite_files)} files: gslcosim bench plan reads it",
+        ),
+        (format_code("croissant.json"), "files with hashes and columns, for programs (Croissant 1.0)"),
     ]
     joined = "Both tables have the column `trial`; it joins them."
     left_out = "Tracks are not published: flights of the suite with the same seed and software have them again."
@@ -180,7 +183,7 @@ def _describe_motivation(origins: Sequence[Origin]) -> tuple[str, ...]:
     title = f" ({_text(suite.title)})" if suite.title else ""
     return (
         "## Motivation",
-        f"The rows of the suite `{_text(suite.name)}`{title} were flown to compare methods of gas source "
+        f"The rows of the suite {format_code(suite.name)}{title} were flown to compare methods of gas source "
         f"localization.{asked} They are published so that anybody can check or redo the comparison.",
     )
 
@@ -235,7 +238,7 @@ def _describe_composition(
 def _describe_entry(entry: ManifestEntry, n_flights: int) -> tuple[object, ...]:
     parameters = entry.get("parameters")
     return (
-        f"`{_text(entry['name'])}`",
+        format_code(remove_folders(entry["name"])),
         entry.get("family") or "",
         entry.get("language") or "",
         entry.get("knows") or "",
@@ -281,7 +284,7 @@ def _describe_collection(origins: Sequence[Origin]) -> tuple[str, ...]:
 
 def _describe_columns(table: PublishedTable) -> tuple[str, ...]:
     rows = [
-        (f"`{column.name}`", str(table.table.schema.field(column.name).type), column.meaning,
+        (format_code(column.name), str(table.table.schema.field(column.name).type), column.meaning,
          table.table[column.name].null_count)
         for column in table.columns
     ]  # fmt: skip
@@ -293,15 +296,10 @@ def _bullets(texts: Iterable[str]) -> str:
 
 
 def _table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    lines = [headings, ["---"] * len(headings), *([_cell(value) for value in row] for row in rows)]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def _cell(value: object) -> str:
-    return _text("" if value is None else str(value)).replace("|", "\\|")
+    shown = ([remove_folders(cell) if type(cell) is str else cell for cell in row] for row in rows)
+    return "\n".join(format_markdown_table(headings, shown))
 
 
 # Names of others are text and no markup.
 def _text(text: str) -> str:
-    plain = re.sub(r"\s+", " ", remove_folders(text)).strip()
-    return plain.replace("&", "&amp;").replace("<", "&lt;")
+    return escape_markdown(remove_folders(text))

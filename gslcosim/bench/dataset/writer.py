@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 
 from gslcosim.base.errors import UsageError, reporting_path_errors
 from gslcosim.base.files import ScratchFolder
+from gslcosim.base.untrusted_input import escape_json_text
 from gslcosim.bench.cases.suite_files import LoadedSuite, load_suite, write_suite
 from gslcosim.bench.dataset import DEFAULT_LICENSE
 from gslcosim.bench.dataset.croissant import Publication, PublishedFile, build_croissant
@@ -98,7 +99,8 @@ def write_dataset(
         (place / DATASHEET).write_text(sheet, encoding="utf-8")
         files = _list_files(place, place)
         description = build_croissant(publication, files, tables, STATEMENTS)
-        text = json.dumps(description, indent=2, ensure_ascii=False) + "\n"
+        # Pages embed it in a script element, so nothing in it may look like markup.
+        text = escape_json_text(json.dumps(description, indent=2, ensure_ascii=False), is_embedded=True) + "\n"
         (place / DESCRIPTION).write_text(text, encoding="utf-8")
         n_bytes = sum(each.n_bytes for each in files) + len(text.encode())
         shutil.copytree(place, folder, dirs_exist_ok=True)

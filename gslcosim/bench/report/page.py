@@ -11,6 +11,7 @@ import jinja2
 import numpy as np
 from markupsafe import Markup, escape
 
+from gslcosim.base.untrusted_input import escape_json_text
 from gslcosim.bench.report import number_formats
 from gslcosim.bench.report.analysis import Analysis, ReportView
 from gslcosim.bench.report.charts import RESPONSE_FIGURES, ChartAxis, ChartLine, LineChart, build_line_charts
@@ -138,8 +139,7 @@ def make_breakable(name: str) -> Markup:
 
 def to_script_json(value: Any) -> str:
     """Return a value as JSON in which nothing looks like markup, for a script element."""
-    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
-    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+    return escape_json_text(json.dumps(value, separators=(",", ":"), allow_nan=False), is_embedded=True)
 
 
 # A cell of a table: figure, interval, and how many runs it stands on.

@@ -1,10 +1,7 @@
 """Tables of the report for other programs, and the provenance of results in words."""
 
-import csv
-import html
 import json
 import math
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -12,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from gslcosim.base.text_tables import escape_markdown, format_markdown_table, write_csv
 from gslcosim.bench.report import number_formats
 from gslcosim.bench.report.analysis import Analysis, DifficultyCauses, ReportView, find_beaten, find_same
 from gslcosim.bench.report.conclusions import CONCLUDED, NOT_CONCLUDED, Conclusions, describe_conclusions
@@ -249,9 +247,8 @@ def write_tables(analysis: Analysis, folder: Path) -> None:
     for name, rows in tables.items():
         path = folder / f"{name}.csv"
         with path.open("w", encoding="utf-8", newline="") as file:
-            written = csv.writer(file)
-            # Numbers are written as Python writes them, which reads back to the bit; nan is no text.
-            written.writerows(["" if value != value else value for value in row] for row in rows)
+            # nan is no text.
+            write_csv(file, (["" if value != value else value for value in row] for row in rows))
 
 
 def _heads(name: str) -> list[str]:
@@ -448,32 +445,31 @@ def _json_figure(estimate: Estimate) -> dict[str, float | int | None] | None:
 def write_summary(analysis: Analysis) -> str:
     """Return the summary as Markdown: the question, what was run, the leaderboard, and who beats whom."""
     facts, view = describe_provenance(analysis), analysis.everything
-    lines = [f"# {_plain(facts.title)}", ""]
-    lines += [f"> {_plain(facts.question)}", ""] if facts.question else []
+    lines = [f"# {escape_markdown(facts.title)}", ""]
+    lines += [f"> {escape_markdown(facts.question)}", ""] if facts.question else []
     lines += [facts.flown, ""]
-    lines += [*(f"- Note: {warning}" for warning in facts.warnings), ""] if facts.warnings else []
+    lines += [*_bullets(f"Note: {warning}" for warning in facts.warnings), ""] if facts.warnings else []
     if view.standings:
         lines += _conclusions(describe_conclusions(analysis, view))
         lines += _table(analysis)
         lines += ["", *_NOTES, ""]
         lines += _verdicts(analysis)
-    lines += ["## How it was made", "", *(f"- {what}: {_plain(how)}" for what, how in facts.made)]
+    lines += ["## How it was made", "", *_bullets(f"{what}: {how}" for what, how in facts.made)]
     return "\n".join(lines).rstrip() + "\n"
 
 
 def _conclusions(said: Conclusions) -> list[str]:
     parts = ((CONCLUDED, said.holds), (NOT_CONCLUDED, said.limits))
-    return [
-        line for head, some in parts if some for line in (f"## {head}", "", *(f"- {_plain(text)}" for text in some), "")
-    ]
+    return [line for head, some in parts if some for line in (f"## {head}", "", *_bullets(some), "")]
+
+
+def _bullets(texts: Iterable[str]) -> list[str]:
+    return [f"- {escape_markdown(text)}" for text in texts]
 
 
 def _table(analysis: Analysis) -> list[str]:
     heads, rows = build_leaderboard_table(analysis)
-    lines = [heads, ["--:", "---", *["--:"] * (len(heads) - 2)]]
-    lines += [[rank, _plain(name), *cells] for rank, name, *cells in rows]
-    first, rule, *others = ("| " + " | ".join(line) + " |" for line in lines)
-    return [first, rule.replace(" ", ""), *others]
+    return format_markdown_table(heads, rows, rules=["--:", "---", *["--:"] * (len(heads) - 2)])
 
 
 def build_leaderboard_table(analysis: Analysis) -> Leaderboard:
@@ -497,7 +493,7 @@ def build_leaderboard_table(analysis: Analysis) -> Leaderboard:
 
 
 def _verdicts(analysis: Analysis) -> list[str]:
-    view, names = analysis.everything, [_plain(name) for name in _names(analysis)]
+    view, names = analysis.everything, [escape_markdown(name) for name in _names(analysis)]
     if not view.pairs:
         return []
     lines = ["## Who beats whom", ""]
@@ -509,9 +505,3 @@ def _verdicts(analysis: Analysis) -> list[str]:
     if len(lines) == 2:
         lines.append("No two entries have been told apart, and none are shown to be equally successful.")
     return [*lines, ""]
-
-
-# Nothing of a name may be taken as markup; an underscore within a word is none.
-def _plain(text: str) -> str:
-    escaped = html.escape(" ".join(text.split()), quote=False)
-    return re.sub(r"[\\`*\[\]|#]|(?<!\w)_|_(?!\w)", lambda sign: "\\" + sign[0], escaped)

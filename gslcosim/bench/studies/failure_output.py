@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
+from gslcosim.base.text_tables import escape_markdown, format_markdown_table
 from gslcosim.bench.cases.models import LOWER_ANCHOR
 from gslcosim.bench.statistics.estimates import Estimate
 from gslcosim.bench.store import ResultsFolder, Tracks, unpack_tracks
@@ -156,18 +157,20 @@ def write_failures(search: FailureSearch, folder: Path, films: Mapping[str, Path
 
 def build_markdown(search: FailureSearch, folder: Path, films: Mapping[str, Path]) -> str:
     """Return the report as Markdown, with pictures by relative paths."""
-    lines = [f"# Failures of {search.entry} in {search.space.name}", "", *_facts(search), ""]
+    entry, space = escape_markdown(search.entry), escape_markdown(search.space.name)
+    lines = [f"# Failures of {entry} in {space}", "", *map(escape_markdown, _facts(search)), ""]
     if contrasts := list_clear_contrasts(search):
-        lines += ["## What failures have in common", "", "| factor | level | failures | elsewhere | p |"]
-        lines += ["|---|---|---|---|---|", *(f"| {' | '.join(cells)} |" for cells in map(_contrast_cells, contrasts))]
-        lines.append("")
+        heads = ("factor", "level", "failures", "elsewhere", "p")
+        table = format_markdown_table(heads, map(_contrast_cells, contrasts))
+        lines += ["## What failures have in common", "", *table, ""]
     if search.failures:
         lines += ["## The worst cases", ""]
     for i, each in enumerate(search.failures[:_SHOWN], 1):
         name = each.outcome.case.name
         lines += [f"### {i}. {name}, severity {each.severity:.2f}", ""]
-        lines += [f"![{name}]({PICTURES}/{name}.png)", "", f"It {describe_failure(each)}", ""]
-        lines += [f"- {factor}: {level}" for factor, level in describe_levels(search, each.outcome).items()]
+        lines += [f"![{name}]({PICTURES}/{name}.png)", "", escape_markdown(f"It {describe_failure(each)}"), ""]
+        levels = describe_levels(search, each.outcome).items()
+        lines += [f"- {escape_markdown(f'{factor}: {level}')}" for factor, level in levels]
         lines += ["", "```sh", build_fly_command(folder, each.outcome), "```", ""]
         if name in films:
             lines += [f"Film: [{films[name].name}]({films[name].relative_to(folder)})", ""]
@@ -253,7 +256,7 @@ def _figure(
     film = f"<p><a href='{html.escape(str(films[name].relative_to(folder)))}'>Film</a></p>" if name in films else ""
     command = html.escape(build_fly_command(folder, each.outcome))
     return (
-        f"<figure><h3>{i}. {name}, severity {each.severity:.2f}</h3>{image}"
+        f"<figure><h3>{i}. {html.escape(name)}, severity {each.severity:.2f}</h3>{image}"
         f"<figcaption><p>{html.escape(text)}</p><dl>{levels}</dl>{film}<code>{command}</code></figcaption></figure>"
     )
 

@@ -1,6 +1,5 @@
 """Sweeps and tunings as JSON and CSV, and parameters as YAML to paste."""
 
-import csv
 import json
 import math
 from collections.abc import Iterable, Mapping
@@ -8,6 +7,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
+from gslcosim.base.text_tables import write_csv
 from gslcosim.bench.statistics.estimates import Estimate
 from gslcosim.bench.statistics.settings import SettingFigures
 from gslcosim.bench.store import write_at_once
@@ -186,7 +186,5 @@ def _plain(value: Any) -> Any:
 
 def _csv(heads: list[str], rows: Iterable[list[Any]]) -> str:
     text = StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(heads)
-    writer.writerows(rows)
+    write_csv(text, [heads, *rows], line_end="\n")
     return text.getvalue()

@@ -1,15 +1,16 @@
 """Tables of a run's streams as files of Parquet or CSV, with a dictionary of all columns and pictures of cameras."""
 
-import csv
 import json
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
+from gslcosim.base.text_tables import neutralise_cell, write_csv
 from gslcosim.data.run import RunData
 from gslcosim.data.tables import StreamTable, TableColumn, build_tables, safe_name, to_arrow
 
@@ -40,12 +41,22 @@ def write_tables(
         progress(table.name)
         path = folder / f"{table.name}.{to}"
         if to == "csv":
-            pyarrow.csv.write_csv(to_arrow(table, run.run_id), path)
+            pyarrow.csv.write_csv(_neutralise(to_arrow(table, run.run_id)), path)
         else:
             pyarrow.parquet.write_table(to_arrow(table, run.run_id), path)
         files.append(path)
         written.append(table)
     return [*_write_dictionary(run, folder, to, written), *files]
+
+
+def _neutralise(table: pa.Table) -> pa.Table:
+    columns = [
+        pa.array([neutralise_cell(value) for value in column.to_pylist()], pa.string())
+        if pa.types.is_string(column.type)
+        else column
+        for column in table.columns
+    ]
+    return pa.table(columns, names=[neutralise_cell(name) for name in table.column_names])
 
 
 def _pictures(run: RunData, folder: Path, files: list[Path]) -> Iterable[StreamTable]:
@@ -98,9 +109,7 @@ def _write_dictionary(run: RunData, folder: Path, to: str, tables: Iterable[Stre
     ]
     as_csv, as_json = folder / f"{DICTIONARY}.csv", folder / f"{DICTIONARY}.json"
     with as_csv.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, fieldnames=[*rows[0]])
-        writer.writeheader()
-        writer.writerows(rows)
+        write_csv(file, [[*rows[0]], *(row.values() for row in rows)])
     dictionary = {
         "run_id": run.run_id,
         "scenario": run.scenario.name,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gslcosim.base.errors import build_machine_error
+from gslcosim.base.text_tables import escape_markdown, format_markdown_table
 from gslcosim.bench.cases.models import LOWER_ANCHOR
 from gslcosim.bench.statistics.estimates import UNDEFINED, Estimate
 from gslcosim.bench.statistics.rates import wilson
@@ -104,21 +105,24 @@ def write_page(folder: Path, results: Sequence["LogResult"]) -> Path:
         "Counts have Wilson's 95 % intervals, medians those of a bootstrap over releases.",
         "`report.html` has the leaderboard and paired comparisons.",
         "",
-        *_markdown(HEADINGS, table_rows(results)),
+        *format_markdown_table(HEADINGS, table_rows(results)),
     ]
     by_log: dict[str, list[LogResult]] = {}
     for result in results:
         by_log.setdefault(result.case.name, []).append(result)
     try:
         for name, some in by_log.items():
-            lines += ["", f"## {name}"]
+            lines += ["", f"## {escape_markdown(name)}"]
             lines += [
-                line for result in some if result.fault for line in ("", f"{result.entry} failed: {result.fault}")
+                line
+                for result in some
+                if result.fault
+                for line in ("", escape_markdown(f"{result.entry} failed: {result.fault}"))
             ]
             if some[0].case.site.finds_events:
                 _draw_timeline(some, folder / f"timeline-{name}.png")
-                lines += ["", f"![Events and releases of {name} over time](timeline-{name}.png)"]
-            lines += ["", *_markdown(*_release_table(some))]
+                lines += ["", f"![Events and releases of {escape_markdown(name)} over time](timeline-{name}.png)"]
+            lines += ["", *format_markdown_table(*_release_table(some))]
         (folder / "measured.json").write_text(
             _json_text([to_json(compute_figures(result)) for result in results]), "utf-8"
         )
@@ -132,10 +136,6 @@ def write_page(folder: Path, results: Sequence["LogResult"]) -> Path:
 
 def _json_text(content: Any) -> str:
     return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def _markdown(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    return [f"| {' | '.join(row)} |" for row in (headings, ["---"] * len(headings), *rows)]
 
 
 def _release_table(some: Sequence["LogResult"]) -> tuple[list[str], list[list[str]]]:
