@@ -51,6 +51,17 @@ class QosProfile:
         history = "2," if self.depth is None else f",{kept}"
         return f"{reliability}:{durability}:{history}:,:,:,,"
 
+    @property
+    def recorded_text(self) -> str:
+        """The profile as bags have it: YAML of a list of one, with numbers, which all rosbag2 read."""
+        lasting = "{sec: 9223372036, nsec: 854775807}"
+        return (
+            f"- history: {2 if self.depth is None else 1}\n  depth: {self.depth or 0}\n"
+            f"  reliability: {1 if self.is_reliable else 2}\n  durability: {1 if self.is_transient_local else 2}\n"
+            f"  deadline: {lasting}\n  lifespan: {lasting}\n"
+            f"  liveliness: 1\n  liveliness_lease_duration: {lasting}\n  avoid_ros_namespace_conventions: false"
+        )
+
 
 SENSOR_DATA = QosProfile(is_reliable=False, depth=5)
 LATCHED = QosProfile(is_transient_local=True, depth=1)

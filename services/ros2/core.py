@@ -21,7 +21,6 @@ from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpe
 from gslcosim.environment.model import Environment
 from gslcosim.ros.node import RosPublisher, RosSession
 from gslcosim.ros.types import ANEMOMETER, GAS_SENSOR, MAP_FRAME, RosTypes
-from gslcosim.ros.wire import LATCHED, QosProfile
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import AgentSpec, Ros2Spec
 from gslcosim.scenario.models.sensors import (
@@ -37,12 +36,8 @@ from gslcosim_services.ros2 import messages
 from gslcosim_services.ros2.service import ros2_spec
 from gslcosim_services.sensing.briefing import find_sensor_kind
 from gslcosim_services.sensing.models.range_finders import ray_directions_body
-from gslcosim_services.world.vehicle_urdf import build_urdf
 
 NODE_NAME = "gslcosim"
-# Of a run that is faster than its readers: what they have not read yet.
-QUEUED = QosProfile(depth=1000)
-_LATCHED_MANY = QosProfile(is_transient_local=True, depth=1000)
 _TRACK_PERIOD_NS = NS_PER_S
 
 
@@ -91,26 +86,25 @@ class Ros2Core:
         node = self._session.create_node(NODE_NAME)
         self._is_over = False
 
-        def declare(topic: str, kind: str, qos: QosProfile = QUEUED) -> None:
-            self._topics[topic] = node.create_publisher(topic, kind, qos)
+        def declare(topic: str, kind: str) -> None:
+            self._topics[topic] = node.create_publisher(topic, kind, messages.find_qos(topic))
 
         declare("/clock", "rosgraph_msgs/msg/Clock")
         declare("/tf", "tf2_msgs/msg/TFMessage")
-        declare("/tf_static", "tf2_msgs/msg/TFMessage", LATCHED)
-        declare("/map", "nav_msgs/msg/OccupancyGrid", LATCHED)
+        declare("/tf_static", "tf2_msgs/msg/TFMessage")
+        declare("/map", "nav_msgs/msg/OccupancyGrid")
         self._topics["/tf_static"].publish(messages.make_mounts(types, scenario))
         self._topics["/map"].publish(messages.make_map(types, scenario, self._environment))
         self._agents = [_AgentTopics(types, scenario, agent) for agent in scenario.agents]
         for agent in self._agents:
-            for topic, (kind, qos) in agent.topics.items():
-                declare(topic, kind, qos)
+            for topic, kind in agent.topics.items():
+                declare(topic, kind)
         for agent in scenario.agents:
-            topic = f"/{messages.topic_part(agent.name)}/robot_description"
-            declare(topic, "std_msgs/msg/String", LATCHED)
-            urdf = build_urdf(agent.vehicle.facts, messages.base_frame(agent.name))
-            self._topics[topic].publish(types.make("std_msgs/msg/String", data=urdf))
+            topic = messages.description_topic(agent.name)
+            declare(topic, "std_msgs/msg/String")
+            self._topics[topic].publish(messages.make_description(types, agent))
         if settings.truth:
-            declare("/sources", "visualization_msgs/msg/MarkerArray", LATCHED)
+            declare("/sources", "visualization_msgs/msg/MarkerArray")
             self._topics["/sources"].publish(messages.make_sources(types, scenario))
             self._declare_truth(declare)
         return {}
@@ -245,14 +239,14 @@ class _AgentTopics:
             for sensor in agent.sensors
             if isinstance(sensor, RaySensorSpec)
         }
-        self.topics: dict[str, tuple[str, QosProfile]] = {
-            f"{self._root}/odom": ("nav_msgs/msg/Odometry", QUEUED),
-            f"{self._root}/pose": ("geometry_msgs/msg/PoseStamped", QUEUED),
-            f"{self._root}/track": ("visualization_msgs/msg/MarkerArray", QUEUED),
-            f"{self._root}/waypoints": ("visualization_msgs/msg/Marker", _LATCHED_MANY),
+        self.topics: dict[str, str] = {
+            f"{self._root}/odom": "nav_msgs/msg/Odometry",
+            f"{self._root}/pose": "geometry_msgs/msg/PoseStamped",
+            f"{self._root}/track": "visualization_msgs/msg/MarkerArray",
+            f"{self._root}/waypoints": "visualization_msgs/msg/Marker",
         }
         for sensor in agent.sensors:
-            self.topics |= {topic: (kind, QUEUED) for topic, kind in self._sensor_topics(sensor).items()}
+            self.topics |= self._sensor_topics(sensor)
 
     def _sensor_topics(self, sensor: SensorSpec) -> dict[str, str]:
         topic = messages.topic_of(self.name, sensor.name)

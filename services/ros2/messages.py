@@ -19,7 +19,9 @@ from gslcosim.environment.model import Environment
 from gslcosim.environment.plan_view import PlanView
 from gslcosim.ros import types as ros_types
 from gslcosim.ros.types import ANEMOMETER, GAS_SENSOR, MAP_FRAME, RosTypes, Vector
+from gslcosim.ros.wire import LATCHED, QosProfile
 from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.models.sensors import (
     LidarSensorSpec,
     ReachingSensorSpec,
@@ -43,9 +45,22 @@ from gslcosim_services.recorder.stream_table import (
     split_values,
 )
 from gslcosim_services.sensing.models.anemometer import QUANTITY as WIND_QUANTITY
+from gslcosim_services.world.vehicle_urdf import build_urdf
 
 Values = Mapping[str, Vector]
 """Numbers that a sensor reports at one instant, by name of the stream."""
+
+QUEUED = QosProfile(depth=1000)
+"""Of a run that is faster than its readers: what they have not read yet."""
+
+# By the last part of a topic; all others are queued. RViz and tf2 ask for these as transient local.
+_QOS: Mapping[str, QosProfile] = {
+    "map": LATCHED,
+    "tf_static": LATCHED,
+    "sources": LATCHED,
+    "robot_description": LATCHED,
+    "waypoints": QosProfile(is_transient_local=True, depth=QUEUED.depth),
+}
 
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 GREEN, BLUE = (0.0, 0.62, 0.45, 1.0), (0.0, 0.45, 0.7, 0.8)
@@ -70,6 +85,11 @@ def topic_part(name: str) -> str:
     """Return a name of a run as a part of a topic's or frame's name: letters, digits and underscores."""
     part = re.sub(r"\W+", "_", name)
     return f"_{part}" if part[:1].isdigit() else part
+
+
+def find_qos(topic: str) -> QosProfile:
+    """Return the quality of service that a topic offers, live and in bags."""
+    return _QOS.get(topic.rpartition("/")[2], QUEUED)
 
 
 def topic_of(agent: str, sensor: str) -> str:
@@ -384,6 +404,16 @@ def make_odometry(
         pose=types.make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=np.zeros(36)),
         twist=types.make("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=np.zeros(36)),
     )
+
+
+def description_topic(agent: str) -> str:
+    """Return the topic of an agent's URDF."""
+    return topic_of(agent, "robot_description")
+
+
+def make_description(types: RosTypes, agent: AgentSpec) -> Any:
+    """Return the URDF of an agent's vehicle as a text."""
+    return types.make("std_msgs/msg/String", data=build_urdf(agent.vehicle.facts, base_frame(agent.name)))
 
 
 def make_mounts(types: RosTypes, scenario: Scenario) -> Any:

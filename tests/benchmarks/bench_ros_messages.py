@@ -18,7 +18,7 @@ from pathlib import Path
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim.ros.node import RosSession
 from gslcosim.ros.types import ANEMOMETER, GAS_SENSOR, RosTypes
-from gslcosim_services.ros2.core import QUEUED
+from gslcosim_services.ros2.messages import QUEUED
 from gslcosim_services.ros2.messages import make_gas
 
 RATE_HZ = 10

@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow.csv
 import pyarrow.parquet
 import pytest
+import yaml
 
 import gslcosim
 from gslcosim.base.errors import UsageError
@@ -88,6 +89,9 @@ def test_xarray_opens_a_run_and_what_extract_writes_of_it(flown, tmp_path):
     assert gas["ethanol_ppm"].max() > 0
     assert xarray.open_dataset(flown).equals(gas)
     folder = extracted(flown, "netcdf", tmp_path)
+    with xarray.open_dataset(folder / "gas.nc", decode_cf=False) as raw:
+        assert raw.attrs["history"]
+        assert [name for name in ("time_s", "x_m", "y_m", "height_m") if "_FillValue" in raw[name].attrs] == []
     with xarray.open_dataset(folder / "gas.nc") as written:
         assert written.equals(gas)
     with xarray.open_dataset(folder / "wind.nc") as written:
@@ -193,6 +197,46 @@ def test_rosbag2_is_read_back(flown, tmp_path):
     assert "storage_identifier: sqlite3" in (folder / "metadata.yaml").read_text()
     with sqlite3.connect(next(folder.glob("*.db3"))) as database:
         assert database.execute("select count(*) from messages").fetchone()[0] == sum(map(len, messages.values()))
+
+
+LATCHED = {"/map", "/tf_static", "/sources", "/beetle/robot_description", "/beetle/waypoints"}
+
+
+def _durability(text):
+    """As rosbag2 of Humble reads a profile: numbers in YAML, all fields there."""
+    (profile,) = yaml.safe_load(text)
+    assert {type(profile[name]) for name in ("history", "depth", "reliability", "durability", "liveliness")} == {int}
+    assert profile["deadline"] == profile["lifespan"] == profile["liveliness_lease_duration"]
+    assert (profile["reliability"], profile["avoid_ros_namespace_conventions"]) == (1, False)
+    return profile["durability"]
+
+
+@pytest.mark.slow
+@pytest.mark.extras
+def test_bags_offer_what_is_latched_live_to_who_comes_late(flown, tmp_path):
+    """RViz and tf2 get the map and static transforms of a bag that is played: transient local in all three places."""
+    from mcap.reader import make_reader
+    from rosbags.rosbag2 import Reader
+
+    folder = extracted(flown, "rosbag2", tmp_path)
+    information = yaml.safe_load((folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    # Humble takes the profiles of this version, a text with numbers; from 9 on they are a list with words.
+    assert information["version"] == 8
+    offered = {
+        each["topic_metadata"]["name"]: _durability(each["topic_metadata"]["offered_qos_profiles"])
+        for each in information["topics_with_message_count"]
+    }
+    assert {topic for topic, durability in offered.items() if durability == 1} == LATCHED
+    assert set(offered.values()) == {1, 2}
+    with sqlite3.connect(next(folder.glob("*.db3"))) as database:
+        rows = database.execute("select name, offered_qos_profiles from topics").fetchall()
+    assert {name: _durability(text) for name, text in rows} == offered
+    with Reader(folder) as bag:
+        read = {each.topic: each.ext.offered_qos_profiles[0].durability for each in bag.connections}
+    assert {topic for topic, durability in read.items() if durability.name == "TRANSIENT_LOCAL"} == LATCHED
+    with (extracted(flown, "mcap", tmp_path) / f"{flown.name}.mcap").open("rb") as file:
+        channels = make_reader(file).get_summary().channels.values()
+    assert {each.topic: _durability(each.metadata["offered_qos_profiles"]) for each in channels} == offered
 
 
 @pytest.mark.slow

@@ -21,9 +21,12 @@ from gslcosim_services.ros2.messages import (
     BLUE,
     WAYPOINT_M,
     base_frame,
+    description_topic,
+    find_qos,
     find_reading_type,
     frame_of,
     make_calibration,
+    make_description,
     make_filaments,
     make_gas,
     make_map,
@@ -182,11 +185,14 @@ def _timed(stream: Iterator[Stamped]) -> Iterator[TimedMessage]:
         yield TimedMessage(time_ns=time_ns, topic=topic, message=message)
 
 
-# What does not change: the map, the sources, and where sensors are mounted.
+# What does not change: vehicles, the map, the sources, and where sensors are mounted.
 def _stills(run: RunData, types: RosTypes) -> Iterator[TimedMessage]:
-    yield TimedMessage(time_ns=0, topic="/map", message=make_map(types, run.scenario, run.environment))
-    yield TimedMessage(time_ns=0, topic="/sources", message=make_sources(types, run.scenario))
-    yield TimedMessage(time_ns=0, topic="/tf_static", message=make_mounts(types, run.scenario))
+    still = {description_topic(agent.name): make_description(types, agent) for agent in run.scenario.agents}
+    still["/map"] = make_map(types, run.scenario, run.environment)
+    still["/sources"] = make_sources(types, run.scenario)
+    still["/tf_static"] = make_mounts(types, run.scenario)
+    for topic in sorted(still):
+        yield TimedMessage(time_ns=0, topic=topic, message=still[topic])
 
 
 def _poses(track: RecordedTrack, types: RosTypes, tick_ns: int) -> Iterator[TimedMessage]:
@@ -250,8 +256,8 @@ def _clouds(run: RunData, types: RosTypes) -> Iterator[TimedMessage]:
         yield TimedMessage(time_ns=time_ns, topic="/truth/filaments", message=message)
 
 
-# Rosbag2's own number for what bags of Humble and later look like.
-_BAG_VERSION = 9
+# The last version of metadata that rosbag2 of Humble reads; from 9 on, profiles are lists with words.
+_BAG_VERSION = 8
 _TELL_EVERY = 2000
 Progress = Callable[[int], None]
 
@@ -285,7 +291,10 @@ def write_mcap(messages: Iterable[TimedMessage], path: Path, types: RosTypes, pr
                 schemas[kind] = writer.register_schema(name=kind, encoding="ros2msg", data=text)
             if each.topic not in channels:
                 channels[each.topic] = writer.register_channel(
-                    topic=each.topic, message_encoding="cdr", schema_id=schemas[kind]
+                    topic=each.topic,
+                    message_encoding="cdr",
+                    schema_id=schemas[kind],
+                    metadata={"offered_qos_profiles": find_qos(each.topic).recorded_text},
                 )
             data = types.to_cdr(each.message)
             writer.add_message(channels[each.topic], each.time_ns, data, publish_time=each.time_ns, sequence=i)
@@ -307,13 +316,17 @@ def write_rosbag2(messages: Iterable[TimedMessage], folder: Path, types: RosType
         OSError: the machine refuses.
     """
     from rosbags.rosbag2 import Writer
+    from rosbags.rosbag2.metadata import parse_qos
 
     with Writer(folder, version=_BAG_VERSION) as bag:
         connections = {}
         for i, each in enumerate(messages):
             if each.topic not in connections:
                 kind = each.message.__msgtype__
-                connections[each.topic] = bag.add_connection(each.topic, kind, typestore=types.store)
+                offered = parse_qos(find_qos(each.topic).recorded_text)
+                connections[each.topic] = bag.add_connection(
+                    each.topic, kind, typestore=types.store, offered_qos_profiles=offered
+                )
             bag.write(connections[each.topic], each.time_ns, types.to_cdr(each.message))
             if i % _TELL_EVERY == 0:
                 progress(i)

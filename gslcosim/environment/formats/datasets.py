@@ -111,5 +111,13 @@ def build_dataset(
     Raises:
         UsageError: the extra `xarray` is not installed.
     """
-    about = {"Conventions": "CF-1.11", "source": f"gslcosim {__version__}"}
-    return import_xarray().Dataset(dict(variables), dict(coordinates), {**attributes, **about})
+    about = {
+        "Conventions": "CF-1.11",
+        "source": f"gslcosim {__version__}",
+        "history": f"gslcosim {__version__} made it",
+    }
+    dataset: xr.Dataset = import_xarray().Dataset(dict(variables), dict(coordinates), {**attributes, **about})
+    # Coordinates have no gaps, and CF (2.5.1) forbids the value for gaps that xarray would give each of them.
+    for name in dataset.coords:
+        dataset[name].encoding["_FillValue"] = None
+    return dataset

@@ -179,6 +179,28 @@ def test_gridded_files_hold_every_cell_with_its_coordinates_and_units(environmen
         np.testing.assert_allclose(dataset["y_m"].values, environment.grid.axis_centres_m(1))
         assert dataset["time_s"].values.tolist() == [0.0, 0.5, 1.0]
         assert dataset["wind_x_m_s"].attrs["units"] == "m s-1"
+        assert dataset.attrs["history"]
+
+
+def _filled_coordinates(path):
+    """Coordinates of a file with a value for gaps, which CF 2.5.1 forbids."""
+    h5netcdf = pytest.importorskip("h5netcdf")
+    with h5netcdf.File(path, "r") as file:
+        names = [*file.dimensions, *str(file.attrs.get("coordinates", "")).split()]
+        assert names
+        return [name for name in names if "_FillValue" in file.variables[name].attrs]
+
+
+@pytest.mark.extras
+def test_coordinates_have_no_value_for_gaps_whoever_writes_the_file(environment, tmp_path):
+    """Neither in our file, nor where a user saves our folder or a part of it by xarray."""
+    xarray = pytest.importorskip("xarray")
+    (path,) = export_environment(environment, tmp_path / "out", "netcdf").files
+    assert _filled_coordinates(path) == []
+    dataset = xarray.open_dataset(save_environment(environment, tmp_path / "room") or tmp_path / "room")
+    for part in (dataset, dataset.isel(time_s=0), dataset[["wind_x_m_s"]]):
+        part.to_netcdf(tmp_path / "saved.nc", engine="h5netcdf")
+        assert _filled_coordinates(tmp_path / "saved.nc") == []
 
 
 @pytest.mark.extras
