@@ -20,9 +20,14 @@ EDITOR_HEADER = "# yaml-language-server: "
 """Beginning of the first line of a file that names its JSON Schema, for editors."""
 
 
+_FIRST_COMMENTS = re.compile(rb"(?:\xef\xbb\xbf)?(?:\s*#.*\n?)*")
+_EDITOR_LINE = re.compile(rb"^(?:\xef\xbb\xbf)?[ \t]*#[ \t]*yaml-language-server:.*\n?", re.MULTILINE)
+
+
 def without_editor_header(content: bytes) -> bytes:
     """Return a file's content without a first line for editors, which is no part of what hashes identify."""
-    return content.partition(b"\n")[2] if content.startswith(EDITOR_HEADER.encode()) else content
+    head = content[: cast("re.Match[bytes]", _FIRST_COMMENTS.match(content)).end()]
+    return _EDITOR_LINE.sub(b"", head) + content[len(head) :]
 
 
 class YamlNestingError(yaml.MarkedYAMLError):

@@ -88,8 +88,8 @@ class Belief(Record):
     probability: Annotated[NumericArray, AfterValidator(_check_probability)]
 
 
-RECORDED_ONLY = "x-recorded-only"
-"""Mark in the schema of a field that only the recording reads: it is no part of the contract's hash."""
+RECORDED_ONLY = {"$comment": "Only the recording reads it: no part of the contract's hash."}
+"""Mark in the schema of a field that only the recording reads; a keyword that strict compilers know, too."""
 
 MAX_NOTE_VALUES = 16
 MAX_NOTE_MODE_CHARACTERS = 40
@@ -261,7 +261,7 @@ class Command(Message):
     yaw_rad: Angle | None = None
     faces_path: bool = False
     belief: Belief | None = None
-    note: Annotated[Note | None, Field(json_schema_extra={RECORDED_ONLY: True})] = None
+    note: Annotated[Note | None, Field(json_schema_extra={**RECORDED_ONLY})] = None
 
     @property
     def sent(self) -> "Command":

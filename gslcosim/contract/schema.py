@@ -79,7 +79,7 @@ def _hash_schemas(types: tuple[type[Message], ...]) -> str:
 def _build_hashed_schema(item: type[Message]) -> dict[str, Any]:
     schema = get_pydantic_model(item).model_json_schema()
     fields = schema.get("properties", {})
-    dropped = [name for name, field in fields.items() if field.get(RECORDED_ONLY)]
+    dropped = [name for name, field in fields.items() if field.items() >= RECORDED_ONLY.items()]
     if not dropped:
         return schema
     kept = {**schema, "properties": {name: field for name, field in fields.items() if name not in dropped}}

@@ -23,6 +23,7 @@ from pydantic import Field
 from gslcosim.base.bundled import SUITE_FILE
 from gslcosim.base.errors import UsageError, build_machine_error
 from gslcosim.base.files import read_regular_file, replace_file
+from gslcosim.base.yaml_core import without_editor_header
 from gslcosim.bench.cases.models import LOWER_ANCHOR, UPPER_ANCHOR, EntrySpec
 from gslcosim.methods.card import CARD_FILE, load_card
 from gslcosim.runtime.processes.sandbox.policy import is_system_path
@@ -41,6 +42,7 @@ _MAX_NAME_BYTES = 256
 _MAX_LOG_LINES = 20
 _BUNDLES = "bundles"
 _ENDING = ".tar"
+_YAML = (".yaml", ".yml")
 _NO_PROGRAM = (
     "expected a word that names a file of the bundle, such as ./agent or run.sh in [sh, run.sh], found none. Name the "
     "program by its file, or start it from a script in the folder; what build makes counts too."
@@ -270,6 +272,8 @@ def _check_packed(submission: Submission, names: Collection[str], place: Path) -
 
 def _add_file(tar: tarfile.TarFile, path: Path, name: str) -> None:
     content = path.read_bytes()
+    if path.suffix in _YAML:
+        content = without_editor_header(content)
     member = tarfile.TarInfo(name)
     member.size = len(content)
     member.mode = 0o755 if os.access(path, os.X_OK) else 0o644
@@ -461,6 +465,21 @@ def prepare_bundles(paths: Sequence[Path], suite: Path, *, name: str, results: P
     )
 
 
+def copy_shared_file(path: Path, target: Path) -> None:
+    """Copy a file into a folder for others, unless it is there: YAML without the schema that it names for editors.
+
+    The path of that schema leads nowhere in another folder; the key `schema` still says what the file is.
+    """
+    if target.resolve() == path.resolve():
+        return
+    if path.suffix not in _YAML:
+        shutil.copy(path, target)
+        return
+    target.unlink(missing_ok=True)
+    target.write_bytes(without_editor_header(path.read_bytes()))
+    shutil.copymode(path, target)
+
+
 def copy_bundle_files(paths: Sequence[Path], root: Path, folder: Path, into: str) -> dict[Path, str]:
     """Copy files of a bundle with the folders that they lie in; return where each is, from `folder` on."""
     kept: dict[Path, str] = {}
@@ -468,8 +487,7 @@ def copy_bundle_files(paths: Sequence[Path], root: Path, folder: Path, into: str
         name = f"{into}/{path.relative_to(root).as_posix()}"
         target = folder / name
         target.parent.mkdir(parents=True, exist_ok=True)
-        if target.resolve() != path.resolve():
-            shutil.copy(path, target)
+        copy_shared_file(path, target)
         kept[path.resolve()] = name
     return kept
 

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import os
-import shutil
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,7 +19,12 @@ from gslcosim.base.yaml_core import without_editor_header
 from gslcosim.bench.cases.agent_setup import files_in_command, find_program
 from gslcosim.bench.cases.families import CaseFamily, find_family_beside
 from gslcosim.bench.cases.models import EntrySpec, ScenarioSpec, Suite
-from gslcosim.bench.cases.submission_bundles import copy_bundle_files, find_bundle_root, list_bundle_files
+from gslcosim.bench.cases.submission_bundles import (
+    copy_bundle_files,
+    copy_shared_file,
+    find_bundle_root,
+    list_bundle_files,
+)
 from gslcosim.methods.card import CARD_FILE, SHARED_PARAMETERS
 from gslcosim.scenario import Scenario, load_scenario
 from gslcosim.scenario.checks.registry import find_problems
@@ -362,7 +366,6 @@ def _copied(paths: list[Path], folder: Path, into: str) -> dict[Path, str]:
     kept: dict[Path, str] = {}
     for path in paths:
         target = folder / into / path.name
-        if target.resolve() != path.resolve():
-            shutil.copy(path, target)
+        copy_shared_file(path, target)
         kept[path.resolve()] = f"{into}/{path.name}"
     return kept

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from gslcosim.base.bundled import bundled_scenarios
 from gslcosim.base.errors import GslCosimError, UsageError
 from gslcosim.bench.cases.submission_bundles import build_program, pack_bundle, prepare_bundles, unpack_bundle
 from gslcosim.bench.cases.suite_files import agent_hash, find_suite, load_suite, write_suite
@@ -93,6 +94,44 @@ def test_an_organiser_flies_what_the_author_has_packed(folder, tmp_path):
     # Data beside the program decides too.
     (unpacked / "parts" / "data.json").write_text("[]")
     assert agent_hash(entry, suite.parent) not in hashes
+
+
+HEADERS = [
+    "# yaml-language-server: $schema=../schemas/method.schema.json\n",
+    "#yaml-language-server: $schema=file:///home/ada/method.schema.json\r\n",
+    "\ufeff# yaml-language-server: $schema=schemas/method.schema.json\n",
+    "# Mine.\n\n  # yaml-language-server: $schema=a.json\n# Yours.\n",
+]
+
+
+@pytest.mark.parametrize("header", HEADERS)
+def test_files_for_others_name_no_schema_that_stays_behind(folder, tmp_path, header):
+    """Packed, unpacked, and kept with results: a schema's path leads nowhere there, and the program has its hash."""
+    (folder / "parts" / "built.txt").unlink()
+    entry = pack_bundle(folder, tmp_path / "plain.tar").submission.entry
+    before = agent_hash(entry, folder)
+    (folder / "method.yaml").write_text(header + CARD, newline="")
+    if "Mine" not in header:
+        assert agent_hash(entry, folder) == before
+    (folder / "parts" / "more.yml").write_text(header, newline="")
+    (folder / "parts" / "text.txt").write_text(header, newline="")
+    pack_bundle(folder, tmp_path / "mine.tar")
+    suite = tmp_path / "suite.yaml"
+    (tmp_path / "room.yaml").write_text(header + bundled_scenarios()["tiny_room"].read_text(), newline="")
+    mine = "{name: mine, start: {python: author/mine/agent.py}}"
+    suite.write_text(ONE_CASE.replace("tiny_room", "room.yaml").replace("entries: [", f"entries: [{mine}, "))
+    loaded = load_suite(suite, is_flown=True)
+    for _ in range(2):
+        write_suite(loaded, tmp_path / "r")
+    unpacked = unpack_bundle(tmp_path / "mine.tar", tmp_path / "bundles").root
+    for kept in (unpacked, tmp_path / "r"):
+        files = [*kept.rglob("*.yaml"), *kept.rglob("*.yml")]
+        assert len(files) >= 2
+        assert [path for path in files if b"yaml-language-server" in path.read_bytes()] == []
+    assert agent_hash(entry, unpacked) == agent_hash(entry, folder)
+    assert (unpacked / "parts" / "text.txt").read_bytes() == header.encode()
+    assert b"schema.json" not in (unpacked / "parts" / "more.yml").read_bytes()
+    assert b"yaml-language-server" in (folder / "method.yaml").read_bytes()
 
 
 @pytest.mark.parametrize("word", ["HASH/agent.py", "x_bundles.yaml"])
