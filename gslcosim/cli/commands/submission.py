@@ -100,10 +100,10 @@ def _log(arguments: argparse.Namespace) -> int:
         write_json({"head": head, "lines": [asdict(line) for line in lines]})
     else:
         rows = [
-            (str(line.number), line.signed_at, line.author or line.key[-12:], line.suite or line.text, line.hash[:12])
+            (str(line.number), line.signed_at, line.author, line.key[-12:], line.suite or line.text, line.hash[:12])
             for line in lines
         ]
-        write(table(("LINE", "SIGNED AT", "AUTHOR", "SUITE OR NOTE", "HASH"), rows))
+        write(table(("LINE", "SIGNED AT", "AUTHOR", "KEY", "SUITE OR NOTE", "HASH"), rows))
         counted = (
             "1 line, signed." if len(lines) == 1 else f"{len(lines)} lines, each signed and chained to the one before."
         )
