@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TypedDict
 
 from gslcosim.base.errors import build_path_error
-from gslcosim.base.text_tables import Markdown, format_markdown_table
 from gslcosim.base.untrusted_input import read_json
 from gslcosim.data.figures.style import new_figure, styled
+from gslcosim.data.text_tables import Markdown, format_markdown_table
 from gslcosim.validation.cases import CASE_MODULES, load_case
 from gslcosim.validation.results import Case, CaseResult, Comparison, Effort
 

@@ -18,8 +18,7 @@ from pathlib import Path
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim.ros.node import RosSession
 from gslcosim.ros.types import ANEMOMETER, GAS_SENSOR, RosTypes
-from gslcosim_services.ros2.messages import QUEUED
-from gslcosim_services.ros2.messages import make_gas
+from gslcosim_services.ros2.messages import QUEUED, make_gas
 
 RATE_HZ = 10
 NOSE, WIND = "/beetle/nose", "/beetle/wind"

@@ -11,10 +11,10 @@ from typing import Any
 
 import pyarrow.compute as pc
 
-from gslcosim.base.text_tables import escape_markdown, format_code, format_markdown_table
 from gslcosim.bench.dataset.croissant import Publication, PublishedFile, build_citation
 from gslcosim.bench.dataset.tables import LEFT_OUT, Origin, PublishedTable, remove_folders
 from gslcosim.bench.store import WALL, ManifestEntry
+from gslcosim.data.text_tables import escape_markdown, format_code, format_markdown_table
 
 _compute: Any = pc
 

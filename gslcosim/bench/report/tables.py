@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from gslcosim.base.text_tables import escape_markdown, format_markdown_table, write_csv
 from gslcosim.bench.report import number_formats
 from gslcosim.bench.report.analysis import Analysis, DifficultyCauses, ReportView, find_beaten, find_same
 from gslcosim.bench.report.conclusions import CONCLUDED, NOT_CONCLUDED, Conclusions, describe_conclusions
@@ -21,6 +20,7 @@ from gslcosim.bench.report.validity import describe_validity
 from gslcosim.bench.statistics.estimates import LEVEL, Estimate
 from gslcosim.bench.store import TRIAL_COLUMNS
 from gslcosim.bench.verification_marks import VerificationMark
+from gslcosim.data.text_tables import escape_markdown, format_markdown_table, write_csv
 
 PARTS = ("preparing", "starting", "flying", "judging", "storing")
 

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
-from gslcosim.base.text_tables import escape_markdown, format_markdown_table
 from gslcosim.bench.cases.models import LOWER_ANCHOR
 from gslcosim.bench.statistics.estimates import Estimate
 from gslcosim.bench.store import ResultsFolder, Tracks, unpack_tracks
 from gslcosim.bench.studies.failures import CaseOutcome, Contrast, FailureSearch, RankedFailure
 from gslcosim.bench.studies.output import write_text
+from gslcosim.data.text_tables import escape_markdown, format_markdown_table
 
 FAILURES_SCHEMA = "gslcosim/failures/1"
 PICTURES = "pictures"

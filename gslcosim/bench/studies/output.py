@@ -7,12 +7,12 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from gslcosim.base.text_tables import write_csv
 from gslcosim.bench.statistics.estimates import Estimate
 from gslcosim.bench.statistics.settings import SettingFigures
 from gslcosim.bench.store import write_at_once
 from gslcosim.bench.studies.sweep import SweepResult
 from gslcosim.bench.studies.tuning import BATCH, EvaluatedSetting, TuningResult
+from gslcosim.data.text_tables import write_csv
 
 SWEEP_SCHEMA, TUNING_SCHEMA = "gslcosim/sweep/1", "gslcosim/tuning/1"
 

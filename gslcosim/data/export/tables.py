@@ -10,9 +10,9 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from gslcosim.base.text_tables import neutralise_cell, write_csv
 from gslcosim.data.run import RunData
 from gslcosim.data.tables import StreamTable, TableColumn, build_tables, safe_name, to_arrow
+from gslcosim.data.text_tables import neutralise_cell, write_csv
 
 DICTIONARY = "dictionary"
 _ENDINGS = {"image/png": "png", "image/jpeg": "jpg"}

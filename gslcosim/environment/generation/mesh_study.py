@@ -1,5 +1,6 @@
 """Mesh study: an environment solved on several meshes, and by OpenFOAM too, with a report."""
 
+import csv
 import json
 import math
 import time
@@ -13,7 +14,6 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.quantities import Vec3
-from gslcosim.base.text_tables import write_csv
 from gslcosim.environment.generation.builder import save_with_scene_and_picture
 from gslcosim.environment.generation.cache import recipe as plain_recipe
 from gslcosim.environment.generation.wind import Progress, build_patches, no_progress, solve_wind_of_scenario
@@ -280,7 +280,7 @@ def write_study(study: MeshStudy, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / STUDY_JSON_FILE).write_text(json.dumps(study.as_fields(), indent=2), encoding="utf-8")
     with (folder / STUDY_CSV_FILE).open("w", encoding="utf-8", newline="") as file:
-        write_csv(file, build_rows(study))
+        csv.writer(file).writerows(build_rows(study))
     written = [folder / STUDY_JSON_FILE, folder / STUDY_CSV_FILE]
     return [*written, folder / STUDY_PLOT_FILE] if _plot(study, folder / STUDY_PLOT_FILE) else written
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gslcosim.base.errors import build_machine_error
-from gslcosim.base.text_tables import escape_markdown, format_markdown_table
 from gslcosim.bench.cases.models import LOWER_ANCHOR
 from gslcosim.bench.statistics.estimates import UNDEFINED, Estimate
 from gslcosim.bench.statistics.rates import wilson
 from gslcosim.data.figures.style import new_figure, styled
+from gslcosim.data.text_tables import escape_markdown, format_markdown_table
 from gslcosim.validation.results import median_estimate
 
 if TYPE_CHECKING:

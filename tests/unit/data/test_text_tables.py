@@ -7,7 +7,7 @@ import re
 import pytest
 from markdown_it import MarkdownIt
 
-from gslcosim.base.text_tables import (
+from gslcosim.data.text_tables import (
     Markdown,
     escape_markdown,
     format_code,
