@@ -44,3 +44,10 @@ def test_json_stays_the_same_content(text):
     shown = escape_json_text(json.dumps([text], ensure_ascii=False))
     assert json.loads(shown) == [text]
     assert not [c for c in shown if unicodedata.category(c) in ("Cc", "Cs")]
+
+
+def test_json_in_a_page_has_nothing_that_ends_a_script_element():
+    content = {"a": "</script><!-- & \x1b\u2028"}
+    text = escape_json_text(json.dumps(content, ensure_ascii=False), is_embedded=True)
+    assert json.loads(text) == content
+    assert not set(text) & set("<>&\x1b\u2028")

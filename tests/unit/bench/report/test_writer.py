@@ -432,3 +432,27 @@ def test_the_page_of_ten_thousand_trials_has_at_most_ten_megabytes(tmp_path):
     folder = synthetic.make_results(tmp_path / "results", plan)
     assert len(rows_of(folder)) >= 10_000
     assert write_report(folder).page.stat().st_size < 10e6
+
+
+def test_no_name_is_a_formula_or_markup_in_tables(tmp_path):
+    """CSV files for spreadsheets, and the summary for pages that show Markdown."""
+    formula = "=HYPERLINK(1);+2|<img src=x onerror=alert(1)>[a](javascript:alert(1))`\x1b[31m"
+    methods = (synthetic.Method(name=formula, faults=0.5), replace(synthetic.WALKER, name="-1+1"))
+    folder = synthetic.make_results(tmp_path, replace(SMALL, methods=methods, title=formula))
+    write_report(folder)
+    cells = [
+        cell
+        for path in (folder / "tables").glob("*.csv")
+        for row in csv.reader(path.read_text(encoding="utf-8").splitlines())
+        for part in row
+        for cell in part.split(";")
+    ]
+    assert {"'=HYPERLINK(1)", "'-1+1"} <= set(cells)
+    assert [cell for cell in cells if cell[:1] in "=+@\t" and cell] == []
+    assert [float(cell) for cell in cells if cell.startswith("-")]
+    assert not any("\x1b" in cell for cell in cells)
+    summary = (folder / "summary.md").read_text(encoding="utf-8")
+    assert "HYPERLINK" in summary
+    assert "<img" not in summary
+    assert "](" not in summary.replace("\\](", "")
+    assert "\x1b" not in summary
