@@ -269,21 +269,49 @@ def find_reachable_cells(is_open: NDArray[np.bool_], openings: Sequence[Opening]
 
 
 def group_opening_cells(occupancy: NDArray[np.uint8]) -> Iterator[tuple[NDArray[np.bool_], Face | None]]:
-    """Yield each connected group of opening cells, with the face of the grid that most of it touches, if any.
+    """Yield the cells of each opening with the face of the grid that it lies on, if it reaches one.
+
+    Connected cells of code 2 are one opening on each face where they lie flat: as deep as the smaller side of what
+    touches the face, or less. So a band around a corner is two, the open sides of outdoors are four, and the rims of
+    these on floor and ceiling are none. Cells flat on no face belong to the face that most of them touch.
 
     Args:
         occupancy: (nx, ny, nz) of `Cell`.
 
     Yields:
-        ((nx, ny, nz) True in the group, its face).
+        ((nx, ny, nz) True in the opening, its face).
     """
     left = occupancy == Cell.OUTLET
     while left.any():
         group = reachable_cells(left, np.argwhere(left)[:1])
         left &= ~group
-        areas = {face: int(np.take(group, -1 if face.is_upper else 0, axis=face.axis).sum()) for face in FACES}
-        face = max(areas, key=lambda face: areas[face])
+        # GADEN's preprocessing marks only the hull of an opening; its depth is that of what the hull encloses.
+        is_filled = group | ~reachable_cells(~group, np.argwhere(occupancy == Cell.FREE))
+        parts: list[tuple[NDArray[np.bool_], Face]] = []
+        is_unexplained = group.copy()
+        for face in FACES:
+            layer = _from_face(group, face)[0]
+            lines = _from_face(is_filled, face)
+            depths = np.logical_and.accumulate(lines, axis=0).sum(axis=0)
+            # A line through the whole grid is another side, seen from its edge.
+            flat = np.sort(depths[layer & (depths < len(lines))])
+            sides = np.ptp(np.argwhere(layer), axis=0) + 1 if len(flat) else (0, 0)
+            if len(flat) and flat[(len(flat) - 1) // 2] <= min(sides) and (layer & _from_face(is_unexplained, face)[0]).any():
+                part = np.zeros_like(group)
+                _from_face(part, face)[: flat[0], layer] = True
+                parts.append((part & group, face))
+                is_unexplained &= ~part
+        if len(parts) > 1:
+            yield from parts
+            continue
+        areas = {face: int(_from_face(group, face)[0].sum()) for face in FACES}
+        face = parts[0][1] if parts else max(areas, key=lambda face: areas[face])
         yield group, face if areas[face] else None
+
+
+# A view with the layers across a face first, from the face on inwards.
+def _from_face(cells: NDArray[np.bool_], face: Face) -> NDArray[np.bool_]:
+    return np.moveaxis(cells, face.axis, 0)[:: face.inward]
 
 
 def find_air_cells(occupancy: NDArray[np.uint8]) -> NDArray[np.bool_]:
@@ -298,9 +326,7 @@ def find_air_cells(occupancy: NDArray[np.uint8]) -> NDArray[np.bool_]:
     is_air = occupancy != Cell.SOLID
     for group, face in group_opening_cells(occupancy):
         if face is not None:
-            outward = slice(None) if face.is_upper else slice(None, None, -1)
-            lines = np.moveaxis(group, face.axis, 0)[outward]
-            is_air |= np.moveaxis(np.logical_or.accumulate(lines, axis=0)[outward], 0, face.axis)
+            _from_face(is_air, face)[::-1] |= np.logical_or.accumulate(_from_face(group, face)[::-1], axis=0)
     return is_air
 
 
