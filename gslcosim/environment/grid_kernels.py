@@ -296,7 +296,11 @@ def group_opening_cells(occupancy: NDArray[np.uint8]) -> Iterator[tuple[NDArray[
             # A line through the whole grid is another side, seen from its edge.
             flat = np.sort(depths[layer & (depths < len(lines))])
             sides = np.ptp(np.argwhere(layer), axis=0) + 1 if len(flat) else (0, 0)
-            if len(flat) and flat[(len(flat) - 1) // 2] <= min(sides) and (layer & _from_face(is_unexplained, face)[0]).any():
+            if (
+                len(flat)
+                and flat[(len(flat) - 1) // 2] <= min(sides)
+                and (layer & _from_face(is_unexplained, face)[0]).any()
+            ):
                 part = np.zeros_like(group)
                 _from_face(part, face)[: flat[0], layer] = True
                 parts.append((part & group, face))

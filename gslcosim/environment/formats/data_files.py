@@ -19,7 +19,7 @@ indexed [z, x, y].
 """
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,12 @@ from gslcosim.environment.model import Cell, Grid
 LARGEST_GRID_CELLS = 10**9
 # Beyond this [m/s] a velocity is a fault of the file; it is three times the speed of sound.
 LARGEST_SPEED_M_S = 1000.0
+
+# What stands for no value: these, NaN, and all from 1e30 on: -1e300 in OpenFOAM's sets, 9.97e36 in netCDF, 1e30 to 1e38
+# in VTK and Fluent.
+_BLANKS = (999.0, 9999.0, 99999.0, 32767.0, 32768.0)
+_LEAST_BLANK = 1e30
+BLANK_REMEDY = "Leave samples without a value out, in ParaView by Threshold: cells without a sample are still air."
 
 # Each line with its number in the file, from 1.
 NumberedLines = Sequence[tuple[int, str]]
@@ -68,8 +74,19 @@ def read_lines(path: Path) -> list[tuple[int, str]]:
         text = read_content(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise data_error(path, "a text", f"other bytes at {error.start}") from error
+    return number_lines(text)
+
+
+def number_lines(text: str) -> list[tuple[int, str]]:
+    """Return the lines of a text that hold something, without blanks around them, with their numbers."""
     stripped = ((number, line.strip()) for number, line in enumerate(text.splitlines(), start=1))
     return [(number, line) for number, line in stripped if line]
+
+
+def split_row(text: str) -> tuple[list[str], str | None]:
+    """Return the words of a row of a table, without quotes, and what stands between them; blanks if absent."""
+    delimiter = next((mark for mark in (";", ",") if mark in text), None)
+    return [word.strip().strip('"').strip() for word in text.split(delimiter)], delimiter
 
 
 def parse_numbers(
@@ -79,6 +96,7 @@ def parse_numbers(
     *,
     delimiter: str | None = None,
     columns: Sequence[int] | None = None,
+    blank_remedy: str = "",
 ) -> NDArray[np.float64]:
     """Return lines of numbers as (n, m), all finite.
 
@@ -88,6 +106,7 @@ def parse_numbers(
         n_columns: How many values each line holds.
         delimiter: What stands between values; blanks if absent.
         columns: Which of the values to take, all by default; the others need not be numbers.
+        blank_remedy: What to do where a value is missing, for errors.
 
     Raises:
         EnvironmentDataError: a line holds another number of values, or one that is no finite number; names line and
@@ -102,19 +121,25 @@ def parse_numbers(
         texts = (text for _, text in lines)
         values = np.loadtxt(texts, delimiter=delimiter, comments=None, ndmin=2, usecols=taken)
     except ValueError as error:
-        raise _line_error(path, lines, n_columns, delimiter, taken) or data_error(
+        raise _line_error(path, lines, n_columns, delimiter, taken, blank_remedy) or data_error(
             path, f"{n_columns} numbers in each line", str(error)
         ) from error
     if not np.isfinite(values).all():
         row, column = np.argwhere(~np.isfinite(values))[0].tolist()
         place = f"line {lines[row][0]}, column {taken[column] + 1}"
-        raise data_error(path, f"a finite number in {place}", str(values[row, column]))
+        found = f"{values[row, column]}, which is no value"
+        raise data_error(path, f"a finite number in {place}", found, remedy=blank_remedy)
     return values
 
 
 # The place of the first value that is wrong; searched only when there is one.
 def _line_error(
-    path: Path, lines: NumberedLines, n_columns: int, delimiter: str | None, columns: Sequence[int]
+    path: Path,
+    lines: NumberedLines,
+    n_columns: int,
+    delimiter: str | None,
+    columns: Sequence[int],
+    blank_remedy: str,
 ) -> EnvironmentDataError | None:
     for number, text in lines:
         words = text.split(delimiter)
@@ -124,7 +149,9 @@ def _line_error(
             try:
                 float(words[column])
             except ValueError:
-                return data_error(path, f"a number in line {number}, column {column + 1}", repr(words[column][:40]))
+                is_blank = not any(c.isdigit() for c in words[column])
+                expected = f"a number in line {number}, column {column + 1}"
+                return data_error(path, expected, repr(words[column][:40]), remedy=blank_remedy if is_blank else "")
     return None
 
 
@@ -173,19 +200,40 @@ def build_checked_grid(path: Path, *, min_m: Vec3, max_m: Vec3, cell_m: float, s
     return Grid(origin_m=min_m, cell_m=cell_m, shape=shape)
 
 
-def check_velocities(path: Path, velocity_m_s: NDArray[Any]) -> None:
-    """Refuse velocities that are not finite or faster than anything that blows.
+def check_velocities(
+    path: Path, velocity_m_s: NDArray[Any], place: Callable[[int], str] = lambda index: f"number {index + 1}"
+) -> None:
+    """Refuse velocities that are not finite, that stand for no value, or faster than anything that blows.
+
+    Args:
+        path: Where they are from, for errors.
+        velocity_m_s: (t, …) [m/s].
+        place: Where in the file a number of a frame stands, by its index in C order.
 
     Raises:
-        EnvironmentDataError: there is one.
+        EnvironmentDataError: there is one; names the first.
     """
-    for frame in velocity_m_s:
+    for i, frame in enumerate(velocity_m_s):
         with np.errstate(all="ignore"):
             highest = np.abs(frame).max(initial=0.0)
-        # NaN compares false.
-        if not highest <= LARGEST_SPEED_M_S:
-            n_wrong = int((~(np.abs(frame) <= LARGEST_SPEED_M_S)).sum())
-            raise data_error(path, f"finite velocities up to {LARGEST_SPEED_M_S:g} m/s", f"{n_wrong} that are not")
+            # NaN compares false.
+            if highest < _BLANKS[0]:
+                continue
+            speeds = np.abs(frame)
+            is_wrong = ~(speeds <= LARGEST_SPEED_M_S) | np.isin(speeds, _BLANKS)
+        if is_wrong.any():
+            index = int(np.argmax(is_wrong))
+            value, speed = float(frame.flat[index]), float(speeds.flat[index])
+            is_blank = not speed < _LEAST_BLANK or speed in _BLANKS
+            where = place(index) if len(velocity_m_s) == 1 else f"{place(index)} of frame {i}"
+            found = f"{int(is_wrong.sum())} that are not, the first {value:g} in {where}"
+            expected = f"finite velocities up to {LARGEST_SPEED_M_S:g} m/s"
+            raise data_error(
+                path,
+                expected,
+                f"{found}, which is no value" if is_blank else found,
+                remedy=BLANK_REMEDY if is_blank else "Are they in another unit?",
+            )
 
 
 OCCUPANCY_FILE = "OccupancyGrid3D.csv"
@@ -284,8 +332,8 @@ def _check_layers(path: Path, lines: NumberedLines, nx: int, nz: int) -> None:
 
 # GADEN's preprocessing begins a binary component file with this number.
 BINARY_MARK = 999
-# GADEN's results of version 3 begin with two of these, major and minor.
-_RESULT_MAJOR = 3
+# GADEN's results begin with two of these, major and minor, from version 2.6 on.
+RESULT_MAJORS = (2, 3)
 # Frames times cells; what is larger (36 GB) is a fault of the file.
 LARGEST_WIND_CELLS = 3 * 10**9
 
@@ -300,7 +348,7 @@ def read_components(paths: tuple[Path, Path, Path], grid: Grid) -> NDArray[np.fl
 
 
 def read_result(path: Path, grid: Grid) -> NDArray[np.float32]:
-    """Return the (nx, ny, nz, 3) wind of one `wind_iteration_i` of GADEN's results, world frame [m/s].
+    """Return the (nx, ny, nz, 3) wind of one `wind_iteration_i` or `.csv_gaden` of GADEN, world frame [m/s].
 
     Raises:
         EnvironmentDataError: the file is missing or does not fit the grid.
@@ -310,28 +358,12 @@ def read_result(path: Path, grid: Grid) -> NDArray[np.float32]:
     if len(content) == 24 * n:
         return _as_cells(path, np.frombuffer(content, "<f8").reshape(3, n).T, grid)
     if len(content) != 8 + 12 * n:
-        expected = f"{24 * n} bytes (versions 1 and 2) or {8 + 12 * n} (3) for {n} cells"
+        expected = f"{24 * n} bytes (until version 2.5) or {8 + 12 * n} (from 2.6 on) for {n} cells"
         raise data_error(path, expected, f"{len(content)}")
     major = int(np.frombuffer(content, "<i4", count=1)[0])
-    if major != _RESULT_MAJOR:
-        raise data_error(path, f"version {_RESULT_MAJOR} in front of {12 * n} bytes", f"{major}")
+    if major not in RESULT_MAJORS:
+        raise data_error(path, f"version 2 or version 3 in front of {12 * n} bytes", f"{major}")
     return _as_cells(path, np.frombuffer(content, "<f4", offset=8).reshape(n, 3), grid)
-
-
-def read_uniform(path: Path, grid: Grid, is_air: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Return the (t, nx, ny, nz, 3) wind of lines `u,v,w`, one a frame: the same in all air [m/s].
-
-    Raises:
-        EnvironmentDataError: a line is not three finite numbers.
-    """
-    lines = read_lines(path)
-    delimiter = "," if lines and "," in lines[0][1] else None
-    winds = parse_numbers(path, lines, 3, delimiter=delimiter)
-    if not len(winds):
-        raise data_error(path, "lines u,v,w", "an empty file")
-    check_velocities(path, winds[np.newaxis])
-    _check_amount(path, len(winds), grid)
-    return is_air[np.newaxis, ..., np.newaxis] * winds[:, None, None, None].astype(np.float32)
 
 
 def read_array(path: Path, grid: Grid) -> NDArray[np.float32]:
@@ -341,10 +373,10 @@ def read_array(path: Path, grid: Grid) -> NDArray[np.float32]:
         EnvironmentDataError: the file is truncated, holds no real numbers, or does not fit the grid.
     """
     frames = _stored_frames(path, grid)
-    _check_amount(path, len(frames), grid)
+    check_amount(path, len(frames), grid)
     if frames.ndim == 3:
         return np.stack([_as_cells(path, frame, grid) for frame in frames])
-    check_velocities(path, frames)
+    check_velocities(path, frames, _cell_place(grid.shape))
     return np.array(frames, np.float32)
 
 
@@ -358,7 +390,7 @@ def read_array_frame(path: Path, grid: Grid, number: int) -> NDArray[np.float32]
     frame = frames[number % len(frames)]
     if frame.ndim == 2:
         return _as_cells(path, frame, grid)
-    check_velocities(path, frame[np.newaxis])
+    check_velocities(path, frame[np.newaxis], _cell_place(grid.shape))
     return np.array(frame, np.float32)
 
 
@@ -388,7 +420,7 @@ def _read_component(path: Path, grid: Grid) -> NDArray[np.float32]:
     content = read_content(path)
     if content[:4] != np.int32(BINARY_MARK).tobytes():
         values = parse_rows(path, read_lines(path), grid)
-        check_velocities(path, values[np.newaxis])
+        check_velocities(path, values[np.newaxis], _cell_place(grid.shape, 1))
         return values.astype(np.float32)
     n = count_cells(grid)
     if len(content) != 4 + 8 * n:
@@ -396,15 +428,25 @@ def _read_component(path: Path, grid: Grid) -> NDArray[np.float32]:
     return _as_cells(path, np.frombuffer(content, "<f8", offset=4), grid)
 
 
+# Of numbers in C order over cells; those of other programs run over x first.
+def _cell_place(shape: tuple[int, int, int], n_components: int = 3, *, step: int = 1) -> Callable[[int], str]:
+    return lambda index: f"cell {[int(i) for i in np.unravel_index(index // n_components, shape)][::step]}"
+
+
 # Checked before it is narrowed: what would overflow is refused.
 def _as_cells(path: Path, values: NDArray[Any], grid: Grid) -> NDArray[np.float32]:
-    check_velocities(path, values[np.newaxis])
     nx, ny, nz = grid.shape
+    check_velocities(path, values[np.newaxis], _cell_place((nz, ny, nx), values.size // (nx * ny * nz), step=-1))
     cells = values.reshape(nz, ny, nx, *values.shape[1:])
     return np.ascontiguousarray(np.swapaxes(cells, 0, 2), np.float32)
 
 
-def _check_amount(path: Path, n_frames: int, grid: Grid) -> None:
+def check_amount(path: Path, n_frames: int, grid: Grid) -> None:
+    """Refuse more frames than any memory holds.
+
+    Raises:
+        EnvironmentDataError: there are.
+    """
     n = n_frames * count_cells(grid)
     if n > LARGEST_WIND_CELLS:
         raise data_error(path, f"at most {LARGEST_WIND_CELLS:.0e} cells in all frames", f"{n}")
