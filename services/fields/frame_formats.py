@@ -7,7 +7,8 @@ MAPIRlab/gaden_core; sizes are in centimetres, places in metres.
   records int id, double x, y, z, sigma.
 - 2.0 to 2.5: int 2, minor; int cells[3]; float min[3], max[3], cell; float source[3]; int gas; double moles, air;
   int wind; records as in 1.
-- 2.6 and later: int 2, minor; grid as in 2.0; float moles, air; int wind; records int id, float x, y, z, sigma.
+- 2.6 and later: int 2, minor; grid as in 2.0; float source[3]; int gas; float moles, air; int wind; records int id,
+  float x, y, z, sigma. GADEN's later readers of it expect no source and no gas; frames without them are read too.
 - 3: int 3, minor; grid as in 2.0; source: text (size_t length, bytes) `point`, `box` + float size[3], `line` + float
   end[3], `sphere` + float radius, `cylinder` + float radius, height; float position[3]; int gas; float moles, air;
   int wind; text `filaments` with size_t n and records float x, y, z, sigma, bool active and three bytes of padding, or
@@ -288,13 +289,18 @@ def _read_version_2(reader: _GadenReader, minor: int, grid: Grid) -> GasFrame:
 
 
 def _read_version_2_6(reader: _GadenReader, minor: int, grid: Grid) -> GasFrame:
+    gas, source_m = None, None
+    # Records are 20 bytes each; what is over tells whether 16 bytes of source and gas are there.
+    if reader.n_left % _FLOAT_RECORD.itemsize == struct.calcsize("<3fi2fi") % _FLOAT_RECORD.itemsize:
+        source_m = check_source_position(reader.path, grid, reader.take_vector("f"))
+        gas = find_gas_by_code(reader.path, reader.take_int())
     amount_mol, air_mol_cm3 = reader.take("2f")
     wind_index = reader.take_count()
     return GasFrame(
         version=f"2.{minor}",
         grid=grid,
-        gas=None,
-        source_position_m=None,
+        gas=gas,
+        source_position_m=source_m,
         wind_index=wind_index,
         filaments=_read_filaments(reader, grid, reader.take_records(_FLOAT_RECORD), amount_mol, air_mol_cm3),
     )

@@ -26,6 +26,7 @@ CONTENTS = {
     "version_1": gaden.version_1(),
     "version_2": gaden.version_2(),
     "version_2_6": gaden.version_2_6(),
+    "version_2_6_simulated": gaden.version_2_6_simulated(),
     "version_3": gaden.version_3(),
     "version_3_box": gaden.version_3("box", (0.1, 0.2, 0.3)),
     "version_3_early": gaden.version_3_early(),

@@ -41,8 +41,20 @@ def version_2(minor=3):
     return head + struct.pack("<i2di", GAS_CODE, MOLES, AIR, WIND) + _records("d")
 
 
+def version_2_6_simulated():
+    """As GADEN 2.6's own simulator writes it."""
+    head = struct.pack("<2i", 2, 6) + _grid() + struct.pack("<3fi", *SOURCE_M, GAS_CODE)
+    return head + struct.pack("<2fi", MOLES, AIR, WIND) + _records("f")
+
+
 def version_2_6():
+    """As GADEN's later readers of 2.6 expect it."""
     return struct.pack("<2i", 2, 6) + _grid() + struct.pack("<2fi", MOLES, AIR, WIND) + _records("f")
+
+
+def wind_2_6(wind, minor=6):
+    """The result or `.csv_gaden` of a wind (nx, ny, nz, 3): x y z of each cell, x running fastest."""
+    return struct.pack("<2i", 2, minor) + wind.transpose(2, 1, 0, 3).astype("<f4").tobytes()
 
 
 def _version_3_head(shape, sizes):

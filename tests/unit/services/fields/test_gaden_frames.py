@@ -18,6 +18,7 @@ VERSIONS = {
     "1": gaden.version_1(),
     "2.3": gaden.version_2(),
     "2.6": gaden.version_2_6(),
+    "2.6 simulated": gaden.version_2_6_simulated(),
     "3.0": gaden.version_3(),
     "3.0 early": gaden.version_3_early(),
     "3.0 box": gaden.version_3("box", (1.0, 2.0, 3.0)),
@@ -54,6 +55,24 @@ def test_every_version_shows_the_same(write, name, is_late):
         assert (frame.gas, frame.source_position_m) == ("methane", pytest.approx(gaden.SOURCE_M))
     centre_ppm = mixing_ratio_ppm_at(gaden.POSITIONS_M[:1], frame.filaments)[0, 0]
     assert centre_ppm == pytest.approx(10.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 3])
+def test_frames_of_2_6_tell_by_their_length_whether_they_have_a_source(write, n):
+    content = gaden.version_2_6_simulated()
+    frame = read_gaden_frame(write(gaden.compressed(content[: len(content) - 20 * (3 - n)])))
+    assert (frame.gas, len(frame.filaments.sigma_m)) == ("methane", n)
+    content = gaden.version_2_6()
+    frame = read_gaden_frame(write(gaden.compressed(content[: len(content) - 20 * (3 - n)])))
+    assert (frame.gas, len(frame.filaments.sigma_m)) == (None, n)
+
+
+def test_a_frame_of_2_6_that_ends_within_a_record_is_refused(write):
+    for content in (gaden.version_2_6_simulated(), gaden.version_2_6()):
+        for n_lost in range(1, 20):
+            with contextlib.suppress(EnvironmentDataError):
+                frame = read_gaden_frame(write(gaden.compressed(content[:-n_lost])))
+                pytest.fail(f"{n_lost} bytes less: {frame}")
 
 
 def test_version_2_6_does_not_show_gas_and_source(write):
