@@ -535,7 +535,7 @@ def _series_named(path: Path, grid: Grid) -> _Series:
     raise data_error(path, "a file, a folder or the beginning of a series of wind", "missing")
 
 
-def _series_in(folder: Path, grid: Grid) -> _Series:
+def _series_in(folder: Path, grid: Grid, *, is_parent: bool = True) -> _Series:
     if _find_field(folder, VELOCITY_FILE) is not None:
         case = folder.absolute().parent
         return _foam_series(case, _time_folders(case), [(0.0, folder)])
@@ -544,7 +544,7 @@ def _series_in(folder: Path, grid: Grid) -> _Series:
         raise data_error(folder, "one series of wind", ", ".join(sorted(series)), remedy="Name one of them.")
     for files in series.values():
         return _series_of(folder, files, grid)
-    return _times_in(folder) or _only_in(folder, grid)
+    return _times_in(folder) or _only_in(folder, grid, is_parent=is_parent)
 
 
 # Of a file whose content is not recognised: its error is raised when its series is taken.
@@ -686,11 +686,11 @@ def _period_s(times_s: Sequence[float]) -> float | None:
     return float(steps_s.mean())
 
 
-def _only_in(folder: Path, grid: Grid) -> _Series:
+def _only_in(folder: Path, grid: Grid, *, is_parent: bool) -> _Series:
     files = [path for path in sorted(folder.iterdir()) if path.suffix in (".npy", *_TABLE_SUFFIXES)]
     folders = [path for path in sorted(folder.iterdir()) if path.is_dir()]
-    if not files and len(folders) == 1:
-        return _series_in(folders[0], grid)
+    if is_parent and not files and len(folders) == 1:
+        return _series_in(folders[0], grid, is_parent=False)
     if len(files) != 1:
         names = ", ".join(path.name for path in (files or folders)[:5]) or "none of them"
         raise data_error(folder, f"one file or series of wind: {_KNOWN}", names, remedy="Name the one to take.")

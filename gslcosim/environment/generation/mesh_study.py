@@ -339,7 +339,7 @@ def compare_solvers_in(recipe: Recipe, folder: Path, *, progress: Progress | Non
     """
     wind, progress = recipe.wind, progress or no_progress
     if not isinstance(wind, WindSpec):
-        raise UsageError(f"--compare-solvers: expected one of gslcosim's own solvers, was {wind.solver}.")
+        raise UsageError(f"--compare-solvers: expected one of gslcosim's own solvers, was {wind.kind_name}.")
     if wind.save_every_s is not None:
         raise UsageError("--compare-solvers: expected one wind to compare, was wind.save_every_s. Leave it out.")
     room = build_geometry(recipe.environment, wind, scenario_dir=recipe.directory)

@@ -1,6 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
 """Files of geometry as named parts of triangles: STL, OBJ, glTF, and MJCF where MuJoCo places its geoms."""
 
+import io
 import re
 import struct
 import warnings
@@ -86,9 +87,25 @@ def _read_scene(path: Path, ending: str) -> list[Part]:
     # trimesh takes half a second to import, and only rooms from meshes need it.
     import trimesh
 
-    options: dict[str, Any] = {"split_objects": True, "split_groups": True} if ending == ".obj" else {}
-    scene = trimesh.load_scene(path, process=False, **options)
-    words = _words_of_obj(path) if ending == ".obj" else frozenset[str]()
+    words, solids = frozenset[str](), frozenset[str]()
+    if ending == ".obj":
+        text = _plain_obj(path.read_text(encoding="utf-8", errors="replace"))
+        words = frozenset(re.findall(r"^(?:o|g|usemtl) (.+)$", text, flags=re.MULTILINE))
+        resolver = trimesh.resolvers.FilePathResolver(str(path))
+        scene = trimesh.load_scene(
+            io.BytesIO(text.encode()),
+            file_type="obj",
+            resolver=resolver,
+            metadata={"file_name": path.name},
+            process=False,
+            split_objects=True,
+            split_groups=True,
+        )
+    else:
+        scene = trimesh.load_scene(path, process=False)
+        if ending == ".stl":
+            text = path.read_text(encoding="utf-8", errors="replace")
+            solids = frozenset(re.findall(r"^\s*solid[ \t]+(\S.*?)\s*$", text, flags=re.MULTILINE | re.IGNORECASE))
     parts: list[Part] = []
     for node in sorted(map(str, scene.graph.nodes_geometry)):
         to_world, geometry_name = scene.graph[node]
@@ -96,7 +113,11 @@ def _read_scene(path: Path, ending: str) -> list[Part]:
         if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces):
             mesh = mesh.copy()
             mesh.apply_transform(to_world)
-            parts.append(_part_of(mesh, node, {node, str(geometry_name)}, words))
+            names = {node, str(geometry_name)}
+            # Solids of one name are numbered from the second on.
+            if ending == ".stl" and node not in solids:
+                names |= {re.sub(r"_\d+$", "", node)} & solids
+            parts.append(_part_of(mesh, node, names, words))
     return parts
 
 
@@ -118,13 +139,37 @@ def _part_of(mesh: Any, node: str, names: set[str], words: frozenset[str]) -> Pa
     )
 
 
-def _words_of_obj(path: Path) -> frozenset[str]:
-    text = path.read_text(encoding="utf-8", errors="replace")
-    return frozenset(word.strip() for word in re.findall(r"^(?:o|g|usemtl)\s+(.+)$", text, flags=re.MULTILINE))
+# The reader takes neither tabs, remarks behind values nor old ends of lines, and counts indices below zero from the end
+# of the file; OBJ counts them from their line.
+def _plain_obj(text: str) -> str:
+    lines: list[str] = []
+    n_of = {"v": 0, "vt": 0, "vn": 0}
+    for line in re.sub(r"\\\s*\n", " ", "\n".join(text.splitlines())).split("\n"):
+        word, *rest = line.split() or [""]
+        if word in n_of:
+            n_of[word] += 1
+        elif word == "f":
+            rest = [
+                "/".join(_absolute(index, n) for index, n in zip(corner.split("/"), n_of.values(), strict=False))
+                for corner in line.partition("#")[0].split()[1:]
+            ]
+        lines.append(" ".join((word, *rest)))
+    return "\n".join(lines) + "\n"
+
+
+def _absolute(index: str, n: int) -> str:
+    number = int(index or 1)
+    if number == 0 or number < -n:
+        raise ValueError(f"a face with index {index}, behind {n} of its kind")
+    return str(number + n + 1) if number < 0 else index
 
 
 # The reader takes a binary file of the wrong length for text, and text that ends early for a shorter file.
 def _check_stl(content: bytes) -> None:
+    n_triangles = struct.unpack("<I", content[80:84])[0] if len(content) >= 84 else 0
+    # A binary file may begin with the same word as a text.
+    if len(content) >= 84 and len(content) == 84 + 50 * n_triangles:
+        return
     if content.lstrip()[:5].lower() == b"solid" and b"facet" in content[:4096].lower():
         n_begun, n_ended = (
             len(re.findall(rb"^\s*" + word, content, flags=re.I | re.M)) for word in (b"facet", b"endfacet")
@@ -132,9 +177,7 @@ def _check_stl(content: bytes) -> None:
         if n_begun != n_ended or b"endsolid" not in content[-1024:].lower():
             raise ValueError(f"the text ends after {n_ended} of at least {n_begun} triangles, without endsolid")
         return
-    n_triangles = struct.unpack("<I", content[80:84])[0] if len(content) >= 84 else 0
-    if len(content) != 84 + 50 * n_triangles:
-        raise ValueError(f"its header says {n_triangles} triangles, which take {84 + 50 * n_triangles} bytes")
+    raise ValueError(f"its header says {n_triangles} triangles, which take {84 + 50 * n_triangles} bytes")
 
 
 def _check(parts: list[Part], path: Path) -> None:

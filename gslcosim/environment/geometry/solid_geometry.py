@@ -373,12 +373,12 @@ def _load(spec: GeometrySpec, base_dir: Path) -> list[Part]:
 
 
 def _problems_of_kinds(plugs: Sequence[GeometryOpening], wind: SolverSpec) -> list[Problem]:
-    if wind.solver == "uniform":
+    if not wind.solves:
         return []
     return [
         Problem(
             where=OPENINGS_PATH,
-            expected=f"at least one {kind}, since wind.solver is {wind.solver}",
+            expected=f"at least one {kind}, since wind.solver is {wind.kind_name}",
             found="none",
             remedy=f"List one, or name a surface of the files {kind}; or take wind.solver: uniform.",
         )

@@ -146,7 +146,7 @@ def find_layout_problems(layout: Layout, wind: SolverSpec) -> list[Problem]:
     problems = find_opening_problems(inlet, grid, inlet_path) + find_opening_problems(outlet, grid, outlet_path)
     if problems:
         return problems
-    if wind.solver != "uniform" and (face := find_face(inlet, grid)):
+    if wind.solves and (face := find_face(inlet, grid)):
         problems += find_inflow_problems(wind.inlet_velocity_m_s, face)
     first, second = _inlet_and_outlet(layout, wind, grid)
     if are_overlapping(first, second, grid):

@@ -1,7 +1,10 @@
 """Wind of other programs: each format is recognised and read in its order, gaps are reported, faults are refused."""
 
+import gzip
+import re
 import struct
 
+import gaden_writers as gaden
 import numpy as np
 import pytest
 
@@ -316,3 +319,166 @@ def test_frames_that_no_memory_holds_are_refused_before_it_is_asked_for(tmp_path
     large = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=1.0, shape=(100, 100, 100))
     with pytest.raises(EnvironmentDataError, match=r"at most 3e\+09 cells in all frames, was 3001000000"):
         load_wind(path, large)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("wind_iteration_0", gaden.wind_2_6),
+        ("breeze_0.csv_gaden", gaden.wind_2_6),
+        ("breeze_0", gaden.wind_2_6),
+        ("breeze_0.csv", gaden.wind_2_6),
+        ("wind_iteration_0", lambda wind: gaden.wind_2_6(wind, minor=7)),
+    ],
+)
+def test_winds_of_gaden_2_6_are_read_by_their_content(tmp_path, wind, name, content):
+    (tmp_path / name).write_bytes(content(wind))
+    for path in (tmp_path, tmp_path / name, tmp_path / re.split(r"_\d", name)[0]):
+        np.testing.assert_array_equal(frame(path), wind)
+
+
+def test_what_gaden_2_6_makes_comes_before_the_tables_beside_it(tmp_path, wind):
+    write_points(tmp_path / "wind_0.csv", 2 * wind)
+    write_components(tmp_path, 3 * wind)
+    (tmp_path / "wind_0.csv_gaden").write_bytes(gaden.wind_2_6(wind))
+    np.testing.assert_array_equal(frame(tmp_path), wind)
+
+
+@pytest.mark.parametrize(
+    "text", ["0.5,0,0\n0.25,0.125,0\n", "u v w\n0.5 0 0\n0.25 0.125 0", "# breeze\n0.5;0;0\n0.25;0.125;0\n"]
+)
+def test_a_uniform_series_is_one_by_folder_parent_beginning_and_file(tmp_path, text):
+    folder = tmp_path / "parent" / "fast"
+    folder.mkdir(parents=True)
+    (folder / "breeze_0.csv").write_text(text)
+    (folder / "breeze_1.csv").write_text("0.75 0 0")
+    for path in (folder, folder.parent, folder / "breeze", folder / "breeze_"):
+        read = load_wind(path, GRID).velocity_m_s
+        assert read[:, 1, 1, 1].tolist() == [[0.5, 0, 0], [0.25, 0.125, 0], [0.75, 0, 0]]
+    assert len(load_wind(folder / "breeze_0.csv", GRID).velocity_m_s) == 2
+
+
+def test_arrays_are_a_series_too(tmp_path, wind):
+    for i in (9, 10, 11):
+        np.save(tmp_path / f"wind.{i:04d}.npy", x_first(wind + i).astype(float))
+    np.testing.assert_array_equal(load_wind(tmp_path, GRID).velocity_m_s, [wind + 9, wind + 10, wind + 11])
+
+
+def test_a_series_is_of_one_kind_and_has_each_number_once(tmp_path, wind):
+    write_points(tmp_path / "wind_0.csv", wind)
+    (tmp_path / "wind_1.csv").write_text("1,0,0\n")
+    with pytest.raises(
+        EnvironmentDataError, match=r"one kind of wind, was .* in wind_0.csv; uniform wind in wind_1.csv"
+    ):
+        load_wind(tmp_path, GRID)
+    (tmp_path / "wind_1.csv").write_text("")
+    with pytest.raises(EnvironmentDataError, match=r"wind_1.csv: expected lines of wind, was an empty file"):
+        load_wind(tmp_path, GRID)
+    for name in ("wind_1.csv", "wind_01.csv"):
+        write_points(tmp_path / name, wind)
+    with pytest.raises(EnvironmentDataError, match=r"one file with number 1, was wind_01.csv and wind_1.csv"):
+        load_wind(tmp_path, GRID)
+
+
+def test_a_line_of_three_numbers_for_each_cell_is_no_series_of_frames(tmp_path, wind):
+    np.savetxt(tmp_path / "wind_0.csv", x_first(wind), delimiter=",")
+    with pytest.raises(EnvironmentDataError, match=r"24 lines, as many as cells\. Wind of each cell needs its places"):
+        load_wind(tmp_path, GRID)
+
+
+@pytest.mark.parametrize(
+    "blank",
+    ["-1e300", "-1e+300", "1e30", "-9999", "-999", "1e38", "9.969209968386869e+36", "nan", "NaN", "", "--", "32767"],
+)
+def test_what_stands_for_no_value_is_named_with_line_and_remedy(tmp_path, blank):
+    rows = ["x,y,z,u,v,w", "0.25,-0.75,0.75,0.5,0,0", f"0.75,-0.75,0.75,{blank},0,0"]
+    (tmp_path / "wind.csv").write_text("\n".join(rows))
+    with pytest.raises(EnvironmentDataError, match=r"line 3, column 4.*Leave samples without a value out"):
+        load_wind(tmp_path / "wind.csv", GRID)
+
+
+def test_masked_samples_are_named_though_their_numbers_look_like_still_air(tmp_path):
+    head = '"U:0","U:1","U:2","Points:0","Points:1","Points:2","vtkValidPointMask"'
+    (tmp_path / "wind.csv").write_text(f"{head}\n1,0,0,0.25,-0.75,0.75,1\n0,0,0,0.75,-0.75,0.75,0\n")
+    with pytest.raises(EnvironmentDataError, match=r"vtkValidPointMask 0, the first in line 3\. Leave samples"):
+        load_wind(tmp_path / "wind.csv", GRID)
+
+
+def test_blanks_of_arrays_and_results_are_named_by_their_cell(tmp_path, wind):
+    wind[1, 2, 3, 0] = 9.96921e36
+    np.save(tmp_path / "own.npy", wind)
+    np.save(tmp_path / "cells.npy", x_first(wind))
+    (tmp_path / "wind_iteration_0").write_bytes(gaden.wind_2_6(wind))
+    for name in ("own.npy", "cells.npy", "wind_iteration_0"):
+        with pytest.raises(EnvironmentDataError, match=r"9\.96921e\+36 in cell \[1, 2, 3\], which is no value"):
+            load_wind(tmp_path / name, GRID)
+
+
+def write_case(folder, wind, times, places):
+    for i, name in enumerate(times):
+        write_foam(folder / name, (i + 1) * wind)
+        if name not in places:
+            (folder / name / "C").unlink()
+    for name in set(places) - set(times):
+        write_foam(folder / name, wind)
+        (folder / name / "U").unlink()
+
+
+@pytest.mark.parametrize("place", ["0", "1e-05", "0.1", "10", "constant"])
+def test_centres_in_one_place_are_those_of_all_times(tmp_path, wind, place):
+    times = ["0", "1e-05", "0.1", "10"]
+    write_case(tmp_path, wind, times, [place])
+    with pytest.warns(WindGapsWarning, match="not evenly spaced"):
+        read = load_wind(tmp_path, GRID).velocity_m_s
+    np.testing.assert_array_equal(read, [wind, 2 * wind, 3 * wind, 4 * wind])
+    np.testing.assert_array_equal(frame(tmp_path / "10"), 4 * wind)
+
+
+def test_times_without_velocities_are_named(tmp_path, wind):
+    write_case(tmp_path, wind, ["0", "1", "2"], ["0"])
+    (tmp_path / "1" / "U").rename(tmp_path / "1" / "p")
+    with pytest.warns(WindGapsWarning, match="the times 1 have no U and are left out"):
+        assert len(load_wind(tmp_path, GRID).velocity_m_s) == 2
+
+
+def test_a_mesh_that_moves_needs_its_centres_in_each_time(tmp_path, wind):
+    write_case(tmp_path, wind, ["0", "1", "2"], ["0", "1"])
+    path = tmp_path / "1" / "C"
+    path.write_text(path.read_text().replace("(0.25 ", "(0.26 "))
+    with pytest.raises(EnvironmentDataError, match="C in each time of a mesh that moves, was none in 2"):
+        load_wind(tmp_path, GRID)
+    (tmp_path / "2" / "C").write_text(path.read_text())
+    assert len(load_wind(tmp_path, GRID).velocity_m_s) == 3
+    (tmp_path / "1" / "C").unlink()
+    (tmp_path / "2" / "C").unlink()
+    (tmp_path / "2" / "polyMesh").mkdir()
+    (tmp_path / "2" / "polyMesh" / "points").touch()
+    with pytest.raises(EnvironmentDataError, match="mesh that moves"):
+        load_wind(tmp_path, GRID)
+
+
+@pytest.mark.parametrize("part", ["processor0", "processors4", "processors4_0-1"])
+def test_a_case_in_parts_is_never_its_initial_condition(tmp_path, wind, part):
+    write_case(tmp_path, wind, ["0"], ["0"])
+    write_case(tmp_path / part, wind, ["0", "5"], ["0"])
+    for path in (tmp_path, tmp_path / part, tmp_path / part / "5"):
+        with pytest.raises(EnvironmentDataError, match="Run reconstructPar"):
+            load_wind(path, GRID)
+    write_case(tmp_path, wind, ["5"], ["5"])
+    assert len(load_wind(tmp_path, GRID).velocity_m_s) == 2
+
+
+def test_compressed_fields_and_repeated_vectors_are_read(tmp_path, wind):
+    write_foam(tmp_path / "0", wind)
+    for name in ("U", "C"):
+        (tmp_path / "0" / f"{name}.gz").write_bytes(gzip.compress((tmp_path / "0" / name).read_bytes()))
+        (tmp_path / "0" / name).unlink()
+    np.testing.assert_array_equal(frame(tmp_path), wind)
+    text = f"{FOAM_HEAD.format(form='ascii')}internalField nonuniform List<vector> 24{{(1 2 3)}};\n"
+    (tmp_path / "0" / "U").write_text(text)
+    assert (frame(tmp_path) == [1, 2, 3]).all()
+    (tmp_path / "0" / "U").unlink()
+    packed = (tmp_path / "0" / "U.gz").read_bytes()
+    (tmp_path / "0" / "U.gz").write_bytes(packed[:-20])
+    with pytest.raises(EnvironmentDataError, match="a whole gzip file"):
+        load_wind(tmp_path, GRID)
