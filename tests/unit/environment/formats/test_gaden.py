@@ -9,6 +9,7 @@ from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.environment.formats.data_files import format_occupancy
 from gslcosim.environment.formats.environment_folders import import_gaden, is_gaden, load_gaden_geometry
 from gslcosim.environment.formats.wind_files import NoWindWarning
+from gslcosim.environment.grid_kernels import find_air_cells
 from gslcosim.environment.model import Cell, Grid
 from gslcosim.environment.openings import voxelize
 
@@ -98,3 +99,68 @@ def test_folders_without_an_occupancy_are_refused(tmp_path):
     assert not is_gaden(tmp_path)
     with pytest.raises(EnvironmentDataError, match=r"expected one OccupancyGrid3D.csv"):
         load_gaden_geometry(tmp_path)
+
+
+def openings_of(folder, codes):
+    grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=0.5, shape=codes.shape)
+    (folder / "OccupancyGrid3D.csv").write_text(format_occupancy(grid, codes))
+    return [(each.kind, each.min_m, each.max_m) for each in load_gaden_geometry(folder).openings]
+
+
+def band(shape, layers):
+    """Outlets around all four sides, in some layers."""
+    codes = np.zeros(shape, np.uint8)
+    codes[[0, -1], :, layers] = codes[:, [0, -1], layers] = Cell.OUTLET
+    return codes
+
+
+@pytest.mark.parametrize(("shape", "n_layers"), [((4, 3, 2), 2), ((12, 9, 8), 8), ((12, 9, 8), 2), ((12, 9, 8), 1)])
+def test_open_sides_are_four_openings_and_none_on_floor_or_ceiling(tmp_path, shape, n_layers):
+    x, y, z = 0.5 * shape[0], 0.5 * shape[1], 0.5 * n_layers
+    assert openings_of(tmp_path, band(shape, slice(0, n_layers))) == [
+        ("outlet", (0.0, 0.0, 0.0), (0.0, y, z)),
+        ("outlet", (x, 0.0, 0.0), (x, y, z)),
+        ("outlet", (0.0, 0.0, 0.0), (x, 0.0, z)),
+        ("outlet", (0.0, y, 0.0), (x, y, z)),
+    ]
+
+
+def cells(*parts):
+    codes = np.zeros((12, 9, 8), np.uint8)
+    for part in parts:
+        codes[part] = Cell.OUTLET
+    return codes
+
+
+@pytest.mark.parametrize(
+    ("codes", "expected"),
+    [
+        # Around a corner: long legs, short ones, and those of a thick wall.
+        (cells(np.s_[0, :5, :3], np.s_[:6, 0, :3]), [((0, 0, 0), (0, 2.5, 1.5)), ((0, 0, 0), (3, 0, 1.5))]),
+        (cells(np.s_[0, :2, 2], np.s_[:2, 0, 2]), [((0, 0, 1), (0, 1, 1.5)), ((0, 0, 1), (1, 0, 1.5))]),
+        (cells(np.s_[:2, :4, 1:4], np.s_[:5, :2, 1:4]), [((0, 0, 0.5), (0, 2, 2)), ((0, 0, 0.5), (2.5, 0, 2))]),
+        # A wall and the floor before it; floor and roof; a grate in the floor beside a wall; a vent one cell high.
+        (cells(np.s_[0, 2:5, :4], np.s_[:4, 2:5, 0]), [((0, 1, 0), (0, 2.5, 2)), ((0, 1, 0), (2, 2.5, 0))]),
+        (cells(np.s_[..., 0], np.s_[..., -1]), [((0, 0, 0), (6, 4.5, 0)), ((0, 0, 4), (6, 4.5, 4))]),
+        (cells(np.s_[:3, 2:5, 0]), [((0, 1, 0), (1.5, 2.5, 0))]),
+        (cells(np.s_[0, 2:7, 0]), [((0, 1, 0), (0, 3.5, 0.5))]),
+        # One opening, as deep as a wall, in the corner of the room.
+        (cells(np.s_[9:, 5:, :6]), [((6, 2.5, 0), (6, 4.5, 3))]),
+    ],
+)
+def test_connected_outlets_are_an_opening_on_each_face_where_they_lie_flat(tmp_path, codes, expected):
+    assert [place for _, *place in openings_of(tmp_path, codes)] == [[*map(tuple, place)] for place in expected]
+
+
+def test_open_sides_and_roof_of_outdoors_are_five_openings(tmp_path):
+    codes = band((12, 9, 8), slice(0, 8))
+    codes[..., -1] = Cell.OUTLET
+    faces = openings_of(tmp_path, codes)
+    assert len(faces) == 5
+    assert faces[-1][1:] == ((0.0, 0.0, 4.0), (6.0, 4.5, 4.0))
+
+
+def test_the_air_between_open_sides_does_not_go_through_what_stands_there():
+    codes = band((12, 9, 8), slice(0, 8))
+    codes[5:7, 4, :3] = Cell.SOLID
+    np.testing.assert_array_equal(find_air_cells(codes), codes != Cell.SOLID)

@@ -173,3 +173,57 @@ def test_a_missing_file_and_an_unknown_ending_are_named(tmp_path):
     (tmp_path / "folder.stl").mkdir()
     assert "was a folder" in refusal(tmp_path / "folder.stl")
     assert "expected a file of .stl, .obj, .glb, .gltf, .xml, was .dwg" in refusal(tmp_path / "plan.dwg")
+
+
+SQUARES = ("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n", "v 2 0 0\nv 3 0 0\nv 3 1 0\nv 2 1 0\n")
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("f -4 -3 -2 -1", "f -4 -3 -2 -1"),
+        ("f 1 2 3 4", "f -4 -3 -2 -1"),
+        ("vt 0 0\nvn 0 0 1\nf -4/-1/-1 -3/-1/-1 -2/-1/-1 -1/-1/-1", "vn 0 0 1\nf -4//-1 -3//-1 -2//-1 -1//-1"),
+        ("vt 0 0\nf -4/1 -3/1 -2/1 -1/1", "f -4/-1 -3/-1 -2/-1 -1/-1"),
+        ("f 1 2 3\nf 1 3 4", "f -4 -3 \\\n -2 -1"),
+        ("f\t1\t2\t3\t4  # quad", "f  5  6 7   8 "),
+        ("mtllib missing.mtl\nusemtl red\nf 1 2 3 4", "s off\nl -1 -2\nf 5 6 7 8"),
+    ],
+)
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_faces_of_obj_have_the_vertices_that_their_indices_mean_at_their_line(tmp_path, first, second, end):
+    text = f"o one\n{SQUARES[0]}{first}\no two\n{SQUARES[1]}{second}\n".replace("\n", end)
+    one, two = load(write(tmp_path, "squares.obj", text.encode()))
+    assert extent([one]) == ([0, 0, 0], [1, 1, 0])
+    assert extent([two]) == ([2, 0, 0], [3, 1, 0])
+    assert ("one" in one.names, "two" in two.names) == (True, True)
+
+
+@pytest.mark.parametrize("index", ["0", "-5"])
+def test_an_index_that_obj_does_not_have_is_named(tmp_path, index):
+    text = f"{SQUARES[0]}f {index} 1 2\n"
+    assert f"a face with index {index}" in refusal(write(tmp_path, "bad.obj", text.encode()))
+
+
+def solid(name, x):
+    corners = [(x, 0, 0), (x + 1, 0, 0), (x + 1, 1, 0)]
+    vertices = "".join("vertex {} {} {}\n".format(*corner) for corner in corners)
+    return f"solid {name}\nfacet normal 0 0 1\nouter loop\n{vertices}endloop\nendfacet\nendsolid {name}\n"
+
+
+@pytest.mark.parametrize("names", [("outlet", "outlet"), ("", ""), ("a", "b"), ("north wall", "facet"), ("A", "A_1")])
+def test_all_solids_of_a_text_are_parts(tmp_path, names):
+    text = "".join(solid(name, 2 * i) for i, name in enumerate(names))
+    parts = load(write(tmp_path, "solids.stl", text.encode()))
+    assert sorted(extent([part])[0][0] for part in parts) == [0, 2]
+    for i, name in enumerate(names):
+        if name:
+            held = [extent([part])[0][0] for part in parts if name in part.names]
+            assert held == ([0, 2] if names[0] == names[1] else [2 * i])
+
+
+@pytest.mark.parametrize("head", [b"solid made by CAD", b"solid facet room", b"solid x\nfacet normal 0 0 1"])
+def test_a_binary_stl_may_begin_as_a_text(tmp_path, head):
+    content = box().export(file_type="stl")
+    (part,) = load(write(tmp_path, "box.stl", head.ljust(80) + content[80:]))
+    assert extent([part]) == ([0, 0, 0], [4, 3, 2])

@@ -386,6 +386,13 @@ def test_without_an_opening_of_each_kind_the_wind_cannot_be_solved(shell):
     assert build(shell, solver="uniform").openings == ()
 
 
+@pytest.mark.parametrize("solver", ["uniform", "stored", {"file": "wind.csv"}])
+@pytest.mark.parametrize("kinds", [(), ("inlet",), ("outlet",), ("outlet", "outlet")])
+def test_a_wind_that_is_not_solved_needs_no_openings(shell, solver, kinds):
+    openings = [box_opening(f"{kind}_{i}", kind, (4 * i, 1, 0), (4 * i, 2, 1)) for i, kind in enumerate(kinds)]
+    assert [each.kind for each in build(shell, solver=solver, openings=openings).openings] == [*kinds]
+
+
 def test_an_opening_inside_a_wall_or_the_room_is_named(shell, tmp_path):
     far = box_opening("outlet", "outlet", (6, 2, 0), (6, 3, 1))
     crate = write_stl(tmp_path / "crate.stl", box((3, 1, -1), (5, 4, 3)))
