@@ -99,13 +99,16 @@ def find_geometry_openings(
             problems.append(_missing(opening, parts, path))
             continue
         used.update(found)
-        plugs.append(_plug_of_surface(opening, [parts[j] for j in found], path))
+        surface = [parts[j] for j in found]
+        plugs += _plugs_of_parts(opening.name, opening.kind, surface, path, opening.velocity_m_s)
     taken = {plug.name for plug in plugs}
     for j, part in enumerate(parts):
         if j not in used and (word := _automatic_word(part)):
             used.add(j)
             kind: Literal["inlet", "outlet"] = "inlet" if word.lower().startswith("inlet") else "outlet"
-            plugs.append(_plug_of_parts(_free_name(word, taken), kind, [part], "environment.geometry.files"))
+            name = _free_name(word, taken)
+            plugs += _plugs_of_parts(name, kind, [part], "environment.geometry.files")
+            taken |= {plug.name for plug in plugs}
     return plugs, [part for j, part in enumerate(parts) if j not in used], problems
 
 
@@ -191,29 +194,84 @@ def _plug_of_box(opening: GeometryOpeningSpec, path: str) -> GeometryOpening:
     )
 
 
-def _plug_of_surface(opening: GeometryOpeningSpec, parts: Sequence[Part], path: str) -> GeometryOpening:
-    return _plug_of_parts(opening.name, opening.kind, parts, path, opening.velocity_m_s)
+# Openings nearer than this are one: the slats of a grille, the two sides of a pane. Chosen [m].
+_LEAST_GAP_M = 0.2
+# A piece is flat if so much of its area lies across one axis; chosen.
+_FLAT_SHARE = 0.8
 
 
-def _plug_of_parts(
+# A surface may close openings in several walls; each flat piece of it is one.
+def _plugs_of_parts(
     name: str,
     kind: Literal["inlet", "outlet", "open"],
     parts: Sequence[Part],
     path: str,
     velocity_m_s: Vec3 | None = None,
-) -> GeometryOpening:
+) -> list[GeometryOpening]:
     corners_m = np.concatenate([part.vertices_m[part.faces] for part in parts])
-    low_m, high_m = corners_m.min(axis=(0, 1)), corners_m.max(axis=(0, 1))
-    return GeometryOpening(
-        name=name,
-        kind=kind,
-        axis=int(np.argmin(high_m - low_m)),
-        min_m=low_m,
-        max_m=high_m,
-        corners_m=corners_m,
-        path=path,
-        velocity_m_s=velocity_m_s,
-    )
+    plugs: list[GeometryOpening] = []
+    for i, piece_m in enumerate(_flat_pieces(corners_m)):
+        low_m, high_m = piece_m.min(axis=(0, 1)), piece_m.max(axis=(0, 1))
+        plugs.append(
+            GeometryOpening(
+                name=name if i == 0 else f"{name}_{i + 1}",
+                kind=kind,
+                axis=int(np.argmin(high_m - low_m)),
+                min_m=low_m,
+                max_m=high_m,
+                corners_m=piece_m,
+                path=path,
+                velocity_m_s=velocity_m_s,
+            )
+        )
+    return plugs
+
+
+# Corners (n, 3, 3) as pieces: what is connected; of that, if it is neither flat nor closed, what looks along
+# one axis; and of these, those close to each other together.
+def _flat_pieces(corners_m: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    pieces: list[NDArray[np.float64]] = []
+    for connected_m in _connected(corners_m):
+        areas_m2 = np.abs(np.cross(connected_m[:, 1] - connected_m[:, 0], connected_m[:, 2] - connected_m[:, 0]))
+        axes = np.argmax(areas_m2, axis=1)
+        if areas_m2.sum(axis=0).max() >= _FLAT_SHARE * areas_m2.sum() or _is_closed(connected_m):
+            pieces.append(connected_m)
+        else:
+            pieces += [piece_m for axis in range(3) for piece_m in _connected(connected_m[axes == axis])]
+    merged: list[NDArray[np.float64]] = []
+    for piece_m in pieces:
+        low_m, high_m = piece_m.min(axis=(0, 1)) - _LEAST_GAP_M, piece_m.max(axis=(0, 1)) + _LEAST_GAP_M
+        axis = int(np.argmin(high_m - low_m))
+        near = [
+            other
+            for other in merged
+            if axis == int(np.argmin(np.ptp(other.reshape(-1, 3), axis=0)))
+            and (other.min(axis=(0, 1)) <= high_m).all()
+            and (other.max(axis=(0, 1)) >= low_m).all()
+        ]
+        merged = [other for other in merged if not any(other is each for each in near)]
+        merged.append(np.concatenate([*near, piece_m]))
+    return merged
+
+
+# By shared corners, to a hundredth of a millimetre.
+def _connected(corners_m: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    _, places = np.unique(corners_m.reshape(-1, 3).round(5), axis=0, return_inverse=True)
+    faces = places.reshape(-1, 3)
+    labels = np.arange(places.max(initial=-1) + 1)
+    while True:
+        lowest = labels.copy()
+        np.minimum.at(lowest, faces, labels[faces].min(axis=1, keepdims=True))
+        if (lowest == labels).all():
+            break
+        labels = lowest
+    return [corners_m[labels[faces[:, 0]] == label] for label in np.unique(labels)]
+
+
+def _is_closed(corners_m: NDArray[np.float64]) -> bool:
+    _, places = np.unique(corners_m.reshape(-1, 3).round(5), axis=0, return_inverse=True)
+    edges = np.sort(places.reshape(-1, 3)[:, [(0, 1), (1, 2), (2, 0)]].reshape(-1, 2), axis=1)
+    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
 
 
 def _automatic_word(part: Part) -> str | None:

@@ -393,6 +393,29 @@ def test_a_wind_that_is_not_solved_needs_no_openings(shell, solver, kinds):
     assert [each.kind for each in build(shell, solver=solver, openings=openings).openings] == [*kinds]
 
 
+@pytest.mark.parametrize(
+    ("surfaces", "n_faces"),
+    [
+        # Four sides; around a corner; floor and roof; two windows in one wall.
+        ([rectangle((0, 0, 0), (0, 3, 1)), rectangle((4, 0, 0), (4, 3, 1)),
+          rectangle((0, 0, 0), (4, 0, 1)), rectangle((0, 3, 0), (4, 3, 1))], 4),
+        ([rectangle((0, 0, 0), (0, 2, 1)), rectangle((0, 0, 0), (2, 0, 1))], 2),
+        ([rectangle((1, 1, 0), (2, 2, 0)), rectangle((1, 1, 2), (2, 2, 2))], 2),
+        ([rectangle((0, 0.4, 0.4), (0, 1, 1)), rectangle((0, 2, 0.4), (0, 2.6, 1))], 2),
+        # A grille of slats, the two sides of a pane, and a body in the wall are one.
+        ([rectangle((0, 1, z), (0, 2, z + 0.1)) for z in (0.4, 0.6, 0.8)], 1),
+        ([rectangle((0, 1, 0.4), (0, 2, 1)), rectangle((-0.1, 1, 0.4), (-0.1, 2, 1))], 1),
+        ([box((-0.2, 1, 0.4), (0, 1.6, 1))], 1),
+    ],
+)  # fmt: skip
+def test_a_surface_in_several_walls_is_an_opening_in_each(tmp_path, surfaces, n_faces):
+    path = write_obj(tmp_path / "room.obj", {"hull": box((0, 0, 0), (4, 3, 2)), "outlet": joined(*surfaces)})
+    room = build(path, solver="uniform", free_point_m=(2, 1.5, 1.5))
+    assert [opening.kind for opening in room.openings] == ["outlet"] * n_faces
+    assert len({opening.name for opening in room.openings}) == n_faces
+    assert (room.occupancy == Cell.OUTLET).any()
+
+
 def test_an_opening_inside_a_wall_or_the_room_is_named(shell, tmp_path):
     far = box_opening("outlet", "outlet", (6, 2, 0), (6, 3, 1))
     crate = write_stl(tmp_path / "crate.stl", box((3, 1, -1), (5, 4, 3)))
