@@ -8,7 +8,6 @@ import contextlib
 import os
 import re
 import secrets
-import shutil
 import sys
 import threading
 import time
@@ -17,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gslcosim.base.errors import GslCosimError, UsageError, build_path_error
-from gslcosim.base.files import hold_lock
+from gslcosim.base.files import hold_lock, remove_tree
 from gslcosim.base.kernel_cache import get_cache_root
 
 if sys.platform != "win32":
@@ -113,7 +112,7 @@ def remove_entries(
         raise build_path_error(error, "cache", "a folder that can be written", path=root) from error
     finally:
         for folder in doomed:
-            shutil.rmtree(folder, ignore_errors=True)
+            remove_tree(folder, ignore_errors=True)
     return removed
 
 
@@ -272,9 +271,11 @@ def _entries_in(folder: Path, kind: str, used: set[Path]) -> Generator[CacheEntr
 
 def _size_bytes(folder: Path) -> int:
     total = 0
-    for entry in os.scandir(folder):
-        status = entry.stat(follow_symlinks=False)
-        total += getattr(status, "st_blocks", -(-status.st_size // _BLOCK_BYTES)) * _BLOCK_BYTES
-        if entry.is_dir(follow_symlinks=False):
-            total += _size_bytes(Path(entry.path))
+    waiting = [folder]
+    while waiting:
+        for entry in os.scandir(waiting.pop()):
+            status = entry.stat(follow_symlinks=False)
+            total += getattr(status, "st_blocks", -(-status.st_size // _BLOCK_BYTES)) * _BLOCK_BYTES
+            if entry.is_dir(follow_symlinks=False):
+                waiting.append(Path(entry.path))
     return total

@@ -9,11 +9,11 @@ import stat
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path, PurePath
 from typing import BinaryIO, Self
 
-from gslcosim.base.errors import MachineError, build_machine_error
+from gslcosim.base.errors import MachineError, UsageError, build_machine_error, describe_os_error
 
 # Absent on systems other than Linux and macOS, where links are followed as everywhere.
 _NOFOLLOW = getattr(os, "O_NOFOLLOW", 0)
@@ -261,11 +261,16 @@ def _remove_if_stale(folder: Path) -> None:
     if sys.platform == "win32" or folder.lstat().st_uid != os.getuid():
         return
     try:
-        lock = os.open(folder / OWNER_FILE, os.O_RDWR | os.O_NOFOLLOW)
+        lock = os.open(folder / OWNER_FILE, os.O_RDWR | os.O_NOFOLLOW | _NONBLOCK)
     except FileNotFoundError:
         # Its owner was killed right before it removed it, or has made it just now.
         if time.time() - folder.lstat().st_mtime > _MAX_OWNERLESS_S:
             folder.rmdir()
+        return
+    except OSError:
+        # A program that may write there has put something else in the place of the lock.
+        if time.time() - folder.lstat().st_mtime > _MAX_OWNERLESS_S:
+            _remove_owner_last(folder)
         return
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -274,16 +279,149 @@ def _remove_if_stale(folder: Path) -> None:
         os.close(lock)
 
 
-# Whoever is killed meanwhile leaves a folder with an owner that is gone, which the next one removes.
+# The file of the owner goes last: a folder whose removal is cut short still has a lock that nothing holds.
 def _remove_owner_last(folder: Path) -> None:
+    remove_tree(folder, ignore_errors=True, last=OWNER_FILE)
+
+
+def remove_tree(path: Path, *, ignore_errors: bool = False, last: str = "") -> None:
+    """Remove a folder with all that is in it, however deep; a link is removed, and what it leads to is left.
+
+    Folders without permissions are given them. What cannot be removed stays, and all else goes.
+
+    Args:
+        path: The folder.
+        ignore_errors: Whether something may stay.
+        last: Name of an entry that is removed after all others, and only once they are gone.
+
+    Raises:
+        OSError: something stays, and may not.
+    """
+    if not _SUPPORTS_DIR_FD:
+        shutil.rmtree(path, ignore_errors=ignore_errors)
+        return
+    try:
+        with _open_own_folder(path, None) as root:
+            if error := _empty_folder(root, last) or _empty_folder(root, ""):
+                raise error
+        path.rmdir()
+    except OSError:
+        if not ignore_errors:
+            raise
+
+
+# Subfolders are moved up into the root before they are emptied: a few descriptors and no recursion do at any depth,
+# where paths from the root would be longer than the system takes. What is moved gets a name that nothing else has.
+def _empty_folder(root: int, last: str) -> OSError | None:
+    mark, n_moved = secrets.token_hex(8), 0
+    stuck: dict[str, OSError] = {}
+    has_changed = True
+    # Entries that come and go while they are listed may be left out once.
+    while has_changed:
+        has_changed = False
+        for name in _iter_names(root):
+            if name == last or name in stuck:
+                continue
+            try:
+                if _is_folder(name, root):
+                    with _open_own_folder(name, root) as inner:
+                        for below in _iter_names(inner):
+                            n_moved += 1
+                            _move_or_remove(below, inner, f"{mark}.{n_moved}", root)
+                    os.rmdir(name, dir_fd=root)
+                else:
+                    os.unlink(name, dir_fd=root)
+                has_changed = True
+            except FileNotFoundError:
+                continue
+            except OSError as error:
+                stuck[name] = error
+                has_changed = True
+    return next(iter(stuck.values()), None)
+
+
+# What cannot go keeps the folder that it is in from being removed, which is the error that is reported.
+def _move_or_remove(name: str, folder: int, new_name: str, root: int) -> None:
     with contextlib.suppress(OSError):
-        for entry in list(os.scandir(folder)):
-            if entry.is_dir(follow_symlinks=False):
-                shutil.rmtree(entry.path, ignore_errors=True)
-            elif entry.name != OWNER_FILE:
-                with contextlib.suppress(OSError):
-                    Path(entry.path).unlink()
-    shutil.rmtree(folder, ignore_errors=True)
+        if not _is_folder(name, folder):
+            os.unlink(name, dir_fd=folder)
+            return
+        # A folder is moved only by those who may write in it.
+        with _open_own_folder(name, folder):
+            os.rename(name, new_name, src_dir_fd=folder, dst_dir_fd=root)
+
+
+def _iter_names(folder: int) -> Iterator[str]:
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            yield entry.name
+
+
+def _is_folder(name: str, folder: int) -> bool:
+    return stat.S_ISDIR(os.stat(name, dir_fd=folder, follow_symlinks=False).st_mode)
+
+
+# Also one that its owner may not list, enter or change.
+@contextlib.contextmanager
+def _open_own_folder(path: str | Path, parent: int | None) -> Iterator[int]:
+    try:
+        fd = os.open(path, _DIRECTORY_FLAGS, dir_fd=parent)
+    except PermissionError:
+        place = os.open(path, _DIRECTORY_FLAGS | getattr(os, "O_PATH", 0), dir_fd=parent)
+        try:
+            # By its descriptor: a name could be a link by now.
+            Path(f"/proc/self/fd/{place}").chmod(stat.S_IRWXU)
+        finally:
+            os.close(place)
+        fd = os.open(path, _DIRECTORY_FLAGS, dir_fd=parent)
+    try:
+        if stat.S_IMODE(os.fstat(fd).st_mode) & stat.S_IRWXU != stat.S_IRWXU:
+            os.fchmod(fd, stat.S_IRWXU)
+        yield fd
+    finally:
+        os.close(fd)
+
+
+MAX_FOLDER_LEVELS = 64
+"""Depth to which folders that others have made may be nested; ours are six deep."""
+
+
+def iterate_tree(folder: Path, *, is_entered: Callable[[Path], bool] = lambda _: True) -> Iterator[Path]:
+    """Yield all that is below a folder besides the folders that are entered; no link is followed.
+
+    Args:
+        folder: A folder that others have made.
+        is_entered: Whether a folder in it is looked into; others are yielded.
+
+    Raises:
+        UsageError: it is nested too deep, or a folder in it cannot be read.
+    """
+    waiting = [(folder, 0)]
+    while waiting:
+        inside, level = waiting.pop()
+        if level > MAX_FOLDER_LEVELS:
+            raise UsageError(f"expected folders at most {MAX_FOLDER_LEVELS} deep, was a deeper one.\nFolder: {folder}")
+        try:
+            with os.scandir(inside) as entries:
+                for entry in entries:
+                    path = inside / entry.name
+                    if entry.is_dir(follow_symlinks=False) and is_entered(path):
+                        waiting.append((path, level + 1))
+                    else:
+                        yield path
+        except OSError as error:
+            raise UsageError(
+                f"expected a folder that can be read, was {describe_os_error(error)}.\nFolder: {inside}"
+            ) from error
+
+
+def list_files(folder: Path) -> list[Path]:
+    """Return the files below a folder, sorted; links to files count, other links, pipes and devices do not.
+
+    Raises:
+        UsageError: as `iterate_tree`.
+    """
+    return sorted(path for path in iterate_tree(folder) if path.is_file())
 
 
 def user_state_folder() -> Path:

@@ -2,7 +2,6 @@
 
 import hashlib
 import os
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
@@ -10,7 +9,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gslcosim.base.errors import UsageError, build_machine_error, find_remedy
-from gslcosim.base.files import replace_file, user_state_folder
+from gslcosim.base.files import iterate_tree, remove_tree, replace_file, user_state_folder
 
 STATEMENT_FILE, SIGNATURE_FILE = "signed.json", "signed.json.sig"
 """Files of an author's statement and of its signature (`gslcosim.bench.signing`)."""
@@ -117,7 +116,7 @@ def _path(contents: str) -> Path:
 def list_content_files(folder: Path) -> Iterator[Path]:
     """Yield the files that say something in a results folder, in order; reports and recordings aside."""
     # What is no regular file has no contents, and is not opened.
-    for path in sorted(_below(folder, is_top=True)):
+    for path in sorted(_below(folder)):
         if path.is_file() and not path.is_symlink():
             yield path
 
@@ -127,7 +126,7 @@ def find_unhashed(folder: Path) -> Iterator[str]:
 
     Links have those of another file, and Python runs what is in its caches whatever the source beside them says.
     """
-    for path in sorted(_below(folder, is_top=True)):
+    for path in sorted(_below(folder)):
         name = path.relative_to(folder).as_posix()
         if path.is_symlink():
             yield f"{name}: is a link; put the file itself in its place"
@@ -137,20 +136,15 @@ def find_unhashed(folder: Path) -> Iterator[str]:
 
 def remove_caches(folder: Path) -> None:
     """Remove caches that Python has written into a results folder while its programs ran with their author's trust."""
-    for path in list(_below(folder, is_top=True)):
+    for path in list(_below(folder)):
         if path.name == _OF_PYTHON and path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path, ignore_errors=True)
+            remove_tree(path, ignore_errors=True)
 
 
-def _below(folder: Path, *, is_top: bool) -> Iterator[Path]:
-    for path in folder.iterdir():
-        if is_top and (path.name in _MADE_FROM_THE_REST or _is_put_aside(path)):
-            continue
-        if path.is_dir() and not path.is_symlink() and path.name != _OF_PYTHON:
-            yield from _below(path, is_top=False)
-        else:
-            yield path
+def _below(folder: Path) -> Iterator[Path]:
+    def is_left_out(path: Path) -> bool:
+        is_put_aside = path.name.startswith("earlier-") and path.is_dir()
+        return path.parent == folder and (path.name in _MADE_FROM_THE_REST or is_put_aside)
 
-
-def _is_put_aside(path: Path) -> bool:
-    return path.name.startswith("earlier-") and path.is_dir()
+    found = iterate_tree(folder, is_entered=lambda path: path.name != _OF_PYTHON and not is_left_out(path))
+    return (path for path in found if not is_left_out(path))

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from gslcosim.base.errors import UsageError
+from gslcosim.base.files import list_files, read_regular_file
 from gslcosim.base.frames import yaw_from_quaternion
 from gslcosim.base.problems import Problem
 from gslcosim.base.ticks import NS_PER_S, seconds_from_ticks
@@ -216,9 +217,8 @@ def _remarks_on_room(log: RobotLog, grid: Grid) -> Iterator[str]:
 
 def _hash_of(source: Path) -> str:
     sha = hashlib.sha256()
-    files = sorted(path for path in source.rglob("*") if path.is_file()) if source.is_dir() else [source]
-    for path in files:
-        sha.update(path.read_bytes())
+    for path in list_files(source) if source.is_dir() else [source]:
+        sha.update(read_regular_file(path))
     return sha.hexdigest()
 
 

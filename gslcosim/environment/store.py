@@ -22,7 +22,6 @@ Unknown keys in environment.yaml are ignored; additions have defaults; a changed
 import errno
 import io
 import re
-import shutil
 import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -35,7 +34,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gslcosim.base.errors import EnvironmentDataError
-from gslcosim.base.files import read_regular_file
+from gslcosim.base.files import read_regular_file, remove_tree
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.untrusted_input import describe_validation_errors
 from gslcosim.environment.formats.data_files import load_npy
@@ -221,7 +220,7 @@ def save_environment(
             (beside / name).write_bytes(content)
         _move_into_place(beside, folder, environment.content_hash)
     finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        remove_tree(beside, ignore_errors=True)
 
 
 def load_environment(folder: Path, *, check_hash: bool = False, with_meshes: bool = False) -> Environment:
@@ -336,7 +335,7 @@ def _clear(folder: Path) -> None:
         folder.rename(aside)
     except FileNotFoundError:
         return
-    shutil.rmtree(aside, ignore_errors=True)
+    remove_tree(aside, ignore_errors=True)
 
 
 def _load_header(folder: Path) -> _Header:

@@ -21,6 +21,7 @@ import gslcosim
 from gslcosim.base.code_identity import COMPUTING_PACKAGES, hash_result_code
 from gslcosim.base.disk_cache import mark_used
 from gslcosim.base.errors import ContractError, EnvironmentDataError, MachineError, RunTimeoutError, SimulationFault
+from gslcosim.base.files import remove_tree
 from gslcosim.base.kernel_cache import get_cache_root
 from gslcosim.bus.interface import Bus
 from gslcosim.contract.schema import get_contract_hash
@@ -352,7 +353,7 @@ def fetch_environment(bus: Bus, offer: OfferedEnvironment, say: ProgressHandler)
             raise SimulationFault(f"the fetched room: {error}") from error
         if found != offer.environment_hash:
             raise SimulationFault(f"the fetched room: expected content {offer.environment_hash}, was {found}.")
-        shutil.rmtree(folder, ignore_errors=True)
+        remove_tree(folder, ignore_errors=True)
         try:
             filling.rename(folder)
         except OSError:

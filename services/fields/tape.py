@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from gslcosim.base.code_identity import hash_code, list_package_files
 from gslcosim.base.disk_cache import keep_within_limit, mark_used
 from gslcosim.base.errors import EnvironmentDataError, ModelError
+from gslcosim.base.files import remove_tree
 from gslcosim.base.kernel_cache import get_cache_root
 from gslcosim.base.ticks import ticks_from_seconds
 from gslcosim.base.untrusted_input import MalformedFileError, read_json
@@ -164,7 +165,7 @@ def record_tape(plume: FilamentPlume, schedule: TapeSchedule, folder: Path) -> N
         if not folder.is_dir():
             raise
     finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        remove_tree(beside, ignore_errors=True)
 
 
 class CachedPlume:
@@ -269,7 +270,7 @@ class CachedPlume:
         except EnvironmentDataError as error:
             if folder.exists():
                 _log.warning("A gas tape in the cache is damaged and is recorded anew: %s", error)
-                shutil.rmtree(folder, ignore_errors=True)
+                remove_tree(folder, ignore_errors=True)
         record_tape(self._plume_of(seed), self._schedule, folder)
         keep_within_limit()
         return GasTape(folder)

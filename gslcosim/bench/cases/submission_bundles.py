@@ -12,7 +12,7 @@ import shlex
 import shutil
 import subprocess
 import tarfile
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
@@ -22,7 +22,7 @@ from pydantic import Field
 
 from gslcosim.base.bundled import SUITE_FILE
 from gslcosim.base.errors import UsageError, build_machine_error
-from gslcosim.base.files import read_regular_file, replace_file
+from gslcosim.base.files import iterate_tree, read_regular_file, remove_tree, replace_file
 from gslcosim.base.yaml_core import without_editor_header
 from gslcosim.bench.cases.models import LOWER_ANCHOR, UPPER_ANCHOR, EntrySpec
 from gslcosim.methods.card import CARD_FILE, load_card
@@ -174,18 +174,15 @@ def list_bundle_files(root: Path) -> list[Path]:
 # Pipes and links to nowhere too, so that whoever packs learns of them.
 def _list_entries(root: Path, submission: Submission) -> list[Path]:
     left_out = (*submission.leaves_out, f"{submission.entry.name}{_ENDING}")
-    return sorted(_iterate_entries(root, root, left_out), key=lambda path: path.relative_to(root).as_posix())
 
-
-def _iterate_entries(folder: Path, root: Path, left_out: Sequence[str]) -> Iterator[Path]:
-    for path in folder.iterdir():
+    def is_packed(path: Path) -> bool:
         name = path.relative_to(root).as_posix()
-        if is_never_packed(path.name) or any(fnmatchcase(name, pattern.rstrip("/")) for pattern in left_out):
-            continue
-        if path.is_symlink() or not path.is_dir():
-            yield path
-        elif not _is_made_by_runs(path):
-            yield from _iterate_entries(path, root, left_out)
+        is_left_out = is_never_packed(path.name) or any(fnmatchcase(name, each.rstrip("/")) for each in left_out)
+        is_folder = path.is_dir() and not path.is_symlink()
+        return not is_left_out and not (is_folder and _is_made_by_runs(path))
+
+    found = (path for path in iterate_tree(root, is_entered=is_packed) if is_packed(path))
+    return sorted(found, key=lambda path: path.relative_to(root).as_posix())
 
 
 def is_never_packed(name: str) -> bool:
@@ -324,7 +321,7 @@ def unpack_bundle(path: Path, below: Path) -> Bundle:
     except OSError as error:
         raise build_machine_error(error, "bundle", "a folder that can be written", path=root) from error
     finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        remove_tree(beside, ignore_errors=True)
     return _bundle(content, submission, [root / name for name in files], root)
 
 

@@ -14,7 +14,7 @@ from typing import Any, cast
 from gslcosim.base.bundled import SUITE_FILE, bundled_families, bundled_scenarios, bundled_suites
 from gslcosim.base.code_identity import COMPUTING_PACKAGES, hash_result_code
 from gslcosim.base.errors import ScenarioError, UsageError
-from gslcosim.base.files import replace_file
+from gslcosim.base.files import list_files, replace_file
 from gslcosim.base.yaml_core import without_editor_header
 from gslcosim.bench.cases.agent_setup import files_in_command, find_program
 from gslcosim.bench.cases.families import CaseFamily, find_family_beside
@@ -140,7 +140,7 @@ def _without_paths(values: dict[str, Any], scenario: Scenario) -> dict[str, Any]
 def folder_hash(folder: Path) -> str:
     """Return a hash of a folder or file of stored gas: names, sizes and the beginning of each file."""
     digest = hashlib.blake2b(digest_size=_DIGITS // 2)
-    paths = [folder] if folder.is_file() else sorted(path for path in folder.rglob("*") if path.is_file())
+    paths = [folder] if folder.is_file() else list_files(folder)
     for path in paths:
         digest.update(f"{path.name}/{path.stat().st_size}".encode())
         with path.open("rb") as file:

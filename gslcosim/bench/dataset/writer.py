@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from gslcosim.base.errors import UsageError, reporting_path_errors
-from gslcosim.base.files import ScratchFolder
+from gslcosim.base.files import ScratchFolder, list_files
 from gslcosim.base.untrusted_input import escape_json_text
 from gslcosim.bench.cases.suite_files import LoadedSuite, load_suite, write_suite
 from gslcosim.bench.dataset import DEFAULT_LICENSE
@@ -177,6 +177,5 @@ def _list_files(folder: Path, root: Path) -> list[PublishedFile]:
             n_bytes=path.stat().st_size,
             sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
         )
-        for path in sorted(folder.rglob("*"))
-        if path.is_file()
+        for path in list_files(folder)
     ]

@@ -15,7 +15,7 @@ import gslcosim
 from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.disk_cache import mark_used
 from gslcosim.base.errors import EnvironmentDataError, GslCosimError
-from gslcosim.base.files import ScratchFolder
+from gslcosim.base.files import ScratchFolder, list_files
 from gslcosim.base.kernel_cache import get_cache_root
 from gslcosim.bench.cases.models import EntrySpec, LimitsSpec, Trial
 from gslcosim.bench.cases.suite_files import list_entry_files, list_program_files, software_hash
@@ -182,7 +182,7 @@ def _places_in(scenario: Scenario, directory: Path) -> Iterator[tuple[str, Path]
 
 def _files_at(place: Path) -> Iterator[Path]:
     if place.is_dir():
-        yield from (path for path in place.rglob("*") if path.is_file())
+        yield from list_files(place)
     elif place.is_file():
         yield place
         for pattern in _BESIDE.get(place.suffix.lower(), ()):
@@ -323,8 +323,7 @@ class RayWorker:
             if done.failure is not None:
                 return done
             run_dir = done.result.run_dir
-            paths = [path for path in run_dir.rglob("*") if path.is_file()]
-            files = {path.relative_to(run_dir).as_posix(): path.read_bytes() for path in paths}
+            files = {path.relative_to(run_dir).as_posix(): path.read_bytes() for path in list_files(run_dir)}
             return replace(done, result=RecordedTrial(flight=done.result, files=files))
 
     def _ended(self, job: Job) -> JobResult:

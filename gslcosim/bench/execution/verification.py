@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import shutil
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,6 +11,7 @@ from typing import Any
 
 import gslcosim
 from gslcosim.base.errors import UsageError
+from gslcosim.base.files import remove_tree
 from gslcosim.bench.cases.models import Trial
 from gslcosim.bench.cases.plan import Plan, build_plan_of_rows
 from gslcosim.bench.cases.suite_files import LoadedSuite, load_suite
@@ -391,7 +391,7 @@ def record_trial_again(
     if place.is_symlink() or place.is_file():
         place.unlink()
     elif place.exists():
-        shutil.rmtree(place)
+        remove_tree(place)
     ended.result.run_dir.rename(place)
     return place, ended.result.result["digest"]
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.base.errors import MachineError, UsageError, describe_os_error
+from gslcosim.base.files import remove_tree
 from gslcosim.cli.arguments import RECORDING, RUNS_DIR, Command, parse_positive_number
 from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import (
@@ -270,10 +271,8 @@ def _why_kept(row: Mapping[str, Any]) -> str:
 
 # Nothing is followed out of the folder, and a half removed one is no run any more.
 def _remove_folder(folder: Path) -> None:
-    import shutil
-
     try:
-        shutil.rmtree(folder)
+        remove_tree(folder)
     except OSError as error:
         raise MachineError(f"{folder}: expected a folder that can be removed, was {error.strerror}.") from error
 

@@ -16,6 +16,7 @@ import numpy as np
 from gslcosim.base.code_identity import hash_code, list_package_files
 from gslcosim.base.disk_cache import keep_within_limit, mark_used
 from gslcosim.base.errors import EnvironmentDataError, build_machine_error
+from gslcosim.base.files import list_files
 from gslcosim.base.kernel_cache import get_cache_root
 from gslcosim.environment.model import Environment, EnvironmentVariant
 from gslcosim.environment.store import FORMAT, load_environment
@@ -120,9 +121,7 @@ def _files_in(place: Path) -> Iterator[Path]:
     if place.is_file():
         yield place
         return
-    for path in sorted(place.rglob("*")):
-        if path.is_file() and not path.name.startswith("iteration_"):
-            yield path
+    yield from (path for path in list_files(place) if not path.name.startswith("iteration_"))
 
 
 def _update_with(digest: Any, path: Path) -> None:

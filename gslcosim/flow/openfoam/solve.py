@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import FlowError
+from gslcosim.base.files import remove_tree
 from gslcosim.flow.openfoam.case import COURANT, FoamCase, write_case
 from gslcosim.flow.patches import Patch
 from gslcosim.flow.pressure import F32
@@ -296,10 +297,10 @@ def solve_wind_openfoam(
         )
     except FlowError:
         if case_dir is None:
-            shutil.rmtree(folder)
+            remove_tree(folder)
         raise
     run_case(case, installation, on_time=lambda time_s: progress and progress(min(time_s / end_time_s, 1.0)))
     velocity_m_s = read_wind(case)
     if case_dir is None:
-        shutil.rmtree(folder)
+        remove_tree(folder)
     return velocity_m_s

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.bundled import bundled_agents, bundled_suites
 from gslcosim.base.errors import SimulationFault, UsageError
-from gslcosim.base.files import ScratchFolder
+from gslcosim.base.files import ScratchFolder, list_files
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim.bench.cases.agent_setup import find_card, find_program, resolve_start
 from gslcosim.bench.cases.models import EntrySpec
@@ -328,7 +328,7 @@ def _build_setup(stack: ExitStack, spec: AgentSpec, data_dir: Path) -> RunSetup:
         scenario=_build_scenario(spec),
         environment_dir=data_dir.resolve(),
         environment=open_field(),
-        sources=tuple(sorted(path.resolve() for path in data_dir.rglob("*") if path.is_file())),
+        sources=tuple(sorted(path.resolve() for path in list_files(data_dir))),
     )
 
 

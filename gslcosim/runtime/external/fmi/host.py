@@ -9,7 +9,6 @@ Frames are a length in 4 bytes, big-endian, and a msgpack map. Each request has 
 # pyright: basic
 
 import os
-import shutil
 import sys
 import tempfile
 from collections import deque
@@ -19,6 +18,7 @@ from typing import Any, BinaryIO
 
 import msgpack
 
+from gslcosim.base.files import remove_tree
 from gslcosim.runtime.external.fmi.calls import CallMarker
 
 STATUSES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
@@ -317,7 +317,7 @@ def _answer_requests(requests: BinaryIO, answers: BinaryIO, source: str, marker:
                 answer = {"fault": f"{error}.{' It logged: ' if log else ''}{'; '.join(log)}"}
             _write_frame(answers, answer)
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        remove_tree(folder, ignore_errors=True)
 
 
 def _read_frame(stream: BinaryIO) -> dict[str, Any] | None:
