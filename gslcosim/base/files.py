@@ -67,14 +67,31 @@ def open_regular_file(path: Path) -> BinaryIO:
     Raises:
         OSError: it cannot be opened, or is no file.
     """
+    check_regular_file(path)
     fd = os.open(path, os.O_RDONLY | _NONBLOCK | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0))
     try:
-        if not stat.S_ISREG(os.fstat(fd).st_mode):
-            raise OSError(errno.EINVAL, "something that is no file", str(path))
+        # Another one may be in its place by now.
+        _check_kind(os.fstat(fd).st_mode, path)
         return os.fdopen(fd, "rb")
     except BaseException:
         os.close(fd)
         raise
+
+
+def check_regular_file(path: Path) -> None:
+    """Check what a library opens itself by its path; see `open_regular_file`.
+
+    Raises:
+        OSError: it is missing, or no file.
+    """
+    _check_kind(path.stat().st_mode, path)
+
+
+def _check_kind(mode: int, path: Path) -> None:
+    if not stat.S_ISREG(mode):
+        kinds = ((stat.S_ISDIR, "folder"), (stat.S_ISFIFO, "pipe"), (stat.S_ISSOCK, "socket"))
+        kind = next((name for is_kind, name in kinds if is_kind(mode)), "device")
+        raise OSError(errno.EINVAL, f"a {kind} and no file", str(path))
 
 
 def read_regular_file(path: Path, *, max_bytes: int | None = None) -> bytes:

@@ -86,7 +86,7 @@ def load_visual_meshes(path: Path, names: Sequence[str]) -> tuple[VisualMesh, ..
     import trimesh
 
     try:
-        scene = trimesh.load_scene(io.BytesIO(path.read_bytes()), file_type="glb", process=False)
+        scene = trimesh.load_scene(io.BytesIO(read_regular_file(path)), file_type="glb", process=False)
         return tuple(_mesh_of(name, scene.geometry[name]) for name in names)
     except FileNotFoundError as error:
         raise EnvironmentDataError(f"{path.name}: expected meshes, was missing.\nFile: {path}") from error

@@ -266,7 +266,7 @@ def _add_certificate(join: JoinData, client: Certificate | None) -> JoinData:
             raise UsageError(f"expected a PEM file, found none.\nFile: {path}")
     return join.model_copy(
         update={
-            "tls_client_certificate": client.certificate.read_text(),
-            "tls_client_key": client.private_key.read_text(),
+            "tls_client_certificate": read_regular_file(client.certificate).decode(),
+            "tls_client_key": read_regular_file(client.private_key).decode(),
         }
     )

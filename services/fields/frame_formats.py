@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.base.files import read_regular_file
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.formats.data_files import OCCUPANCY_FILE, read_occupancy
 from gslcosim.environment.model import Grid
@@ -381,7 +382,7 @@ def _read_mixing_ratios(reader: _GadenReader, grid: Grid) -> NDArray[np.float32]
 
 def _decompress(path: Path) -> bytes:
     try:
-        stored = path.read_bytes()
+        stored = read_regular_file(path)
     except OSError as error:
         raise EnvironmentDataError(f"gas frame: cannot be read ({error.strerror}). File: {path}") from error
     if stored.startswith(GADEN_HEADER):

@@ -1,10 +1,13 @@
 /* A fan that turns up while there is gas, as an FMU of FMI 2 or 3 (-DFMI=2 or 3).
 
-   UNIT_FAULT=FUNCTION:KIND lets a function crash, hang, exit, print, return a status, or give another result. */
+   UNIT_FAULT=FUNCTION:KIND lets a function crash, hang, exit, print, return a status, or give another result,
+   from the simulated time UNIT_FAULT_S on. UNIT_FRAMES=FUNCTION:BYTES, in hexadecimal digits, lets it write to all
+   pipes of its process, as answers that nobody has asked it for. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 #if FMI == 3
 #include "fmi3Functions.h"
@@ -31,13 +34,31 @@ typedef struct {
 #endif
 } Unit;
 
+static double reached_time_s;
+
 static int has_fault(const char *function, const char *kind) {
-    const char *wanted = getenv("UNIT_FAULT");
+    const char *wanted = getenv("UNIT_FAULT"), *from_s = getenv("UNIT_FAULT_S");
     size_t n = strlen(function);
+    if (from_s && reached_time_s < atof(from_s) - 1e-9) return 0;
     return wanted && !strncmp(wanted, function, n) && wanted[n] == ':' && !strcmp(wanted + n + 1, kind);
 }
 
+static void write_frames(const char *function) {
+    static unsigned char bytes[1 << 16];
+    const char *wanted = getenv("UNIT_FRAMES");
+    size_t n = strlen(function), n_bytes = 0;
+    unsigned byte;
+    if (!wanted || strncmp(wanted, function, n) || wanted[n] != ':') return;
+    for (const char *digits = wanted + n + 1; sscanf(digits, "%2x", &byte) == 1; digits += 2)
+        bytes[n_bytes++] = byte;
+    for (int fd = 3; fd < 64; fd++) {
+        struct stat status;
+        if (!fstat(fd, &status) && S_ISFIFO(status.st_mode)) (void)!write(fd, bytes, n_bytes);
+    }
+}
+
 static int enter(Unit *unit, const char *function) {
+    write_frames(function);
     if (has_fault(function, "crash")) abort();
     if (has_fault(function, "segfault")) *(volatile int *)0 = 1;
     if (has_fault(function, "exit")) _exit(7);
@@ -73,7 +94,7 @@ static Status step(State *s, double start_s, double step_s) {
     if (fabs(start_s - s->time_s) > 1e-9) return 3;
     s->is_in_gas = s->gas_ppm > s->above_ppm;
     s->share += ((s->is_in_gas ? 3.0 : 1.0) - s->share) * (1.0 - exp(-step_s));
-    s->time_s = start_s + step_s;
+    reached_time_s = s->time_s = start_s + step_s;
     s->n_steps++;
     if (has_fault("share", "nan")) s->share = NAN;
     if (has_fault("share", "negative")) s->share = -1.0;

@@ -268,7 +268,7 @@ def _check_packed(submission: Submission, names: Collection[str], place: Path) -
 
 
 def _add_file(tar: tarfile.TarFile, path: Path, name: str) -> None:
-    content = path.read_bytes()
+    content = read_regular_file(path)
     if path.suffix in _YAML:
         content = without_editor_header(content)
     member = tarfile.TarInfo(name)

@@ -14,7 +14,7 @@ from typing import Any, cast
 from gslcosim.base.bundled import SUITE_FILE, bundled_families, bundled_scenarios, bundled_suites
 from gslcosim.base.code_identity import COMPUTING_PACKAGES, hash_result_code
 from gslcosim.base.errors import ScenarioError, UsageError
-from gslcosim.base.files import list_files, replace_file
+from gslcosim.base.files import list_files, read_regular_file, replace_file
 from gslcosim.base.yaml_core import without_editor_header
 from gslcosim.bench.cases.agent_setup import files_in_command, find_program
 from gslcosim.bench.cases.families import CaseFamily, find_family_beside
@@ -65,7 +65,7 @@ def agent_hash(entry: EntrySpec, directory: Path) -> str:
     for path in list_entry_files(entry, directory):
         is_single = root is None or not path.is_relative_to(root)
         digest.update((path.name if is_single else path.relative_to(cast("Path", root)).as_posix()).encode())
-        digest.update(without_editor_header(path.read_bytes()))
+        digest.update(without_editor_header(read_regular_file(path)))
     return digest.hexdigest()
 
 
@@ -93,7 +93,8 @@ def _bundle_root(entry: EntrySpec, directory: Path) -> Path | None:
 
 def list_program_files(program: Path) -> list[Path]:
     """Return the files of a program's folder that count as part of it: Python, arrays, and its card."""
-    return sorted(path for pattern in ("*.py", "*.npz", CARD_FILE) for path in program.parent.glob(pattern))
+    found = (path for pattern in ("*.py", "*.npz", CARD_FILE) for path in program.parent.glob(pattern))
+    return sorted(path for path in found if path.is_file())
 
 
 def case_hash(scenario: Scenario, room: str, *, is_control: bool, repetition: int) -> str:
@@ -292,7 +293,7 @@ def write_suite(loaded: LoadedSuite, folder: Path) -> None:
         values["include"][i] = place
     text = dump_values(values)
     path = folder / SUITE_FILE
-    if os.path.realpath(path) == str(loaded.path) or (path.is_file() and path.read_bytes() == text.encode()):
+    if os.path.realpath(path) == str(loaded.path) or (path.is_file() and read_regular_file(path) == text.encode()):
         return
     try:
         replace_file(folder, SUITE_FILE, text.encode())
@@ -334,7 +335,7 @@ def _names_files(path: Path) -> bool:
 
 
 def _may_name_files(path: Path) -> bool:
-    block = read_yaml(path.read_text(encoding="utf-8"), source=path.name).block or {}
+    block = read_yaml(read_regular_file(path).decode(), source=path.name).block or {}
     environment, wind, gas = (block.get(key) or {} for key in ("environment", "wind", "gas"))
     if not all(isinstance(part, Mapping) for part in (environment, wind, gas)):
         return True

@@ -1,7 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
 """Files of geometry as named parts of triangles: STL, OBJ, glTF, and MJCF where MuJoCo places its geoms."""
 
+import html
 import io
+import itertools
 import re
 import struct
 import warnings
@@ -13,7 +15,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.base.errors import EnvironmentDataError, describe_os_error
+from gslcosim.base.files import check_regular_file, open_regular_file, read_regular_file
 
 Up = Literal["y", "z"]
 
@@ -70,7 +73,7 @@ def _read(path: Path, ending: str) -> list[Part]:
         return load_mjcf_parts(path)
     try:
         if ending == ".stl":
-            _check_stl(path.read_bytes())
+            _check_stl(read_regular_file(path))
         with warnings.catch_warnings():
             # What the reader only warns of, such as text that ends within a number, is a damaged file too.
             warnings.simplefilter("error")
@@ -87,11 +90,25 @@ def _read_scene(path: Path, ending: str) -> list[Part]:
     # trimesh takes half a second to import, and only rooms from meshes need it.
     import trimesh
 
+    refused: list[ValueError] = []
+
+    # Materials, textures and buffers; that one of them is refused, the library need not pass on.
+    class Resolver(trimesh.resolvers.FilePathResolver):
+        def absolute(self, name: str) -> Path:
+            named = super().absolute(name)
+            try:
+                if named.exists():
+                    check_regular_file(named)
+            except OSError as error:
+                refused.append(ValueError(f"{name} is {describe_os_error(error)}"))
+                raise refused[-1] from error
+            return named
+
+    resolver = Resolver(str(path))
     words, solids = frozenset[str](), frozenset[str]()
     if ending == ".obj":
-        text = _plain_obj(path.read_text(encoding="utf-8", errors="replace"))
+        text = _plain_obj(read_regular_file(path).decode(errors="replace"))
         words = frozenset(re.findall(r"^(?:o|g|usemtl) (.+)$", text, flags=re.MULTILINE))
-        resolver = trimesh.resolvers.FilePathResolver(str(path))
         scene = trimesh.load_scene(
             io.BytesIO(text.encode()),
             file_type="obj",
@@ -102,10 +119,12 @@ def _read_scene(path: Path, ending: str) -> list[Part]:
             split_groups=True,
         )
     else:
-        scene = trimesh.load_scene(path, process=False)
+        scene = trimesh.load_scene(path, process=False, resolver=resolver)
         if ending == ".stl":
-            text = path.read_text(encoding="utf-8", errors="replace")
+            text = read_regular_file(path).decode(errors="replace")
             solids = frozenset(re.findall(r"^\s*solid[ \t]+(\S.*?)\s*$", text, flags=re.MULTILINE | re.IGNORECASE))
+    if refused:
+        raise refused[0]
     parts: list[Part] = []
     for node in sorted(map(str, scene.graph.nodes_geometry)):
         to_world, geometry_name = scene.graph[node]
@@ -214,6 +233,9 @@ def _one_line(error: Exception) -> str:
 Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 _N_AROUND = 32
+# Attributes that name a file, such as fileright of a texture, or a folder of them.
+_NAMED_FILE = re.compile(r"""\b(file\w*|meshdir|texturedir|assetdir)\s*=\s*("[^"]*"|'[^']*')""")
+_MAX_MODEL_BYTES = 64_000_000
 # Half the side of a plane that MuJoCo has without end [m].
 _PLANE_M = 50.0
 
@@ -228,15 +250,34 @@ def load_mjcf_parts(path: Path) -> list[Part]:
         EnvironmentDataError: MuJoCo does not take the file, or it has a height field.
     """
     try:
+        _check_named_files(path)
         model = mujoco.MjModel.from_xml_path(str(path))
-    except ValueError as error:
-        found = str(error).strip().replace("\n", " ")
+    except (ValueError, OSError) as error:
+        is_refused = isinstance(error, OSError)
+        found = f"{error.filename}: {describe_os_error(error)}" if is_refused else " ".join(str(error).split())
         raise EnvironmentDataError(
             f"{path.name}: expected MJCF that MuJoCo takes, was {found}\nFile: {path}"
         ) from error
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     return [_build_geom_part(model, data, i, path) for i in range(model.ngeom)]
+
+
+# MuJoCo opens them itself, and would wait for a pipe for ever. It looks for a name in several places, which depend on
+# options of all files together: each of them is looked at.
+def _check_named_files(model: Path) -> None:
+    waiting, seen, folders, names = [model], {model}, {""}, set[str]()
+    while waiting:
+        content = read_regular_file(waiting.pop(), max_bytes=_MAX_MODEL_BYTES).decode(errors="replace")
+        for key, quoted in _NAMED_FILE.findall(content):
+            (names if key.startswith("file") else folders).add(html.unescape(quoted[1:-1]))
+        for folder, name in itertools.product(folders, names):
+            for place in (model.parent / folder / name, model.parent / folder / Path(name).name):
+                if name and place not in seen and place.exists() and not place.is_dir():
+                    seen.add(place)
+                    with open_regular_file(place) as file:
+                        if file.read(64).lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+                            waiting.append(place)
 
 
 def _build_geom_part(model: mujoco.MjModel, data: mujoco.MjData, i: int, path: Path) -> Part:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gslcosim.base.errors import ExitCode, ScenarioError, UsageError
+from gslcosim.base.files import read_regular_file
 from gslcosim.base.ticks import seconds_from_ticks, ticks_from_seconds
 from gslcosim.contract import keys
 from gslcosim.contract.environment_messages import EVENTS
@@ -149,7 +150,7 @@ def run_fork(
 
 def _load_forked_scenario(past: PastRun, overrides: Sequence[str], checks: Sequence[Check]) -> LoadedScenario:
     file = past.run_dir.scenario
-    text = file.read_text(encoding="utf-8")
+    text = read_regular_file(file).decode()
     tree = apply_overrides(read_yaml(text, source=str(file)), overrides)
     if tree.problems or tree.block is None:
         raise InvalidScenarioError(tree.problems, name=str(file))

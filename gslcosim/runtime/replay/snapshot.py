@@ -19,7 +19,7 @@ import msgpack  # pyright: ignore[reportMissingTypeStubs]
 import gslcosim
 from gslcosim.base.code_identity import COMPUTING_PACKAGES, hash_code, list_package_files
 from gslcosim.base.errors import RunFolderError, SnapshotError, build_machine_error
-from gslcosim.base.files import append_bytes, replace_file
+from gslcosim.base.files import append_bytes, read_regular_file, replace_file
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import Core, SupportsSnapshots
@@ -312,7 +312,7 @@ def _list_folders(run_dir: RunDir) -> list[Path]:
 
 def _load_part(folder: Path, participant: str) -> SnapshotPart:
     try:
-        data = (folder / f"{participant}{_SNAPSHOT_SUFFIX}").read_bytes()
+        data = read_regular_file(folder / f"{participant}{_SNAPSHOT_SUFFIX}")
     except OSError as error:
         raise SnapshotError(f"without the part of {participant} ({error.strerror})") from error
     part = SnapshotPart.from_bytes(data)

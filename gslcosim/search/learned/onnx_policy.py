@@ -8,6 +8,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from gslcosim.base.files import read_regular_file
 from gslcosim.base.untrusted_input import JsonObject, MalformedFileError, parse_json
 from gslcosim.base.yaml_core import CoreLoader
 from gslcosim.search.learned.policy import Actions, ActionSettings, Floats, Policy, PolicyError
@@ -137,7 +138,7 @@ def load_onnx(path: Path) -> OnnxPolicy:
     """
     if not path.is_file():
         raise PolicyError("expected the model of a policy, was none there.")
-    model = path.read_bytes()
+    model = read_regular_file(path)
     meaning = _meaning_of(path, model)
     if strange := sorted(set(meaning).difference(_KEYS)):
         raise PolicyError(f"expected {', '.join(_KEYS)} to say what a model's numbers mean, was {', '.join(strange)}.")
@@ -185,7 +186,7 @@ def _meaning_of(path: Path, model: bytes) -> Mapping[str, Any]:
     for file in beside:
         if file.is_file():
             try:
-                meaning = yaml.load(file.read_text(encoding="utf-8"), Loader=CoreLoader)
+                meaning = yaml.load(read_regular_file(file).decode(), Loader=CoreLoader)
             except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
                 raise PolicyError(f"{file.name}: expected YAML or JSON that can be read, got: {error}.") from error
             break

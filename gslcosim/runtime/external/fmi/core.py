@@ -2,13 +2,15 @@
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 
 from gslcosim.base.errors import ContractError, SimulationFault, UsageError
 from gslcosim.base.problems import Problem
 from gslcosim.base.ticks import seconds_from_ticks
+from gslcosim.base.untrusted_input import MalformedFileError, escape_terminal_text, validate_value
+from gslcosim.contract import codec
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import Episode, Inbox
 from gslcosim.contract.participant_messages import ParticipantOutputs
@@ -22,7 +24,17 @@ from gslcosim.scenario.models.participants import ParticipantProgramSpec
 
 # Below the limit of a frame.
 _PIECE_BYTES = 512 << 10
+_MAX_STATE_BYTES = 1 << 30
+# A sentence, with the last lines that the unit has logged.
+_MAX_FAULT_LENGTH = 2000
 _msgpack: Any = msgpack
+
+
+class _Answer(TypedDict, total=False):
+    fault: str
+    values: list[bool | int | float | str]
+    n_bytes: int
+    data: bytes
 
 
 class FmuCore(ProgramCore):
@@ -58,14 +70,18 @@ class FmuCore(ProgramCore):
         if not self._wiring.description.saves_state:
             return super().state()
         program = self._running()
-        n_bytes = int(self._request(program, "FmuSave", {}, "its state")["n_bytes"])
-        starts = range(0, n_bytes, _PIECE_BYTES)
-        pieces = [
-            self._request(program, "FmuRead", {"start": start, "end": start + _PIECE_BYTES}, "its state")["data"]
-            for start in starts
-        ]
+        n_bytes = self._request(program, "FmuSave", {}, "the size of its state", key="n_bytes")
+        if not 0 <= n_bytes <= _MAX_STATE_BYTES:
+            raise program.fault(f"expected a state of at most {_MAX_STATE_BYTES} bytes, was one of {n_bytes}")
+        state = b""
+        while len(state) < n_bytes:
+            piece = {"start": len(state), "end": min(len(state) + _PIECE_BYTES, n_bytes)}
+            data = self._request(program, "FmuRead", piece, "its state", key="data")
+            if len(data) != piece["end"] - piece["start"]:
+                raise program.fault(f"expected bytes {piece['start']} to {piece['end']} of its state, was {len(data)}")
+            state += data
         room = {port: message.model_dump() for port, message in self._room_outputs.items()}
-        return {"unit": b"".join(pieces), "room": room}
+        return {"unit": state, "room": room}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Let the unit go on from its state, or step through its past again; see `Snapshots`."""
@@ -138,8 +154,9 @@ class FmuCore(ProgramCore):
 
     def _request_outputs(self, program: ParticipantProgram, tick: int, inputs: bytes) -> Mapping[str, Message]:
         what = f"the outputs of tick {tick}"
-        program.check_silence(f"nothing from the unit before the inputs of tick {tick}")
-        values = self._send(program, "FmuStep", inputs, what)["values"]
+        values = self._send(program, "FmuStep", inputs, what, key="values")
+        if len(values) != len(self._wiring.outputs):
+            raise program.fault(f"expected {what}, {len(self._wiring.outputs)} values, was {len(values)}")
         fields: dict[str, dict[str, Any]] = {word: {} for word in self._own.writes}
         for (_, word, name), value in zip(self._wiring.outputs, values, strict=True):
             fields[word][name] = value
@@ -149,18 +166,36 @@ class FmuCore(ProgramCore):
             text = str(error).removeprefix("ParticipantOutputs: ")
             raise program.fault(f"{text.rstrip('.')}, at tick {tick}") from error
 
-    def _request(self, program: ParticipantProgram, name: str, fields: Mapping[str, Any], what: str) -> dict[str, Any]:
-        return self._send(program, name, _msgpack.packb(fields), what)
+    def _request(
+        self, program: ParticipantProgram, name: str, fields: Mapping[str, Any], what: str, *, key: str = ""
+    ) -> Any:
+        return self._send(program, name, _msgpack.packb(fields), what, key=key)
 
+    # The unit is in the process that answers, and can write whatever it likes there.
     def _send(
-        self, program: ParticipantProgram, name: str, payload: bytes, what: str, *, within_s: float | None = None
-    ) -> dict[str, Any]:
+        self,
+        program: ParticipantProgram,
+        name: str,
+        payload: bytes,
+        what: str,
+        *,
+        key: str = "",
+        within_s: float | None = None,
+    ) -> Any:
+        program.check_silence(f"nothing from the unit before it is asked for {what}")
         program.send(name, payload)
         limit_s = self._own.answer_within_s if within_s is None else within_s
-        answer: dict[str, Any] = _msgpack.unpackb(program.receive(ParticipantOutputs, what, within_s=limit_s))
-        if (fault := answer.get("fault")) is not None:
-            raise program.fault(str(fault))
-        return answer
+        received = program.receive(ParticipantOutputs, what, within_s=limit_s)
+        try:
+            fields = codec.unpack_untrusted("its answer", received, has_lists=True)
+            answer = validate_value(fields, _Answer, place="its answer")
+        except (ContractError, MalformedFileError) as error:
+            raise program.fault(f"expected {what}, {error}") from error
+        if "fault" in answer:
+            raise program.fault(escape_terminal_text(answer["fault"][:_MAX_FAULT_LENGTH], is_one_line=True))
+        if key and key not in answer:
+            raise program.fault(f"expected {what}, its answer: expected the key {key}, was missing")
+        return answer.get(key)
 
 
 def _list_references(variables: Iterable[FmuVariable]) -> list[list[Any]]:

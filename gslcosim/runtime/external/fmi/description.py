@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gslcosim.base.errors import UsageError
+from gslcosim.base.errors import UsageError, describe_os_error
+from gslcosim.base.files import open_regular_file
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim.base.units_of_measure import UnitOfMeasure
 
@@ -18,6 +19,8 @@ DESCRIPTION_FILE = "modelDescription.xml"
 # As much as the sandbox has room for; a description of 50,000 variables has some 20 MB.
 MAX_UNPACKED_BYTES = 200 << 20
 MAX_DESCRIPTION_BYTES = 64 << 20
+# With sources and documentation, which are read once, for their checksums.
+MAX_ARCHIVE_BYTES = 1 << 30
 INSTALL_REMEDY = 'Install it: pip install "gslcosim[fmi]".'
 _MAX_PROBLEM_LENGTH = 300
 _PIECE_BYTES = 1 << 20
@@ -169,11 +172,11 @@ def check_members(path: Path) -> None:
     Raises:
         UsageError: one is broken; the text is "expected …, was …".
     """
-    with zipfile.ZipFile(path) as archive:
+    with open_regular_file(path) as file, zipfile.ZipFile(file) as archive:
         for entry in archive.infolist():
             try:
-                with archive.open(entry) as file:
-                    while file.read(_PIECE_BYTES):
+                with archive.open(entry) as member:
+                    while member.read(_PIECE_BYTES):
                         pass
             except (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError) as error:
                 expected = f"an archive whose files can be unpacked, was one with a broken {entry.filename!r}"
@@ -187,7 +190,7 @@ def list_unpacked_folders(version: int) -> tuple[str, ...]:
 
 def _check_archive(path: Path) -> set[str]:
     try:
-        with zipfile.ZipFile(path) as archive:
+        with open_regular_file(path) as file, zipfile.ZipFile(file) as archive:
             entries = archive.infolist()
             names = {entry.filename for entry in entries}
             if wrong := next((name for name in names if _leaves_archive(name)), ""):
@@ -197,6 +200,7 @@ def _check_archive(path: Path) -> set[str]:
             for limit, size in (
                 (MAX_DESCRIPTION_BYTES, archive.getinfo(DESCRIPTION_FILE).file_size),
                 (MAX_UNPACKED_BYTES, sum(e.file_size for e in entries if e.filename.startswith(("bin", "res")))),
+                (MAX_ARCHIVE_BYTES, sum(e.file_size for e in entries)),
             ):
                 if size > limit:
                     raise UsageError(f"expected at most {limit >> 20} MB of files, was {size >> 20} MB")
@@ -207,7 +211,7 @@ def _check_archive(path: Path) -> set[str]:
     except (zipfile.BadZipFile, EOFError, ValueError) as error:
         raise UsageError(f"expected an FMU, a whole zip archive, was another file: {_shorten(error)}") from error
     except OSError as error:
-        raise UsageError(f"expected a file that can be read, was none: {error.strerror}") from error
+        raise UsageError(f"expected a file that can be read, was {describe_os_error(error)}") from error
 
 
 def _leaves_archive(name: str) -> bool:

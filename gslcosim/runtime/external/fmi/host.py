@@ -315,7 +315,12 @@ def _answer_requests(requests: BinaryIO, answers: BinaryIO, source: str, marker:
                 answer = handlers[request["message"]](request)
             except FmuError as error:
                 answer = {"fault": f"{error}.{' It logged: ' if log else ''}{'; '.join(log)}"}
+            except Exception as error:  # what the unit returns need not be what fmpy or msgpack can take
+                found = f"{type(error).__name__}: {_shorten(error)}"
+                answer = {"fault": f"expected {request['message']} to be done, was {found}."}
             _write_frame(answers, answer)
+    except BrokenPipeError:
+        pass  # its core has ended it for a fault
     finally:
         remove_tree(folder, ignore_errors=True)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Literal
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.files import open_regular_file
+from gslcosim.base.files import open_regular_file, read_regular_file
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE
 from gslcosim.base.problems import Problem
 from gslcosim.base.spawn import build_short_environment
@@ -120,9 +120,7 @@ def holds_secret(path: Path) -> bool:
         path: A file; of a long one, which is neither, nothing is read.
     """
     try:
-        if path.stat().st_size > _HEAD_BYTES:
-            return False
-        data = path.read_bytes()
+        data = read_regular_file(path, max_bytes=_HEAD_BYTES)
     except OSError:
         return False
     return _holds_private_key(data) or (_SEAL.search(data) is not None and b'"nonce"' in data)
