@@ -122,6 +122,8 @@ class InProcessRun:
             culprit = "supervisor" if isinstance(error, RunFolderError) else self._loop.acting.spec.name
             text = format_fault(error, traceback.format_exc())
             outcome.fault = ServiceFault(participant=culprit, tick=self._tick, text=text)
+            if self._verdict is not None and self._verdict.tick > self._tick:
+                self._verdict = None
         outcome.is_cut = self._verdict is None and outcome.fault is None and self._loop.is_finished
         outcome.is_interrupted = outcome.fault is None and not self._loop.is_finished
         self._close(outcome)

@@ -289,9 +289,10 @@ class StepLoop:
             stepper.gate.grant(reader, tick)
 
     def end_at(self, tick: int | None) -> None:
-        """Let a tick be the last one of all; None: no tick is."""
-        for stepper in self.steppers:
-            stepper.gate.final_tick = tick
+        """Let a tick be the last one of all, where none before it is; None: no tick is."""
+        for gate in (stepper.gate for stepper in self.steppers):
+            if tick is None or gate.final_tick is None or tick < gate.final_tick:
+                gate.final_tick = tick
 
     def prefetch(self) -> bool:
         """Let one of the cores do what it can without its inputs; return whether there was anything to do."""

@@ -271,6 +271,9 @@ class Host:
         self._has_said_goodbye = False
         self._was_resent = False
         self._asked: set[MissingInput] = set()
+        self._is_restarted = policy is not None and policy.is_restarting
+        self._failure: Exception | None = None
+        self._failed_after_tick = 0
 
     def join(self) -> None:
         """Reset the cores, listen to everything they read from elsewhere, and show that they are ready.
@@ -332,6 +335,9 @@ class Host:
         except Exception as error:
             self._report(error)
             raise
+        # A verdict before that is the end of the run.
+        if self._failure is not None and self._links[0].gate.final_tick == self._failed_after_tick:
+            raise self._failure
 
     def _reset(self) -> None:
         try:
@@ -365,9 +371,22 @@ class Host:
     def _fly(self) -> None:
         while not self._are_finished:
             self._drain()
-            if not self._loop.step():
+            if not self._step():
                 self._flush()
                 self._wait_for_input()
+
+    # Others may be behind the one that fails, and all ticks before that are part of the run.
+    def _step(self) -> bool:
+        try:
+            return self._loop.step()
+        except Exception as error:
+            last_tick = self._loop.acting.gate.next_tick - 2
+            if self._is_restarted or last_tick < 0:
+                raise
+            self._failure, self._failed_after_tick = error, last_tick
+            self._report(error)
+            self._loop.end_at(last_tick)
+            return True
 
     def on_outputs(self, stepper: Stepper, outputs: list[SentMessage]) -> None:
         """Send what leaves the process, at the latest with the next flush; see `StepListener`."""
@@ -452,11 +471,16 @@ class Host:
 
     def _report(self, error: Exception) -> None:
         acting = self._loop.acting
-        report_fault(self._bus, acting.spec.name, error, tick=acting.gate.next_tick - 1)
+        # Its gate is beyond the tick that it was in.
+        report_fault(self._bus, acting.spec.name, error, tick=max(0, acting.gate.next_tick - 2))
 
     def _shut_down(self) -> None:
         for link in self._links:
-            self._loop.close(link.stepper)
+            try:
+                self._loop.close(link.stepper)
+            except Exception:
+                if self._failure is None:
+                    raise
             link.report_progress()
         while not self._is_dismissed:
             for link in self._links:

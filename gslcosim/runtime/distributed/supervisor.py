@@ -136,6 +136,8 @@ class Supervisor:
         self._described: set[str] = set()
         self._departed_at_s: dict[str, float] = {}
         self._verdict: Verdict | None = None
+        # The fault before which all others still have ticks to do.
+        self._fault: ServiceFault | None = None
         self._pauses = PauseDetector()
         self._started_at_s: float | None = None
         self._ended_at_s: float | None = None
@@ -201,10 +203,22 @@ class Supervisor:
             self._handle_next()
             self._check_time()
         self._bus.publish(protocol.START_KEY, b"", urgent=True)
-        while not (self._watchdog.is_finished and not self._list_overdue()) and not interruption.is_set():
-            self._handle_next()
-            self._check_time()
-            self._report_run()
+        try:
+            while not (self._watchdog.is_finished and not self._list_overdue()) and not interruption.is_set():
+                self._handle_next()
+                self._check_time()
+                self._report_run()
+        except RunEndedError:
+            # Where what comes before a fault can not be finished, that is still the cause.
+            self._raise_fault()
+            raise
+        self._raise_fault()
+
+    # A verdict before it is the end of the run; one that was given beyond it never was.
+    def _raise_fault(self) -> None:
+        if self._fault is not None and (self._verdict is None or self._verdict.tick > self._fault.tick):
+            self._verdict = None
+            raise RunEndedError(self._fault)
 
     def fault(self, text: str) -> ServiceFault:
         """Return a fault of the supervisor's own, at the tick that all services have reached."""
@@ -227,7 +241,8 @@ class Supervisor:
         outcome.timing = {name: report.timing for name, report in sorted(reports.items())}
         accounts = (*(report.summary for report in reports.values()), self._restarts.summary)
         outcome.summary = {key: value for account in accounts for key, value in account.items()}
-        outcome.ticks_flown = verdict.tick if verdict else self._watchdog.finished_tick
+        reached = self._fault.tick if self._fault and self._watchdog.is_finished else self._watchdog.finished_tick
+        outcome.ticks_flown = verdict.tick if verdict else reached
         if verdict is None or outcome.fault is not None or not self._watchdog.is_finished:
             return
         writer_of = build_dataflow(self._setup.scenario).writer_of
@@ -339,10 +354,14 @@ class Supervisor:
 
     def _on_fault(self, payload: bytes) -> None:
         report = protocol.FaultReport.from_bytes(payload)
-        if not self._restarts.absorbs_fault(report):
-            raise RunEndedError(
-                ServiceFault(participant=report.participant, tick=report.tick, text=report.text.strip())
-            )
+        if self._restarts.absorbs_fault(report):
+            return
+        fault = ServiceFault(participant=report.participant, tick=report.tick, text=report.text.strip())
+        if not self.has_begun:
+            raise RunEndedError(fault)
+        if self._fault is None or (fault.tick, fault.participant) < (self._fault.tick, self._fault.participant):
+            self._fault = fault
+            self._send_stop()
 
     def _on_liveliness(self, key: str, *, is_alive: bool) -> None:
         name = key.split("/")[1]
@@ -377,8 +396,8 @@ class Supervisor:
         self._send_stop()
 
     def _send_stop(self) -> None:
-        if self._verdict is not None:
-            self._bus.publish(protocol.STOP_KEY, protocol.TickReport(tick=self._verdict.tick).to_bytes(), urgent=True)
+        if ends := [end.tick for end in (self._verdict, self._fault) if end is not None]:
+            self._bus.publish(protocol.STOP_KEY, protocol.TickReport(tick=min(ends)).to_bytes(), urgent=True)
 
     def _on_final_report(self, payload: bytes) -> None:
         report = protocol.FinalReport.from_bytes(payload)
@@ -399,6 +418,8 @@ class Supervisor:
         reports, verdict = self._watchdog.final_reports, self._verdict
         if verdict is None:
             ticks = [reports["referee"].last_tick] if "referee" in reports else []
+            # Before a fault it ends without one.
+            ticks = [tick for tick in ticks if self._fault is None or tick < self._fault.tick]
             return [MissingMessage(port=keys.VERDICT, tick=tick, writer="referee", last_tick=-1) for tick in ticks]
         last_ticks = {name: host.session.last_tick for name, host in self._agent_hosts.items()}
         return [
@@ -456,7 +477,7 @@ class Supervisor:
                 self._watchdog.moved(now_s)
                 host.check_deadline()
         fault = self._watchdog.check(
-            now_s, is_judged=self._verdict is not None, look=self._look_twice, overdue=self._list_overdue()
+            now_s, is_judged=self._verdict is not None or self._fault is not None, look=self._look_twice, overdue=self._list_overdue()
         )
         if fault is not None:
             raise RunEndedError(fault)
