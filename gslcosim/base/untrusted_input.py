@@ -1,4 +1,4 @@
-"""Reader for JSON that others have written, bounded in size and depth, and escaping of foreign text for terminals.
+"""Readers for JSON and arrays that others have written, bounded in size, and escaping of foreign text for terminals.
 
 Whatever a file of JSON or of rows holds, its reader gets values of the types it asked for, or one error that names the
 file, the place in it and what was expected there. Types are those of `typing`: a `TypedDict` for an object, whose
@@ -7,6 +7,7 @@ further keys are passed over, `list[float]`, `str | None`.
 
 import json
 import re
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -15,6 +16,7 @@ from gslcosim.base.errors import UsageError, describe_os_error
 from gslcosim.base.files import open_regular_file, read_regular_file
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
     from pydantic import ValidationError
     from pydantic_core import ErrorDetails
 
@@ -91,6 +93,39 @@ def read_json_lines(path: Path, kind: type[T], *, remedy: str = FROM_A_COPY, max
         raise _unreadable(path, error, remedy) from error
     except MalformedFileError as error:
         raise MalformedFileError(f"{error} {remedy}\nFile: {path}") from error
+
+
+MAX_UNPACKED_BYTES = 1 << 30
+"""Size of all arrays of a file, where its reader names no other limit."""
+
+
+def read_npz(path: Path, *, max_bytes: int = MAX_UNPACKED_BYTES) -> "dict[str, NDArray[Any]]":
+    """Return the arrays of a `.npz` file by their names.
+
+    Raises:
+        OSError: it cannot be read, or is no file.
+        ValueError: it is no such archive, or has objects of Python or more bytes than `max_bytes`.
+    """
+    import numpy as np
+
+    try:
+        with open_regular_file(path) as file, zipfile.ZipFile(file) as archive:
+            n_bytes = sum(member.file_size for member in archive.infolist())
+            if n_bytes > max_bytes:
+                raise ValueError(f"expected at most {max_bytes >> 20} MB of arrays, was {n_bytes >> 20} MB")
+            arrays: dict[str, NDArray[Any]] = {}
+            for member in archive.infolist():
+                with archive.open(member) as content:
+                    array = np.lib.format.read_array(content, allow_pickle=False)
+                    if content.read(1):
+                        raise ValueError(f"{member.filename}: expected one array, was more")
+                arrays[member.filename.removesuffix(".npy")] = array
+            return arrays
+    # A faulty one raises what zipfile, zlib or the parser of heads do, whatever that is; a head may promise any size.
+    except (OSError, ValueError):
+        raise
+    except Exception as error:
+        raise ValueError(str(error) or type(error).__name__) from error
 
 
 def parse_json(data: bytes | str, kind: type[T], *, place: str) -> T:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from gslcosim.ros.types import REMEDY, RosTypes, ros_types
 
 _NS = 1e-9
 _MICROTESLA = 1e6
+_MAX_CHUNK_BYTES = 1 << 30
 # Beginnings of files that are no tables, and what each is; the first two can be read.
 _BEGINNINGS = {
     b"\x89MCAP": ".mcap",
@@ -263,6 +264,7 @@ def _of_mcap(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, _Mess
     schemas: dict[int, Schema] = {}
     channels: dict[int, tuple[str, str, Callable[[bytes], Any] | None]] = {}
     with open_regular_file(path) as file:
+        _check_chunks(file)
         # From begin to end, without the index, which lacks what came before a crash.
         for record in StreamReader(file, validate_crcs=True).records:
             if isinstance(record, Schema):
@@ -276,6 +278,26 @@ def _of_mcap(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, _Mess
                 topic, name, decode = channels[record.channel_id]
                 if decode is not None:
                     yield topic, name, record.log_time, partial(decode, record.data)
+
+
+# A chunk of some bytes may unpack to any number of them; the reader trusts what it says of itself.
+def _check_chunks(file: BinaryIO) -> None:
+    import lz4.frame
+    import zstandard
+    from mcap.records import Chunk
+    from mcap.stream_reader import StreamReader
+
+    for chunk in StreamReader(file, emit_chunks=True, record_size_limit=_MAX_CHUNK_BYTES).records:
+        if isinstance(chunk, Chunk):
+            sizes = [chunk.uncompressed_size]
+            if chunk.compression == "zstd":
+                sizes.append(zstandard.frame_content_size(chunk.data))
+            elif chunk.compression == "lz4":
+                unpacker = lz4.frame.LZ4FrameDecompressor()
+                sizes.append(len(unpacker.decompress(chunk.data, max_length=_MAX_CHUNK_BYTES + 1)))
+            if max(sizes) > _MAX_CHUNK_BYTES:
+                raise ValueError(f"a chunk that unpacks to more than {_MAX_CHUNK_BYTES >> 20} MB")
+    file.seek(0)
 
 
 # Between the parts of a definition.

@@ -4,8 +4,6 @@ import io
 import json
 import platform
 import time
-import zipfile
-import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -18,7 +16,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import replace_file
-from gslcosim.base.untrusted_input import MalformedFileError, parse_json
+from gslcosim.base.untrusted_input import MalformedFileError, parse_json, read_npz
 from gslcosim.bench.cases.models import EntrySpec
 from gslcosim.data.figures.style import get_line_style, new_figure, save, styled
 from gslcosim.runtime.status import RunResult
@@ -46,7 +44,6 @@ from gslcosim.training.trainers.trainer import CtrnnSettings, MethodSettings, Ta
 CHECKPOINT = "checkpoint.npz"
 SCHEMA = "gslcosim/checkpoint/1"
 _ABOUT, _TRAINER, _BEST = "about", "trainer.", "best."
-_NOT_READABLE = (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,11 +100,10 @@ def load_checkpoint(folder: Path, *, identity: str) -> Checkpoint:
     if not path.is_file():
         raise UsageError(f"{path}: expected a checkpoint to go on from, found none. Leave out --resume.")
     try:
-        with np.lib.npyio.NpzFile(io.BytesIO(path.read_bytes()), own_fid=True, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
+        arrays = read_npz(path)
         header = parse_json(str(arrays.pop(_ABOUT)[()]), _About, place=_ABOUT)
         schema, found, about = header["schema"], header["identity"], header["about"]
-    except (*_NOT_READABLE, IndexError, MalformedFileError) as error:
+    except (OSError, ValueError, KeyError, IndexError, MalformedFileError) as error:
         raise UsageError(
             f"{path}: expected a checkpoint of gslcosim train, was a file that is corrupt ({error}). Take it away and "
             "train anew without --resume."

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import EnvironmentDataError
-from gslcosim.base.files import open_regular_file
+from gslcosim.base.untrusted_input import read_npz
 from gslcosim.environment.model import Grid
 from gslcosim_services.fields.filament.filament_step import cell_index
 from gslcosim_services.fields.frame_formats import MAX_CENTRE_PPM, GasFrame, read_gaden_frame, read_gsl_bench_frame
@@ -206,6 +206,7 @@ def _span(numbers: NDArray[np.int64]) -> str:
 
 
 MOVIE_SUFFIX = ".npz"
+_MAX_MOVIE_BYTES = 16 << 30
 _MOVIE_ARRAYS = ("time_s", "mixing_ratio_ppm", "origin_m", "cell_m")
 
 
@@ -270,19 +271,15 @@ class GasMovie:
 
 def _load_movie(path: Path) -> dict[str, NDArray]:
     try:
-        with open_regular_file(path) as file, np.load(file, allow_pickle=False) as stored:
-            missing = [name for name in _MOVIE_ARRAYS if name not in stored]
-            arrays = {} if missing else {name: stored[name] for name in _MOVIE_ARRAYS}
-    # A faulty archive raises what zipfile, zlib, the parser of heads or numpy's types do.
-    except Exception as error:
+        stored = read_npz(path, max_bytes=_MAX_MOVIE_BYTES)
+    except (OSError, ValueError) as error:
         raise EnvironmentDataError(f"gas movie: cannot be read ({error}). File: {path}") from error
-    if missing:
+    if missing := [name for name in _MOVIE_ARRAYS if name not in stored]:
         raise EnvironmentDataError(
             f"gas movie: expected arrays {', '.join(_MOVIE_ARRAYS)}, was without {', '.join(missing)}. File: {path}"
         )
-    # A member without an array's head comes back as its bytes.
-    kinds = {name: getattr(array, "dtype", np.dtype(bytes)) for name, array in arrays.items()}
-    wrong = [f"{name} of {kind}" for name, kind in kinds.items() if kind.kind not in "fiu"]
+    arrays = {name: stored[name] for name in _MOVIE_ARRAYS}
+    wrong = [f"{name} of {array.dtype}" for name, array in arrays.items() if array.dtype.kind not in "fiu"]
     if wrong:
         raise EnvironmentDataError(f"gas movie: expected arrays of numbers, was {', '.join(wrong)}. File: {path}")
     return arrays

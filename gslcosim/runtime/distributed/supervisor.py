@@ -476,9 +476,8 @@ class Supervisor:
                 # An agent that owes an answer is not a stall of the run; it has its own deadline.
                 self._watchdog.moved(now_s)
                 host.check_deadline()
-        fault = self._watchdog.check(
-            now_s, is_judged=self._verdict is not None or self._fault is not None, look=self._look_twice, overdue=self._list_overdue()
-        )
+        is_judged, overdue = self._verdict is not None or self._fault is not None, self._list_overdue()
+        fault = self._watchdog.check(now_s, is_judged=is_judged, look=self._look_twice, overdue=overdue)
         if fault is not None:
             raise RunEndedError(fault)
 

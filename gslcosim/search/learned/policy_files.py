@@ -2,8 +2,6 @@
 
 import io
 import json
-import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,7 +12,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import MethodError, UsageError
 from gslcosim.base.files import replace_file
-from gslcosim.base.untrusted_input import JsonObject, MalformedFileError, parse_json, read_json
+from gslcosim.base.untrusted_input import JsonObject, MalformedFileError, parse_json, read_json, read_npz
 from gslcosim.contract.messages import ParameterValue
 from gslcosim.search.learned.policy import ActionSettings, Policy, PolicyError
 from gslcosim.search.learned.recurrent_networks import CtrnnPolicy, GruPolicy
@@ -25,16 +23,6 @@ CARD = "card"
 # What `gslcosim` writes itself; all else of a card says how the policy came to be.
 OWN_KEYS = ("schema", "kind", "observation_names", "action", "settings")
 KINDS: dict[str, type[Policy]] = {kind.kind: kind for kind in (CtrnnPolicy, GruPolicy, ValueTable)}
-_NOT_READABLE = (
-    OSError,
-    ValueError,
-    KeyError,
-    EOFError,
-    NotImplementedError,
-    RuntimeError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
 
 
 def save_policy(path: str | Path, policy: Policy, card: Mapping[str, Any]) -> None:
@@ -124,10 +112,8 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     if not path.is_file():
         raise PolicyError("expected the file of a policy, was none there.")
     try:
-        # From memory: a file that is no archive would stay open.
-        with np.lib.npyio.NpzFile(io.BytesIO(path.read_bytes()), own_fid=True, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-    except _NOT_READABLE as error:
+        arrays = read_npz(path)
+    except (OSError, ValueError) as error:
         raise PolicyError(
             f"expected a .npz file that can be read, got: {error}. It is corrupt; make it again."
         ) from error
