@@ -1,12 +1,14 @@
 """Units of FMI behind their core, without a run around them: steps, states, faults, and what `validate` refuses."""
 
 import json
+import math
 import re
 import shutil
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import msgpack
 import numpy as np
 import pytest
 import yaml
@@ -469,3 +471,61 @@ def test_a_block_that_cannot_be_is_refused(tmp_path, changes, expected):
     with pytest.raises(InvalidScenarioError) as caught:
         load({**block(unit), **changes})
     assert expected in str(caught.value)
+
+
+def frame(value):
+    packed = value if isinstance(value, bytes) else msgpack.packb(value)
+    return (len(packed).to_bytes(4, "big") + packed).hex()
+
+
+# What a unit writes to the pipes of its process at a function, and what its fault says.
+FRAMES = {
+    "a list": ("load", frame([1, 2, 3]), "expected an instance of the unit, its answer: expected a msgpack map, was"),
+    "a number": ("load", frame(7), "expected an instance of the unit, its answer: expected a msgpack map, was int"),
+    "no msgpack": ("load", frame(b"\xc1\xc1"), "expected a msgpack map, was 2 bytes starting c1c1"),
+    "nothing": ("load", "00000000", "expected a msgpack map, was 0 bytes"),
+    "too long": ("load", "ffffffff" + "78" * 100, "expected the length of a frame in 4 bytes"),
+    "deep": ("load", frame(b"\x91" * 1500 + b"\xc0"), "expected a msgpack map, was 1501 bytes"),
+    "bytes for a key": ("load", frame({b"\xff": 1}), "expected an instance of the unit, its answer: expected a text"),
+    "a key twice": ("load", frame(b"\x82\xa1a\x01\xa1a\x02"), "expected each key once, was 'a' 2 times"),
+    "a fault that is none": ("load", frame({"fault": 5}), "fault: expected a text, was a whole number"),
+    "escape sequences": ("load", frame({"fault": "\x1b[2Jx"}), r"\x1b[2Jx."),
+    "two answers": ("load", frame({}) * 2, "something came before it was asked"),
+    "no values": ("fmi3DoStep", frame({}), "expected the outputs of tick 1, its answer: expected the key values"),
+    "one value": ("fmi3DoStep", frame({"values": [1.0]}), "expected the outputs of tick 1, 3 values, was 1"),
+    "a number of values": ("fmi3DoStep", frame({"values": 3}), "values: expected a list, was a whole number"),
+    "maps": ("fmi3DoStep", frame({"values": [{"a": 1}] * 3}), "values[0]: expected true or false or"),
+    "times": ("fmi3DoStep", frame({"values": [msgpack.Timestamp(1)] * 3}), "values[0]: expected true or false or"),
+    "bytes": ("fmi3DoStep", frame({"values": [b"\xff"] * 3}), "values[0]: expected true or false or"),
+    "nones": ("fmi3DoStep", frame({"values": [None] * 3}), "values[0]: expected true or false or"),
+    "texts": ("fmi3DoStep", frame({"values": ["x"] * 3}), "share: input should be a valid number, was 'x', at tick 1"),
+    "NaN": ("fmi3DoStep", frame({"values": [math.nan] * 3}), "should be a finite number, was nan, at tick 1"),
+    "half a frame": ("fmi3DoStep", frame({"values": [1.0] * 3})[:18] + "00" * 9, "expected the outputs of tick 1"),
+    "a size below zero": ("fmi3SerializeFMUState", frame({"n_bytes": -5}), "bytes, was one of -5"),
+    "an endless size": ("fmi3SerializeFMUState", frame({"n_bytes": 2**62}), f"bytes, was one of {2**62}"),
+    "a word for a size": ("fmi3SerializeFMUState", frame({"n_bytes": "x"}), "n_bytes: expected a whole number"),
+}  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FRAMES)
+def test_whatever_a_unit_answers_itself_is_a_fault_in_a_sentence(tmp_path, core_of, name):
+    function, written, expected = FRAMES[name]
+    core = core_of(block(build_fan(tmp_path), environment={"UNIT_FRAMES": f"{function}:{written}"}))
+    text = told_fault(core)
+    assert expected in text
+    assert "\x1b" not in text
+    core.close()
+    (log,) = tmp_path.glob("*/logs/participant_fan.log")
+    assert "Traceback" not in log.read_text()
+
+
+def test_an_archive_that_unpacks_to_too_much_is_refused_before_it_is(tmp_path):
+    unit = build_fan(tmp_path)
+    with zipfile.ZipFile(unit, "a", zipfile.ZIP_DEFLATED) as archive, archive.open("documentation/x", "w") as member:
+        for _ in range(1100):
+            member.write(bytes(1 << 20))
+    assert unit.stat().st_size < 4 << 20
+    loaded = load(block(unit))
+    (problem,) = find_fmu_problems(loaded.scenario, loaded.directory)
+    assert "expected at most 1024 MB of files, was 1100 MB" in str(problem)

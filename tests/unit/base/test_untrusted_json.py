@@ -2,9 +2,11 @@
 
 import json
 import os
+import zipfile
 from pathlib import Path
 from typing import Required, TypedDict
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,6 +18,7 @@ from gslcosim.base.untrusted_input import (
     parse_json,
     read_json,
     read_json_lines,
+    read_npz,
     validate_value,
 )
 
@@ -104,7 +107,7 @@ def test_a_file_is_named_with_what_helps(tmp_path):
         read_json(path, Result, max_bytes=3)
     path.unlink()
     os.mkfifo(path)
-    with pytest.raises(MalformedFileError, match="was something that is no file"):
+    with pytest.raises(MalformedFileError, match="was a pipe and no file"):
         read_json(path, Result)
 
 
@@ -129,3 +132,26 @@ def test_plain_values_are_checked_too():
 def test_half_of_a_surrogate_pair_is_no_text():
     with pytest.raises(MalformedFileError, match=r"^here: expected text, was half of a surrogate pair"):
         parse_json('{"\\ud800": 1}', Result, place="here")
+
+
+def test_arrays_are_counted_before_they_are_unpacked(tmp_path):
+    path = tmp_path / "bomb.npz"
+    np.savez_compressed(path, a=np.zeros(1 << 20), b=np.arange(3))
+    assert path.stat().st_size < 1 << 16
+    assert read_npz(path)["b"].tolist() == [0, 1, 2]
+    with pytest.raises(ValueError, match="expected at most 4 MB of arrays, was 8 MB"):
+        read_npz(path, max_bytes=4 << 20)
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"PK\x03\x04", b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'shape': (9" + b"9" * 40]
+)
+def test_what_holds_no_arrays_is_a_value_error(tmp_path, content):
+    path = tmp_path / "x.npz"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("a.npy", content)
+    with pytest.raises(ValueError, match=r"."):
+        read_npz(path)
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=r"."):
+        read_npz(path)

@@ -1,5 +1,8 @@
 """Files of geometry: parts come as the file has them, and what is damaged is named."""
 
+import json
+import os
+
 import numpy as np
 import pytest
 import trimesh
@@ -227,3 +230,36 @@ def test_a_binary_stl_may_begin_as_a_text(tmp_path, head):
     content = box().export(file_type="stl")
     (part,) = load(write(tmp_path, "box.stl", head.ljust(80) + content[80:]))
     assert extent([part]) == ([0, 0, 0], [4, 3, 2])
+
+
+NAMED = {
+    "mesh.xml": '<asset><mesh name="m" file="x"/></asset><worldbody><geom type="mesh" mesh="m"/></worldbody>',
+    "folder.xml": '<compiler meshdir="below"/><asset><mesh name="m" file="x.stl"/></asset>',
+    "path.xml": '<compiler strippath="true"/><asset><mesh name="m" file="nowhere/x"/></asset>',
+    "texture.xml": '<asset><texture name="t" type="cube" fileright="x" fileup=\'x\'/></asset>',
+    "field.xml": '<asset><hfield name="h" file="x" size="1 1 1 1"/></asset>',
+    "entity.xml": '<asset><mesh name="m" file="&#120;"/></asset>',
+    "include.xml": '<include file="included"/>',
+    "material.obj": "mtllib x\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+    "texture.obj": "mtllib texture\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n",
+    "buffer.gltf": json.dumps({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}], "buffers": [{"byteLength": 36, "uri": "x"}],
+    }),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_a_pipe_that_a_file_of_geometry_names_is_refused(tmp_path, name):
+    """Libraries open what a file names, and would wait for ever."""
+    (tmp_path / "below").mkdir()
+    for pipe in ("x", "below/x.stl"):
+        os.mkfifo(tmp_path / pipe)
+    (tmp_path / "included").write_text('<mujocoinclude><asset><mesh name="m" file="x"/></asset></mujocoinclude>')
+    (tmp_path / "texture").write_text("newmtl a\nmap_Kd x\n")
+    text = f"<mujoco>{NAMED[name]}</mujoco>" if name.endswith(".xml") else NAMED[name]
+    (tmp_path / name).write_text(text)
+    with pytest.raises(EnvironmentDataError, match="a pipe and no file"):
+        load_parts(tmp_path / name, scale=1.0, up=None, translate_m=(0.0, 0.0, 0.0))
