@@ -38,7 +38,7 @@ _KERNEL_MARKS = (b"numba", b"njit", b"scalar_kernel")
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 _CANNOT_BE_WRITTEN = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT)
 _KEY_FILE = "kernels.key"
-_SIGNATURE_BYTES = 32
+SIGNATURE_BYTES = 32
 _KEY_BYTES = 32
 _READ = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 _CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
@@ -228,15 +228,10 @@ def _build_signed_class(plain: type[Any]) -> type[Any]:
 
 
 def _read_signed(path: str) -> bytes | None:
-    import hmac
-
-    key, data = _load_or_create_key(get_key_path()), _read_trusted(path)
-    if data is None:
+    if (data := _read_trusted(path)) is None:
         return None
-    body, signature = data[:-_SIGNATURE_BYTES], data[-_SIGNATURE_BYTES:]
-    if key is None:
-        return body if _is_of_the_system(path) else None
-    return body if hmac.compare_digest(signature, _sign(key, path, body)) else None
+    body, signature = data[:-SIGNATURE_BYTES], data[-SIGNATURE_BYTES:]
+    return body if is_signed(_name_place(path), body, signature, Path(path)) else None
 
 
 # In a cache that root has filled for others, whose key they cannot read.
@@ -246,20 +241,45 @@ def _is_of_the_system(path: str) -> bool:
 
 # Without a key nobody could load it again. Where nothing can be written, the kernel is compiled again next time.
 def _write_signed(path: str, body: bytes) -> None:
-    if (key := _load_or_create_key(get_key_path())) is not None:
+    if (signature := sign(_name_place(path), body)) is not None:
         try:
-            _replace(path, body + _sign(key, path, body), 0o644)
+            _replace(path, body + signature, 0o644)
         except OSError as error:
             if error.errno not in _CANNOT_BE_WRITTEN:
                 raise
 
 
-# With the file's name, so that none can be put in place of another.
-def _sign(key: bytes, path: str, body: bytes) -> bytes:
-    place = Path(path)
-    hasher = hashlib.blake2b(f"{place.parent.name}/{place.name}\0".encode(), key=key, digest_size=_SIGNATURE_BYTES)
+def _name_place(path: str) -> str:
+    return "/".join(Path(path).parts[-2:])
+
+
+def sign(place: str, body: bytes) -> bytes | None:
+    """Return the signature of data with the key of the cache; None where there is no key.
+
+    Args:
+        place: Name of what holds them, so that nothing can be put in place of another.
+        body: The data.
+    """
+    if (key := _load_or_create_key(get_key_path())) is None:
+        return None
+    hasher = hashlib.blake2b(f"{place}\0".encode(), key=key, digest_size=SIGNATURE_BYTES)
     hasher.update(body)
     return hasher.digest()
+
+
+def is_signed(place: str, body: bytes, signature: bytes, path: Path) -> bool:
+    """Return whether data are signed with the key of the cache; of a cache that root has filled, whether they are its.
+
+    Args:
+        place: As for `sign`.
+        body: The data.
+        signature: What stands for their signature.
+        path: The file that holds it.
+    """
+    import hmac
+
+    expected = sign(place, body)
+    return _is_of_the_system(str(path)) if expected is None else hmac.compare_digest(expected, signature)
 
 
 # None where there is none and none can be made: then each process compiles its kernels.

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Self
 
+from gslcosim.base.checksums import check_files
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.method_names import join_methods, name_method
@@ -249,6 +250,7 @@ def _json(path: Path, sizes: Mapping[str, int]) -> dict[str, Any]:
     if path.name not in sizes:
         return {}
     try:
+        check_files(path.parent, path.name)
         return read_json(path, JsonObject)
     except MalformedFileError:
         return {}
@@ -258,8 +260,9 @@ def _text(path: Path, sizes: Mapping[str, int]) -> str:
     if path.name not in sizes:
         return ""
     try:
+        check_files(path.parent, path.name)
         return read_regular_file(path, max_bytes=_MAX_SCENARIO_BYTES).decode(errors="replace")
-    except OSError:
+    except (OSError, MalformedFileError):
         return ""
 
 

@@ -11,6 +11,7 @@ environment.yaml   name, grid, boxes, openings, lights, wind timing, content has
                        `meshes` names any: rooms from somebody's own geometry
     scene.xml          the boxes as MJCF, for other programs; may be absent
     top_view.png       a picture from above, for people; may be absent
+    checksums.json     hashes of the files above, by which a change is found; see `gslcosim.base.checksums`
     wind_report.json   how well the built-in solver solved the wind, and wind_history.png, a plot of its steps; may be
                        absent
 
@@ -19,6 +20,7 @@ All lengths are metres in the world frame; cell (0, 0, 0) touches `grid.origin_m
 Unknown keys in environment.yaml are ignored; additions have defaults; a changed meaning is a new format number.
 """
 
+import contextlib
 import errno
 import io
 import re
@@ -33,10 +35,11 @@ import yaml
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from gslcosim.base.checksums import check_files, write_checksums
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.files import read_regular_file, remove_tree
 from gslcosim.base.quantities import Vec3
-from gslcosim.base.untrusted_input import describe_validation_errors
+from gslcosim.base.untrusted_input import MalformedFileError, describe_validation_errors
 from gslcosim.environment.formats.data_files import load_npy
 from gslcosim.environment.model import (
     Box,
@@ -218,26 +221,33 @@ def save_environment(
         (beside / HEADER_FILE).write_text(_header_text(environment, made_from, notices), encoding="utf-8")
         for name, content in (extras or {}).items():
             (beside / name).write_bytes(content)
+        present = (name for name in ENVIRONMENT_FILES if (beside / name).is_file())
+        write_checksums(beside, *present, place=folder.name)
         _move_into_place(beside, folder, environment.content_hash)
     finally:
         remove_tree(beside, ignore_errors=True)
 
 
-def load_environment(folder: Path, *, check_hash: bool = False, with_meshes: bool = False) -> Environment:
+def load_environment(folder: Path, *, with_meshes: bool = False) -> Environment:
     """Return the environment that a folder holds, its wind memory-mapped and all its arrays read-only.
+
+    Its files are compared with their checksums and, where the cache has not signed these, its values with its content
+    hash, which takes longer where there are meshes.
 
     Args:
         folder: The environment folder.
-        check_hash: Also read everything and compare it with the content hash, which takes longer.
         with_meshes: Also read the meshes to be looked at, which nothing but pictures needs.
 
     Raises:
-        EnvironmentDataError: the folder is missing, or a file is missing, truncated, of another format, of the
-            wrong shape or type, or has values that are not finite.
+        EnvironmentDataError: the folder is missing, or a file is missing, truncated, changed since it was saved, of
+            another format, of the wrong shape or type, or has values that are not finite.
     """
+    is_ours = False
+    with contextlib.suppress(MalformedFileError):
+        is_ours = check_files(folder, *ENVIRONMENT_FILES)
     header = _load_header(folder)
     grid = Grid(**header.grid.model_dump())
-    has_meshes = bool(header.meshes) and (with_meshes or check_hash)
+    has_meshes = bool(header.meshes) and (with_meshes or not is_ours)
     environment = Environment(
         name=header.name,
         grid=grid,
@@ -254,7 +264,7 @@ def load_environment(folder: Path, *, check_hash: bool = False, with_meshes: boo
         lights=tuple(Light(**light.model_dump()) for light in header.lights),
         meshes=load_visual_meshes(folder / MESHES_FILE, header.meshes) if has_meshes else (),
     )
-    if check_hash and (found := content_hash(environment, environment.wind)) != header.content_hash:
+    if not is_ours and (found := content_hash(environment, environment.wind)) != header.content_hash:
         raise EnvironmentDataError(
             f"content_hash: expected {header.content_hash}, was {found}. "
             f"A file was changed after it was saved; make the environment again.\nFolder: {folder}"
@@ -313,7 +323,7 @@ def _move_into_place(beside: Path, folder: Path, content_hash: str) -> None:
 
 def _is_whole(folder: Path, content_hash: str) -> bool:
     try:
-        return load_environment(folder, check_hash=True).content_hash == content_hash
+        return load_environment(folder).content_hash == content_hash
     except (EnvironmentDataError, FileNotFoundError):
         # The second: another process took the folder away while it was read.
         return False

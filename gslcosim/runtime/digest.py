@@ -11,6 +11,7 @@ from typing import Annotated, TypedDict
 
 import msgspec
 
+from gslcosim.base.checksums import check_files
 from gslcosim.base.errors import UsageError, build_machine_error
 from gslcosim.base.files import replace_file
 from gslcosim.base.untrusted_input import FROM_A_COPY, JsonObject, read_json, validate_value
@@ -148,4 +149,5 @@ class RunDigest:
             raise UsageError(
                 f"{path.name}: expected ticks with a link each, was {error}. {FROM_A_COPY}\nFile: {path}"
             ) from error
+        check_files(path.parent, path.name)
         return cls(content["final_tick"], {port: ports[port]["participant"] for port in ports}, trails)

@@ -18,6 +18,7 @@ from typing import Annotated
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
 
 import gslcosim
+from gslcosim.base.checksums import write_checksums
 from gslcosim.base.code_identity import COMPUTING_PACKAGES, hash_result_code
 from gslcosim.base.disk_cache import mark_used
 from gslcosim.base.errors import ContractError, EnvironmentDataError, MachineError, RunTimeoutError, SimulationFault
@@ -348,11 +349,12 @@ def fetch_environment(bus: Bus, offer: OfferedEnvironment, say: ProgressHandler)
                         said_at_s = time.monotonic()
                         say(f"fetching the room, {n_bytes / 1e6:.1f} of {total / 1e6:.1f} MB")
         try:
-            found = load_environment(filling, check_hash=True).content_hash
+            found = load_environment(filling).content_hash
         except EnvironmentDataError as error:
             raise SimulationFault(f"the fetched room: {error}") from error
         if found != offer.environment_hash:
             raise SimulationFault(f"the fetched room: expected content {offer.environment_hash}, was {found}.")
+        write_checksums(filling, *offer.room_files, place=folder.name)
         remove_tree(folder, ignore_errors=True)
         try:
             filling.rename(folder)

@@ -14,13 +14,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any, Required, TypedDict
+from typing import Annotated, Any, Required, TypedDict, TypeVar
 
 import msgspec
 import yaml
 from pydantic import ValidationError
 
 import gslcosim
+from gslcosim.base.checksums import check_files, write_checksums
 from gslcosim.base.code_identity import COMPUTING_PACKAGES
 from gslcosim.base.errors import (
     RunFolderError,
@@ -43,6 +44,8 @@ from gslcosim.contract.messages import Command
 from gslcosim.contract.schema import get_contract_hash
 from gslcosim.environment.model import VariantValues
 from gslcosim.scenario.models.scenario import Processes, Scenario
+
+T = TypeVar("T")
 
 LOCK_FILE = Path(__file__).resolve().parents[2] / "requirements.lock"
 # A new environment has its own versions of these.
@@ -189,6 +192,10 @@ def read_machine_notes(folder: Path) -> MachineNotes:
 # Room kept free for the result: where a disk runs full in flight, this is what can still be written.
 RESERVE_FILE = ".reserve"
 INPUTS_FILE = "inputs.log"
+# What is read back of a run that has ended.
+_CHECKED_FILES = (
+    "scenario.yaml", "setup.json", "manifest.json", "digest.json", INPUTS_FILE, "result.json", "recording.rrd",
+)  # fmt: skip
 RESERVE_BYTES = 32 * 1024
 # What computes a run, and what carries and records it.
 MANIFEST_PACKAGES = (*COMPUTING_PACKAGES, "eclipse-zenoh", "rerun-sdk", "pyyaml")
@@ -341,12 +348,14 @@ class RunDir:
         place = f"{self.run_id}/{self.scenario.name}"
         try:
             text = read_regular_file(self.scenario, max_bytes=_MAX_SCENARIO_BYTES).decode()
-            return Scenario.model_validate(yaml.load(text, Loader=BoundedLoader))
+            scenario = Scenario.model_validate(yaml.load(text, Loader=BoundedLoader))
         except (OSError, ValueError, yaml.YAMLError) as error:
             raise MalformedFileError(
                 f"{place}: expected the scenario as resolved, was {_why_no_scenario(error)}. {FROM_A_COPY}\n"
                 f"File: {self.scenario}"
             ) from error
+        check_files(self.path, self.scenario.name)
+        return scenario
 
     def load_manifest(self) -> RunManifest:
         """Read `manifest.json`.
@@ -354,7 +363,7 @@ class RunDir:
         Raises:
             MalformedFileError: it cannot be read, or is none.
         """
-        return read_json(self.path / "manifest.json", RunManifest)
+        return self._read("manifest.json", RunManifest)
 
     def load_result(self) -> RunResult:
         """Read `result.json`.
@@ -362,7 +371,7 @@ class RunDir:
         Raises:
             MalformedFileError: it cannot be read, or is none.
         """
-        return read_json(self.path / "result.json", RunResult)
+        return self._read("result.json", RunResult)
 
     def load_setup(self) -> RecordedSetup:
         """Read `setup.json`.
@@ -370,7 +379,13 @@ class RunDir:
         Raises:
             MalformedFileError: it cannot be read, or is none.
         """
-        return read_json(self.setup, RecordedSetup)
+        return self._read(self.setup.name, RecordedSetup)
+
+    # What is wrong in a file says more than that it was changed.
+    def _read(self, name: str, kind: type[T]) -> T:
+        content = read_json(self.path / name, kind)
+        check_files(self.path, name)
+        return content
 
     def log(self, participant: str) -> Path:
         """Return the log file of a participant."""
@@ -422,7 +437,7 @@ class RunDir:
         self.replace("manifest.json", _dump_json(manifest))
 
     def save_result(self, result: Mapping[str, Any]) -> None:
-        """Write `result.json`, with the room that was kept free for it.
+        """Write `result.json`, with the room that was kept free for it, and the checksums of the run's files.
 
         Raises:
             RunFolderError: it cannot be written.
@@ -430,6 +445,9 @@ class RunDir:
         with contextlib.suppress(OSError):
             (self.path / RESERVE_FILE).unlink()
         self.replace("result.json", _dump_json(result))
+        # A folder without them is read all the same.
+        with contextlib.suppress(OSError):
+            write_checksums(self.path, *(name for name in _CHECKED_FILES if (self.path / name).is_file()))
 
     def log_command(self, agent: str, command: Command) -> None:
         """Append a command that took effect to `inputs.log`, one JSON object a line; bytes are base64 text.

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from gslcosim.base.checksums import CHECKSUMS_FILE, write_checksums
 from gslcosim.base.errors import MachineError, UsageError, describe_os_error
 from gslcosim.base.files import remove_tree
 from gslcosim.cli.arguments import RECORDING, RUNS_DIR, Command, parse_positive_number
@@ -286,6 +287,8 @@ def _repair(rows: Sequence[Mapping[str, Any]], arguments: argparse.Namespace) ->
         if row["state"] in ("foreign", "running") or row["size_mb"] is None or not recording.is_file():
             continue
         is_repaired = repair_recording(recording)
+        if is_repaired and (recording.parent / CHECKSUMS_FILE).is_file():
+            write_checksums(recording.parent, recording.name)
         repairs.append({"run": row["run"], "folder": row["folder"], "repaired": is_repaired})
         if not arguments.json:
             write(f"{'repaired' if is_repaired else 'was whole':<11}{recording}")

@@ -13,6 +13,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 from rerun.chunk import Chunk, RrdReader
 
+from gslcosim.base.checksums import check_files
 from gslcosim.base.errors import RecordingError
 from gslcosim_services.recorder import colors
 from gslcosim_services.recorder.colors import GasScale
@@ -90,11 +91,13 @@ def read_chunks(path: Path) -> list[Chunk]:
 
     Raises:
         RecordingError: there is none, it was cut off, or it is none of ours.
+        MalformedFileError: it was changed since its run has ended.
     """
     if not path.is_file():
         raise RecordingError(f"recording: expected a file, was none.\nFile: {path}")
     if not has_footer(path):
         raise RecordingError(_text(path, "one that was cut off, or none at all"))
+    check_files(path.parent, path.name)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypedDict, cast
 
+from gslcosim.base.checksums import check_files
 from gslcosim.base.errors import ContractError, EnvironmentDataError, UsageError, describe_os_error
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.untrusted_input import MalformedFileError, parse_json
@@ -142,6 +143,7 @@ def read_recorded_commands(path: Path) -> dict[str, dict[int, Command]]:
                 f"File: {path}"
             ) from error
         commands.setdefault(agent, {})[command.tick] = command
+    check_files(path.parent, path.name)
     return commands
 
 

@@ -49,7 +49,7 @@ def test_a_room_with_its_wind_becomes_an_environment(scenario, tmp_path, capsys)
         f"{out}: shed, 4 x 3 x 2 cells of 0.5 m (20 free, 2 solid, 2 at outlets), 1 openings, frames of wind: 2.\n"
     )
     assert output.err == ""
-    environment = load_environment(out, check_hash=True)
+    environment = load_environment(out)
     assert (environment.wind.period_s, environment.wind.is_looping) == (0.5, False)
     assert (environment.wind.velocity_m_s[1] == 2.0).all()
     assert (out / PICTURE_FILE).is_file()

@@ -42,7 +42,7 @@ def refusal(folder, **options):
 
 
 def test_what_is_saved_comes_back_equal(saved):
-    expected, found = make_environment(), load_environment(saved, check_hash=True)
+    expected, found = make_environment(), load_environment(saved)
     assert (found.occupancy == expected.occupancy).all()
     assert (found.wind.velocity_m_s == expected.wind.velocity_m_s).all()
     for field in ("name", "grid", "boxes", "openings", "content_hash"):
@@ -59,7 +59,7 @@ def with_k_epsilon():
 def test_k_and_epsilon_come_back_with_their_wind(tmp_path):
     expected = with_k_epsilon()
     save_environment(expected, tmp_path / "room")
-    found = load_environment(tmp_path / "room", check_hash=True)
+    found = load_environment(tmp_path / "room")
     assert (found.wind.k_epsilon == expected.wind.k_epsilon).all()
     assert found.content_hash != make_environment().content_hash
     assert load_environment_without_k_epsilon(tmp_path) is None
@@ -109,7 +109,7 @@ def test_nothing_but_the_environment_is_left_beside_it(saved):
 
 def test_saving_another_environment_replaces_the_old_one(saved):
     save_environment(make_environment(seed=1), saved)
-    assert load_environment(saved, check_hash=True).content_hash == make_environment(seed=1).content_hash
+    assert load_environment(saved).content_hash == make_environment(seed=1).content_hash
 
 
 def test_saving_the_same_again_leaves_the_files_alone(saved):
@@ -151,7 +151,7 @@ def test_many_writers_at_once_leave_one_whole_environment(tmp_path):
         thread.join()
     assert errors == []
     assert [path.name for path in tmp_path.iterdir()] == ["room"]
-    found = load_environment(tmp_path / "room", check_hash=True).content_hash
+    found = load_environment(tmp_path / "room").content_hash
     assert found in {environment.content_hash for environment in environments}
 
 
@@ -252,12 +252,11 @@ def test_a_changed_file_is_found_by_its_hash(saved):
     wind = np.load(saved / "wind.npy")
     wind[0, 0, 0, 0, 0] += 1.0
     np.save(saved / "wind.npy", wind)
-    load_environment(saved)
-    assert "content_hash: expected" in refusal(saved, check_hash=True)
+    assert "content_hash: expected" in refusal(saved)
 
 
 def test_a_folder_can_be_moved_and_copied(saved, tmp_path):
     shutil.copytree(saved, tmp_path / "copy")
     shutil.move(saved, tmp_path / "moved")
-    hashes = {load_environment(tmp_path / name, check_hash=True).content_hash for name in ("copy", "moved")}
+    hashes = {load_environment(tmp_path / name).content_hash for name in ("copy", "moved")}
     assert hashes == {make_environment().content_hash}

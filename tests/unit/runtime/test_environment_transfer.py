@@ -76,7 +76,7 @@ def test_the_room_is_fetched_in_pieces_and_then_known_by_its_content(run):
     assert find_local_environment(offer) is None
     said = []
     folder = fetch_environment(run.bus, offer, said.append)
-    fetched = load_environment(folder, check_hash=True)
+    fetched = load_environment(folder)
     assert fetched.content_hash == offer.environment_hash
     assert (folder / WIND_FILE).read_bytes() == (run.folder / WIND_FILE).read_bytes()
     assert find_local_environment(offer) == folder
@@ -89,7 +89,7 @@ def test_what_events_make_of_the_room_is_fetched_too_in_its_order(run):
     assert [each.room for each in offer.later_rooms] == [1, 2]
     for each, seed in zip(offer.later_rooms, (3, 1), strict=True):
         far = each.model_copy(update={"environment_dir": "/on/the/other/host/room"})
-        fetched = load_environment(fetch_environment(run.bus, far, lambda _: None), check_hash=True)
+        fetched = load_environment(fetch_environment(run.bus, far, lambda _: None))
         np.testing.assert_array_equal(fetched.wind.velocity_m_s, small_room(seed).wind.velocity_m_s)
 
 

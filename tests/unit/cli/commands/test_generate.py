@@ -31,7 +31,7 @@ def test_a_scenario_becomes_a_folder_with_a_picture(tmp_path, capsys):
     out = tmp_path / "room"
     assert generate("tiny_room", "--out", str(out), "--json") == 0
     (made,) = json.loads(capsys.readouterr().out)
-    environment = load_environment(out, check_hash=True)
+    environment = load_environment(out)
     assert (made["content_hash"], made["error"]) == (environment.content_hash, None)
     assert (out / "top_view.png").is_file()
 

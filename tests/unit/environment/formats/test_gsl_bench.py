@@ -85,7 +85,7 @@ def test_an_import_warns_of_missing_wind_and_can_be_saved(folder, tmp_path):
     with pytest.warns(NoWindWarning, match="all 240 cells are still air"):
         environment = import_gsl_bench(folder)
     save_environment(environment, tmp_path / "saved")
-    assert load_environment(tmp_path / "saved", check_hash=True).content_hash == environment.content_hash
+    assert load_environment(tmp_path / "saved").content_hash == environment.content_hash
 
 
 def test_missing_and_ambiguous_files_are_named(folder):

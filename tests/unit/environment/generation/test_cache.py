@@ -43,7 +43,7 @@ def scenario(environment=None, wind=None):
 
 
 def test_uniform_wind_is_the_same_in_all_air_and_zero_in_solids(tmp_path):
-    environment = load_environment(prepare_environment(scenario(), cache_dir=tmp_path), check_hash=True)
+    environment = load_environment(prepare_environment(scenario(), cache_dir=tmp_path))
     assert environment.wind.velocity_m_s.shape == (1, 16, 12, 8, 3)
     is_air = environment.occupancy != Cell.SOLID
     assert (environment.wind.velocity_m_s[0][is_air] == np.float32([0.5, -0.25, 0.0])).all()
@@ -72,7 +72,7 @@ def test_a_damaged_environment_in_the_cache_is_made_again(tmp_path, caplog):
     (folder / "wind.npy").write_bytes(b"half")
     assert prepare_environment(scenario(), cache_dir=tmp_path) == folder
     assert "damaged" in caplog.text
-    load_environment(folder, check_hash=True)
+    load_environment(folder)
 
 
 def test_the_cache_is_the_one_of_the_package_unless_set_otherwise(tmp_path, monkeypatch):
@@ -139,7 +139,7 @@ def test_processes_that_prepare_the_same_environment_at_once_all_get_it(tmp_path
     folders = {process.communicate(timeout=PROCESS_S)[0] for process in processes}
     assert [process.returncode for process in processes] == [0, 0, 0]
     assert len(folders) == 1
-    load_environment(Path(folders.pop()), check_hash=True)
+    load_environment(Path(folders.pop()))
     assert len(list((tmp_path / "cache").iterdir())) == 1
 
 
@@ -165,7 +165,7 @@ def test_the_built_in_solver_blows_from_the_inlet_around_the_obstacle_to_the_out
     folder = prepare_environment(
         scenario(wind=wind), cache_dir=tmp_path, progress=lambda text, fraction: reports.append((text, fraction))
     )
-    environment = load_environment(folder, check_hash=True)
+    environment = load_environment(folder)
     velocity_m_s = environment.wind.velocity_m_s[0]
     assert (velocity_m_s[environment.occupancy == Cell.SOLID] == 0.0).all()
     inlet, outlet = environment.openings

@@ -90,7 +90,7 @@ def test_frames_of_a_solve_follow_each_other(tmp_path):
 def test_a_solve_keeps_its_turbulence_where_it_is_asked_to(tmp_path):
     spec = wind(end_time_s=3.0, keep_turbulence=True)
     generate_environment(ROOM, spec, tmp_path / "room")
-    environment = load_environment(tmp_path / "room", check_hash=True)
+    environment = load_environment(tmp_path / "room")
     k, epsilon = np.moveaxis(environment.wind.k_epsilon, -1, 0)
     air = environment.occupancy != Cell.SOLID
     assert (k[air] > 0).all()
