@@ -1,0 +1,122 @@
+"""Checksums of files in a folder: what was changed since it was written is named, and never read in silence.
+
+`checksums.json` has a BLAKE2b hash of each file, a hash of itself, and a signature with the key of the cache (see
+`kernel_cache`). The hashes find damage, wherever the folder was written. The signature tells a folder of this cache
+from one of somebody else, whose content proves nothing about where it comes from.
+"""
+
+import contextlib
+import hashlib
+import json
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import cast
+
+from gslcosim.base.errors import describe_os_error
+from gslcosim.base.files import open_regular_file, replace_file
+from gslcosim.base.kernel_cache import is_signed, sign
+from gslcosim.base.untrusted_input import FROM_A_COPY, JsonObject, MalformedFileError, read_json
+
+CHECKSUMS_FILE = "checksums.json"
+_DIGEST_BYTES = 16
+_MAX_BYTES = 1_000_000
+
+
+def write_checksums(folder: Path, *names: str, place: str = "", written: Mapping[str, Path] | None = None) -> None:
+    """Write the checksums of files, beside those of others that are there.
+
+    Args:
+        folder: Where they are.
+        names: The files.
+        place: The folder's name once it is complete, where it has another one now.
+        written: Files that are about to take the place of those of `names`, where they do not stand there yet.
+
+    Raises:
+        OSError: they cannot be written.
+    """
+    path, files = folder / CHECKSUMS_FILE, dict[str, str]()
+    # Of one that is damaged, what it had of the others is lost.
+    with contextlib.suppress(MalformedFileError):
+        files, _ = _read(path) if path.is_file() else (files, b"")
+    for name in names:
+        found = _hash_file((written or {}).get(name, folder / name))
+        # A machine that stops between this file and that one leaves either: the hash before stays.
+        files[name] = " ".join([found, *files.get(name, "").split()][:2])
+    body = _body_of(files)
+    content = {
+        "files": files,
+        "check": _hash(body),
+        "signature": (sign(place or folder.name, body) or b"").hex(),
+    }
+    replace_file(folder, CHECKSUMS_FILE, (json.dumps(content, indent=1) + "\n").encode())
+
+
+def check_files(folder: Path, *names: str) -> bool:
+    """Compare files with the checksums of their folder, where it has them.
+
+    Args:
+        folder: Where they are.
+        names: The files; those that are missing do not count.
+
+    Returns:
+        Whether all have a checksum, and these are signed with the key of the cache.
+
+    Raises:
+        MalformedFileError: a file or the checksums are not as they were written.
+    """
+    path = folder / CHECKSUMS_FILE
+    if not path.is_file():
+        return False
+    files, signature = _read(path)
+    present = [name for name in names if (folder / name).is_file()]
+    for name in present:
+        try:
+            is_as_written = name not in files or _hash_file(folder / name) in files[name].split()
+        except OSError as error:
+            raise MalformedFileError(
+                f"{folder.name}/{name}: expected a file that can be read, was {describe_os_error(error)}. {FROM_A_COPY}"
+                f"\nFile: {folder / name}"
+            ) from error
+        if not is_as_written:
+            raise _build_error(folder / name)
+    return files.keys() >= set(present) and is_signed(folder.name, _body_of(files), signature, path)
+
+
+def _read(path: Path) -> tuple[dict[str, str], bytes]:
+    content = read_json(path, JsonObject, max_bytes=_MAX_BYTES)
+    files = content.get("files")
+    try:
+        signature = bytes.fromhex(str(content.get("signature")))
+    except ValueError as error:
+        raise _build_error(path) from error
+    if not isinstance(files, dict) or _hash(_body_of(files)) != content.get("check"):
+        raise _build_error(path)
+    return {name: str(found) for name, found in cast("dict[str, object]", files).items()}, signature
+
+
+def _build_error(path: Path) -> MalformedFileError:
+    return MalformedFileError(
+        f"{path.parent.name}/{path.name}: expected the file as it was written, was changed since. {FROM_A_COPY}\n"
+        f"File: {path}"
+    )
+
+
+def _body_of(files: Mapping[str, object]) -> bytes:
+    return json.dumps(files, sort_keys=True).encode()
+
+
+def _hash(body: bytes) -> str:
+    return hashlib.blake2b(body, digest_size=_DIGEST_BYTES).hexdigest()
+
+
+# A process that reads a room again and again reads all of it once, until it is another file.
+def _hash_file(path: Path) -> str:
+    status = path.stat()
+    return _hash_content(path, status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+
+
+@lru_cache(maxsize=1024)
+def _hash_content(path: Path, *_: int) -> str:
+    with open_regular_file(path) as file:
+        return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=_DIGEST_BYTES)).hexdigest()
