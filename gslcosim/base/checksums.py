@@ -21,6 +21,7 @@ from gslcosim.base.untrusted_input import FROM_A_COPY, JsonObject, MalformedFile
 CHECKSUMS_FILE = "checksums.json"
 _DIGEST_BYTES = 16
 _MAX_BYTES = 1_000_000
+_BLOCK_BYTES = 1 << 20
 
 
 def write_checksums(folder: Path, *names: str, place: str = "", written: Mapping[str, Path] | None = None) -> None:
@@ -119,4 +120,7 @@ def _hash_file(path: Path) -> str:
 @lru_cache(maxsize=1024)
 def _hash_content(path: Path, *_: int) -> str:
     with open_regular_file(path) as file:
-        return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=_DIGEST_BYTES)).hexdigest()
+        digest = hashlib.blake2b(digest_size=_DIGEST_BYTES)
+        while block := file.read(_BLOCK_BYTES):
+            digest.update(block)
+    return digest.hexdigest()

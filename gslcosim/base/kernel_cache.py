@@ -38,7 +38,7 @@ _KERNEL_MARKS = (b"numba", b"njit", b"scalar_kernel")
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 _CANNOT_BE_WRITTEN = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT)
 _KEY_FILE = "kernels.key"
-SIGNATURE_BYTES = 32
+_SIGNATURE_BYTES = 32
 _KEY_BYTES = 32
 _READ = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 _CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
@@ -230,7 +230,7 @@ def _build_signed_class(plain: type[Any]) -> type[Any]:
 def _read_signed(path: str) -> bytes | None:
     if (data := _read_trusted(path)) is None:
         return None
-    body, signature = data[:-SIGNATURE_BYTES], data[-SIGNATURE_BYTES:]
+    body, signature = data[:-_SIGNATURE_BYTES], data[-_SIGNATURE_BYTES:]
     return body if is_signed(_name_place(path), body, signature, Path(path)) else None
 
 
@@ -262,7 +262,7 @@ def sign(place: str, body: bytes) -> bytes | None:
     """
     if (key := _load_or_create_key(get_key_path())) is None:
         return None
-    hasher = hashlib.blake2b(f"{place}\0".encode(), key=key, digest_size=SIGNATURE_BYTES)
+    hasher = hashlib.blake2b(f"{place}\0".encode(), key=key, digest_size=_SIGNATURE_BYTES)
     hasher.update(body)
     return hasher.digest()
 

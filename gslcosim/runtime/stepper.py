@@ -331,7 +331,8 @@ class Stepper:
         try:
             self._state_adapter.restore(part.state)
         except SnapshotError as error:
-            raise SnapshotError(f"{self.spec.name}{error}") from error
+            place = f"{self.spec.name}{'' if str(error).startswith(('.', '[')) else ': '}"
+            raise SnapshotError(f"{place}{error}") from error
         for write in self.spec.writes:
             # What is written once has been written by `reset`.
             if write.announced_in != ONCE:

@@ -6,6 +6,7 @@ A tape is a folder in the cache, named by a hash of all that decides the gas, so
     first.npy       (n_frames + 1,) int64: frame k holds the filaments first[k] to first[k + 1] - 1
     filaments.npy   (n, 4) float32: x, y, z and sigma, world frame [m]
     sources.npy     (n,) uint8: which source of the scenario released it; only with several sources
+    checksums.json  hashes of these files, signed with the key of the cache; see `gslcosim.base.checksums`
 
 That is 16 or 17 bytes for each filament and tick. Arrays are numpy's own format, C order, little-endian.
 """
@@ -25,6 +26,7 @@ import numpy as np
 from llvmlite.binding import get_host_cpu_name
 from numpy.typing import NDArray
 
+from gslcosim.base.checksums import check_files, write_checksums
 from gslcosim.base.code_identity import hash_code, list_package_files
 from gslcosim.base.disk_cache import keep_within_limit, mark_used
 from gslcosim.base.errors import EnvironmentDataError, ModelError
@@ -98,11 +100,15 @@ class _TapeHead(TypedDict):
 class GasTape:
     """A tape in a folder, read-only and memory-mapped."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, is_new: bool = False) -> None:
         """Open a tape.
 
+        Args:
+            folder: Where it is.
+            is_new: Whether this process has just recorded it: then its content is not compared with its checksums.
+
         Raises:
-            EnvironmentDataError: it is missing, damaged, or of another format.
+            EnvironmentDataError: it is missing, damaged, of another format, or of another cache.
         """
         try:
             head = read_json(folder / _HEAD, _TapeHead)
@@ -116,12 +122,18 @@ class GasTape:
                 and int(self._first[-1]) == head["n_filaments"]
                 and (self._sources is None or len(self._sources) == head["n_filaments"])
             )
+            is_ours = is_new or check_files(folder, _HEAD, _FIRST, _FILAMENTS, _SOURCES)
         except (OSError, ValueError, EOFError, MalformedFileError) as error:
             raise EnvironmentDataError(
                 f"gas tape: expected a whole one, was not ({error}). Folder: {folder}"
             ) from error
         if not is_whole:
             raise EnvironmentDataError(f"gas tape: expected a whole one of format {TAPE_FORMAT}. Folder: {folder}")
+        # Compiled code reads it, and trusts the places in it.
+        if not is_ours:
+            raise EnvironmentDataError(
+                f"gas tape: expected one signed with the key of this cache, was another. Folder: {folder}"
+            )
 
     @property
     def n_frames(self) -> int:
@@ -160,6 +172,7 @@ def record_tape(plume: FilamentPlume, schedule: TapeSchedule, folder: Path) -> N
     beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
     try:
         _record(plume, schedule, beside)
+        write_checksums(beside, *(path.name for path in sorted(beside.iterdir())), place=folder.name)
         beside.rename(folder)
     except OSError:
         if not folder.is_dir():
@@ -273,7 +286,7 @@ class CachedPlume:
                 remove_tree(folder, ignore_errors=True)
         record_tape(self._plume_of(seed), self._schedule, folder)
         keep_within_limit()
-        return GasTape(folder)
+        return GasTape(folder, is_new=True)
 
 
 def tape_hash(scenario: Scenario, environment: Environment, seed: int) -> str:

@@ -196,7 +196,7 @@ def record_gas(scenario: Scenario, environment: Environment, folder: Path, *, un
     model = build_gas_model(scenario, environment)
     model.plume.reset(gas_seed(scenario, scenario.seed))
     record_tape(model.plume, schedule, folder)
-    first, filaments, sources = GasTape(folder).arrays
+    first, filaments, sources = GasTape(folder, is_new=True).arrays
     images = build_wall_images(scenario.gas, environment)
     live = model.plume.filaments
     return RecordedGas(

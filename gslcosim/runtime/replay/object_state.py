@@ -2,14 +2,20 @@
 
 A reference to a value is the value itself where it is plain, or a list with a letter in front: `n` a node by its index,
 `k` a thing that is known by its path, `t` a tuple of plain values, `i` a large integer, `s` a numpy scalar, `e` a
-member of an enumeration, `f` a type or function by name, `m` a method of something.
+member of an enumeration, `f` a type by name, `m` a method of something.
+
+A state may come from a file. A name in it stands for a class of the kind that its node needs, defined in the module
+that it names, which is loaded already: nothing is imported, no attribute is looked up, and nothing is called but what
+makes empty objects, tuples, records and errors.
 """
 
 # pyright: basic
 
+import builtins
 import hashlib
-import importlib
+import operator
 import re
+import sys
 from array import array
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,9 +23,10 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import partial
 from pathlib import PurePath
-from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
+from types import BuiltinFunctionType, FunctionType, MemberDescriptorType, MethodType, ModuleType, NoneType
 from typing import Any, cast
 
+import msgspec
 import numpy as np
 from msgspec import Struct, StructMeta
 
@@ -76,10 +83,11 @@ def is_plain(value: Any) -> bool:
 
 def is_walkable(value: Any, packages: frozenset[str]) -> bool:
     """Return whether a value is an object of one of some packages, whose attributes are its state."""
-    type_ = type(value)
-    if issubclass(type_, (type, Enum, BaseException, np.ndarray, Struct, *CONTAINERS)):
-        return False
-    return type_.__module__.partition(".")[0] in packages
+    return _is_walkable_type(type(value)) and type(value).__module__.partition(".")[0] in packages
+
+
+def _is_walkable_type(type_: type) -> bool:
+    return not issubclass(type_, (type, Enum, BaseException, np.ndarray, Struct, *CONTAINERS))
 
 
 def is_immutable_external(value: Any) -> bool:
@@ -94,30 +102,52 @@ def build_record(type_: Any, fields: dict[str, Any]) -> Any:
     return StructMeta.__call__(type_, **fields)
 
 
-def get_import_name(named: Any) -> str:
-    """Return the name under which a type or function is found again."""
-    return f"{named.__module__}:{named.__qualname__}"
+def get_import_name(type_: type) -> str:
+    """Return the name under which a type is found again."""
+    return f"{type_.__module__}:{type_.__qualname__}"
 
 
-def import_by_name(name: str, packages: frozenset[str]) -> Any:
-    """Return a type or function by its name.
+# Of other packages than those of the core.
+_KNOWN_TYPES = {
+    get_import_name(type_): type_
+    for type_ in (
+        *PLAIN_TYPES, *CONTAINERS, NoneType, complex, OrderedDict, np.ndarray, np.random.Generator,
+        *(type_ for type_ in np.sctypeDict.values() if type_ not in (np.object_, np.void)),
+        *(type_ for type_ in vars(builtins).values() if isinstance(type_, type) and issubclass(type_, Exception)),
+    )
+}  # fmt: skip
+# By the letter of a node: what its class is, for errors, and whether one is.
+_KINDS: dict[str, tuple[str, Callable[[type], bool]]] = {
+    "o": ("a class with attributes", _is_walkable_type),
+    "t": ("a named tuple", lambda type_: issubclass(type_, tuple) and hasattr(type_, "_fields")),
+    "c": ("a record", lambda type_: issubclass(type_, Struct)),
+    "b": ("an exception", lambda type_: issubclass(type_, BaseException)),
+    "e": ("an enumeration", lambda type_: issubclass(type_, Enum)),
+    "f": ("a class", lambda _: True),
+}
+
+
+def find_type(name: Any, kind: str, packages: frozenset[str]) -> Any:
+    """Return the class that a name in a state stands for.
 
     Args:
         name: As from `get_import_name`.
-        packages: Those it may come from: what a file says is looked up nowhere else.
+        kind: The letter of its node.
+        packages: Those it may come from, beside known types of Python and numpy; its module has been imported.
 
     Raises:
         SnapshotError: there is none.
     """
-    module, _, qualname = name.partition(":")
-    if module.partition(".")[0] not in packages:
-        raise SnapshotError(f"expected something of {', '.join(sorted(packages))}, was {name}.")
-    try:
-        found: Any = importlib.import_module(module)
+    wanted, is_kind = _KINDS[kind]
+    module, _, qualname = str(name).partition(":")
+    found: Any = _KNOWN_TYPES.get(str(name))
+    if found is None and module.partition(".")[0] in packages:
+        found = sys.modules.get(module)
         for part in qualname.split("."):
-            found = getattr(found, part)
-    except (ImportError, AttributeError) as error:
-        raise SnapshotError(f"expected to find {name}, found none.") from error
+            # What is there, without what a module or class does where it is asked.
+            found = vars(found).get(part) if isinstance(found, (ModuleType, type)) else None
+    if not isinstance(found, type) or get_import_name(found) != name or not is_kind(found):
+        raise SnapshotError(f"expected {wanted} of {' or '.join(sorted(packages))}, was {str(name)[:80]!r}.")
     return found
 
 
@@ -133,13 +163,33 @@ def get_attributes(value: Any) -> dict[str, Any]:
     return held
 
 
-def set_attributes(value: Any, held: dict[str, Any]) -> None:
+def set_attributes(value: Any, held: Mapping[str, Any]) -> None:
     """Let an object hold these attributes, and nothing else in its `__dict__`, whether it is frozen or not."""
     own: dict[str, Any] | None = getattr(value, "__dict__", None)
     if own is not None:
         own.clear()
     for name, inner in held.items():
-        object.__setattr__(value, name, inner)
+        set_attribute(value, name, inner)
+
+
+def set_attribute(value: Any, name: str, inner: Any) -> None:
+    """Let an object hold an attribute, in its slot or `__dict__`: no property and no `__setattr__` is called.
+
+    Raises:
+        SnapshotError: the name is that of a method or property, or of nothing that an object holds.
+    """
+    of_type = _find_in_type(value, name)
+    if isinstance(of_type, MemberDescriptorType):
+        of_type.__set__(value, inner)
+    elif isinstance(of_type, (FunctionType, property, classmethod, staticmethod)) or not hasattr(value, "__dict__"):
+        raise SnapshotError(f"expected an attribute of {type(value).__qualname__}, was {str(name)[:80]!r}.")
+    else:
+        value.__dict__[name] = inner
+
+
+def _find_in_type(value: Any, name: str) -> Any:
+    mro = value.__mro__ if isinstance(value, type) else type(value).__mro__
+    return next((vars(type_)[name] for type_ in mro if name in vars(type_)), None)
 
 
 def iter_parts(value: Any, packages: frozenset[str]) -> Iterator[tuple[str, Any]]:
@@ -278,7 +328,7 @@ class StateReader:
             return ["k", found.path]
         if isinstance(value, MethodType):
             return ["m", self._reference(value.__self__, ".__self__"), value.__func__.__name__]
-        if isinstance(value, (type, FunctionType, BuiltinFunctionType)) and _can_be_named(value):
+        if isinstance(value, type) and "<" not in value.__qualname__:
             return ["f", get_import_name(value)]
         if isinstance(value, FunctionType) and (path := self._known_function(value)) is not None:
             return ["k", path]
@@ -406,16 +456,14 @@ def _is_frozen(value: Any) -> bool:
     return parameters is not None and parameters.frozen
 
 
-def _can_be_named(value: Any) -> bool:
-    return bool(value.__module__) and "<" not in value.__qualname__
-
-
 def _is_same(value: Any, before: Any) -> bool:
     return value is before or (type(value) is type(before) and is_plain(value) and repr(value) == repr(before))
 
 
 _BIT_GENERATORS = ("PCG64", "PCG64DXSM", "Philox", "SFC64", "MT19937")
-_CONTAINER_TYPES_BY_NAME: dict[str, type] = {"list": list, "dict": dict, "odict": OrderedDict, "set": set}
+_CONTAINER_TYPES_BY_NAME: dict[str, type] = {
+    "list": list, "dict": dict, "odict": OrderedDict, "set": set, "deque": deque
+}  # fmt: skip
 
 
 class StateWriter:
@@ -437,7 +485,7 @@ class StateWriter:
             self._node(index)
 
     def _value(self, reference: Any) -> Any:
-        if not isinstance(reference, list):
+        if type(reference) in PLAIN_TYPES:
             return reference
         match cast("list[Any]", reference):
             case ["n", index]:
@@ -448,16 +496,25 @@ class StateWriter:
                 return tuple(self._value(item) for item in items)
             case ["i", digits]:
                 return int(digits, 16)
-            case ["s", dtype, data]:
-                return np.frombuffer(data, np.dtype(dtype))[0]
+            case ["s", str(dtype), bytes(data)]:
+                return np.frombuffer(data, _read_dtype(dtype))[0]
             case ["e", name, member]:
-                return import_by_name(name, self._packages)[member]
+                return find_type(name, "e", self._packages).__members__[member]
             case ["f", name]:
-                return import_by_name(name, self._packages | {"builtins", "numpy", "math"})
+                return find_type(name, "f", self._packages)
             case ["m", owner, name]:
-                return getattr(self._value(owner), name)
+                return self._method(self._value(owner), name)
             case other:
                 raise SnapshotError(f"expected a reference, was {str(other)[:40]}.")
+
+    def _method(self, owner: Any, name: str) -> Any:
+        is_type = isinstance(owner, type)
+        found = _find_in_type(owner, name)
+        if is_type and isinstance(found, classmethod):
+            return found.__get__(None, owner)
+        if is_type or not isinstance(found, FunctionType) or not is_walkable(owner, self._packages):
+            raise SnapshotError(f"expected a method of {type(owner).__qualname__}, was {str(name)[:80]!r}.")
+        return MethodType(found, owner)
 
     def _at(self, path: str) -> BaselineEntry:
         found = self._known.at(path)
@@ -468,7 +525,7 @@ class StateWriter:
     def _node(self, index: int) -> Any:
         if index in self._built:
             return self._built[index]
-        node = self._nodes[index]
+        node = self._nodes[operator.index(index)] if index >= 0 else {}
         found = self._at(node["p"]) if "p" in node else None
         kind: str = node["k"]
         if kind in ("a", "u", "v"):
@@ -482,7 +539,7 @@ class StateWriter:
         return value
 
     def _object(self, index: int, node: Node, found: BaselineEntry | None) -> Any:
-        type_ = import_by_name(node["t"], self._packages)
+        type_ = find_type(node["t"], "o", self._packages)
         if found is None:
             value = self._built[index] = object.__new__(type_)
             set_attributes(value, {name: self._value(inner) for name, inner in node["a"].items()})
@@ -491,18 +548,22 @@ class StateWriter:
         if type(value) is not type_:
             raise SnapshotError(f"{found.path}: expected a {node['t']}, was a {type(value).__qualname__}.")
         for name, inner in node["a"].items():
-            object.__setattr__(value, name, self._value(inner))
+            set_attribute(value, name, self._value(inner))
         for name in node.get("g", ()):
-            object.__delattr__(value, name)
+            slot = _find_in_type(value, name)
+            slot.__delete__(value) if isinstance(slot, MemberDescriptorType) else value.__dict__.pop(name)
         return value
 
     def _container(self, index: int, node: Node, found: BaselineEntry | None) -> Any:
         kind: str = node["k"]
         value: Any
-        if found is not None:
+        type_ = _CONTAINER_TYPES_BY_NAME[kind]
+        if found is None:
+            value = deque[Any](maxlen=node["n"]) if kind == "deque" else type_()
+        elif type(found.value) is type_ or (kind == "odict" and isinstance(found.value, dict)):
             value = found.value
         else:
-            value = deque[Any](maxlen=node["n"]) if kind == "deque" else _CONTAINER_TYPES_BY_NAME[kind]()
+            raise _build_kind_error(found, f"a {kind}")
         self._built[index] = value
         if kind in ("dict", "odict"):
             content: Any = [(self._value(key), self._value(inner)) for key, inner in node["v"]]
@@ -521,12 +582,15 @@ class StateWriter:
                 if found is not None:
                     return found.value
                 items = [self._value(item) for item in node["v"]]
-                return tuple(items) if node["t"] is None else import_by_name(node["t"], self._packages)(*items)
+                type_: Any = tuple if node["t"] is None else find_type(node["t"], "t", self._packages)
+                if type_ is not tuple and len(items) != len(type_._fields):
+                    raise SnapshotError(f"expected {len(type_._fields)} items of {node['t']}, was {len(items)}.")
+                return tuple.__new__(type_, items)
             case "c":
                 if found is not None:
                     return found.value
                 fields = {name: self._value(inner) for name, inner in node["a"].items()}
-                return build_record(import_by_name(node["t"], self._packages), fields)
+                return build_record(find_type(node["t"], "c", self._packages), fields)
             case "frozenset":
                 return found.value if found is not None else frozenset(self._value(item) for item in node["v"])
             case "p":
@@ -536,7 +600,8 @@ class StateWriter:
             case "y":
                 return self._numbers(node, found)
             case "b":
-                return import_by_name(node["t"], self._packages)(*(self._value(item) for item in node["v"]))
+                type_ = find_type(node["t"], "b", self._packages)
+                return type_.__new__(type_, *(self._value(item) for item in node["v"]))
             case "x":
                 return self._foreign(node, found)
             case other:
@@ -544,16 +609,21 @@ class StateWriter:
 
     def _array(self, node: Node, found: BaselineEntry | None) -> "np.ndarray[Any, Any]":
         if node["k"] == "u":
-            assert found is not None
+            if found is None or not isinstance(found.value, np.ndarray):
+                raise _build_kind_error(found, "an array")
             if hash_array(found.value) != node["v"]:
                 raise SnapshotError(f"{found.path}: expected the array as in the run, was another.")
             return found.value
-        dtype, shape = np.lib.format.descr_to_dtype(_tuples_from_lists(node["d"])), tuple(node["s"])
+        dtype, shape = _read_dtype(_tuples_from_lists(node["d"])), tuple(node["s"])
         if node["k"] == "v":
             base = self._value(node["b"])
+            if not isinstance(base, np.ndarray):
+                raise SnapshotError(f"expected a view of an array, was one of a {type(base).__qualname__}.")
             value = np.ndarray(shape, dtype, buffer=_get_buffer(base), offset=node["o"], strides=tuple(node["t"]))
         else:
             value = np.frombuffer(node["v"], dtype).reshape(shape, order="F" if node["f"] else "C")
+            if found is not None and not isinstance(found.value, np.ndarray):
+                raise _build_kind_error(found, "an array")
             if found is not None and _fits(found.value, value):
                 np.copyto(found.value, value)
                 return found.value
@@ -567,22 +637,38 @@ class StateWriter:
         if found is None and name not in _BIT_GENERATORS:
             raise SnapshotError(f"expected a random generator of numpy, was {name}.")
         generator = np.random.Generator(getattr(np.random, name)()) if found is None else found.value
+        if not isinstance(generator, np.random.Generator):
+            raise _build_kind_error(found, "a random generator")
         generator.bit_generator.state = state
         return generator
 
     def _numbers(self, node: Node, found: BaselineEntry | None) -> "array[Any]":
         numbers: array[Any] = found.value if found is not None else array(node["c"])
+        if not isinstance(numbers, array):
+            raise _build_kind_error(found, "an array of numbers")
         del numbers[:]
         numbers.frombytes(node["v"])
         return numbers
 
     def _foreign(self, node: Node, found: BaselineEntry | None) -> Any:
-        assert found is not None
-        foreign = find_external_adapter(found.value)
-        if foreign is None:
-            raise SnapshotError(f"{found.path}: expected something of another library, was {type(found.value)}.")
+        foreign = find_external_adapter(found.value) if found is not None else None
+        if found is None or foreign is None:
+            raise _build_kind_error(found, "something of another library")
         foreign.restore(found.value, self._value(node["v"]))
         return found.value
+
+
+def _build_kind_error(found: BaselineEntry | None, wanted: str) -> SnapshotError:
+    what = "nothing that is known" if found is None else f"a {type(found.value).__qualname__}"
+    return SnapshotError(f"{found.path if found else ''}: expected {wanted}, was {what}.")
+
+
+# Objects in an array would be addresses in memory.
+def _read_dtype(descr: Any) -> "np.dtype[Any]":
+    dtype = np.lib.format.descr_to_dtype(descr)
+    if dtype.hasobject:
+        raise SnapshotError(f"expected an array of numbers or texts, was one of {dtype}.")
+    return dtype
 
 
 def _fits(known: Any, value: "np.ndarray[Any, Any]") -> bool:
@@ -600,6 +686,13 @@ def _tuples_from_lists(descr: Any) -> Any:
         return descr
     fields = cast("list[list[Any]]", descr)
     return [(f[0], _tuples_from_lists(f[1]), *(tuple(shape) for shape in f[2:])) for f in fields]
+
+
+# What a value of another kind, size or depth than a state has leads to.
+_WRONG_VALUES = (
+    ArithmeticError, AttributeError, BufferError, LookupError, MemoryError, RecursionError, TypeError, ValueError,
+    msgspec.MsgspecError,
+)  # fmt: skip
 
 
 class ObjectState:
@@ -638,9 +731,13 @@ class ObjectState:
         """Bring the object to a state that was read from one built alike.
 
         Raises:
-            SnapshotError: the state is of an object that was built otherwise; the object is of no use any more.
+            SnapshotError: the state is of an object that was built otherwise, or is none; the object is of no use any
+                more.
         """
-        StateWriter(self._known, self._packages).write(cast("list[dict[str, Any]]", state["nodes"]))
+        try:
+            StateWriter(self._known, self._packages).write(cast("list[dict[str, Any]]", state["nodes"]))
+        except _WRONG_VALUES as error:
+            raise SnapshotError(f"expected a state, was something else ({type(error).__name__}: {error}).") from error
 
 
 def are_states_equal(a: Any, b: Any) -> bool:

@@ -20,6 +20,7 @@ import gslcosim
 from gslcosim.base.code_identity import COMPUTING_PACKAGES, hash_code, list_package_files
 from gslcosim.base.errors import RunFolderError, SnapshotError, build_machine_error
 from gslcosim.base.files import append_bytes, read_regular_file, replace_file
+from gslcosim.base.kernel_cache import is_signed, sign
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Message
 from gslcosim.contract.participant import Core, SupportsSnapshots
@@ -42,6 +43,8 @@ def build_state_adapter(core: Core) -> SupportsSnapshots:
 
 
 SCHEMA = "gslcosim/snapshot/1"
+SNAPSHOTS_FOLDER = "snapshots"
+_SNAPSHOT_SUFFIX = ".snap"
 # What a state is made of, and what computes what follows from it.
 _STATE_CODE = (
     *(f"gslcosim_services/{name}" for name in ("cameras", "events", "fields", "radio", "referee", "sensing", "world")),
@@ -103,29 +106,43 @@ class SnapshotPart:
     outputs: list[tuple[str, bytes]]
     made_by: str = ""
 
+    @property
+    def name(self) -> str:
+        """The name of its file below the folder of snapshots."""
+        return f"{self.tick:09d}/{self.participant}{_SNAPSHOT_SUFFIX}"
+
     def to_bytes(self) -> bytes:
         """Return what a file of it holds."""
         body = zlib.compress(_msgpack.packb(vars(self)), 1)
-        head = {"schema": SCHEMA, "identity": asdict(CodeIdentity.read_own()), "hash": _hash(body)}
-        return _msgpack.packb([head, body])
+        head = {"schema": SCHEMA, "identity": asdict(CodeIdentity.read_own())}
+        return _msgpack.packb([head | {"signature": sign(self.name, _msgpack.packb([head, body]))}, body])
 
     @classmethod
-    def from_bytes(cls, data: bytes) -> "SnapshotPart":
+    def from_bytes(cls, data: bytes, path: Path, *, is_of_this_run: bool = False) -> "SnapshotPart":
         """Return what a file holds.
 
+        Args:
+            data: Its content.
+            path: The file.
+            is_of_this_run: Whether the run that has written it goes on: then it needs no signature.
+
         Raises:
-            SnapshotError: it is damaged, or of other code; the text is a reason after "it is".
+            SnapshotError: it is damaged, of other code, or not signed; the text is a reason after "it is".
         """
         try:
             head, body = _msgpack.unpackb(data)
-            is_whole = head["schema"] == SCHEMA and head["hash"] == _hash(body)
-            identity = CodeIdentity(**head["identity"]) if is_whole else None
-        except (ValueError, KeyError, TypeError, msgpack.UnpackException) as error:
+            identity = CodeIdentity(**head["identity"]) if head["schema"] == SCHEMA else None
+            signed, signature = {key: head[key] for key in ("schema", "identity")}, bytes(head.get("signature") or b"")
+        except (ValueError, KeyError, TypeError, AttributeError, msgpack.UnpackException) as error:
             raise SnapshotError(f"damaged ({error})") from error
         if identity is None:
             raise SnapshotError("damaged")
         if difference := identity.find_difference(CodeIdentity.read_own()):
             raise SnapshotError(f"of {difference}")
+        # Compiled code trusts the numbers in a state: one from elsewhere is as good as a program.
+        place = f"{path.parent.name}/{path.name}"
+        if not is_of_this_run and not is_signed(place, _msgpack.packb([signed, body]), signature, path):
+            raise SnapshotError("not signed with the key of this cache: taken elsewhere, or changed since")
         fields: dict[str, Any] = _msgpack.unpackb(zlib.decompress(body), strict_map_key=False)
         fields["outputs"] = [(str(port), bytes(payload)) for port, payload in fields["outputs"]]
         return cls(**fields)
@@ -148,6 +165,8 @@ def _hash(data: bytes) -> str:
 OBSERVATIONS_FOLDER = "told"
 _CHUNK_TICKS = 64
 _CHUNK_BYTES = 1 << 20
+# One observation may be larger than a chunk.
+_MAX_UNPACKED_BYTES = 1 << 30
 
 
 class ObservationLog:
@@ -197,7 +216,10 @@ def read_observations(folder: Path, agent: str) -> Iterator[bytes]:
     try:
         with (folder / f"{agent}.log").open("rb") as file:
             while piece := file.read(int.from_bytes(file.read(4), "big")):
-                rest = zlib.decompress(piece)
+                unpacker = zlib.decompressobj()
+                rest = unpacker.decompress(piece, _MAX_UNPACKED_BYTES)
+                if not unpacker.eof:
+                    raise SnapshotError(f"without what {agent} was told (damaged)")
                 while rest:
                     n = int.from_bytes(rest[:4], "big")
                     yield rest[4 : 4 + n]
@@ -209,10 +231,6 @@ def read_observations(folder: Path, agent: str) -> Iterator[bytes]:
 
 def _prefix_length(data: bytes) -> bytes:
     return len(data).to_bytes(4, "big") + data
-
-
-SNAPSHOTS_FOLDER = "snapshots"
-_SNAPSHOT_SUFFIX = ".snap"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -258,7 +276,7 @@ def save_part(run_dir: RunDir, part: SnapshotPart) -> None:
     Raises:
         RunFolderError: it cannot be written.
     """
-    name = f"{SNAPSHOTS_FOLDER}/{part.tick:09d}/{part.participant}{_SNAPSHOT_SUFFIX}"
+    name = f"{SNAPSHOTS_FOLDER}/{part.name}"
     try:
         run_dir.make_folders(name)
         replace_file(run_dir.path, name, part.to_bytes())
@@ -270,7 +288,7 @@ def find_latest_parts(run_dir: RunDir, participants: Sequence[str]) -> list[Snap
     """Return the parts of one process at the last tick of which all its participants have one; empty: there is none."""
     for folder in reversed(_list_folders(run_dir)):
         try:
-            return [_load_part(folder, participant) for participant in participants]
+            return [_load_part(folder, participant, is_of_this_run=True) for participant in participants]
         except SnapshotError:
             continue
     return []
@@ -310,12 +328,13 @@ def _list_folders(run_dir: RunDir) -> list[Path]:
     return sorted(folder for folder in shelf.glob("*") if folder.name.isdecimal()) if shelf.is_dir() else []
 
 
-def _load_part(folder: Path, participant: str) -> SnapshotPart:
+def _load_part(folder: Path, participant: str, *, is_of_this_run: bool = False) -> SnapshotPart:
+    path = folder / f"{participant}{_SNAPSHOT_SUFFIX}"
     try:
-        data = read_regular_file(folder / f"{participant}{_SNAPSHOT_SUFFIX}")
+        data = read_regular_file(path)
     except OSError as error:
         raise SnapshotError(f"without the part of {participant} ({error.strerror})") from error
-    part = SnapshotPart.from_bytes(data)
+    part = SnapshotPart.from_bytes(data, path, is_of_this_run=is_of_this_run)
     if part.participant != participant or part.tick != int(folder.name):
         raise SnapshotError("damaged")
     return part

@@ -104,7 +104,8 @@ def test_the_header_says_how_the_environment_was_made(tmp_path):
 def test_nothing_but_the_environment_is_left_beside_it(saved):
     save_environment(make_environment(seed=1), saved)
     assert [path.name for path in saved.parent.iterdir()] == ["room"]
-    assert sorted(path.name for path in saved.iterdir()) == ["environment.yaml", "occupancy.npy", "wind.npy"]
+    files = ["checksums.json", "environment.yaml", "occupancy.npy", "wind.npy"]
+    assert sorted(path.name for path in saved.iterdir()) == files
 
 
 def test_saving_another_environment_replaces_the_old_one(saved):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import SnapshotError
-from gslcosim.runtime.replay.object_state import ObjectState, are_states_equal, import_by_name
+from gslcosim.runtime.replay.object_state import ObjectState, are_states_equal
 
 
 @dataclass(frozen=True)
@@ -134,8 +134,3 @@ def test_an_object_that_was_built_otherwise_refuses(grown):
     next(node for node in nodes if node.get("p") == ".leaf" or node["k"] == "r")["p"] = ".nowhere"
     with pytest.raises(SnapshotError, match=r"^\.nowhere: expected it as in the run, found none\."):
         restored(state)
-
-
-def test_nothing_is_looked_up_outside_the_packages():
-    with pytest.raises(SnapshotError, match="expected something of gslcosim, was os:system"):
-        import_by_name("os:system", frozenset({"gslcosim"}))
