@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from gslcosim.base.checksums import write_checksums
 from gslcosim.base.errors import UsageError
 from gslcosim.bench.cases.models import MOST_SHARDS
 from gslcosim.bench.cases.suite_files import load_suite, write_suite
@@ -58,6 +59,7 @@ def merge_shards(folders: Sequence[Path], out: Path, *, is_partial: bool = False
     folder = ResultsFolder(out)
     with folder.locked():
         write_suite(load_suite(shards[0].folder.suite, needs_seed=False), out)
+        write_checksums(out, folder.suite.name)
         folder.write_tables(trials, tracks)
         folder.write_json(folder.maps, {"schema": MAPS_SCHEMA, "maps": _merged_maps(shards, trials)})
         folder.write_json(folder.manifest, _merged_manifest(shards))

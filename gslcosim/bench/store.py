@@ -6,6 +6,7 @@ many workers the suite is run. `tracks.parquet` has a row for each agent of each
 """
 
 import base64
+import hashlib
 import json
 import os
 import re
@@ -17,7 +18,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Required, TypedDict, cast
+from typing import Any, NotRequired, Required, TypedDict, cast
 
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 import msgspec
@@ -26,6 +27,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from gslcosim.base.checksums import check_files, write_checksums
 from gslcosim.base.errors import MachineError, UsageError, build_machine_error, find_remedy
 from gslcosim.base.untrusted_input import JsonObject, MalformedFileError, read_json, read_json_lines
 
@@ -235,7 +237,13 @@ _TrialRow = _typed_dict(
     },
     total=False,
 )
-_JournalLine = _typed_dict("_JournalLine", {"row": _TrialRow, "tracks": str | None})
+_JournalLine = _typed_dict("_JournalLine", {"row": _TrialRow, "tracks": str | None, "check": NotRequired[str]})
+
+
+# A hash of what a line holds; those of older versions have none.
+def _hash_line(fields: Mapping[str, Any]) -> str:
+    kept = [fields["row"], fields["tracks"]]
+    return hashlib.blake2b(json.dumps(kept, sort_keys=True).encode(), digest_size=8).hexdigest()
 
 
 class Journal:
@@ -271,7 +279,8 @@ class Journal:
             MachineError: it cannot be written; the rows before it stay whole.
         """
         fields = {"row": entry.row, "tracks": entry.tracks and base64.b64encode(entry.tracks).decode()}
-        line = memoryview(json.dumps(fields, separators=(",", ":")).encode() + b"\n")
+        checked = {**fields, "check": _hash_line(fields)}
+        line = memoryview(json.dumps(checked, separators=(",", ":")).encode() + b"\n")
         size = self._path.stat().st_size
         try:
             while line:
@@ -293,12 +302,14 @@ def read_journal(path: Path) -> Iterator[JournalEntry]:
         return
     for number, fields in enumerate(read_json_lines(path, _JournalLine, remedy=_FLY_AGAIN), 1):
         try:
+            if fields.get("check", checked := _hash_line(fields)) != checked:
+                raise ValueError("changed since it was written")
             tracks = base64.b64decode(fields["tracks"], validate=True) if fields["tracks"] else None
             if tracks is not None:
                 unpack_tracks(tracks)
         except (ValueError, zlib.error) as error:
             raise MalformedFileError(
-                f"{path.parent.name}/{path.name}:{number}: tracks: expected packed tracks, was {error}. "
+                f"{path.parent.name}/{path.name}:{number}: expected a row with packed tracks, was {error}. "
                 f"{_FLY_AGAIN}\nFile: {path}"
             ) from error
         yield JournalEntry({**_EMPTY_ROW, **fields["row"]}, tracks)
@@ -471,9 +482,15 @@ _KINDS: dict[str, Any] = {
 class ResultsFolder:
     """Paths of a results folder, and how its files are read and written."""
 
-    def __init__(self, path: Path) -> None:
-        """Take a folder, which need not be there."""
+    def __init__(self, path: Path, *, is_checked: bool = True) -> None:
+        """Take a folder, which need not be there.
+
+        Args:
+            path: The folder.
+            is_checked: Whether what is read is compared with the checksums of the folder.
+        """
         self.path = path
+        self._is_checked = is_checked
         self.suite = path / "suite.yaml"
         self.trials = path / "trials.parquet"
         self.tracks = path / "tracks.parquet"
@@ -547,6 +564,8 @@ class ResultsFolder:
         """Return all rows that there are by trial: those of the tables, then those of the journal."""
         found: dict[str, JournalEntry] = {}
         if self.trials.is_file():
+            self._check(self.trials)
+            self._check(self.tracks)
             tracks = _tracks_by_trial(self.tracks)
             for row in _rows(self.trials, TRIALS):
                 found[row["trial"]] = JournalEntry(row, tracks.get(row["trial"]))
@@ -556,6 +575,7 @@ class ResultsFolder:
 
     def rows(self) -> list[dict[str, Any]]:
         """Return all rows that there are, as dicts by column: those of the table, then those of the journal."""
+        self._check(self.trials)
         rows = {row["trial"]: row for row in (_rows(self.trials, TRIALS) if self.trials.is_file() else ())}
         rows |= {entry.row["trial"]: entry.row for entry in read_journal(self.journal)}
         return list(rows.values())
@@ -564,6 +584,7 @@ class ResultsFolder:
         """Return the rows as `rows` has them, as a table: a hundred thousand of them take 0.1 GB."""
         if not self.trials.is_file() or any(True for _ in read_journal(self.journal)):
             return pa.Table.from_pylist(self.rows(), schema=TRIALS)
+        self._check(self.trials)
         table = _table(self.trials, TRIALS, required=REQUIRED_COLUMNS)
         # Somebody else's table may have a trial twice.
         is_unique = len(table.column("trial").unique()) == table.num_rows
@@ -580,14 +601,21 @@ class ResultsFolder:
         """Write both tables, in the order of the suite; what stood there before is replaced in one go."""
         # A table that was read calls the items of its lists otherwise.
         named = tracks.cast(TRACKS)
-        write_at_once(self.tracks, lambda path: pq.write_table(named, path, compression="zstd"))
-        write_at_once(self.trials, lambda path: pq.write_table(trials, path, compression="zstd"))
+        self._write(self.tracks, lambda path: pq.write_table(named, path, compression="zstd"))
+        self._write(self.trials, lambda path: pq.write_table(trials, path, compression="zstd"))
+
+    def _write(self, path: Path, write: Callable[[Path], object]) -> None:
+        def write_with_checksum(beside: Path) -> None:
+            write(beside)
+            write_checksums(self.path, path.name, written={path.name: beside})
+
+        write_at_once(path, write if path == self.status else write_with_checksum)
 
     def write_json(self, path: Path, content: Mapping[str, Any]) -> None:
         """Write a JSON file of the folder in one go."""
         is_long = path in (self.maps, self.shard)
         text = json.dumps(content, indent=None if is_long else 2, ensure_ascii=False) + "\n"
-        write_at_once(path, lambda beside: beside.write_text(text, encoding="utf-8"))
+        self._write(path, lambda beside: beside.write_text(text, encoding="utf-8"))
 
     def read_json(self, path: Path) -> dict[str, Any]:
         """Return a JSON file of the folder; empty where there is none.
@@ -597,7 +625,13 @@ class ResultsFolder:
         """
         if not path.is_file():
             return {}
-        return cast("dict[str, Any]", read_json(path, _KINDS.get(path.name, JsonObject), max_bytes=_MAX_BYTES))
+        content = read_json(path, _KINDS.get(path.name, JsonObject), max_bytes=_MAX_BYTES)
+        self._check(path)
+        return cast("dict[str, Any]", content)
+
+    def _check(self, path: Path) -> None:
+        if self._is_checked:
+            check_files(self.path, path.name)
 
     def track_table(self, columns: Sequence[str] = TRACKS.names) -> pa.Table | None:
         """Return columns of the tracks; None where there are none.
@@ -605,6 +639,7 @@ class ResultsFolder:
         Raises:
             UsageError: they cannot be read.
         """
+        self._check(self.tracks)
         schema = pa.schema([TRACKS.field(name) for name in columns])
         return _table(self.tracks, schema, required=columns) if self.tracks.is_file() else None
 

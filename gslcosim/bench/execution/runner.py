@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import gslcosim
+from gslcosim.base.checksums import write_checksums
 from gslcosim.base.code_identity import COMPUTING_PACKAGES
 from gslcosim.base.disk_cache import mark_used
 from gslcosim.base.errors import MachineError, SimulationFault, UsageError
@@ -342,6 +343,7 @@ class SuiteRun:
             todo = [trial for trial in self._chosen if trial.id not in self._entries]
             n_before = len(self._chosen) - len(todo)
             write_suite(self._plan.loaded, self._folder.path)
+            write_checksums(self._folder.path, self._folder.suite.name)
             # Before anything flies, so that a report can be made of rows whose run was killed.
             self._write_manifest({})
             self._write_shard()

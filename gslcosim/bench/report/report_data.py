@@ -15,6 +15,7 @@ import pyarrow as pa
 import yaml
 from numpy.typing import NDArray
 
+from gslcosim.base.checksums import check_files
 from gslcosim.base.errors import UsageError
 from gslcosim.base.yaml_core import CoreLoader
 from gslcosim.bench.cases.models import SMALLEST_DIFFERENCE_POINTS
@@ -225,6 +226,7 @@ def _suite(path: Path) -> Mapping[str, Any]:
         content = yaml.load(path.read_text(encoding="utf-8"), Loader=CoreLoader)
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise UsageError(f"{path}: expected the suite as YAML, was a damaged file. Take it from a copy.") from error
+    check_files(path.parent, path.name)
     return content if isinstance(content, dict) else {}
 
 
