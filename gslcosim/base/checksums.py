@@ -21,7 +21,7 @@ from gslcosim.base.untrusted_input import FROM_A_COPY, JsonObject, MalformedFile
 CHECKSUMS_FILE = "checksums.json"
 _DIGEST_BYTES = 16
 _MAX_BYTES = 1_000_000
-_BLOCK_BYTES = 1 << 20
+_BLOCK_BYTES = _MIN_KEPT_BYTES = 1 << 20
 
 
 def write_checksums(folder: Path, *names: str, place: str = "", written: Mapping[str, Path] | None = None) -> None:
@@ -111,14 +111,20 @@ def _hash(body: bytes) -> str:
     return hashlib.blake2b(body, digest_size=_DIGEST_BYTES).hexdigest()
 
 
-# A process that reads a room again and again reads all of it once, until it is another file.
+# A process that reads a large room again and again reads all of it once, until it is another file.
 def _hash_file(path: Path) -> str:
     status = path.stat()
-    return _hash_content(path, status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+    if status.st_size < _MIN_KEPT_BYTES:
+        return _hash_content(path)
+    return _hash_once(path, status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
 
 
 @lru_cache(maxsize=1024)
-def _hash_content(path: Path, *_: int) -> str:
+def _hash_once(path: Path, *_: int) -> str:
+    return _hash_content(path)
+
+
+def _hash_content(path: Path) -> str:
     with open_regular_file(path) as file:
         digest = hashlib.blake2b(digest_size=_DIGEST_BYTES)
         while block := file.read(_BLOCK_BYTES):

@@ -111,6 +111,9 @@ class GasTape:
             EnvironmentDataError: it is missing, damaged, of another format, or of another cache.
         """
         try:
+            # Compiled code reads it, and trusts the places in it.
+            if not (is_new or check_files(folder, _HEAD, _FIRST, _FILAMENTS, _SOURCES)):
+                raise ValueError("not signed with the key of this cache")
             head = read_json(folder / _HEAD, _TapeHead)
             self._first = np.load(folder / _FIRST, allow_pickle=False)
             self._filaments = _map_array(folder / _FILAMENTS)
@@ -122,18 +125,12 @@ class GasTape:
                 and int(self._first[-1]) == head["n_filaments"]
                 and (self._sources is None or len(self._sources) == head["n_filaments"])
             )
-            is_ours = is_new or check_files(folder, _HEAD, _FIRST, _FILAMENTS, _SOURCES)
         except (OSError, ValueError, EOFError, MalformedFileError) as error:
             raise EnvironmentDataError(
                 f"gas tape: expected a whole one, was not ({error}). Folder: {folder}"
             ) from error
         if not is_whole:
             raise EnvironmentDataError(f"gas tape: expected a whole one of format {TAPE_FORMAT}. Folder: {folder}")
-        # Compiled code reads it, and trusts the places in it.
-        if not is_ours:
-            raise EnvironmentDataError(
-                f"gas tape: expected one signed with the key of this cache, was another. Folder: {folder}"
-            )
 
     @property
     def n_frames(self) -> int:

@@ -218,7 +218,7 @@ def read_observations(folder: Path, agent: str) -> Iterator[bytes]:
             while piece := file.read(int.from_bytes(file.read(4), "big")):
                 unpacker = zlib.decompressobj()
                 rest = unpacker.decompress(piece, _MAX_UNPACKED_BYTES)
-                if not unpacker.eof:
+                if not unpacker.eof or unpacker.unused_data:
                     raise SnapshotError(f"without what {agent} was told (damaged)")
                 while rest:
                     n = int.from_bytes(rest[:4], "big")
