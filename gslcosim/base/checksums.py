@@ -98,8 +98,8 @@ def _read(path: Path) -> tuple[dict[str, str], bytes]:
 
 def _build_error(path: Path) -> MalformedFileError:
     return MalformedFileError(
-        f"{path.parent.name}/{path.name}: expected the file as it was written, was changed since. {FROM_A_COPY}\n"
-        f"File: {path}"
+        f"{path.parent.name}/{path.name}: expected the file as it was written, was changed since. "
+        f"Take it from a copy, or remove {CHECKSUMS_FILE} to read it as it is.\nFile: {path}"
     )
 
 

@@ -158,7 +158,8 @@ def _audit(arguments: argparse.Namespace) -> int:
     from gslcosim.cli.run_output import format_signature, format_verification, signature_to_json, verification_to_json
 
     check_text(arguments.beacon, "--beacon")
-    folder = ResultsFolder(arguments.results)
+    # As for `bench verify`.
+    folder = ResultsFolder(arguments.results, is_checked=False)
     folder.check()
     author = None if arguments.author is None else parse_author(arguments.author)
     # Before the signature is checked, so that the mark is of what was signed.

@@ -10,6 +10,7 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
+from gslcosim.base.checksums import CHECKSUMS_FILE
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import user_state_folder
 from gslcosim.base.kernel_cache import get_cache_root
@@ -119,6 +120,8 @@ def verify(folder, *words):
 def change_manifest(folder, **fields):
     path = ResultsFolder(folder).manifest
     path.write_text(json.dumps(json.loads(path.read_text()) | fields))
+    # As a forger does.
+    (folder / CHECKSUMS_FILE).unlink(missing_ok=True)
 
 
 def reached(outside):
@@ -279,6 +282,9 @@ def test_a_mark_is_of_contents_and_not_of_a_place(here, tmp_path):
     table = pq.read_table(copy / "trials.parquet")
     i = table.schema.get_field_index("score")
     pq.write_table(table.set_column(i, table.schema.field(i), [[1.0] * table.num_rows]), copy / "trials.parquet")
+    with pytest.raises(UsageError, match="expected the file as it was written, was changed since"):
+        rank([copy])
+    (copy / CHECKSUMS_FILE).unlink()
     assert set(rank([copy]).verified.values()) == {None}
     for change in (
         lambda path: (path / "agents_are_here.py").touch(),
@@ -325,6 +331,7 @@ def test_rows_that_were_left_out_are_reported_and_the_rest_is_not_verified(here,
     pq.write_table(table.slice(0, 3), folder / "trials.parquet")
     assert verify(folder) == 0
     assert "1 trials of the suite have no row" in capsys.readouterr().out
+    (folder / CHECKSUMS_FILE).unlink()
     assert set(rank([folder]).verified.values()) == {None}
 
 

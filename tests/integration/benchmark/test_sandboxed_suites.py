@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from gslcosim.base.checksums import CHECKSUMS_FILE
 from gslcosim.base.errors import UsageError
 from gslcosim.bench import run
 from gslcosim.bench.cases import build_plan, load_suite
@@ -116,6 +117,7 @@ def honest(folder: Path, to: Path) -> Path:
     rows = [row for row in pq.read_table(to / "trials.parquet").to_pylist() if row["entry"] != "thief"]
     schema = pq.read_schema(to / "trials.parquet")
     pq.write_table(pa.Table.from_pylist(rows, schema=schema), to / "trials.parquet")
+    (to / CHECKSUMS_FILE).unlink()
     return to
 
 

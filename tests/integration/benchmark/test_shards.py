@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from gslcosim.base.checksums import CHECKSUMS_FILE
 from gslcosim.base.errors import UsageError
 from gslcosim.bench.merge import merge_shards
 from gslcosim.bench.report.writer import write_report
@@ -34,6 +35,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]
 
 def change_json(path: Path, **values: Any) -> None:
     path.write_text(json.dumps({**json.loads(path.read_text()), **values}))
+    (path.parent / CHECKSUMS_FILE).unlink(missing_ok=True)
 
 
 def take_clock_out(folder: Path) -> None:
@@ -47,6 +49,7 @@ def take_clock_out(folder: Path) -> None:
     for key in ("machine", "wall", "sessions", "recordings", "shards"):
         manifest.pop(key, None)
     (folder / "manifest.json").write_text(json.dumps(manifest))
+    (folder / CHECKSUMS_FILE).unlink()
     write_report(folder)
 
 
@@ -112,6 +115,7 @@ def test_missing_shards_and_trials_are_named(folders: tuple[Path, list[Path]], t
     shutil.copytree(folders[1][1], tmp_path / "stopped")
     table = pq.read_table(tmp_path / "stopped" / "trials.parquet")
     pq.write_table(table.slice(2), tmp_path / "stopped" / "trials.parquet")
+    (tmp_path / "stopped" / CHECKSUMS_FILE).unlink()
     parts = [folders[1][0], tmp_path / "stopped", folders[1][2]]
     with pytest.raises(UsageError, match=r"stopped: expected all 6 trials of shard 2/3, 2 have no row"):
         merge_shards(parts, tmp_path / "merged")
@@ -158,5 +162,6 @@ def test_a_trial_that_came_out_differently_is_refused(folders: tuple[Path, list[
     table = pq.read_table(again / "trials.parquet")
     i = table.schema.get_field_index("digest")
     pq.write_table(table.set_column(i, table.schema.field(i), [["0" * 32] * 6]), again / "trials.parquet")
+    (again / CHECKSUMS_FILE).unlink()
     with pytest.raises(UsageError, match=r"again: expected trial .* to have digest .*, as in .*, was 0{32}"):
         merge_shards([*parts, again], tmp_path / "merged")

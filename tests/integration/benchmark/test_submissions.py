@@ -7,6 +7,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
+from gslcosim.base.checksums import CHECKSUMS_FILE, write_checksums
 from gslcosim.base.errors import UsageError
 from gslcosim.bench import Results, compare, run
 from gslcosim.bench.signing.keys import write_key
@@ -72,6 +73,7 @@ def test_other_cases_and_other_runs_are_refused(folders: tuple[Path, Path], tmp_
     run("smoke", other, jobs=1, only=["entry=oracle"])
     manifest = json.loads((other / "manifest.json").read_text())
     (other / "manifest.json").write_text(json.dumps({**manifest, "suite_hash": "another"}))
+    (other / CHECKSUMS_FILE).unlink()
     with pytest.raises(UsageError, match="with the hash another"):
         rank([folders[0], other])
     changed = tmp_path / "changed"
@@ -81,6 +83,7 @@ def test_other_cases_and_other_runs_are_refused(folders: tuple[Path, Path], tmp_
     pq.write_table(
         table.set_column(i, table.schema.field(i), [["0" * 32] * table.num_rows]), changed / "trials.parquet"
     )
+    (changed / CHECKSUMS_FILE).unlink()
     with pytest.raises(UsageError, match="flown by different software"):
         rank([folders[0], changed])
     with pytest.raises(UsageError, match="Choose a new folder"):
@@ -119,6 +122,7 @@ def test_a_stranger_ranks_and_audits_what_two_authors_have_signed(
     scores = [1.0 if row["entry"] == "mine" else row["score"] for row in table.to_pylist()]
     i = table.schema.get_field_index("score")
     pq.write_table(table.set_column(i, table.schema.field(i), [scores]), signed[1] / "trials.parquet")
+    write_checksums(signed[1], "trials.parquet")
     assert main(rank_them) == 2
     assert "row of trial" in capsys.readouterr().err
     sign_results(signed[1], tmp_path / "bob", author="bob", signed_at="2026-11-27T13:00:00+00:00")
