@@ -26,7 +26,7 @@ import io
 import re
 import uuid
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -175,7 +175,7 @@ class _WindPart(_Part):
 class _Header(_Part):
     format: str
     name: str
-    content_hash: str
+    content_hash: str = ""
     grid: _GridPart
     wind: _WindPart
     boxes: tuple[_BoxPart, ...]
@@ -264,12 +264,15 @@ def load_environment(folder: Path, *, with_meshes: bool = False) -> Environment:
         lights=tuple(Light(**light.model_dump()) for light in header.lights),
         meshes=load_visual_meshes(folder / MESHES_FILE, header.meshes) if has_meshes else (),
     )
-    if not is_ours and (found := content_hash(environment, environment.wind)) != header.content_hash:
+    if is_ours:
+        return environment
+    found = content_hash(environment, environment.wind)
+    if header.content_hash not in ("", found):
         raise EnvironmentDataError(
-            f"content_hash: expected {header.content_hash}, was {found}. "
-            f"A file was changed after it was saved; make the environment again.\nFolder: {folder}"
+            f"content_hash: expected {header.content_hash}, was {found}. A file was changed after it was saved; "
+            f"make the environment again, or leave content_hash out to take it as it is.\nFolder: {folder}"
         )
-    return environment
+    return replace(environment, content_hash=found)
 
 
 def _header_text(environment: Environment, made_from: Mapping[str, Any] | None, notices: Sequence[str]) -> str:

@@ -217,7 +217,8 @@ def _is_usable(folder: Path) -> bool:
     try:
         load_environment(folder)
     except EnvironmentDataError as error:
-        _log.warning("An environment in the cache is damaged and is made anew: %s", error)
+        text = str(error).replace("\n", " ")
+        _log.warning("An environment in the cache is damaged and is made anew: %s", text)
         return False
     return True
 
