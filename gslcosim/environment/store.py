@@ -35,7 +35,7 @@ import yaml
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gslcosim.base.checksums import check_files, write_checksums
+from gslcosim.base.checksums import CHECKSUMS_FILE, check_files, write_checksums
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.files import read_regular_file, remove_tree
 from gslcosim.base.quantities import Vec3
@@ -175,7 +175,7 @@ class _WindPart(_Part):
 class _Header(_Part):
     format: str
     name: str
-    content_hash: str = ""
+    content_hash: str
     grid: _GridPart
     wind: _WindPart
     boxes: tuple[_BoxPart, ...]
@@ -231,8 +231,8 @@ def save_environment(
 def load_environment(folder: Path, *, with_meshes: bool = False) -> Environment:
     """Return the environment that a folder holds, its wind memory-mapped and all its arrays read-only.
 
-    Its files are compared with their checksums and, where the cache has not signed these, its values with its content
-    hash, which takes longer where there are meshes.
+    Its files are compared with their checksums. Where the cache has not signed these, the content hash is computed,
+    which takes longer where there are meshes, and compared with that of the header where there are checksums.
 
     Args:
         folder: The environment folder.
@@ -267,10 +267,11 @@ def load_environment(folder: Path, *, with_meshes: bool = False) -> Environment:
     if is_ours:
         return environment
     found = content_hash(environment, environment.wind)
-    if header.content_hash not in ("", found):
+    # One without checksums was written by another program, or is of an older version.
+    if found != header.content_hash and (folder / CHECKSUMS_FILE).is_file():
         raise EnvironmentDataError(
-            f"content_hash: expected {header.content_hash}, was {found}. A file was changed after it was saved; "
-            f"make the environment again, or leave content_hash out to take it as it is.\nFolder: {folder}"
+            f"content_hash: expected {header.content_hash}, was {found}. A file was changed after it was saved; make "
+            f"the environment again, or remove {CHECKSUMS_FILE} to take it as it is.\nFolder: {folder}"
         )
     return replace(environment, content_hash=found)
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gslcosim.base.checksums import CHECKSUMS_FILE
 from gslcosim.base.code_identity import hash_code, list_package_files
 from gslcosim.base.disk_cache import keep_within_limit, mark_used
 from gslcosim.base.errors import EnvironmentDataError, build_machine_error
@@ -212,7 +213,7 @@ def _folder_in_cache(scenario: Scenario, scenario_dir: Path | None, cache_dir: P
 
 
 def _is_usable(folder: Path) -> bool:
-    if not folder.exists():
+    if not (folder / CHECKSUMS_FILE).exists():
         return False
     try:
         load_environment(folder)
