@@ -1,12 +1,15 @@
 """A run that goes on at a snapshot is the run itself: every core's state, at random ticks, over both hostings."""
 
 import contextlib
+import hashlib
 import io
 import json
 import random
 import re
 import shutil
+import zlib
 
+import msgpack
 import pytest
 from real_runs import AGENTS, ROOT, TINY_ROOM, fly, fly_here
 from snapshot_cases import CASES, write_movie
@@ -131,9 +134,21 @@ def test_snapshots_of_a_fork_that_began_at_one_are_whole(past, tmp_path):
     assert second.result["digest"] == past.result["digest"]
 
 
+def put_command(part, log):
+    """Let a part call a program where it is read, with hashes as anyone can make them."""
+    head, body = msgpack.unpackb(part.read_bytes())
+    fields = msgpack.unpackb(zlib.decompress(body), strict_map_key=False)
+    node = {"k": "b", "t": "gslcosim.base.spawn:os.system", "v": [f"touch {part.with_name('called')}"]}
+    fields["state"]["nodes"].append(node)
+    body = zlib.compress(msgpack.packb(fields))
+    head["hash"] = hashlib.blake2b(body, digest_size=16).hexdigest()
+    part.write_bytes(msgpack.packb([head, body]))
+
+
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
+        (put_command, "not signed with the key of this cache"),
         (lambda part, log: part.write_bytes(part.read_bytes()[:-9]), "damaged"),
         (lambda part, log: part.unlink(), "without the part of world (No such file or directory)"),
         (lambda part, log: log.write_bytes(log.read_bytes()[:40]), "without "),
@@ -149,6 +164,7 @@ def test_a_snapshot_that_cannot_be_used_is_reported_and_the_run_repeated(past, t
     assert fork.errors.startswith(f"The snapshot of {run_dir.name} at tick 20 cannot be used: it is {words}")
     assert fork.errors.rstrip().endswith("The run is repeated from its start.")
     assert_same(past, fork)
+    assert not list(run_dir.rglob("called"))
 
 
 def test_a_snapshot_of_other_code_is_refused_in_a_sentence(past, tmp_path, monkeypatch):
