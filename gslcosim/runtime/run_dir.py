@@ -358,12 +358,12 @@ class RunDir:
         return scenario
 
     def load_manifest(self) -> RunManifest:
-        """Read `manifest.json`.
+        """Read `manifest.json`; what it says of versions is read before anything is compared with checksums.
 
         Raises:
             MalformedFileError: it cannot be read, or is none.
         """
-        return self._read("manifest.json", RunManifest)
+        return read_json(self.path / "manifest.json", RunManifest)
 
     def load_result(self) -> RunResult:
         """Read `result.json`.

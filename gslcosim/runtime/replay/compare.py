@@ -4,6 +4,7 @@ from collections.abc import Set
 from dataclasses import dataclass
 from pathlib import Path
 
+from gslcosim.base.checksums import check_files
 from gslcosim.base.untrusted_input import MalformedFileError
 from gslcosim.contract import keys
 from gslcosim.contract.environment_messages import EVENTS
@@ -139,9 +140,11 @@ def _find_fork_relation(a: Path, b: Path) -> ForkRelation | None:
 # A digest may stand without its run.
 def _read_origin(folder: Path) -> ForkOrigin | None:
     try:
-        return RunDir(folder).load_manifest().get("fork_of")
+        manifest = RunDir(folder).load_manifest()
     except MalformedFileError:
         return None
+    check_files(folder, "manifest.json")
+    return manifest.get("fork_of")
 
 
 def _find_briefed_agent(port: str) -> str:

@@ -67,6 +67,7 @@ class PastRun:
                 f"{manifest.get('contract_hash')}, flown by gslcosim {manifest.get('gslcosim')}. Use that "
                 "version for it."
             )
+        check_files(folder, "manifest.json")
         return cls(
             run_dir=run_dir,
             scenario=run_dir.load_scenario(),
