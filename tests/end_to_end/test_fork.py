@@ -13,6 +13,7 @@ import pytest
 from real_runs import AGENTS, AROUND_A_WALL, ROOT, TINY_ROOM, UNRECORDED, Ended, fly, fly_here, start, with_agent
 from test_readme import run
 
+from gslcosim.base.checksums import write_checksums
 from gslcosim.base.errors import RecordingError, UsageError
 from gslcosim.cli.main import main
 from gslcosim.cli.run_views import record_runs
@@ -218,6 +219,7 @@ def test_a_past_that_does_not_repeat_is_reported(past, tmp_path):
     samples = fields["ports"]["truth/samples"]
     samples["links"] = "AAAA" + samples["links"][4:]
     digest.write_text(json.dumps(fields))
+    write_checksums(past.run_dir, digest.name)
     fork = forked(past.run_dir, tmp_path, 5)
     digest.write_text(kept)
     assert fork.exit_code == 5
