@@ -61,8 +61,8 @@ PID_GASES = {
     "propanol": PidGas(ionisation_ev=10.12, cf_10_6_ev=6.0, cf_11_7_ev=2.7),
     "chlorine": PidGas(ionisation_ev=11.48, cf_10_6_ev=None, cf_11_7_ev=1.0),
     "acetone": PidGas(ionisation_ev=9.71, cf_10_6_ev=1.1, cf_11_7_ev=1.4),
-    # 10.6 eV is at its threshold: some makers print a factor near 67.
-    "butane": PidGas(ionisation_ev=10.53, cf_10_6_ev=None, cf_11_7_ev=1.2),
+    # n-butane; isobutane, barely below 10.6 eV, has 100 and 1.2.
+    "butane": PidGas(ionisation_ev=10.53, cf_10_6_ev=67.0, cf_11_7_ev=1.2),
 }
 
 

@@ -6,6 +6,7 @@ from pydantic import ValidationError
 
 from gslcosim.base.rng import stream
 from gslcosim.contract.messages import GasAmount, MountSample
+from gslcosim.scenario.models.gas import GASES
 from gslcosim.scenario.models.sensors import make_sensor_spec
 from gslcosim_services.sensing import SENSOR_MODELS
 from gslcosim_services.sensing.models.gas_sensors import PID_GASES
@@ -34,7 +35,7 @@ def values_of(sensor, samples):
         ("propanol", 6.0, 2.7),
         ("chlorine", math.inf, 1.0),
         ("acetone", 1.1, 1.4),
-        ("butane", math.inf, 1.2),
+        ("butane", 67.0, 1.2),
     ],
 )
 def test_a_pid_divides_by_the_correction_factor_of_its_lamp(gas, at_10_6_ev, at_11_7_ev):
@@ -44,12 +45,13 @@ def test_a_pid_divides_by_the_correction_factor_of_its_lamp(gas, at_10_6_ev, at_
     assert values_of(instrument_of("pid_ideal"), gases)[0] == pytest.approx(50.0 / at_11_7_ev)
 
 
-def test_a_pid_answers_to_gases_below_the_energy_of_its_lamp_alone():
+def test_a_pid_answers_to_the_gases_below_the_energy_of_its_lamp_and_to_no_others():
     """A factor is none of the energies; 10.47 eV stood for ethanol's factor once."""
+    assert set(PID_GASES) <= set(GASES)
     for gas in PID_GASES.values():
         for lamp_ev in (10.6, 11.7):
             factor = gas.correction(lamp_ev)
-            assert factor == 0.0 or gas.ionisation_ev < lamp_ev
+            assert (factor > 0.0) == (gas.ionisation_ev < lamp_ev)
             assert factor != gas.ionisation_ev
 
 
