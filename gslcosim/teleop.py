@@ -20,7 +20,7 @@ from typing import Any, Literal, Self
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.quantities import Vec3
+from gslcosim.base.quantities import GAS_QUANTITIES, Vec3
 from gslcosim.base.untrusted_input import escape_terminal_text
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Briefing, Command, Declaration, Ending, Observation, Reading
@@ -247,7 +247,6 @@ BAR_WIDTH = 16
 _LABEL_WIDTH = 22
 _FIGURE_WIDTH = 14
 _GAS_MARKS = "·∘oO@"
-_GAS_QUANTITIES = ("resistance", "mixing_ratio", "path_integrated_mixing_ratio", "hits", "gas_detected")
 
 
 @dataclass
@@ -395,7 +394,7 @@ class Dashboard:
 # Of the first sensor that tells of gas, in its unit; a resistance falls where there is more.
 def _get_gas_strength(observation: Observation) -> float | None:
     for reading in observation.readings:
-        if reading.values and reading.quantity in _GAS_QUANTITIES and not reading.is_warming_up:
+        if reading.values and reading.quantity in GAS_QUANTITIES and not reading.is_warming_up:
             return -reading.values[0] if reading.unit == "ohm" else reading.values[0]
     return None
 

@@ -14,19 +14,19 @@ from pydantic_core import ErrorDetails
 from gslcosim.base.errors import MethodError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.problems import Problem, broken_rule_error
+from gslcosim.base.quantities import GAS_QUANTITIES, POINT_GAS_QUANTITIES
 from gslcosim.base.yaml_core import CoreLoader
 from gslcosim.contract.messages import ParameterValue, SensorDescription
 
-# What gas sensors at points report.
-GAS_QUANTITIES = ("resistance", "mixing_ratio", "gas_detected", "hits")
 ESTIMATE_QUANTITY = "estimated_mixing_ratio"
 WIND_QUANTITY = "apparent_wind"
 RANGE_QUANTITY = "range"
 CAMERA_QUANTITY = "picture"
 
 
+# Methods map a reading to the place of the sensor, so that a beam is none for them.
 def _is_gas(sensor: SensorDescription) -> bool:
-    return sensor.quantity in GAS_QUANTITIES
+    return sensor.quantity in POINT_GAS_QUANTITIES
 
 
 def _is_gas_ohm(sensor: SensorDescription) -> bool:
@@ -330,16 +330,18 @@ def find_unmet_needs(
 
 
 def _missing_sensors(card: MethodCard, sensors: tuple[SensorDescription, ...]) -> Iterable[Problem]:
+    beams = [sensor.model for sensor in sensors if sensor.quantity in GAS_QUANTITIES and not _is_gas(sensor)]
     for kind, n_needed in card.needs.sensors.items():
         n_found = count_instruments(kind, sensors)
         if n_found < n_needed:
             # A sensor's estimates are described beside it.
             models = [sensor.model for sensor in sensors if not sensor.quantity.startswith("estimated_")]
+            along = f" It measures at a point; {beams[0]} measures along a beam." if beams and "gas" in kind else ""
             yield Problem(
                 where="sensors",
                 expected=f"at least {n_needed} of kind {kind} for {card.title}",
                 found=f"{n_found} ({', '.join(models) or 'no sensors'})",
-                remedy=f"Add for example {INSTRUMENT_KINDS[kind][1]}.",
+                remedy=f"Add for example {INSTRUMENT_KINDS[kind][1]}.{along}",
             )
 
 

@@ -21,9 +21,6 @@ INTERNAL_KEYS = frozenset({CONDUCT_KEY, SENSOR_STATES_KEY})
 # any of the sensors' models distinguishes from clean air.
 GAS_CONTACT_PPM = 0.3
 
-GAS_QUANTITIES = ("resistance", "mixing_ratio", "gas_detected", "hits", "path_integrated_mixing_ratio")
-"""Quantities of instruments that measure gas."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class SensorUse:

@@ -1,8 +1,9 @@
-"""Gases that can be released, with their density relative to air."""
+"""Gases that can be released, by name and by GADEN's number."""
 
 from dataclasses import dataclass
 
 from gslcosim.base.errors import ScenarioError
+from gslcosim.scenario.models import gas as gas_models
 from gslcosim.scenario.models.gas import GasDefinition
 
 # GADEN's 82.057338 cm3 atm/(mol K), so that amounts compare to the last digit (the exact constant is 3e-7 larger).
@@ -24,26 +25,9 @@ class Gas:
     specific_gravity: float
 
 
-_TABLE = (
-    ("ethanol", 1.0378),
-    ("methane", 0.5537),
-    ("hydrogen", 0.0696),
-    ("propanol", 1.23),
-    ("chlorine", 2.48),
-    ("fluorine", 1.31),
-    ("acetone", 1.4529),
-    ("neon", 0.7),
-    ("helium", 0.138),
-    ("biogas", 0.8),
-    ("butane", 2.0061),
-    ("carbon_dioxide", 1.52),
-    ("carbon_monoxide", 0.967),
-    ("smoke", 0.89),
-)
-
 GASES = {
     name: Gas(name=name, gaden_code=code, specific_gravity=specific_gravity)
-    for code, (name, specific_gravity) in enumerate(_TABLE)
+    for code, (name, specific_gravity) in enumerate(gas_models.GASES.items())
 }
 
 

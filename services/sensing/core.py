@@ -7,7 +7,7 @@ import numpy as np
 
 from gslcosim.base.errors import ModelError, ScenarioError
 from gslcosim.base.frames import world_from_body_rotation, yaw_from_quaternion
-from gslcosim.base.quantities import Vec3
+from gslcosim.base.quantities import GAS_QUANTITIES, Vec3
 from gslcosim.base.rng import stream
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.contract import keys
@@ -37,7 +37,7 @@ from gslcosim.scenario.models.events import (
 )
 from gslcosim.scenario.models.scenario import find_due_events, list_event_reads
 from gslcosim.scenario.models.sensors import PoseSensorSpec, SensorSpec
-from gslcosim.validity.conduct import GAS_QUANTITIES, SENSOR_STATES_KEY
+from gslcosim.validity.conduct import SENSOR_STATES_KEY
 from gslcosim_services.sensing.briefing import build_briefing, find_sensor_kind
 from gslcosim_services.sensing.models import SensorModel, build_sensor, sensor_names
 from gslcosim_services.sensing.models.base import Estimator, ImperfectSensor, Surroundings

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gslcosim.base.quantities import Vec3
+from gslcosim.base.quantities import GAS_QUANTITIES, Vec3
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim.bench.cases.models import Trial
 from gslcosim.bench.metrics.beliefs import score_belief
@@ -87,7 +87,6 @@ def score(
     return (1.0 - 0.5 * time_s / limit_s) * 0.5**n_false_declarations
 
 
-GAS_SENSORS_REPORT = ("resistance", "mixing_ratio", "gas_detected", "hits", "estimated_mixing_ratio")
 _NAN = float("nan")
 
 
@@ -163,7 +162,7 @@ class SeriesCollector:
 
     def _note_observation(self, observation: Observation) -> None:
         for reading in observation.readings:
-            if reading.quantity in GAS_SENSORS_REPORT and reading.values:
+            if reading.quantity in GAS_QUANTITIES and reading.values:
                 self.agents[observation.agent].last_reading = reading.values[0]
                 return
 

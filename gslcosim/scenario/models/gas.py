@@ -119,11 +119,12 @@ class GasDefinition(Spec):
     )
 
 
-# The gases that there are; the table with their figures is in gslcosim_services.fields.
-GASES = (
-    "ethanol", "methane", "hydrogen", "propanol", "chlorine", "fluorine", "acetone", "neon", "helium", "biogas",
-    "butane", "carbon_dioxide", "carbon_monoxide", "smoke",
-)  # fmt: skip
+# Density relative to air of the gases that there are, after GADEN's player and in its order.
+GASES = {
+    "ethanol": 1.0378, "methane": 0.5537, "hydrogen": 0.0696, "propanol": 1.23, "chlorine": 2.48, "fluorine": 1.31,
+    "acetone": 1.4529, "neon": 0.7, "helium": 0.138, "biogas": 0.8, "butane": 2.0061, "carbon_dioxide": 1.52,
+    "carbon_monoxide": 0.967, "smoke": 0.89,
+}  # fmt: skip
 
 
 # Third parties add theirs under this name; each entry point is a class that derives from `GasSpec`.

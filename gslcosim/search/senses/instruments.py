@@ -3,9 +3,9 @@
 import math
 from dataclasses import dataclass
 
-from gslcosim.base.quantities import Vec3
+from gslcosim.base.quantities import POINT_GAS_QUANTITIES, Vec3
 from gslcosim.contract.messages import Briefing, Observation, SensorDescription
-from gslcosim.methods.card import CAMERA_QUANTITY, ESTIMATE_QUANTITY, GAS_QUANTITIES, RANGE_QUANTITY, WIND_QUANTITY
+from gslcosim.methods.card import CAMERA_QUANTITY, ESTIMATE_QUANTITY, RANGE_QUANTITY, WIND_QUANTITY
 
 # The ending of the name under which the estimate of a MOX sensor comes.
 ESTIMATE_ENDING = "_ppm"
@@ -101,7 +101,7 @@ def find_noses(briefing: Briefing) -> tuple[Nose, ...]:
             estimate=sensor.name + ESTIMATE_ENDING if sensor.name + ESTIMATE_ENDING in estimates else None,
         )
         for sensor in briefing.sensors
-        if sensor.quantity in GAS_QUANTITIES
+        if sensor.quantity in POINT_GAS_QUANTITIES
     )
 
 

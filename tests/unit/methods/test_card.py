@@ -165,3 +165,10 @@ def test_an_unknown_inclusion_is_named(card, included):
 )
 def test_a_method_that_says_it_needs_no_sensor_is_blind(card, needs, is_blind):
     assert card(needs=needs).is_blind is is_blind
+
+
+def test_a_beam_of_gas_is_told_from_a_gas_sensor_at_a_point(card):
+    """It is a gas sensor, but methods map a reading to the place of the sensor."""
+    (text,) = unmet_needs(card(), sensors=sensors("pid", "anemometer", "tdlas"))
+    assert "at least 2 of kind gas for Test search, was 1 (pid, anemometer, tdlas)" in text
+    assert text.endswith("It measures at a point; tdlas measures along a beam.")

@@ -3,7 +3,10 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.bench.execution.scoring import counted_time_s, score
+from gslcosim.bench.execution.scoring import SeriesCollector, counted_time_s, score
+from gslcosim.contract import keys
+from gslcosim.contract.messages import Observation, Reading
+from gslcosim.scenario.loader import load_scenario
 
 
 def test_the_score_by_hand():
@@ -40,3 +43,29 @@ def test_failures_count_the_limit_and_successes_no_more():
 def test_a_time_out_of_its_range_is_refused(time_s, limit_s):
     with pytest.raises(ValueError, match="limit"):
         score(success=True, time_s=time_s, limit_s=limit_s)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "unit"), [("path_integrated_mixing_ratio", "ppm m"), ("resistance", "ohm"), ("hits", "1")]
+)
+def test_the_reading_of_a_track_is_that_of_the_first_gas_sensor_whatever_its_kind(quantity, unit):
+    collector = SeriesCollector(load_scenario("tiny_room").scenario)
+    (agent,) = collector.agents
+    readings = (
+        Reading(sensor="wind", quantity="apparent_wind", unit="m/s, rad", values=(0.5, 1.0)),
+        Reading(sensor="first", quantity=quantity, unit=unit, values=(7.0,)),
+        Reading(sensor="second", quantity="mixing_ratio", unit="ppm", values=(9.0,)),
+    )
+    observation = Observation(
+        tick=1,
+        agent=agent,
+        time_s=0.1,
+        position_world_m=(1.0, 1.0, 1.0),
+        yaw_rad=0.0,
+        velocity_world_m_s=(0.0, 0.0, 0.0),
+        status="flying",
+        awaiting_command=False,
+        readings=readings,
+    )
+    collector.note(keys.observation(agent), observation)
+    assert collector.agents[agent].last_reading == 7.0

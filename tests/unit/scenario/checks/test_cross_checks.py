@@ -4,9 +4,7 @@ import pytest
 
 from gslcosim.scenario.checks import cross_checks
 from gslcosim.scenario.loader import load_scenario
-from gslcosim.scenario.models.gas import GASES as GAS_NAMES
 from gslcosim.scenario.models.sensors import SENSORS
-from gslcosim_services.fields.gases import GASES
 from gslcosim_services.sensing import SENSOR_MODELS
 from gslcosim_services.world import core as world
 
@@ -100,9 +98,8 @@ def test_the_physics_step_is_that_of_the_world():
     assert cross_checks.PHYSICS_STEP_MS == world.PHYSICS_STEP_MS
 
 
-def test_the_gases_and_sensors_are_those_that_the_cores_have():
+def test_the_sensors_are_those_that_the_cores_have():
     """Scenario is the lower layer and may not ask them, so it keeps the names itself."""
-    assert tuple(GASES) == GAS_NAMES
     assert tuple(SENSOR_MODELS) == SENSORS
 
 

@@ -1,7 +1,6 @@
 import pytest
 
 from gslcosim.base.errors import ScenarioError
-from gslcosim.scenario.models import gas as gas_models
 from gslcosim_services.fields.gases import GASES, air_density_mol_m3, find_gas
 
 
@@ -19,10 +18,6 @@ def test_gases_have_gadens_codes_and_specific_gravities():
     assert [GASES[name].specific_gravity for name in ("ethanol", "methane", "hydrogen", "acetone", "butane")] == [
         1.0378, 0.5537, 0.0696, 1.4529, 2.0061,
     ]  # fmt: skip
-
-
-def test_scenarios_know_the_same_gases():
-    assert tuple(GASES) == gas_models.GASES
 
 
 def test_an_unknown_gas_is_answered_with_the_known_ones():
