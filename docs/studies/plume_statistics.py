@@ -183,7 +183,7 @@ def _scenario(seed: int) -> Scenario:
         "sources": [{"position_m": SOURCE_M, "filaments_per_s": 10, "release": {"kind": "poisson"}}],
         "step_s": STEP_S,
         "eddy_diffusivity_m2_s": 0.005,
-        "farrell": {"wind_m_s": (1.0, 0.0, 0.0), "gust_std_m_s": 0.3, "gust_period_s": 30.0},
+        "farrell": {"wind_m_s": (1.0, 0.0, 0.0), "gust_std_m_s": 0.11, "gust_period_s": 30.0},
     }
     return build_gas_scenario(gas, name="plume_statistics", seed=seed)
 

@@ -41,7 +41,8 @@ Floats = NDArray[np.float64]
 TABLE = Path(__file__).parents[2] / "agents" / "qmdp" / "plumes.npz"
 SEED = 20_240_601
 WINDS_M_S = (0.08, 0.15, 0.3, 0.6, 1.0)
-GUST_FRAC = 0.33
+# In the middle of the field; a third of the mean wind at its corners.
+GUST_FRAC = 0.083
 # Half a metre apart, like the cells.
 N_HEIGHTS = 3
 THRESHOLDS_PPM = (0.1, 1.0)

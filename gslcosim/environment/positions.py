@@ -377,7 +377,7 @@ def draw_positions(
         seed: The scenario's.
         wanted: What places are wanted for.
     """
-    room = _room(spec, wind, scenario_dir)
+    room = read_room(spec, wind, scenario_dir)
     places: dict[str, Vec3] = {}
     if room is None:
         return places
@@ -390,8 +390,8 @@ def draw_positions(
     return places
 
 
-# Nothing when the room has problems, which other checks report.
-def _room(spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path) -> EnvironmentGeometry | None:
+def read_room(spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path) -> EnvironmentGeometry | None:
+    """Return the room of a scenario without solving its wind; None where it has problems."""
     from gslcosim.environment.geometry_source import build_geometry, find_folder, find_source_problems
 
     if spec.path is None:

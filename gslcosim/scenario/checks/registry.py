@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gslcosim.base.problems import Problem
+from gslcosim.scenario.models.gas import FarrellGasSpec, FilamentsSpec
 from gslcosim.scenario.models.scenario import Processes, Scenario
 
 FileKind = Literal["scenario", "suite", "card", "family", "train"]
@@ -85,6 +86,11 @@ def _has_stored_wind(scenario: Scenario) -> bool:
     return scenario.wind.file is not None or is_from_folder
 
 
+def _has_given_eddies(scenario: Scenario) -> bool:
+    turbulence = scenario.gas.turbulence if isinstance(scenario.gas, FilamentsSpec) else None
+    return turbulence is not None and turbulence.kind == "given"
+
+
 def _solves_wind(scenario: Scenario) -> bool:
     is_built_in = scenario.wind.solver == "built_in" or (
         scenario.wind.solver == "auto" and scenario.environment.folder_key is None
@@ -128,6 +134,22 @@ CHECKS = (
         subject="room",
         finder="gslcosim.environment.generation.checks:find_costly_wind_problems",
         is_needed=_solves_wind,
+        is_warning=True,
+    ),
+    Check(
+        name="eddies",
+        of="scenario",
+        subject="room",
+        finder="gslcosim_services.fields.turbulence.air:find_eddy_warnings",
+        is_needed=_has_given_eddies,
+        is_warning=True,
+    ),
+    Check(
+        name="gusts",
+        of="scenario",
+        subject="room",
+        finder="gslcosim_services.fields.models.farrell:find_gust_warnings",
+        is_needed=lambda scenario: isinstance(scenario.gas, FarrellGasSpec),
         is_warning=True,
     ),
     Check(

@@ -150,10 +150,15 @@ class PlumeSpec(Spec):
 
 
 class FarrellSpec(Spec):
-    """Settings of Farrell's open field: a horizontal wind with gusts at its corners, on `n_nodes` nodes per side."""
+    """Settings of Farrell's open field: a horizontal wind with gusts at its corners, on `n_nodes` nodes per side.
+
+    The corners' gusts are so strong that the middle has `gust_std_m_s`: about twice as strong, and at most four times.
+    """
 
     wind_m_s: Vec3 | None = Field(default=None, description="mean wind (absent: wind of the room at the first source)")
-    gust_std_m_s: NonNegative = Field(default=0.5, description="standard deviation of the gusts at the corners")
+    gust_std_m_s: NonNegative = Field(
+        default=0.25, description="standard deviation of the wind along each axis in the middle of the field"
+    )
     gust_period_s: Positive = Field(default=30.0, description="period of the gusts")
     gust_damping: Annotated[float, Field(gt=0, lt=1)] = Field(default=0.1, description="damping ratio of the gusts")
     eddy_viscosity_m2_s: NonNegative = Field(
@@ -180,7 +185,9 @@ class TurbulenceSpec(KindedSpec):
 
     `wind`: its strength is that of k and epsilon, which the wind's solver has kept with the wind. `given`: everywhere
     the same, with `intensity_frac`, the standard deviation of the velocity along each axis over the mean wind's speed,
-    and the integral length `length_m`. `inner_intensity` is standard deviation over mean of the gas within filaments.
+    and the integral length `length_m`, but no more than half of the distance between two walls, or the height of ground
+    under an open sky; `validate` warns of longer ones. `inner_intensity` is standard deviation over mean of the gas
+    within filaments.
     """
 
     belongs: ClassVar[Mapping[str, tuple[str, ...]]] = dict.fromkeys(("intensity_frac", "length_m"), ("given",))

@@ -5,14 +5,18 @@
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
 from gslcosim.environment.model import Cell, Environment, Grid
+from gslcosim.environment.positions import read_room
+from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.gas import FarrellGasSpec
 from gslcosim_services.fields.filament.downwash import Jets
 from gslcosim_services.fields.filament.plume import FilamentPlume, Filaments
@@ -192,7 +196,7 @@ _MAX_GUST_STD = 6.0
 
 @dataclass(frozen=True, kw_only=True)
 class Gusts:
-    """Gusts of the wind at a corner: a noisy oscillator of standard deviation, period and damping ratio."""
+    """Gusts of the wind: a noisy oscillator of standard deviation, period and damping ratio."""
 
     std_m_s: float
     period_s: float
@@ -238,6 +242,82 @@ def stable_step_s(speed_m_s: float, viscosity_m2_s: float, dx_m: float, dy_m: fl
     return 1.0 / rate_per_s if rate_per_s > 0.0 else math.inf
 
 
+# Nodes along each side and frequencies with which the share of the gusts that reaches the middle is found.
+_GAIN_NODES, _GAIN_FREQUENCIES = 11, 16
+_LEAST_GAIN = 0.25
+
+
+def find_middle_gain(
+    size_m: tuple[float, float], mean_m_s: NDArray[np.float64], gusts: Gusts, viscosity_m2_s: float
+) -> float:
+    """Return the standard deviation of gusts in the middle of a field over that at its corners, to a thousandth [1].
+
+    i w a + u . grad a = nu lap a      a response to one corner's gusts of frequency w, straight between the corners
+                                       on the border; u mean wind, upwind as in `advance_wind_inplace`
+    gain^2 = mean over the gusts' spectrum of the sum over corners of |a|^2 in the middle: corners are independent
+
+    About one half in a field that gusts spread over in much less than their period. In a large one less reaches the
+    middle; below a quarter the result is a quarter, as stronger gusts at the corners would carry the wind themselves.
+
+    Source: Our derivation, for gusts that are weak beside the mean wind.
+    Held by: tests/unit/services/fields/models/test_farrell.py (standard deviation of the wind in the middle)
+    """
+    n, unit = _GAIN_NODES, np.eye(_GAIN_NODES)
+    terms: list[NDArray[np.float64]] = []
+    for side_m, speed_m_s in zip(size_m, mean_m_s, strict=True):
+        step_m, before, after = side_m / (n - 1), np.eye(n, k=-1), np.eye(n, k=1)
+        slope = (unit - before if speed_m_s > 0.0 else after - unit) / step_m
+        terms.append(speed_m_s * slope - viscosity_m2_s * (before - 2.0 * unit + after) / step_m**2)
+    transport = np.kron(terms[0], unit) + np.kron(unit, terms[1])
+    low = np.linspace(1.0, 0.0, n)
+    corners = np.stack([np.outer(a, b).ravel() for a in (low, low[::-1]) for b in (low, low[::-1])], axis=1)
+    inside = np.pad(np.ones((n - 2, n - 2), np.bool_), 1).ravel()
+    middle = np.flatnonzero(inside) == n * n // 2
+    # Of the oscillator's spectrum, up to a frequency of four times its own, points with equal shares of the variance.
+    w = np.linspace(0.0, 4.0, 4001)
+    shares = np.cumsum(1.0 / ((1.0 - w**2) ** 2 + (2.0 * gusts.damping * w) ** 2))
+    frequencies = np.interp((np.arange(_GAIN_FREQUENCIES) + 0.5) / _GAIN_FREQUENCIES, shares / shares[-1], w)
+    squares = [
+        np.linalg.norm(
+            np.linalg.solve(
+                transport[np.ix_(inside, inside)] + 2j * math.pi * frequency / gusts.period_s * np.eye(middle.size),
+                transport[np.ix_(inside, ~inside)] @ corners[~inside],
+            )[middle]
+        )
+        ** 2
+        for frequency in frequencies
+    ]
+    # Rounded, so that no library of linear algebra has a part in the wind.
+    return max(_LEAST_GAIN, round(math.sqrt(float(np.mean(squares))), 3))
+
+
+def find_gust_warnings(scenario: Scenario, directory: Path) -> list[Problem]:
+    """Return what is to be known of gusts that the middle of a scenario's field gets less of than it asks for.
+
+    Args:
+        scenario: Its gas is Farrell's.
+        directory: The scenario's folder, where relative paths start.
+    """
+    room = read_room(scenario.environment, scenario.wind, directory)
+    if room is None or not isinstance(scenario.gas, FarrellGasSpec) or not scenario.gas.farrell.gust_std_m_s:
+        return []
+    spec = scenario.gas.farrell
+    gusts = Gusts(std_m_s=spec.gust_std_m_s, period_s=spec.gust_period_s, damping=spec.gust_damping)
+    x_m, y_m = (n * room.grid.cell_m for n in room.grid.shape[:2])
+    mean_m_s = np.array(spec.wind_m_s or scenario.wind.inlet_velocity_m_s)[:2]
+    if find_middle_gain((x_m, y_m), mean_m_s, gusts, spec.eddy_viscosity_m2_s) > _LEAST_GAIN:
+        return []
+    return [
+        Problem(
+            where="gas.farrell.gust_std_m_s",
+            expected="gusts that reach the middle of the field within their period",
+            found=f"{gusts.period_s:g} s in a field of {x_m:g} x {y_m:g} m",
+            remedy=f"Those at the corners are {1 / _LEAST_GAIN:g} times gust_std_m_s and fade towards the middle; take "
+            "a longer gust_period_s, more eddy_viscosity_m2_s or a smaller field.",
+        )
+    ]
+
+
 # The wind between two instants: gusts (2, 4) and their rates at the corners, wind at nodes and in cells, time on the
 # wind's own clock.
 @dataclass(kw_only=True)
@@ -262,13 +342,17 @@ class FarrellWind:
     """
 
     def __init__(self, grid: Grid, *, mean_m_s: Vec3, gusts: Gusts, viscosity_m2_s: float, n_nodes: int) -> None:
-        """Prepare the field over the floor of a grid, with `n_nodes` nodes along each side."""
+        """Prepare the field over the floor of a grid, with `n_nodes` nodes along each side.
+
+        `gusts` are those in its middle; at the corners they are stronger, see `find_middle_gain`.
+        """
         self._cells = grid.shape[:2]
         self._shape = (n_nodes, n_nodes, 2)
         sides_m = np.multiply(grid.shape[:2], grid.cell_m)
         self._dx_m, self._dy_m = (float(side_m) / (n_nodes - 1) for side_m in sides_m)
         self._mean_m_s = np.array(mean_m_s[:2], np.float64)
-        self._gusts = gusts
+        gain = find_middle_gain((float(sides_m[0]), float(sides_m[1])), self._mean_m_s, gusts, viscosity_m2_s)
+        self._gusts = gusts = replace(gusts, std_m_s=gusts.std_m_s / gain)
         self._viscosity_m2_s = viscosity_m2_s
         strongest_m_s = float(abs(self._mean_m_s).max()) + _MAX_GUST_STD * gusts.std_m_s
         stable_s = stable_step_s(strongest_m_s, viscosity_m2_s, self._dx_m, self._dy_m)

@@ -4,13 +4,19 @@
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.environment.model import Cell, Environment
+from gslcosim.base.problems import Problem
+from gslcosim.environment.model import Cell, Environment, EnvironmentGeometry, Grid
+from gslcosim.environment.openings import cells_at
+from gslcosim.environment.positions import read_room
+from gslcosim.scenario import Scenario
+from gslcosim.scenario.models.gas import FarrellGasSpec, FilamentsSpec
 from gslcosim_services.fields.turbulence.eddies import EddyScales, largest_spacing_m, potential_amplitude_m2_s
 
 LAGRANGIAN_C0 = 6.0
@@ -197,6 +203,64 @@ def mean_speed_m_s(environment: Environment) -> float:
     return float(np.linalg.norm(velocity_m_s, axis=-1)[:, environment.occupancy != Cell.SOLID].mean())
 
 
+Walled = NDArray[np.bool_]
+"""(3, 2) whether a room has a wall at the lower and at the upper end of each axis."""
+_GROUND: Walled = np.array([[False, False], [False, False], [True, False]])
+# Of the air beside an open side at most this share is beside its frame.
+_FRAME_SHARE = 0.1
+
+
+def find_walls(room: EnvironmentGeometry) -> Walled:
+    """Return the sides of a room that are walls: not those that inlets, outlets and the open take up, or nearly."""
+    is_air, is_opening = room.occupancy != Cell.SOLID, room.occupancy == Cell.OUTLET
+    for opening in room.openings:
+        is_opening[cells_at(opening, room.grid)] = True
+    walls = np.ones((3, 2), np.bool_)
+    for axis in range(3):
+        for side in (0, 1):
+            air, opening_cells = (np.moveaxis(cells, axis, 0)[-side] for cells in (is_air, is_opening & is_air))
+            walls[axis, side] = not air.any() or opening_cells.sum() < (1.0 - _FRAME_SHARE) * air.sum()
+    return walls
+
+
+def longest_eddies_m(grid: Grid, walls: Walled) -> float:
+    """Return the integral length of the largest eddies that have room [m]: infinite where there are no walls.
+
+    Half of the distance between two walls; between a wall and the open its whole, as the open side is the middle of a
+    room that the wall's image closes. A wall blocks eddies within about their length of it, and here they fade within
+    it: longer ones would be weaker than their k in all of the air.
+
+    Source: Hunt and Graham 1978, Journal of Fluid Mechanics 84, 209, for eddies that a wall blocks; the bound is ours.
+    """
+    sides_m = np.multiply(grid.shape, grid.cell_m)
+    n_walls = walls.sum(axis=1)
+    return float(np.where(n_walls > 0, sides_m / np.maximum(n_walls, 1), np.inf).min())
+
+
+def find_eddy_warnings(scenario: Scenario, directory: Path) -> list[Problem]:
+    """Return what is to be known of a scenario whose eddies are longer than its room allows.
+
+    Args:
+        scenario: Its gas has turbulence of a given length.
+        directory: The scenario's folder, where relative paths start.
+    """
+    room = read_room(scenario.environment, scenario.wind, directory)
+    turbulence = scenario.gas.turbulence if isinstance(scenario.gas, FilamentsSpec) else None
+    if room is None or turbulence is None:
+        return []
+    longest_m = longest_eddies_m(room.grid, _GROUND if isinstance(scenario.gas, FarrellGasSpec) else find_walls(room))
+    if turbulence.length_m <= longest_m:
+        return []
+    return [
+        Problem(
+            where="gas.turbulence.length_m",
+            expected=f"at most {longest_m:g} m, half of the distance of two walls, or the height of open ground",
+            found=f"{turbulence.length_m:g} m",
+            remedy=f"Eddies have {longest_m:g} m in this room.",
+        )
+    ]
+
+
 def build_turbulent_air(
     environment: Environment,
     strength: KEpsilonFields,
@@ -206,7 +270,7 @@ def build_turbulent_air(
     """Build the turbulence of a room from k and epsilon at its cell centres.
 
     The large eddies have one size and one time in a room: those of its mean k and epsilon, weighted by k, and no more
-    than half of the least side of a closed room. Their strength is that of each place, and fades near walls.
+    than `longest_eddies_m`. Their strength is that of each place, and fades near walls.
 
     Args:
         environment: The room.
@@ -219,15 +283,13 @@ def build_turbulent_air(
     # Sums in one order on every machine: numpy's pairwise sums are.
     mean_k = float((k * k).sum() / k.sum())
     mean_epsilon = float((k * epsilon).sum() / k.sum())
-    least_side_m = min(environment.grid.shape) * environment.grid.cell_m
-    length_m = integral_length_m(mean_k, mean_epsilon)
-    if not is_open:
-        length_m = min(length_m, 0.5 * least_side_m)
+    walls = find_walls(environment) if not is_open else _GROUND
+    length_m = min(integral_length_m(mean_k, mean_epsilon), longest_eddies_m(environment.grid, walls))
     scales = EddyScales(length_m=length_m, time_s=lagrangian_time_s(mean_k, mean_epsilon))
     spacing_m = largest_spacing_m(length_m)
     node_k, node_epsilon = _at_corners(k, air), _at_corners(epsilon, air)
     std = np.sqrt(2.0 / 3.0 * node_k)
-    fade = _fade_at_walls(_distance_to_walls_m(environment, is_open=is_open, reach_m=spacing_m) / spacing_m)
+    fade = _fade_at_walls(_distance_to_walls_m(environment, walls, reach_m=spacing_m) / spacing_m)
     nodes = np.empty((*std.shape, 4), np.float32)
     nodes[..., AMPLITUDE] = potential_amplitude_m2_s(math.sqrt(1.0 - OWN_SHARE), spacing_m) * std * fade
     nodes[..., OWN_STD] = math.sqrt(OWN_SHARE) * std
@@ -262,19 +324,18 @@ def _sum_around_corners(values: NDArray[np.floating]) -> NDArray[np.float64]:
     return padded
 
 
-def _distance_to_walls_m(environment: Environment, *, is_open: bool, reach_m: float) -> NDArray[np.float64]:
+def _distance_to_walls_m(environment: Environment, walls: Walled, *, reach_m: float) -> NDArray[np.float64]:
     from scipy import ndimage
 
-    # Beyond the border there is wall, save beside an outlet; of an open field only the floor is one.
-    solid = np.pad(environment.occupancy == Cell.SOLID, 1, constant_values=True)
+    # Beyond the border there is wall, save on a side that is open and beside an outlet.
+    solid = np.pad(environment.occupancy == Cell.SOLID, 1, constant_values=False)
     outlet = np.pad(environment.occupancy == Cell.OUTLET, 1, constant_values=False)
-    if is_open:
-        solid[0] = solid[-1] = solid[:, 0] = solid[:, -1] = solid[:, :, -1] = False
-        solid[:, :, 0] = True
+    for axis, side in np.argwhere(walls):
+        np.moveaxis(solid, axis, 0)[-side] = True
     for axis in range(3):
-        walls, outlets = np.moveaxis(solid, axis, 0), np.moveaxis(outlet, axis, 0)
-        walls[0] &= ~outlets[1]
-        walls[-1] &= ~outlets[-2]
+        solids, outlets = np.moveaxis(solid, axis, 0), np.moveaxis(outlet, axis, 0)
+        solids[0] &= ~outlets[1]
+        solids[-1] &= ~outlets[-2]
     is_wall = np.zeros(tuple(n + 1 for n in environment.grid.shape), np.bool_)
     for di in (0, 1):
         for dj in (0, 1):

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from gslcosim.environment.model import Cell, Grid
+from gslcosim.scenario.loader import load_scenario
 from gslcosim_services.fields.models.farrell import (
     FarrellWind,
     Gusts,
     advance_wind_inplace,
     exact_gust_step,
+    find_gust_warnings,
     open_sides_and_top,
     set_edges_inplace,
     stable_step_s,
@@ -49,12 +51,41 @@ def test_gusts_settle_at_their_standard_deviation():
 
 
 @pytest.mark.slow
-def test_wind_at_a_corner_has_the_gusts_mean_and_standard_deviation():
-    wind = wind_of(n_nodes=3, viscosity_m2_s=0.1)
-    corners = np.array([wind.at(float(t))[0, 0, 0, :2] for t in range(8000)])
-    node_to_cell = 0.95
-    np.testing.assert_allclose(corners.mean(axis=0), (1.0, 0.2), atol=0.1)
-    np.testing.assert_allclose(corners.std(axis=0), 0.5 * node_to_cell, rtol=0.1)
+@pytest.mark.parametrize(
+    ("size_m", "changes"),
+    [
+        ((20, 14), {"mean_m_s": (0.492, 0.087, 0.0), "std_m_s": 0.25}),
+        ((15, 10), {"mean_m_s": (-1.0, -0.2, 0.0)}),
+        ((20, 14), {"mean_m_s": (0.0, 0.0, 0.0), "n_nodes": 9}),
+        ((32, 22), {"viscosity_m2_s": 20.0}),
+        ((12, 9), {"period_s": 8.0, "damping": 0.5}),
+        ((30, 20), {"period_s": 90.0, "mean_m_s": (0.2, 2.0, 0.0)}),
+    ],
+)
+def test_wind_in_the_middle_has_the_standard_deviation_that_is_asked_for(size_m, changes):
+    """Of the mean of both components over hours; that of gusts within a tenth, whatever the field."""
+    gusts = {"std_m_s": 0.5, "period_s": 30.0, "damping": 0.1}
+    gusts |= {key: changes.pop(key) for key in list(changes) if key in gusts}
+    grid = Grid(origin_m=(0.0, 0.0, 0.0), cell_m=1.0, shape=(*size_m, 2))
+    settings = {"mean_m_s": (1.0, 0.2, 0.0), "viscosity_m2_s": 10.0, "n_nodes": 11, **changes}
+    wind = FarrellWind(grid, gusts=Gusts(**gusts), **settings)
+    records = []
+    for seed in range(2):
+        wind.reset(seed)
+        middle = (size_m[0] // 2, size_m[1] // 2)
+        records += [wind.at(60.0 + 4.0 * i)[middle][0, :2].copy() for i in range(1500)]
+    record = np.array(records)
+    np.testing.assert_allclose(record.mean(axis=0), settings["mean_m_s"][:2], atol=0.1 * gusts["std_m_s"] + 0.05)
+    assert np.sqrt(record.var(axis=0).mean()) == pytest.approx(gusts["std_m_s"], rel=0.12)
+
+
+@pytest.mark.parametrize(("size_m", "is_warned_of"), [([20, 14, 4], False), ([100, 100, 2], True)])
+def test_gusts_that_do_not_reach_the_middle_are_warned_of(size_m, is_warned_of):
+    changes = [f"environment.layout.size_m={size_m}", "gas.model=farrell", "wind={solver: uniform}"]
+    loaded = load_scenario("warehouse_empty", overrides=changes)
+    found = [str(warning) for warning in find_gust_warnings(loaded.scenario, loaded.directory)]
+    assert len(found) == is_warned_of
+    assert all("30 s in a field of 100 x 100 m" in text and "4 times gust_std_m_s" in text for text in found)
 
 
 def test_without_gusts_the_mean_wind_stays():

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from gslcosim.environment.geometry_source import build_geometry
 from gslcosim.environment.grid_kernels import trilinear_wind
-from gslcosim.environment.model import Cell, Environment, Grid, WindFrames
+from gslcosim.environment.model import Cell, Environment, Grid, WindFrames, with_wind
+from gslcosim.scenario.loader import load_scenario
 from gslcosim_services.fields.turbulence.air import (
     AMPLITUDE,
     EPSILON_ROOT,
@@ -14,9 +16,12 @@ from gslcosim_services.fields.turbulence.air import (
     OWN_TIME_RATIO,
     KEpsilonFields,
     build_turbulent_air,
+    find_eddy_warnings,
+    find_walls,
     integral_length_m,
     k_epsilon_from_intensity,
     lagrangian_time_s,
+    longest_eddies_m,
     mean_speed_m_s,
     wind_with_slopes,
 )
@@ -98,3 +103,63 @@ def test_eddies_fade_at_walls_and_not_at_outlets(room):
 def test_eddies_of_a_small_room_are_half_of_its_least_side_at_most(room):
     k, epsilon = np.full(room.grid.shape, 6.0), np.full(room.grid.shape, 0.01)
     assert build_turbulent_air(room, KEpsilonFields(k_m2_s2=k, epsilon_m2_s3=epsilon)).scales.length_m == 2.0
+
+
+PLANT = ["environment.layout={kind: plant, size_m: [20, 14, 2], n_tanks: 0, n_buildings: 0}"]
+HALL = ["environment.layout={kind: warehouse_empty, size_m: [10, 8, 3]}"]
+INLET = "environment.layout.inlet={min_m: [0, 0, 0], max_m: [0, 8, 3]}"
+OUTLET = "environment.layout.outlet={min_m: [10, 0, 0], max_m: [10, 8, 3]}"
+ROOF = "environment.layout.openings=[{name: roof, kind: open, min_m: [0, 0, 3], max_m: [10, 8, 3]}]"
+HALF_A_ROOF = ROOF.replace("[10, 8, 3]", "[5, 8, 3]")
+TUNNEL = ["environment.layout={kind: wind_tunnel, size_m: [8, 2, 3]}"]
+CELL = "wind.cell_m=0.25"
+
+
+def load_changed(*changes):
+    # Places that are in the air of all of these rooms.
+    places = ("gas.sources[0].position_m=[2, 1, 1]", "agents[0].vehicle.start_m=[4, 1, 0.2]")
+    return load_scenario("warehouse_empty", overrides=[*changes, *places, CELL])
+
+
+@pytest.mark.parametrize(
+    ("changes", "longest_m"),
+    [
+        (PLANT, 2.0),
+        ([PLANT[0].replace("14, 2]", "14, 5]")], 5.0),
+        (HALL, 1.5),
+        ([*HALL, INLET, OUTLET], 1.5),
+        ([*HALL, ROOF], 3.0),
+        ([*HALL, HALF_A_ROOF], 1.5),
+        (TUNNEL, 1.0),
+    ],
+)
+def test_eddies_are_bounded_by_the_walls_that_are_there(changes, longest_m):
+    """Half of what is between two walls, all that is between a wall and the open; a part of a side leaves it a wall."""
+    loaded = load_changed(*changes)
+    room = build_geometry(loaded.scenario.environment, loaded.scenario.wind)
+    assert longest_eddies_m(room.grid, find_walls(room)) == longest_m
+    turbulence = "gas.turbulence={kind: given, intensity_frac: 0.1, length_m: %s}"
+    for length_m, is_bounded in ((longest_m, False), (1.01 * longest_m, True)):
+        longer = load_changed(*changes, turbulence % length_m)
+        warnings = [str(warning) for warning in find_eddy_warnings(longer.scenario, longer.directory)]
+        assert len(warnings) == is_bounded
+        assert all(f"at most {longest_m:g} m" in text for text in warnings)
+
+
+def test_without_walls_eddies_are_as_long_as_their_k_and_epsilon_say(room):
+    assert longest_eddies_m(room.grid, np.zeros((3, 2), np.bool_)) == np.inf
+
+
+def test_open_ground_has_the_eddies_that_are_asked_for_up_to_its_open_sides():
+    """Ground 2 m high had eddies of 1 m for 1.5 m, and none at its inlet."""
+    loaded = load_changed(*PLANT)
+    geometry = build_geometry(loaded.scenario.environment, loaded.scenario.wind)
+    ground = with_wind(geometry, WindFrames(velocity_m_s=np.full((1, *geometry.grid.shape, 3), 0.5, np.float32)))
+    k, epsilon = k_epsilon_from_intensity(0.05, 1.5)
+    shape = ground.grid.shape
+    strength = KEpsilonFields(k_m2_s2=np.full(shape, k), epsilon_m2_s3=np.full(shape, epsilon))
+    air = build_turbulent_air(ground, strength)
+    assert air.scales.length_m == pytest.approx(1.5)
+    amplitude = air.nodes.nodes[..., AMPLITUDE]
+    assert (amplitude[:, :, 0] == 0).all()
+    assert (amplitude[:, :, -1] == amplitude.max()).all()
