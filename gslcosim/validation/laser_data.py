@@ -33,7 +33,7 @@ class LaserRows(PathRecord):
 
 
 def collect_laser_rows(paths: LaserPaths) -> LaserRows:
-    """Return the minutes in which wind, air and beams have values."""
+    """Return the minutes in which wind, air and at least one beam have values."""
     kept = [_usable(minutes) for minutes in paths.sources]
     parts = list(zip(paths.sources, kept, strict=True))
 
@@ -58,6 +58,6 @@ def collect_laser_rows(paths: LaserPaths) -> LaserRows:
 
 
 def _usable(minutes: LaserMinutes) -> NDArray[np.bool_]:
-    needed = (minutes.beams_ppm, minutes.wind_world_m_s, minutes.wind_std_m_s)
     has_air = np.isfinite(minutes.temperature_k) & np.isfinite(minutes.pressure_pa)
-    return np.logical_and.reduce([np.isfinite(values).all(axis=1) for values in needed]) & has_air
+    has_wind = np.isfinite(minutes.wind_world_m_s).all(axis=1) & np.isfinite(minutes.wind_std_m_s).all(axis=1)
+    return has_air & has_wind & np.isfinite(minutes.beams_ppm).any(axis=1)

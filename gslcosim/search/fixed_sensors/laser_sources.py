@@ -38,7 +38,7 @@ class PathRecord:
         source: (n,) number of the source that was open, 0 … s - 1.
         wind: Of each period.
         gas_m3_per_kg: (n,) volume of a kilogram of the gas in that air.
-        readings_ppm: (n, k).
+        readings_ppm: (n, k), nan where a path has none.
         day: (n,) labels of rows that share backgrounds.
     """
 

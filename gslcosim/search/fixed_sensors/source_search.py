@@ -30,8 +30,8 @@ class BackgroundPrior:
 
     @classmethod
     def of_readings(cls, readings_ppm: Floats, *, reading_error_ppm: float) -> "BackgroundPrior":
-        """Return the prior of (n, k) readings: median and spread of the sensors' 5th percentiles."""
-        low = np.nanpercentile(readings_ppm, 5.0, axis=0)
+        """Return the prior of (n, k) readings, nan where there is none: median and spread of 5th percentiles."""
+        low = np.nanpercentile(readings_ppm[:, np.isfinite(readings_ppm).any(axis=0)], 5.0, axis=0)
         spread = _NORMAL_BY_MEDIAN * float(np.median(np.abs(low - np.median(low))))
         return cls(float(np.median(low)), max(spread, reading_error_ppm))
 
@@ -66,8 +66,8 @@ def fit_terms(
     follow the residuals.
 
     Args:
-        response: (n, k) r, what a sensor reads per release.
-        readings_ppm: (n, k).
+        response: (n, k) r, what a sensor reads per release; nan where it is not known.
+        readings_ppm: (n, k); nan where nothing was read.
         group: (n,) 0 … g - 1: rows that share backgrounds.
         prior: Of b.
         reading_error_ppm: s. Of the average of a period it is larger than that of one reading.
@@ -82,7 +82,9 @@ def fit_terms(
     cell = (group[:, None] * k + np.arange(k)[None, :]).ravel()
     n_cells = (int(group.max()) + 1) * k
     r, o = response.ravel(), readings_ppm.ravel()
-    counted = np.ones(n * k) if weight is None else np.repeat(weight, k)
+    is_known = np.isfinite(r) & np.isfinite(o)
+    r, o = np.where(is_known, r, 0.0), np.where(is_known, o, prior.mean_ppm)
+    counted = is_known * (1.0 if weight is None else np.repeat(weight, k))
     pull = 1.0 / prior.std_ppm**2
     w, model_error = counted.copy(), 0.5
     rate, background, residual, variance = 0.0, np.full(n_cells, prior.mean_ppm), o, np.ones(n * k)

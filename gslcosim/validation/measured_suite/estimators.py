@@ -332,8 +332,9 @@ def split_into_blocks(event: LeakEvent, wind: WindRecord) -> list[NDArray[np.int
 
 # Sources that rows tell apart, each at its likeliest place, with rates by backgrounds that the sources of a day share.
 def _find_sources(site: LogSite, log: MeasuredLog) -> list[Claim]:
-    needed = (log.readings_ppm, log.wind_world_m_s, log.wind_std_m_s, log.gas_m3_per_kg[:, None])
+    needed = (log.wind_world_m_s, log.wind_std_m_s, log.gas_m3_per_kg[:, None])
     usable = np.logical_and.reduce([np.isfinite(values).all(axis=1) for values in needed])
+    usable &= np.isfinite(log.readings_ppm).any(axis=1)
     if not usable.any():
         return []
     start_s = log.start_s[usable]

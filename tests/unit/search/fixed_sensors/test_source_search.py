@@ -85,3 +85,30 @@ def test_rows_that_count_not_at_all_change_nothing():
 def test_a_search_refines_to_the_top():
     found = search_place(lambda p: -((p[0] - 13.3) ** 2) - (p[1] - 4.1) ** 2, (0, 0), (20, 20), coarse_m=4, fine_m=0.25)
     assert found == (13.25, 4.0)
+
+
+def test_readings_that_are_missing_cost_themselves_alone():
+    """Each row lacks another beam; a row in calm air has no response."""
+    rng = np.random.default_rng(11)
+    wind, readings, group = made_up(rng, 240)
+    readings[np.arange(240), np.arange(240) % 3] = np.nan
+    wind.mean_world_m_s[7] = 0.0
+    prior = BackgroundPrior.of_readings(readings, reading_error_ppm=ERROR_PPM)
+    fit = fit_terms(response_at(TRUE_M, wind), readings, group, prior, reading_error_ppm=ERROR_PPM)
+    assert fit.rate_m3_s == pytest.approx(RATE_M3_S, rel=0.05)
+    assert fit.background_ppm == pytest.approx(np.array([[1.9, 2.0, 2.1], [1.8, 2.0, 2.2]]), abs=0.03)
+
+
+def test_a_beam_without_a_reading_is_no_beam():
+    rng = np.random.default_rng(13)
+    wind, readings, group = made_up(rng)
+    dead = readings.copy()
+    dead[:, 1] = np.nan
+    priors = [BackgroundPrior.of_readings(values, reading_error_ppm=ERROR_PPM) for values in (dead, readings[:, ::2])]
+    assert priors[0] == priors[1]
+    response = response_at(TRUE_M, wind)
+    of_all = fit_terms(response, dead, group, priors[0], reading_error_ppm=ERROR_PPM)
+    of_two = fit_terms(response[:, ::2].copy(), readings[:, ::2], group, priors[0], reading_error_ppm=ERROR_PPM)
+    assert of_all.rate_m3_s == pytest.approx(of_two.rate_m3_s)
+    assert of_all.log_likelihood == pytest.approx(of_two.log_likelihood)
+    assert of_all.background_ppm[:, ::2] == pytest.approx(of_two.background_ppm)
