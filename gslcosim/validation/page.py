@@ -132,8 +132,6 @@ def write_page(folder: Path) -> Path:
 def render_page(stored: Sequence[StoredResult]) -> str:
     """Return the page: one table of all, then a section for each case with its figures and its misses."""
     rows = [row for result in stored for row in result["rows"]]
-    judged = [row for row in rows if row["is_met"] is not None]
-    n_met = sum(bool(row["is_met"]) for row in judged)
     lines = [
         "# Beside measurements",
         "",
@@ -152,13 +150,21 @@ def render_page(stored: Sequence[StoredResult]) -> str:
         "Intervals are 95 % bootstrap intervals over blocks that share their weather; figures of one deterministic run "
         "have none.",
         "",
-        f"**{n_met} of {len(judged)} goals are met.**",
+        f"**{summarise_goals(stored)}**",
         "",
         *format_markdown_table(_HEADINGS, [_cells(row) for row in rows]),
     ]
     for result in stored:
         lines += _section(result)
     return "\n".join(lines) + "\n"
+
+
+def summarise_goals(stored: Sequence[StoredResult]) -> str:
+    """Return how many goals are met; those of figures that are undefined are neither met nor missed."""
+    judged = [row["is_met"] for result in stored for row in result["rows"] if row["goal"]]
+    n_undefined = judged.count(None)
+    undefined = f" {n_undefined} {'has' if n_undefined == 1 else 'have'} an undefined figure." if n_undefined else ""
+    return f"{judged.count(True)} of {len(judged) - n_undefined} goals are met.{undefined}"
 
 
 def _section(result: StoredResult) -> list[str]:
@@ -183,7 +189,7 @@ def _section(result: StoredResult) -> list[str]:
 
 
 def _cells(row: StoredRow) -> tuple[str, ...]:
-    met = {True: "yes", False: Markdown("**no**"), None: ""}[row["is_met"]]
+    met = {True: "yes", False: Markdown("**no**"), None: "undefined" if row["goal"] else ""}[row["is_met"]]
     return row["measured_set"], row["quantity"], row["anchor"], format_ours(row), row["goal"], met
 
 
@@ -198,7 +204,7 @@ def format_ours(row: StoredRow) -> str:
 
 
 def _number(value: float) -> str:
-    if value == round(value) and abs(value) < 1e6:
+    if value.is_integer() and abs(value) < 1e6:
         return f"{value:.0f}"
     return f"{value:.3g}"
 

@@ -37,7 +37,7 @@ class Goal:
         return cls(low, high, f"{low:g} to {high:g}")
 
     def is_met(self, value: float) -> bool:
-        """Return whether a value reaches the goal; what is undefined does not."""
+        """Return whether a value reaches the goal."""
         return bool(self.low <= value <= self.high)
 
 
@@ -65,8 +65,8 @@ class Comparison:
 
     @property
     def is_met(self) -> bool | None:
-        """True if the value reaches the goal; None where there is no goal."""
-        return None if self.goal is None else self.goal.is_met(self.ours.value)
+        """True if the value reaches the goal; None where there is no goal, or no value to judge."""
+        return None if self.goal is None or math.isnan(self.ours.value) else self.goal.is_met(self.ours.value)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -40,7 +40,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.cli.progress import ProgressLine
     from gslcosim.validation.cases import load_cases
-    from gslcosim.validation.page import make_storable, store_result, terminal_rows, write_page
+    from gslcosim.validation.page import make_storable, store_result, summarise_goals, terminal_rows, write_page
     from gslcosim.validation.readers.folder import read_measured
 
     chosen = load_cases(arguments.only)
@@ -71,8 +71,7 @@ def _run(arguments: argparse.Namespace) -> int:
         return ExitCode.SUCCESS
     headings, rows = terminal_rows(stored)
     write(table(headings, rows))
-    judged = [row["is_met"] for result in stored for row in result["rows"] if row["is_met"] is not None]
-    write(f"\n{sum(judged)} of {len(judged)} goals are met.")
+    write(f"\n{summarise_goals(stored)}")
     if page is not None:
         write(str(page))
     return ExitCode.SUCCESS

@@ -20,6 +20,7 @@ from gslcosim.validation.results import Case, CaseResult, Comparison, Drawing, E
 
 # Pairs below this on both sides are noise of the background; the METEC authors' bound, ten errors of a reading.
 LEAST_PPM = 0.1
+_PLAIN_PLUME = "plain Gaussian plume 0.60 and 0.43 (sources 1 and 2)"
 _BIAS = "The rate is what the layout says, but the cylinder's weight shows that it was not the same in all releases."
 _SCATTER = (
     "A minute's wind is measured at one place; its direction there is not that of all the air between source and beam, "
@@ -55,7 +56,7 @@ def _run(data: MeasuredData, effort: Effort, progress: Progress) -> CaseResult:
                     measured_set=each.name,
                     quantity=f"{name}: FAC2 of {len(p)} beam minutes",
                     ours=agreement_estimate(factor_of_two_share, p, o, block),
-                    anchor="plain Gaussian plume 0.60 and 0.43 (sources 1 and 2)",
+                    anchor=_PLAIN_PLUME if each.campaign == "chilbolton" else "",
                     goal=Goal.at_least(0.5),
                     if_missed=_SCATTER,
                 ),
@@ -65,7 +66,7 @@ def _run(data: MeasuredData, effort: Effort, progress: Progress) -> CaseResult:
                     ours=agreement_estimate(fractional_bias, p, o, block),
                     anchor="acceptance of Hanna and Chang 2012",
                     goal=Goal.between(-0.3, 0.3),
-                    if_missed=_BIAS,
+                    if_missed=_BIAS if each.campaign == "chilbolton" else _SCATTER,
                 ),
                 Comparison(
                     measured_set=each.name,

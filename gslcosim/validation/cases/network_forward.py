@@ -14,7 +14,7 @@ from gslcosim.validation.agreement import (
     normalised_mean_square_error,
 )
 from gslcosim.validation.mast_data import predict_releases
-from gslcosim.validation.readers.folder import MeasuredData
+from gslcosim.validation.readers.folder import MeasuredData, MeasuredSet
 from gslcosim.validation.readers.mast_network import MastNetwork
 from gslcosim.validation.results import Case, CaseResult, Comparison, Drawing, Effort, Goal, Progress
 
@@ -41,16 +41,34 @@ _WHY_BIAS = (
     "the minute. A roughness of 0.01 m in place of the standard 0.03 m would bring 0.41 to 0.25, one of 0.1 m to 0.62, "
     "but nothing in the data calls for either, so it stays. The interval holds 0.3."
 )
+_STANFORD = " Its rates cannot be judged: readings are 2 to 20 times below the authors' own model above 60 kg/h."
+_WHY_OTHER_BIAS = (
+    "Equipment that slows the wind, the height of the emission points, the calibration of the sensors and the "
+    "fluctuation of the wind within the minute all act on it."
+)
 _WHY_SHARE = "The wind is one value a minute for the whole yard; a plume that passes beside a mast is a miss of both."
+
+# On METEC's first eight releases.
+_AUTHORS_MODEL = {
+    "largest mast: FAC2": "0.40",
+    "largest mast: FB": "0.02",
+    "largest mast: NMSE": "8.6",
+    "paired: FAC2": "0.21",
+    "paired: FB": "0.26",
+    "paired: NMSE": "24",
+}
 
 
 def _run(data: MeasuredData, effort: Effort, progress: Progress) -> CaseResult:
     del effort
     rows: list[Comparison] = []
     drawings: list[Drawing] = []
+    remarks: list[str] = []
     for each in data.of_format("mast_network"):
         network = data.read(each, MastNetwork)
         if not network.has_several_places:
+            why = _STANFORD if each.campaign == "stanford" else ""
+            remarks.append(f"{each.name} is left out, as it has one place alone.{why}")
             continue
         progress(f"{each.name}: puffs", None)
         predicted = predict_releases(network)
@@ -60,16 +78,13 @@ def _run(data: MeasuredData, effort: Effort, progress: Progress) -> CaseResult:
         backgrounds = {"above the hour's background": beside, "above the 10th percentile of 4 h": _low(network)}
         for name, background in backgrounds.items():
             p, o, release = _half_hours(network, predicted, network.readings_ppm - background)
-            rows += _rows(each.name, name, p, o, release)
+            rows += _rows(each, name, p, o, release)
             scatter[name] = (p, o)
         drawings.append(_drawing(each.name, scatter))
     return CaseResult(
         rows=rows,
         drawings=drawings,
-        remarks=(
-            "Sets with one place alone are left out: the rates of Stanford's set cannot be judged (readings 2 to 20 "
-            "times below the authors' own model above 60 kg/h).",
-        ),
+        remarks=remarks,
     )
 
 
@@ -100,7 +115,7 @@ def _half_hours(network: MastNetwork, predicted: Floats, above: Floats) -> tuple
     return np.array(p), np.array(o), np.array(release)
 
 
-def _rows(name: str, background: str, p: Floats, o: Floats, release: NDArray[np.int64]) -> list[Comparison]:
+def _rows(each: MeasuredSet, background: str, p: Floats, o: Floats, release: NDArray[np.int64]) -> list[Comparison]:
     paired = _pairs(p.ravel(), o.ravel(), np.repeat(release, p.shape[1]))
     largest = _pairs(np.nanmax(p, axis=1), np.nanmax(o, axis=1), release)
     rows = []
@@ -109,16 +124,20 @@ def _rows(name: str, background: str, p: Floats, o: Floats, release: NDArray[np.
         what: str, measure: Callable[[Floats, Floats], Floats], of: tuple[Floats, Floats, NDArray], **others: Any
     ) -> None:
         quantity = f"{what}, {len(of[0])} half hours {background}"
-        rows.append(Comparison(measured_set=name, quantity=quantity, ours=agreement_estimate(measure, *of), **others))
+        anchor = f"authors' model {_AUTHORS_MODEL[what]}" if each.campaign == "metec" else ""
+        ours = agreement_estimate(measure, *of)
+        rows.append(Comparison(measured_set=each.name, quantity=quantity, ours=ours, anchor=anchor, **others))
 
     share, bias, error = factor_of_two_share, fractional_bias, normalised_mean_square_error
     goal, band = Goal.at_least(0.5), Goal.between(-0.3, 0.3)
-    add("largest mast: FAC2", share, largest, anchor="authors' model 0.40", goal=goal, if_missed=_WHY_SHARE)
-    add("largest mast: FB", bias, largest, anchor="authors' model 0.02", goal=band, if_missed=_WHY_BIAS)
-    add("largest mast: NMSE", error, largest, anchor="authors' model 8.6")
-    add("paired: FAC2", share, paired, anchor="authors' model 0.21", goal=Goal.at_least(0.3), if_missed=_WHY_PAIRED)
-    add("paired: FB", bias, paired, anchor="authors' model 0.26")
-    add("paired: NMSE", error, paired, anchor="authors' model 24")
+    is_metec = each.campaign == "metec"
+    bias_reason, paired_reason = (_WHY_BIAS, _WHY_PAIRED) if is_metec else (_WHY_OTHER_BIAS, _WHY_SHARE)
+    add("largest mast: FAC2", share, largest, goal=goal, if_missed=_WHY_SHARE)
+    add("largest mast: FB", bias, largest, goal=band, if_missed=bias_reason)
+    add("largest mast: NMSE", error, largest)
+    add("paired: FAC2", share, paired, goal=Goal.at_least(0.3), if_missed=paired_reason)
+    add("paired: FB", bias, paired)
+    add("paired: NMSE", error, paired)
     return rows
 
 

@@ -11,7 +11,7 @@ from gslcosim.flow.patches import Inlet, Outlet
 from gslcosim.flow.solve import solve_wind
 from gslcosim.validation.agreement import rank_correlation
 from gslcosim.validation.gas_models import build_gas_scenario
-from gslcosim.validation.readers.folder import MeasuredData
+from gslcosim.validation.readers.folder import MeasuredData, MeasuredSet
 from gslcosim.validation.readers.room_sensors import RoomExperiment, RoomSensors
 from gslcosim.validation.results import (
     Case,
@@ -218,12 +218,12 @@ def _run(data: MeasuredData, effort: Effort, progress: Progress) -> CaseResult:
             ours = simulate_readings(room, environment, experiment, _RUN_S)
             time_s = STEP_S * np.arange(1.0, len(ours) + 1.0)
             found.append((experiment, theirs, compute_sensor_figures(time_s, ours, quiet_until_s=0.0)))
-        rows += _rows(each.name, found)
+        rows += _rows(each, found)
         drawings.append(_drawing(each.name, found))
     return CaseResult(rows=rows, drawings=drawings)
 
 
-def _rows(name: str, found: list[tuple[RoomExperiment, SensorFigures, SensorFigures]]) -> list[Comparison]:
+def _rows(each: MeasuredSet, found: list[tuple[RoomExperiment, SensorFigures, SensorFigures]]) -> list[Comparison]:
     correlation = np.array([_onset_correlation(theirs, ours) for _, theirs, ours in found])
     growth = np.array([ours.growth_s / theirs.growth_s for _, theirs, ours in found])
     ratios = np.concatenate([_whiff_ratios(theirs, ours) for _, theirs, ours in found])
@@ -231,27 +231,27 @@ def _rows(name: str, found: list[tuple[RoomExperiment, SensorFigures, SensorFigu
     n = len(found)
     rows = [
         Comparison(
-            measured_set=name,
+            measured_set=each.name,
             quantity="experiments whose onset order has a rank correlation of 0.5 or more",
             ours=plain_estimate(float((correlation >= 0.5).sum()), n),
-            goal=Goal.at_least((n + 1) // 2, of=n),
+            goal=Goal.at_least((n + 1) // 2, of=n) if each.campaign == "orebro" else None,
             if_missed=_WHY_ONSET,
         ),
         Comparison(
-            measured_set=name,
+            measured_set=each.name,
             quantity="rank correlation of onset order, median of the experiments",
             ours=median_estimate(correlation),
-            anchor="order by nearness to the source: median about 0.25",
+            anchor="order by nearness to the source: median about 0.25" if each.campaign == "orebro" else "",
         ),
         Comparison(
-            measured_set=name,
+            measured_set=each.name,
             quantity="time of growth over the measured one, median",
             ours=median_estimate(growth),
             goal=Goal.between(0.5, 2.0),
             if_missed=_WHY_GROWTH,
         ),
         Comparison(
-            measured_set=name,
+            measured_set=each.name,
             quantity="rate of whiffs over the measured one at the five strongest sensors, median",
             ours=median_estimate(ratios),
             goal=Goal.between(0.5, 2.0),
@@ -264,7 +264,7 @@ def _rows(name: str, found: list[tuple[RoomExperiment, SensorFigures, SensorFigu
         middle = np.array([np.nanmedian(each.intensity) for each in figures])
         for which, values in (("two liveliest sensors", liveliest), ("median sensor", middle)):
             quantity = f"intensity of the {which}, {whose}"
-            rows.append(Comparison(measured_set=name, quantity=quantity, ours=median_estimate(values)))
+            rows.append(Comparison(measured_set=each.name, quantity=quantity, ours=median_estimate(values)))
     return rows
 
 

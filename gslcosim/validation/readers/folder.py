@@ -1,5 +1,6 @@
 """Folder of measured data: its sets, whose formats are recognised by their files and not by names of folders."""
 
+import hashlib
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,6 +38,15 @@ FORMATS = (
     Format("roof_tracer", ("wind_10hz.csv*", "upwind_1hz.csv*", "downwind_1hz.csv*"), read_roof_tracer),
 )
 PUBLISHED = "published.json"
+# SHA-256 of the table of releases, cases or experiments of each campaign about which figures were published.
+_CAMPAIGNS = {
+    "ad4c7c8fdc1f5ef738c451aaa1346d47a45ce9c213686400658b5237168a3a09": "metec",
+    "ec240a101a05f76a3b3134835272c613c8dd1ee5b7402d0435c1099f64465d2e": "stanford",
+    "5d010ca6391625e575f25dde6cf8dc8ff0ef4bd14b1f5b690801101891e914e1": "chilbolton",
+    "3baa5d8bed87d902444e308d618b10490e5cf106a2b2b23c4b674aa7e2ba564c": "nist_helium",
+    "0a3ea84d8155e288eece2250176da7bfda985a11b4b9fe288bd52409726ad685": "orebro",
+}
+_CAMPAIGN_TABLES = ("releases.csv", "cases.csv", "experiments.csv")
 
 
 @dataclass(frozen=True)
@@ -46,6 +56,13 @@ class MeasuredSet:
     name: str
     format: str
     folder: Path
+
+    @property
+    def campaign(self) -> str:
+        """The published campaign that it is, whatever its folder is called; empty for data of others."""
+        tables = (self.folder / name for name in _CAMPAIGN_TABLES)
+        hashes = [hashlib.sha256(table.read_bytes()).hexdigest() for table in tables if table.is_file()]
+        return next((_CAMPAIGNS[each] for each in hashes if each in _CAMPAIGNS), "")
 
 
 @dataclass(frozen=True)
