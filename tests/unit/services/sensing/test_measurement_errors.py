@@ -13,16 +13,16 @@ TICK_NS = 100_000_000
 STILL = (0.0, 0.0, 0.0)
 
 
-def sample(ppm, wind=STILL):
-    gases = (GasAmount(gas="chlorine", mixing_ratio_ppm=ppm),)
+def sample(ppm, wind=STILL, gas="chlorine"):
+    gases = (GasAmount(gas=gas, mixing_ratio_ppm=ppm),)
     return MountSample(agent="a", sensor="s", gases=gases, wind_world_m_s=wind)
 
 
-def read(ppms, *, model="pid_ideal", seed=1, **more):
+def read(ppms, *, model="pid_ideal", seed=1, gas="chlorine", **more):
     """Read an ideal PID, which shows chlorine as it is, with some imperfections."""
     spec = make_sensor_spec(model=model, name="s", **more)
     sensor = build_sensor(SENSOR_MODELS[model], spec, TICK_NS, stream(seed, "test"))
-    return [sensor.read(sample(ppm), STILL) for ppm in ppms]
+    return [sensor.read(sample(ppm, gas=gas), STILL) for ppm in ppms]
 
 
 def values(ppms, **more):
@@ -161,6 +161,16 @@ def test_a_real_pid_shows_steps_behind_its_lag_and_hardly_ever_gas_in_clean_air(
     clean = np.array(values([0.0] * 5000, model="pid"))
     assert set(np.round(clean, 6)) <= {0.0, 0.1}
     assert 0.01 < np.count_nonzero(clean) / len(clean) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("lamp_ev", "ppm", "share"), [(11.7, 0.31, 0.05), (11.7, 0.47, 0.5), (11.7, 0.6, 0.9), (10.6, 1.19, 0.5)]
+)
+def test_a_real_pid_is_above_a_tenth_of_a_ppm_where_it_shows_two(lamp_ev, ppm, share):
+    """In true mixing ratios of ethanol, as documented: the reading is divided by its factor and comes in steps."""
+    settings = {"model": "pid", "gas": "ethanol", "lamp_ev": lamp_ev}
+    shown = np.array([values([ppm] * 160, seed=seed, **settings)[60:] for seed in range(40)])
+    assert np.mean(shown > 0.1) == np.mean(shown > 0.15) == pytest.approx(share, abs=0.07)
 
 
 def test_a_real_mox_sensors_noise_is_a_share_of_its_resistance():
