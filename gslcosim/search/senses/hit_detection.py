@@ -36,19 +36,6 @@ def is_more_gas(amount: float, before: float, *, eps: float = 0.005, floor: floa
     return (1.0 - eps) * amount > max(before, floor)
 
 
-def is_gas_present(
-    gas_ppm: float, wind_speed_m_s: float, *, threshold_ppm: float = 0.1, threshold_m_s: float = 0.1
-) -> bool:
-    """Return True if a measurement counts as a hit that the wind has brought: both above their thresholds.
-
-    Source:
-        The rule and the defaults of the MAPIR group's methods (GrGSL, surge-cast), read in their public code [C].
-    Held by:
-        tests/unit/search/senses/test_hit_detection.py
-    """
-    return gas_ppm > threshold_ppm and wind_speed_m_s > threshold_m_s
-
-
 class RunningRange:
     """Remembers the least and the most that was ever seen, and scales a value to [0, 1] between them.
 

@@ -11,7 +11,6 @@ from gslcosim.search.senses.hit_detection import (
     GasLevel,
     OnsetDetector,
     RunningRange,
-    is_gas_present,
     is_more_gas,
 )
 from gslcosim.search.senses.instruments import Nose
@@ -49,12 +48,6 @@ def test_more_gas_by_conductance_is_the_rule_for_resistances(ohm, eps):
 def test_below_the_floor_nothing_is_more_gas():
     assert is_more_gas(0.3, 0.0)
     assert not is_more_gas(0.3, 0.0, floor=0.3)
-
-
-def test_gas_without_wind_and_wind_without_gas_are_no_hits():
-    assert is_gas_present(0.2, 0.2)
-    assert not is_gas_present(0.2, 0.1)
-    assert not is_gas_present(0.1, 0.2)
 
 
 def test_a_running_range_scales_to_what_was_seen():
