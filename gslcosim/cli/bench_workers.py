@@ -117,8 +117,7 @@ def verify_here(
     if not trials:
         raise UsageError(f"{again.folder.path}: expected flights with a result, found none.")
     check_sandbox_here(arguments, again.plan)
-    if not arguments.trusted:
-        check_confinable(trials, again.folder.path)
+    check_confinable(trials, again.folder.path, is_trusted=arguments.trusted)
     prepare_marks()
     pool = start_pool(arguments, again.plan.loaded.suite.limits)
     try:

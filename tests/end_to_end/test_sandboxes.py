@@ -135,7 +135,12 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
         # A word that names a bundled agent once made the cache of kernels writable.
         words = [str(bundled_agents()["dung_beetle"])]
         start_by = {"command": [sys.executable, str(work / "attacker.py"), json.dumps(attacks), *words]}
-        changes = ("--set", f"agents[0].start={json.dumps(start_by)}", "--set", f"agents[0].sandbox={sandbox}")
+        loader = {"LD_DEBUG": "statistics", "LD_DEBUG_OUTPUT": str(outside / "loader")}
+        changes = (
+            "--set", f"agents[0].start={json.dumps(start_by)}",
+            "--set", f"agents[0].sandbox={sandbox}",
+            "--set", f"agents[0].environment={json.dumps(loader)}",
+        )  # fmt: skip
         ended = fly(scenario, work / "runs", *changes, "--set", "referee.stop.time_limit_s=6")
         was_victim_signalled = victim.poll() is not None
         is_memory_left = ctypes.CDLL(None).shmget(shared["system_v_left"], 64, 0) >= 0
@@ -146,6 +151,7 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
     reached = {line["attack"]: line["reached"] for line in attacks}
     # In a namespace of its own it is made, and gone with it.
     reached["leave_system_v_memory_behind"] *= is_memory_left
+    reached["write_by_variables_of_the_loader"] *= any(outside.glob("loader.*"))
     return Attacked(
         reached=reached,
         result=ended.result,
@@ -484,6 +490,55 @@ def test_only_what_the_scenario_names_of_our_environment_reaches_an_agent(tmp_pa
     words = ("--set", f"agents[0].start={json.dumps(start_by)}", "--set", f"agents[0].sandbox={sandbox}")
     ended = fly_here(TINY_ROOM, tmp_path / "runs", *words, "--set", "agents[0].environment={PASSED_ON: , NAMED: x}")
     assert "ended with exit code 7" in str(ended.result.get("faults")), ended.errors
+
+
+def flown_with_library(tmp_path, program, *words):
+    """Fly a program beside a library that writes to ../reached when it is loaded; return the faults."""
+    if (compiler := shutil.which("cc")) is None:
+        pytest.skip("there is no compiler of C")
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "room.yaml").write_bytes(TINY_ROOM.read_bytes())
+    (mine / "agent.py").write_text(program)
+    (mine / "mine.c").write_text(
+        "#include <fcntl.h>\n"
+        f'__attribute__((constructor)) static void load(void) {{ open("{tmp_path}/reached", O_CREAT | O_WRONLY); }}\n'
+    )
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", "mine.so", "mine.c"], cwd=mine, check=True)
+    start_by = {"command": [sys.executable, str(mine / "agent.py")], "door": "stdio"}
+    ended = fly_here(mine / "room.yaml", tmp_path / "runs", "--set", f"agents[0].start={json.dumps(start_by)}", *words)
+    return str(ended.result.get("faults")) + ended.errors
+
+
+@pytest.mark.parametrize("name", ["LD_PRELOAD", "LD_AUDIT"])
+@pytest.mark.parametrize("sandbox", SANDBOXES)
+def test_a_library_that_variables_name_is_loaded_once_the_agent_is_confined(tmp_path, sandbox, name):
+    """The launcher and bubblewrap loaded it with all rights of the user; the agent itself has it still."""
+    if reason := unavailable_reason(sandbox):
+        pytest.skip(f"{sandbox} cannot be tested here: {reason}")
+    program = (
+        "import os, sys\n"
+        f"ours = os.environ[{name!r}] == './mine.so' and (os.getcwd() == {str(tmp_path / 'mine')!r})\n"
+        "loaded = os.environ.get('LD_PRELOAD') is None or 'mine.so' in open('/proc/self/maps').read()\n"
+        "sys.exit(7 if ours and loaded else 8)\n"
+    )
+    change = f"agents[0].environment={{{name}: ./mine.so}}"
+    faults = flown_with_library(tmp_path, program, "--set", f"agents[0].sandbox={sandbox}", "--set", change)
+    assert "ended with exit code 7" in faults
+    assert not (tmp_path / "reached").exists()
+
+
+def test_the_launcher_has_neither_the_variables_nor_the_folder_of_an_agent(tmp_path, monkeypatch):
+    """An empty entry in a path of libraries is the folder that a process starts in."""
+    monkeypatch.setenv("LD_LIBRARY_PATH", ":/nowhere")
+    program = (
+        "import os, sys\n"
+        "launcher = f'/proc/{os.getppid()}'\n"
+        "away = os.readlink(f'{launcher}/cwd') == '/' and b'OF_AGENT' not in open(f'{launcher}/environ', 'rb').read()\n"
+        "sys.exit(7 if away and os.environ['OF_AGENT'] == 'x' else 8)\n"
+    )
+    words = ("--set", "agents[0].sandbox=none", "--set", "agents[0].environment={OF_AGENT: x}")
+    assert "ended with exit code 7" in flown_with_library(tmp_path, program, *words)
 
 
 @pytest.mark.parametrize("folder", ["the cache", "kernels", "this Python", "gslcosim", "the runs", "all", "a link"])

@@ -65,23 +65,42 @@ def check_machine(plan: Plan) -> None:
         raise InvalidScenarioError(locate(problems, TextLocations(TextLocation(source=source))), name=source)
 
 
-def check_confinable(trials: Sequence[Trial], folder: Path) -> None:
+def check_confinable(trials: Sequence[Trial], folder: Path, *, is_trusted: bool = False) -> None:
     """Refuse to run trials of somebody else whose programs could not be confined, before any of them is started.
 
     Args:
         trials: The trials.
         folder: The results that they are of; their programs lie in it, or come with gslcosim or the system.
+        is_trusted: Whether programs do as they like: then nothing is refused but variables of this process.
 
     Raises:
-        UsageError: this machine has no sandbox, or a program would see or change more than it needs.
+        UsageError: this machine has no sandbox, or a program would see or change more than it needs, or get variables
+            that its author chose or that are set here.
     """
     trusting = "If you trust who made these results, give --trusted: then their programs do as they like."
+    _check_variables(trials, folder, "" if is_trusted else trusting)
+    if is_trusted:
+        return
     if find_strongest_sandbox() == "none":
         raise UsageError(
             f"{folder}: expected a machine that has a sandbox for the programs of these results, was one without "
             f"({_reasons()}). Install bubblewrap. {trusting}"
         )
     _check_programs([(trial, _programs(trial)) for trial in trials], folder, trusting)
+
+
+# A variable without a value would be the secret of somebody who repeats the run: that is no part of the results.
+def _check_variables(trials: Sequence[Trial], folder: Path, trusting: str) -> None:
+    for trial in trials:
+        for own in (*trial.resolved.agents, *trial.resolved.participants):
+            for name, value in (own.environment or {}).items():
+                if value is None or trusting:
+                    found = "one that takes the value set here" if value is None else f"{value!r:.80}"
+                    remedy = trusting if value is not None else "Ask their author for results without it."
+                    raise UsageError(
+                        f"{folder}: {trial.entry}: {own.place}.environment.{name}: expected a program that needs no "
+                        f"variables of others, was {found}. {remedy}"
+                    )
 
 
 def check_bundles(plan: Plan, roots: Mapping[str, Path]) -> None:

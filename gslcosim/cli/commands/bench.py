@@ -356,8 +356,7 @@ def _show(arguments: argparse.Namespace) -> int:
     trial = again.trial(arguments.trial)
     expected = again.rows[trial.id]["digest"]
     check_sandbox(again.plan)
-    if not arguments.trusted:
-        check_confinable([trial], again.folder.path)
+    check_confinable([trial], again.folder.path, is_trusted=arguments.trusted)
     pool = LocalPool(1, again.plan.loaded.suite.limits)
     try:
         place, digest = record_trial_again(again, trial, pool, is_trusted=arguments.trusted)

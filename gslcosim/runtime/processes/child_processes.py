@@ -134,9 +134,17 @@ class ChildProcesses:
         environment |= {**joining, **variables}
         launch = None
         if confinement is not None and is_launcher_possible():
-            launch = Launch(confinement, command, has_pipes=streams.are_pipes, keep=inherited)
-            environment |= launch.variables
+            launch = Launch(
+                confinement,
+                command,
+                environment=environment,
+                directory=cwd or Path.cwd(),
+                has_pipes=streams.are_pipes,
+                keep=inherited,
+            )
             command, inherited = launch.command, launch.descriptors
+            # Neither the agent's variables nor its folder: both can name libraries, which would be loaded unconfined.
+            environment, cwd = build_short_environment(command), Path("/")
         process = spawn(
             name,
             command,

@@ -21,6 +21,8 @@ from raw import RawAgent
 
 TARGETS = json.loads(sys.argv[1])
 RUNS, OUTSIDE, VICTIM = Path(TARGETS["runs"]), Path(TARGETS["outside"]), TARGETS["victim"]
+# Its own processes would write what the loader reports among what they print.
+os.environ.pop("LD_DEBUG", None)
 LIBRARY = ctypes.CDLL(None, use_errno=True)
 CLONE_NEWUSER, CLONE_NEWNS, PTRACE_SEIZE = 0x10000000, 0x20000, 0x4206
 # Numbers of system calls on every kind of machine, then by kind of machine.
@@ -29,6 +31,8 @@ IO_SETUP = 0 if os.uname().machine == "aarch64" else 206
 KEYCTL, PERF_EVENT_OPEN, SYSLOG = (219, 241, 116) if os.uname().machine == "aarch64" else (250, 298, 103)
 SEARCH, READ, USER_KEYRING = 10, 11, -4
 SHARED_BYTES = 160 << 20
+# More than a private folder of bubblewrap holds.
+FILLED_BYTES = 300 << 20
 
 
 def _text_of(*paths):
@@ -231,7 +235,8 @@ def reopen_inherited_files():
     for link in Path("/proc/self/fd").glob("*"):
         with contextlib.suppress(OSError):
             target = str(link.readlink())
-            if target.startswith("/") and Path(target).is_file() and not target.endswith(".log"):
+            is_own = target.endswith(".log") or target.startswith(str(OUTSIDE / "loader"))
+            if target.startswith("/") and Path(target).is_file() and not is_own:
                 return _text_of(link)
     return ""
 
@@ -595,6 +600,37 @@ def leave_times_of_access():
     return "later than before" if path.stat().st_atime_ns != before else ""
 
 
+def write_by_variables_of_the_loader():
+    # With LD_DEBUG_OUTPUT, in each process that starts with its variables; the test looks where it wrote.
+    return str(OUTSIDE)
+
+
+def read_private_files_of_the_system():
+    return _text_of(*TARGETS["private_files"])
+
+
+def read_tables_beside_it():
+    # What extract, environment sample and plot have written, under other names.
+    folder = Path(__file__).parent
+    return _text_of(*(folder / "old").glob("*"), folder / "dictionary.json")
+
+
+def fill_the_disk():
+    # All folders that may be its own, together.
+    n_bytes, made = 0, []
+    for folder in (tempfile.gettempdir(), os.environ["NUMBA_CACHE_DIR"], "/var/tmp"):
+        with contextlib.suppress(OSError):
+            descriptor, name = tempfile.mkstemp(dir=folder)
+            made.append(Path(name))
+            with os.fdopen(descriptor, "wb") as file:
+                for start in range(0, FILLED_BYTES - n_bytes, FILLED_BYTES // 20):
+                    os.posix_fallocate(file.fileno(), start, FILLED_BYTES // 20)
+                    n_bytes += FILLED_BYTES // 20
+    for path in made:
+        path.unlink()
+    return f"{n_bytes >> 20} MB" if n_bytes >= FILLED_BYTES else ""
+
+
 def touch_other_runs():
     for pid in TARGETS["other_runs"]:
         with contextlib.suppress(OSError):
@@ -621,6 +657,7 @@ ATTACKS = [
     leave_system_v_memory_behind, open_posix_queues, pass_by_netlink, watch_files_of_others, watch_folders_of_others,
     watch_file_system, change_times_of_files, connect_to_host_of_virtual_machine, offer_socket_to_other_agents,
     read_log_of_the_kernel, read_private_folders_of_others, read_environment_of_the_user, touch_other_runs,
+    write_by_variables_of_the_loader, read_private_files_of_the_system, read_tables_beside_it, fill_the_disk,
     evict_pages_of_files, ask_which_pages_are_in_memory, leave_hints_on_files, change_flags_of_files,
     change_rights_of_devices, leave_times_of_access, leave_a_daemon_behind,
 ]  # fmt: skip

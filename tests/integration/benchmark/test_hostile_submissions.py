@@ -177,6 +177,28 @@ def test_a_python_agent_that_does_nothing_as_a_program_is_refused(here):
     assert reached(outside) == set()
 
 
+@pytest.mark.parametrize("of", ["agents", "participants"])
+@pytest.mark.parametrize(
+    ("value", "is_trusted", "expected"),
+    [
+        ("./mine.so", False, "was './mine.so'. If you trust"),
+        (None, False, "was one that takes the value set here. Ask their author"),
+        (None, True, "was one that takes the value set here. Ask their author"),
+        ("./mine.so", True, ""),
+    ],
+)
+def test_variables_of_results_are_for_who_trusts_them_and_ours_for_nobody(tmp_path, of, value, is_trusted, expected):
+    programs = json.dumps([{"name": "fan", "start": {"command": ["true"]}, "writes": ["state"]}])
+    change = f"{of}[0].environment={json.dumps({'LD_PRELOAD': value})}"
+    scenario = load_scenario("tiny_room", overrides=[f"participants={programs}", change]).scenario
+    trial: Any = SimpleNamespace(entry="e", directory=tmp_path, resolved=scenario)
+    if not expected:
+        verification.check_confinable([trial], tmp_path, is_trusted=is_trusted)
+        return
+    with pytest.raises(UsageError, match=rf"{of}\.\w+\.environment\.LD_PRELOAD: .*{re.escape(expected)}"):
+        verification.check_confinable([trial], tmp_path, is_trusted=is_trusted)
+
+
 def test_units_of_results_are_theirs_and_nobody_elses(tmp_path):
     folder, outside = tmp_path / "sent", tmp_path / "outside"
     for place in (folder, outside):
@@ -202,6 +224,10 @@ def test_units_of_results_are_theirs_and_nobody_elses(tmp_path):
     [
         ({"may_write": ["OUTSIDE"]}, r"asks for .*outside.* \(may_read, may_write\)"),
         ({"may_read": ["~"]}, r"asks for ~ \(may_read, may_write\)"),
+        (
+            {"environment": {"LD_PRELOAD": "./mine.so"}},
+            r"agents\.beetle\.environment\.LD_PRELOAD: .*needs no variables",
+        ),
     ],
 )
 def test_results_that_ask_for_folders_are_refused_before_anything_is_started(
@@ -212,7 +238,7 @@ def test_results_that_ask_for_folders_are_refused_before_anything_is_started(
     monkeypatch.setenv("GSLCOSIM_CACHE", str(get_cache_root()))
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     (tmp_path / "home").mkdir()
-    granted = {key: [place.replace("OUTSIDE", str(outside)) for place in value] for key, value in of_agent.items()}
+    granted = json.loads(json.dumps(of_agent).replace("OUTSIDE", str(outside)))
     folder = flown_with(tmp_path, results, scenario_text(**granted), "")
     for path in outside.iterdir():
         path.unlink()

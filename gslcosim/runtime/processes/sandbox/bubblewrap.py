@@ -22,10 +22,10 @@ KERNELS = Path("/tmp/kernels")
 @cache
 def find_bubblewrap_failure() -> str:
     """Return why bubblewrap does not work here, empty when it works: it is tried once."""
-    program = shutil.which("bwrap")
+    program = _find_program()
     if sys.platform != "linux" or program is None:
         return "bubblewrap is not installed"
-    call = [program, *_BASE_OPTIONS, "--unshare-net", "--ro-bind", "/usr", "/usr", *_list_system_links()]
+    call = [program, *_BASE_OPTIONS, "--clearenv", "--unshare-net", "--ro-bind", "/usr", "/usr", *_list_system_links()]
     call += ["/usr/bin/env", "true"]
     try:
         tried = subprocess.run(
@@ -36,12 +36,19 @@ def find_bubblewrap_failure() -> str:
     return tried.stderr.strip() or f"bubblewrap ended with exit code {tried.returncode}" if tried.returncode else ""
 
 
+# A relative entry of PATH would find one in a folder of somebody else.
+def _find_program() -> str | None:
+    program = shutil.which("bwrap")
+    return program if program is not None and Path(program).is_absolute() else None
+
+
 def build_bubblewrap_command(
     cell: SandboxPolicy,
     command: Sequence[str],
     *,
     has_pipes: bool,
     kernels: Path | None = None,
+    arguments: int,
     calls: int | None = None,
 ) -> list[str]:
     """Return the command line that starts a command in its cell.
@@ -53,6 +60,7 @@ def build_bubblewrap_command(
             beside it, does not keep them open.
         kernels: A folder of its own with the compiled kernels. Bubblewrap takes 9000 words at most, so that these
             are not linked by it one by one.
+        arguments: The descriptor of a file with more of its arguments, which set the variables.
         calls: The descriptor of a filter of system calls.
     """
     places: dict[Path, list[str]] = {}
@@ -70,7 +78,7 @@ def build_bubblewrap_command(
     if kernels is not None:
         places[KERNELS] = ["--bind", str(kernels), str(KERNELS)]
     places.setdefault(cell.directory, ["--dir", str(cell.directory)])
-    line = [shutil.which("bwrap") or "bwrap", *_BASE_OPTIONS]
+    line = [_find_program() or "bwrap", *_BASE_OPTIONS, "--args", str(arguments)]
     line += [] if cell.tcp_port is not None else ["--unshare-net"]
     line += [] if calls is None else ["--seccomp", str(calls)]
     line += [*_list_system_links(), "--dir", str(HOME)]

@@ -75,7 +75,10 @@ def _exec_command(plan: dict[str, Any]) -> None:
                 confinement.give_up_capabilities()
         if (calls := plan["seccomp"]) is not None:
             confinement.filter_calls(**calls)
-        os.execvp(plan["command"][0], plan["command"])
+        # Both can name libraries: they are those of the agent, once it is confined.
+        os.chdir(plan["directory"])
+        variables = os.environ if plan["environment"] is None else plan["environment"]
+        os.execvpe(plan["command"][0], plan["command"], variables)
     except OSError as error:
         _report_failure(plan, could_not_start=str(error))
     finally:

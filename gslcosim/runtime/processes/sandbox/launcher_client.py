@@ -61,35 +61,51 @@ class Launch:
     Args:
         confinement: How it is kept.
         command: Its program and arguments.
+        environment: All variables of the process itself. The launcher does not start with them.
+        directory: The folder that the process itself starts in.
         has_pipes: Whether it speaks by standard input and output.
         keep: Descriptors that the process itself inherits.
     """
 
     def __init__(
-        self, confinement: Confinement, command: Sequence[str], *, has_pipes: bool, keep: Sequence[int] = ()
+        self,
+        confinement: Confinement,
+        command: Sequence[str],
+        *,
+        environment: Mapping[str, str],
+        directory: Path,
+        has_pipes: bool,
+        keep: Sequence[int] = (),
     ) -> None:
         self._limits = confinement.limits
         self._status, theirs = os.pipe()
         cell, is_bubblewrap = confinement.policy, confinement.kind == "bubblewrap"
-        # Those of its environment that change.
-        self.variables = {NUMBA_VARIABLE: os.environ.get(NUMBA_VARIABLE, "/")}
-        calls: list[int] = []
+        variables = {**environment, NUMBA_VARIABLE: os.environ.get(NUMBA_VARIABLE, "/")}
+        inherited: list[int] = []
         confined: Mapping[str, Any] = {}
         if cell is not None:
             kernels = _prepare_kernels(cell)
             # It has links to what is compiled, and not the key by which that is checked.
-            self.variables[UNCHECKED_VARIABLE] = "1"
+            variables[UNCHECKED_VARIABLE] = "1"
             if is_bubblewrap:
                 calls = _write_call_filter(cell)
-                confined = _plan_bubblewrap(cell, command, has_pipes=has_pipes, kernels=kernels, calls=calls)
-                self.variables |= build_bubblewrap_variables(cell)
+                variables |= build_bubblewrap_variables(cell)
+                # On its command line other users could read them.
+                words = ["--clearenv", *(word for each in variables.items() for word in ("--setenv", *each))]
+                setting = _open_memory_file_apart(b"".join(os.fsencode(word) + b"\0" for word in words))
+                inherited = [*calls, setting]
+                confined = _plan_bubblewrap(
+                    cell, command, has_pipes=has_pipes, kernels=kernels, calls=calls, arguments=setting
+                )
             else:
                 confined = _plan_landlock(cell, has_pipes=has_pipes)
-                self.variables |= {"HOME": str(cell.scratch), "TMPDIR": str(cell.scratch)}
-                self.variables |= {} if kernels is None else {NUMBA_VARIABLE: str(kernels)}
-        keep = [*keep, *calls]
+                variables |= {"HOME": str(cell.scratch), "TMPDIR": str(cell.scratch)}
+                variables |= {} if kernels is None else {NUMBA_VARIABLE: str(kernels)}
+        keep = [*keep, *inherited]
         plan = {
             "command": list(command),
+            "environment": None if is_bubblewrap else variables,
+            "directory": "/" if is_bubblewrap else str(directory),
             "supervisor": os.getpid(),
             "status": theirs,
             "keep": keep,
@@ -134,21 +150,31 @@ def _write_call_filter(cell: SandboxPolicy) -> list[int]:
         os.uname().machine, allows_unix=True, allows_tcp=True, is_beside_namespaces=True,
         has_own_network=cell.tcp_port is None,
     )  # fmt: skip
-    made = open_memory_file(code)
-    # Away from the numbers that the launcher gives to pipes.
+    return [_open_memory_file_apart(code)]
+
+
+# Away from the numbers that the launcher gives to pipes.
+def _open_memory_file_apart(data: bytes) -> int:
+    made = open_memory_file(data)
     apart = fcntl.fcntl(made, fcntl.F_DUPFD_CLOEXEC, 2 * max(PIPES_AT))
     os.close(made)
-    return [apart]
+    return apart
 
 
 def _plan_bubblewrap(
-    cell: SandboxPolicy, command: Sequence[str], *, has_pipes: bool, kernels: Path | None, calls: Sequence[int]
+    cell: SandboxPolicy,
+    command: Sequence[str],
+    *,
+    has_pipes: bool,
+    kernels: Path | None,
+    calls: Sequence[int],
+    arguments: int,
 ) -> Mapping[str, Any]:
     # It has its own network, but for one that joins by TCP.
     ports = [cell.tcp_port] if cell.tcp_port is not None else []
     return {
         "command": build_bubblewrap_command(
-            cell, command, has_pipes=has_pipes, kernels=kernels, calls=next(iter(calls), None)
+            cell, command, has_pipes=has_pipes, kernels=kernels, calls=next(iter(calls), None), arguments=arguments
         ),
         "landlock": {"tcp_ports": ports, "is_about_files": False} if ports else None,
     }

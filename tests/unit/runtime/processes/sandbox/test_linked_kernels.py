@@ -32,7 +32,8 @@ def test_a_cache_of_many_installations_is_not_linked_whole(tmp_path):
         (kernels / get_kernels_folder_name(folder) / "kernel.nbc").touch()
     scratch.mkdir()
     cell = SandboxPolicy(directory=of_the_agent, kernels=kernels, scratch=scratch, reads=(), hidden=(), writes=())
-    launch = Launch(Confinement(kind="landlock", policy=cell), ["python"], has_pipes=False)
+    confinement = Confinement(kind="landlock", policy=cell)
+    launch = Launch(confinement, ["python"], environment={}, directory=of_the_agent, has_pipes=False)
     for descriptor in launch.descriptors:
         os.close(descriptor)
     linked = {path.parent.name: path.readlink() for path in (scratch / "kernels").rglob("*.nbc")}
