@@ -4,7 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -17,6 +17,8 @@ SCRATCH_BYTES = 256 << 20
 SHARED_MEMORY_BYTES = 64 << 20
 HOME = Path("/tmp/home")
 KERNELS = Path("/tmp/kernels")
+# Bubblewrap takes 9000 words in all; kernels beyond these are compiled again.
+_MAX_LINKS = 2000
 
 
 @cache
@@ -47,7 +49,6 @@ def build_bubblewrap_command(
     command: Sequence[str],
     *,
     has_pipes: bool,
-    kernels: Path | None = None,
     arguments: int,
     calls: int | None = None,
 ) -> list[str]:
@@ -58,9 +59,7 @@ def build_bubblewrap_command(
         command: The program and its arguments.
         has_pipes: Whether its standard input and output come as `launcher.PIPES_AT`, so that bubblewrap, which stays
             beside it, does not keep them open.
-        kernels: A folder of its own with the compiled kernels. Bubblewrap takes 9000 words at most, so that these
-            are not linked by it one by one.
-        arguments: The descriptor of a file with more of its arguments, which set the variables.
+        arguments: The descriptor of a file with those of `build_bubblewrap_arguments`.
         calls: The descriptor of a filter of system calls.
     """
     places: dict[Path, list[str]] = {}
@@ -75,13 +74,11 @@ def build_bubblewrap_command(
             empty += ["--remount-ro", str(path)] if path.is_dir() else []
     for path in (*cell.writes, *cell.sockets):
         places[path] = ["--bind", str(path), str(path)]
-    if kernels is not None:
-        places[KERNELS] = ["--bind", str(kernels), str(KERNELS)]
     places.setdefault(cell.directory, ["--dir", str(cell.directory)])
-    line = [_find_program() or "bwrap", *_BASE_OPTIONS, "--args", str(arguments)]
+    line = [_find_program() or "bwrap", *_BASE_OPTIONS, "--dir", str(HOME), "--args", str(arguments)]
     line += [] if cell.tcp_port is not None else ["--unshare-net"]
     line += [] if calls is None else ["--seccomp", str(calls)]
-    line += [*_list_system_links(), "--dir", str(HOME)]
+    line += _list_system_links()
     # What lies deeper is put upon what lies around it.
     for path in sorted(places, key=lambda path: len(path.parts)):
         line += places[path]
@@ -100,6 +97,22 @@ def build_bubblewrap_command(
         in_, out = PIPES_AT
         line += ["/bin/sh", "-c", f'exec "$@" <&{in_} >&{out} {in_}<&- {out}>&-', "sh"]
     return [*line, *command]
+
+
+def build_bubblewrap_arguments(variables: Mapping[str, str], kernels: Mapping[str, Sequence[Path]]) -> list[str]:
+    """Return arguments that are no part of the command line: there other users could read them, and it has a limit.
+
+    Args:
+        variables: All variables of the process in the cell.
+        kernels: Compiled kernels by the name of their folder; they are linked in the private folder, where more are
+            compiled, so that its limit holds for these, too.
+    """
+    links = [(path, KERNELS / name / path.name) for name, compiled in kernels.items() for path in compiled]
+    return [
+        "--clearenv",
+        *(word for name, value in variables.items() for word in ("--setenv", name, value)),
+        *(word for path, link in links[:_MAX_LINKS] for word in ("--symlink", str(path), str(link))),
+    ]
 
 
 def build_bubblewrap_variables(cell: SandboxPolicy) -> dict[str, str]:

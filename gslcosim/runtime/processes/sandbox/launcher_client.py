@@ -13,7 +13,11 @@ from gslcosim.base.files import build_temporary_directory_error
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE, UNCHECKED_VARIABLE
 from gslcosim.base.spawn import open_memory_file
 from gslcosim.runtime.processes.sandbox import confinement
-from gslcosim.runtime.processes.sandbox.bubblewrap import build_bubblewrap_command, build_bubblewrap_variables
+from gslcosim.runtime.processes.sandbox.bubblewrap import (
+    build_bubblewrap_arguments,
+    build_bubblewrap_command,
+    build_bubblewrap_variables,
+)
 from gslcosim.runtime.processes.sandbox.confinement import PIPES_AT
 from gslcosim.runtime.processes.sandbox.policy import SandboxPolicy, split_readable_paths
 from gslcosim.scenario.models.participants import AgentLimitsSpec
@@ -84,23 +88,22 @@ class Launch:
         inherited: list[int] = []
         confined: Mapping[str, Any] = {}
         if cell is not None:
-            kernels = _prepare_kernels(cell)
+            kernels = _find_kernels(cell)
             # It has links to what is compiled, and not the key by which that is checked.
             variables[UNCHECKED_VARIABLE] = "1"
             if is_bubblewrap:
                 calls = _write_call_filter(cell)
                 variables |= build_bubblewrap_variables(cell)
                 # On its command line other users could read them.
-                words = ["--clearenv", *(word for each in variables.items() for word in ("--setenv", *each))]
-                setting = _open_memory_file_apart(b"".join(os.fsencode(word) + b"\0" for word in words))
-                inherited = [*calls, setting]
-                confined = _plan_bubblewrap(
-                    cell, command, has_pipes=has_pipes, kernels=kernels, calls=calls, arguments=setting
-                )
+                words = build_bubblewrap_arguments(variables, kernels)
+                arguments = _open_memory_file_apart(b"".join(os.fsencode(word) + b"\0" for word in words))
+                inherited = [*calls, arguments]
+                confined = _plan_bubblewrap(cell, command, has_pipes=has_pipes, calls=calls, arguments=arguments)
             else:
                 confined = _plan_landlock(cell, has_pipes=has_pipes)
                 variables |= {"HOME": str(cell.scratch), "TMPDIR": str(cell.scratch)}
-                variables |= {} if kernels is None else {NUMBA_VARIABLE: str(kernels)}
+                if cell.kernels is not None:
+                    variables[NUMBA_VARIABLE] = str(_link_kernels(cell, kernels))
         keep = [*keep, *inherited]
         plan = {
             "command": list(command),
@@ -162,19 +165,13 @@ def _open_memory_file_apart(data: bytes) -> int:
 
 
 def _plan_bubblewrap(
-    cell: SandboxPolicy,
-    command: Sequence[str],
-    *,
-    has_pipes: bool,
-    kernels: Path | None,
-    calls: Sequence[int],
-    arguments: int,
+    cell: SandboxPolicy, command: Sequence[str], *, has_pipes: bool, calls: Sequence[int], arguments: int
 ) -> Mapping[str, Any]:
     # It has its own network, but for one that joins by TCP.
     ports = [cell.tcp_port] if cell.tcp_port is not None else []
     return {
         "command": build_bubblewrap_command(
-            cell, command, has_pipes=has_pipes, kernels=kernels, calls=next(iter(calls), None), arguments=arguments
+            cell, command, has_pipes=has_pipes, calls=next(iter(calls), None), arguments=arguments
         ),
         "landlock": {"tcp_ports": ports, "is_about_files": False} if ports else None,
     }
@@ -199,27 +196,26 @@ def _plan_landlock(cell: SandboxPolicy, *, has_pipes: bool) -> Mapping[str, Any]
 
 
 # Kernels that are compiled already are read where they are, and cannot be changed; others the agent compiles into a
-# folder of its own, which is thrown away.
-def _prepare_kernels(cell: SandboxPolicy) -> Path | None:
+# folder of its own, with links to these, which is thrown away.
+def _find_kernels(cell: SandboxPolicy) -> Mapping[str, list[Path]]:
     if cell.kernels is None:
-        return None
+        return {}
+    codes = (_PACKAGE, *(folder for folder in _PACKAGE.rglob("*") if folder.is_dir()), cell.directory, *cell.reads)
+    folders = dict.fromkeys(cell.kernels / get_kernels_folder_name(code) for code in codes)
+    return {folder.name: sorted(folder.iterdir()) for folder in folders if folder.is_dir()}
+
+
+def _link_kernels(cell: SandboxPolicy, kernels: Mapping[str, list[Path]]) -> Path:
     own = cell.scratch / _KERNELS
     try:
-        _link_kernels(cell, cell.kernels, own)
+        own.mkdir(exist_ok=True)
+        for name, compiled in kernels.items():
+            (own / name).mkdir()
+            for path in compiled:
+                (own / name / path.name).symlink_to(path)
     except OSError as error:
         raise build_temporary_directory_error(error) from error
     return own
-
-
-def _link_kernels(cell: SandboxPolicy, kernels: Path, own: Path) -> None:
-    own.mkdir(exist_ok=True)
-    for code in (_PACKAGE, *(folder for folder in _PACKAGE.rglob("*") if folder.is_dir()), cell.directory, *cell.reads):
-        compiled = kernels / get_kernels_folder_name(code)
-        inside = own / compiled.name
-        if compiled.is_dir() and not inside.exists():
-            inside.mkdir()
-            for path in compiled.iterdir():
-                (inside / path.name).symlink_to(path)
 
 
 def get_kernels_folder_name(code: Path) -> str:

@@ -1,13 +1,16 @@
 """Policy of a sandbox: the files and sockets that one process may see and change."""
 
+import contextlib
 import os
 import shutil
 import site
+import stat
 import sys
 import sysconfig
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import gslcosim
@@ -31,6 +34,10 @@ SYSTEM_FOLDERS = (
     "/sys/devices/system",
 )
 _OPTIONAL = "/opt"
+# Where the system and installed programs keep what not every user may read, such as passwords and keys.
+_CONFIGURED = ("/etc", "/usr/local", _OPTIONAL)
+# Not searched there, but in /etc: libraries of programs, thousands of files that everybody may read.
+_LIBRARIES = frozenset(("bin", "sbin", "lib", "lib32", "lib64", "libexec", "include", "share", "src", "pkgs"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,6 +123,26 @@ def list_hidden_folders() -> list[Path]:
 # The kernels of who has started this process may lie in another cache, with the key that signs them.
 def _list_caches() -> list[Path]:
     return list(dict.fromkeys((get_cache_root(), get_key_path().parent)))
+
+
+@cache
+def list_private_system_paths(folders: Sequence[str] = _CONFIGURED) -> tuple[Path, ...]:
+    """Return what of the system not everybody may read, but this user can, as root can: no agent sees it."""
+    found: list[Path] = []
+    unseen = [Path(folder) for folder in folders]
+    while unseen:
+        folder = unseen.pop()
+        with contextlib.suppress(OSError):
+            for entry in os.scandir(folder):
+                is_folder = entry.is_dir(follow_symlinks=False)
+                needed = stat.S_IROTH | stat.S_IXOTH if is_folder else stat.S_IROTH
+                if entry.is_symlink() or (folder.parts[1] != "etc" and entry.name in _LIBRARIES):
+                    continue
+                if entry.stat(follow_symlinks=False).st_mode & needed == needed:
+                    unseen += [Path(entry.path)] if is_folder else []
+                elif os.access(entry.path, os.R_OK) or os.access(entry.path, os.X_OK):
+                    found.append(Path(entry.path))
+    return tuple(found)
 
 
 def is_system_path(path: Path) -> bool:

@@ -25,6 +25,7 @@ from gslcosim.runtime.processes.sandbox.policy import (
     find_own_folders,
     list_code_folders,
     list_hidden_folders,
+    list_private_system_paths,
     list_python_folders,
 )
 from gslcosim.runtime.setup import RunSetup
@@ -50,8 +51,21 @@ _CODE_FILES = frozenset((
     ".toml", ".cfg", ".mod", ".sum", ".lock", ".cmake",
 ))  # fmt: skip
 _CODE_BEGINS = (b"\x7fELF", b"\xcf\xfa\xed\xfe", b"\xca\xfe\xba\xbe", b"MZ", b"#!")
-_RECORDINGS = (".rrd", ".mcap", ".bag", ".db3")
-_RECORDING_BEGINS = (b"RRF", b"RRIO", b"\x89MCAP", b"#ROSBAG")
+_RECORDINGS = (".rrd", ".mcap", ".bag", ".db3", ".mp4", ".gif", ".webp")
+_RECORDING_BEGINS = (b"RRF", b"RRIO", b"\x89MCAP", b"#ROSBAG", b"GIF8", b"RIFF")
+# What a folder of Zarr holds at its top.
+_OF_ZARR = (".zgroup", ".zarray", ".zmetadata", "zarr.json")
+# Formats that name their columns anywhere: Parquet, Feather, Arrow, HDF5 and so NetCDF 4, NetCDF 3, archives, SQLite.
+_BINARY_BEGINS = (b"PAR1", b"ARROW1", b"FEA1", b"\x89HDF", b"CDF", b"PK", b"SQLite format 3")
+# Columns of the tables that `extract`, `environment sample` and results have; four of them are a table of ours.
+_COLUMNS = re.compile(
+    rb"(?<![A-Za-z0-9_])(?:tick|time_s|agent|trial|x_m|y_m|z_m|sigma_m|\w{0,60}_ppm|(?:\w{0,60}_)?wind_[xyz]_m_s|occupancy|"
+    rb"level|text|label|distance_m|tracking_error_m|file|column|unit|meaning)(?![A-Za-z0-9_])"
+)
+_MIN_COLUMNS = 4
+# Beside the schema: a run's name in a dictionary of columns and in metadata, topics of a bag, and what has drawn plots.
+_SIGN_OF_EXPORT = re.compile(rb'"run_id": "|CREATE TABLE topics|gslcosim \d|gslcosim plot')
+_PICTURE_BEGINS = (b"\x89PNG", b"%PDF", b"<?xml", b"<svg")
 # Of other files only so much is looked at: a schema stands at the beginning.
 _HEAD_BYTES = 64 << 10
 _SCHEMA = re.compile(rb"gslcosim/(scenario|suite|results?|maps|environment|seal)/")
@@ -158,6 +172,9 @@ def _search(
     if _is_result_folder(folder):
         yield folder
         return
+    if folder != budget.folder and any(entry.name in _OF_ZARR for entry in entries):
+        yield folder
+        return
     if folder != budget.folder and any(_holds(Path(entry.path), _SIGNS_OF_RUN) for entry in entries):
         # More may be made in it while the agent looks.
         yield folder
@@ -198,14 +215,27 @@ def _is_truth(path: Path, budget: _Budget, inodes: set[tuple[int, int]]) -> bool
     try:
         with open_regular_file(path) as file:
             data = file.read(length)
+            if data.startswith((*_BINARY_BEGINS, *_PICTURE_BEGINS)) and length < status.st_size:
+                budget.spend(0, _HEAD_BYTES)
+                file.seek(max(length, status.st_size - _HEAD_BYTES))
+                data += file.read(_HEAD_BYTES)
     except OSError:
         return False
-    if data.startswith(_RECORDING_BEGINS):
+    if data.startswith(_RECORDING_BEGINS) or data[4:8] == b"ftyp":
         return True
     if data.startswith(_CODE_BEGINS):
         return False
     has_secret = _holds_private_key(data) or (is_data and _PASSWORD.search(data) is not None)
-    return has_secret or _names_schema(data)
+    return has_secret or _names_schema(data) or _is_export(data, is_json=path.suffix in (".json", ".jsonl"))
+
+
+# Of text the first line alone is looked at, so that a page about tables is none.
+def _is_export(data: bytes, *, is_json: bool) -> bool:
+    is_binary = data.startswith(_BINARY_BEGINS)
+    if (is_binary or is_json or data.startswith(_PICTURE_BEGINS)) and _SIGN_OF_EXPORT.search(data) is not None:
+        return True
+    columns = set(_COLUMNS.findall(data if is_binary else data.partition(b"\n")[0]))
+    return len(columns) >= _MIN_COLUMNS or {b"tick", b"time_s"} <= columns
 
 
 # In each spelling of YAML and JSON: escaped, folded over lines, and in two bytes a character.
@@ -451,7 +481,15 @@ def build_confinement(
     _check_program(agent, [folder for folder in own if folder not in granted], setup, sources)
     of_python = list_python_folders()
     searched = {*own, *granted}.difference(of_python)
-    hidden = [*list_hidden_folders(), *_truth_within(agent, searched, sources), *_list_run_folders(setup), *sources]
+    needed = (*own, *granted, *of_python)
+    private = [path for path in list_private_system_paths() if not any(map(path.is_relative_to, needed))]
+    hidden = [
+        *private,
+        *list_hidden_folders(),
+        *_truth_within(agent, searched, sources),
+        *_list_run_folders(setup),
+        *sources,
+    ]
     hidden = [path for path in hidden if path not in (*own, *granted)]
     is_python = Path(command[0]).name.startswith("python") and NUMBA_VARIABLE in os.environ
     kernels = Path(os.environ[NUMBA_VARIABLE]) if is_python else None

@@ -87,6 +87,14 @@ SCHEMA = "schema: gslcosim/scenario/1\n"
         ("bag.mcap", b""),
         ("one.secret.json", b'{"schema": "gslcosim/seal/1", "seed": 1}'),
         ("id_ed25519", b"-----BEGIN OPENSSH PRIVATE KEY-----\nb3Bl"),
+        ("filaments.csv", '"tick","time_s","x_m","y_m","z_m","sigma_m"'),
+        ("lookup", "x_m,y_m,z_m,mixing_ratio_ppm\n1,2,3,0.5\n"),
+        ("spreadsheet.txt", "x_m;y_m;z_m;wind_x_m_s;wind_y_m_s"),
+        ("dictionary.csv", "file,column,unit,type,meaning"),
+        ("words.json", '{"run_id": "tiny_room-seed1", "seed": 1}'),
+        ("plot.png", b"\x89PNG\r\n\x1a\n....tEXtSoftware\0gslcosim plot"),
+        ("table.dat", b"PAR1" + bytes(200_000) + b"\0x_m\0\0y_m\0\0z_m\0\0ethanol_ppm\0PAR1"),
+        ("film.avi", b"\0\0\0\x20ftypisom"),
         ("certificate_key.pem", b"-----BEGIN RSA PRIVATE KEY-----\nMIIE"),
     ],
 )
@@ -105,6 +113,10 @@ def test_copies_are_found_in_each_spelling_under_each_name(tmp_path, name, conte
         ("start", b"#!/bin/sh\n" + SCHEMA.encode()),
         ("method.yaml", b"schema: gslcosim/method/1"),
         ("weights.npz", b"PK\3\4"),
+        ("weights.h5", b"\x89HDF\r\n\x1a\n layer_1 kernel bias"),
+        ("places.csv", b"x_m,y_m,z_m\n1,2,3\n"),
+        ("readme.md", b"# Tables\n\nThey have tick, time_s, x_m, y_m and z_m.\n"),
+        ("logo.png", b"\x89PNG\r\n\x1a\n"),
     ],
 )
 def test_files_of_a_program_stay(tmp_path, name, content):
