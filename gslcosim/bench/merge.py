@@ -63,6 +63,8 @@ def merge_shards(folders: Sequence[Path], out: Path, *, is_partial: bool = False
         folder.write_tables(trials, tracks)
         folder.write_json(folder.maps, {"schema": MAPS_SCHEMA, "maps": _merged_maps(shards, trials)})
         folder.write_json(folder.manifest, _merged_manifest(shards))
+        secrets = {trial: text for shard in shards for trial, text in shard.folder.read_agent_secrets().items()}
+        folder.write_agent_secrets({trial: secrets[trial] for trial in trials["trial"].to_pylist() if trial in secrets})
     return MergeSummary(
         folder=out,
         n_shards=shards[0].facts["count"],

@@ -343,6 +343,8 @@ _READ_BYTES = 1 << 20
 RESULTS_SCHEMA = "gslcosim/results/1"
 MAPS_SCHEMA = "gslcosim/maps/1"
 SHARD_SCHEMA = "gslcosim/shard/1"
+# A sandbox hides copies of it, as those of all results.
+AGENT_SECRETS_SCHEMA = "gslcosim/results/agent_secrets/1"
 
 
 class ManifestEntry(TypedDict, total=False):
@@ -497,6 +499,7 @@ class ResultsFolder:
         self.manifest = path / "manifest.json"
         self.maps = path / "maps.json"
         self.shard = path / "shard.json"
+        self.agent_secrets = path / "agent_secrets.json"
         self.status = path / ".status.json"
         self.journal = path / "rows.jsonl"
         self.recordings = path / "recordings"
@@ -572,6 +575,16 @@ class ResultsFolder:
         for entry in read_journal(self.journal):
             found[entry.row["trial"]] = entry
         return found
+
+    def read_agent_secrets(self) -> dict[str, str]:
+        """Return by trial the random text from which the seeds of its agents follow, of trials that have one."""
+        found = self.read_json(self.agent_secrets).get("secrets") if self.agent_secrets.is_file() else None
+        return dict(found) if isinstance(found, dict) else {}  # pyright: ignore[reportUnknownArgumentType]
+
+    def write_agent_secrets(self, secrets: Mapping[str, str]) -> None:
+        """Write what `read_agent_secrets` returns, where there is anything."""
+        if secrets:
+            self.write_json(self.agent_secrets, {"schema": AGENT_SECRETS_SCHEMA, "secrets": dict(secrets)})
 
     def rows(self) -> list[dict[str, Any]]:
         """Return all rows that there are, as dicts by column: those of the table, then those of the journal."""

@@ -228,8 +228,11 @@ def _check_same_trials(submissions: Sequence[_Submission]) -> None:
     digests: dict[tuple[Any, ...], tuple[str, str]] = {}
     for submission in submissions:
         rows = submission.results.trials
-        for row in rows.select([*PAIR, "entry", "digest"]).to_pylist():
-            key = (*(row[name] for name in PAIR), row["entry"], submission.agent_of(row["entry"]))
+        secrets = ResultsFolder(submission.results.folder).read_agent_secrets()
+        for row in rows.select([*PAIR, "entry", "digest", "trial"]).to_pylist():
+            # Seeds of agents that follow from other secrets are others.
+            seeds = secrets.get(row["trial"])
+            key = (*(row[name] for name in PAIR), row["entry"], submission.agent_of(row["entry"]), seeds)
             before = digests.setdefault(key, (row["digest"], submission.label))
             if row["digest"] and before[0] and before[0] != row["digest"]:
                 raise UsageError(

@@ -6,7 +6,7 @@ import json
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
@@ -551,6 +551,30 @@ class Trial:
     def resolved(self) -> Scenario:
         """The scenario that is run."""
         return Scenario.model_validate_json(self.scenario_json)
+
+    @property
+    def demands_sandbox(self) -> bool:
+        """True where its agents must run in a sandbox."""
+        # Most say nothing of it: to read thousands of scenarios takes its time.
+        agents = json.loads(self.scenario_json)["agents"] if '"sandbox"' in self.scenario_json else ()
+        return any(agent.get("sandbox") == "required" for agent in agents)
+
+    def with_agent_secret(self, secret: str | None) -> "Trial":
+        """Return this trial, under its id, with seeds of agents from which nobody finds the run's seed by trying.
+
+        seed of an agent = blake2b(secret / name of the agent), its first 31 bits; a seed that the scenario sets stays
+
+        Args:
+            secret: Random text; without any the seeds are those that follow from the run's.
+        """
+        if not secret:
+            return self
+        values = json.loads(self.scenario_json)
+        for agent in values["agents"]:
+            if agent.get("seed") is None:
+                digest = hashlib.blake2b(f"{secret}/{agent['name']}".encode(), digest_size=8).digest()
+                agent["seed"] = int.from_bytes(digest, "big") >> (64 - _BITS)
+        return replace(self, scenario_json=json.dumps(values))
 
 
 _BITS = 31

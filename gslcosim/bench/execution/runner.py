@@ -4,6 +4,7 @@ import json
 import math
 import os
 import platform
+import secrets
 import statistics
 import sys
 import time
@@ -181,6 +182,7 @@ def shuffle_trials(trials: Iterable[Trial], *, seed: int) -> list[Trial]:
 
 
 _TRIES = 2
+_SECRET_BYTES = 16
 _STATUS_EVERY_S = 2.0
 
 
@@ -324,6 +326,7 @@ class SuiteRun:
         self._lost: list[str] = []
         self._environments: dict[str, Path] = {}
         self._hashes: dict[str, str] = {}
+        self._secrets: dict[str, str] = {}
         self._is_interrupted = False
         self._busy_s = 0.0
         self._flying_s = 0.0
@@ -339,6 +342,7 @@ class SuiteRun:
         """
         began, started_at = time.perf_counter(), datetime.now(UTC)
         with self._folder.locked():
+            drawn = self._folder.read_agent_secrets()
             aside = self._take_over()
             todo = [trial for trial in self._chosen if trial.id not in self._entries]
             n_before = len(self._chosen) - len(todo)
@@ -347,6 +351,12 @@ class SuiteRun:
             # Before anything flies, so that a report can be made of rows whose run was killed.
             self._write_manifest({})
             self._write_shard()
+            self._secrets = {key: text for key, text in drawn.items() if key in self._entries} | {
+                trial.id: drawn.get(trial.id) or secrets.token_hex(_SECRET_BYTES)
+                for trial in todo
+                if trial.demands_sandbox
+            }
+            self._folder.write_agent_secrets(self._secrets)
             wall: dict[str, Any] = {}
             if todo or self._missing_recordings():
                 wall = self._fly_with_pool(todo)
@@ -539,7 +549,8 @@ class SuiteRun:
             self._report_trials(pool, len(todo), len(todo), began)
 
     def _submit(self, pool: Pool, trial: Trial) -> None:
-        pool.submit(Job(key=trial.id, kind="fly", trial=trial, environment_dir=self._environments[trial.room]))
+        flown = trial.with_agent_secret(self._secrets.get(trial.id))
+        pool.submit(Job(key=trial.id, kind="fly", trial=flown, environment_dir=self._environments[trial.room]))
 
     def _entry_of(self, ended: JobResult) -> JournalEntry:
         trial = ended.job.trial
@@ -588,7 +599,7 @@ class SuiteRun:
                 self._environments[trial.room] = next(iter(self._all_done(pool, [job], "rooms"))).result
         jobs = [
             Job(
-                key=f"record {trial.id}", kind="record", trial=trial,
+                key=f"record {trial.id}", kind="record", trial=trial.with_agent_secret(self._secrets.get(trial.id)),
                 environment_dir=self._environments[trial.room], runs_dir=self._folder.recordings,
             )
             for trial in missing

@@ -338,7 +338,9 @@ def verify_trials(
     rooms = _rooms(trials, pool)
     differences: list[Difference] = []
     sandboxes: Counter[str] = Counter()
-    flown = trials if is_trusted else [confine_trial(trial) for trial in trials]
+    secrets = again.folder.read_agent_secrets()
+    flown = [trial.with_agent_secret(secrets.get(trial.id)) for trial in trials]
+    flown = flown if is_trusted else [confine_trial(trial) for trial in flown]
     jobs = [Job(key=trial.id, kind="fly", trial=trial, environment_dir=rooms[trial.room]) for trial in flown]
     for i, ended in enumerate(iterate_results(pool, jobs)):
         report(i + 1, len(jobs))
@@ -402,6 +404,7 @@ def record_trial_again(
     if is_trusted and (place / "recording.rrd").is_file():
         return place, again.rows[trial.id]["digest"]
     rooms = _rooms([trial], pool)
+    trial = trial.with_agent_secret(again.folder.read_agent_secrets().get(trial.id))
     trial = trial if is_trusted else confine_trial(trial)
     job = Job(key="record", kind="record", trial=trial, environment_dir=rooms[trial.room], runs_dir=recordings)
     (ended,) = iterate_results(pool, [job])

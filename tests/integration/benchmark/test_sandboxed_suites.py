@@ -11,6 +11,7 @@ import pytest
 
 from gslcosim.base.checksums import CHECKSUMS_FILE
 from gslcosim.base.errors import UsageError
+from gslcosim.base.rng import stream
 from gslcosim.bench import run
 from gslcosim.bench.cases import build_plan, load_suite
 from gslcosim.bench.execution import verification
@@ -67,7 +68,8 @@ def test_honest_agents_run_the_same_and_a_thief_finds_nothing(flown: tuple[Path,
     assert {row["status"] for row in (*trusting.values(), *sealed.values())} == {"flown"}
     for entry in ("dung_beetle", "calling_beetle"):
         differing = {name for name in trusting[entry] if trusting[entry][name] != sealed[entry][name]}
-        assert {name for name in differing if not is_machine_dependent(name)} == {"trial"}
+        # Seeds of agents are others, and a digest has the briefings.
+        assert {name for name in differing if not is_machine_dependent(name)} == {"trial", "digest"}
     assert {row["sandbox"] for row in trusting.values()} == {"none: in this process"}
     assert all(row["sandbox"].startswith(find_strongest_sandbox()) for row in sealed.values())
     assert trusting["thief"]["success"]
@@ -109,6 +111,68 @@ def test_a_ranking_refuses_runs_outside_a_sandbox_where_one_folder_demands_it_or
     assert main(["bench", "rank", str(trusting), "--sandboxed"]) == 2
     assert "as --sandboxed asks, was none: in this process" in capsys.readouterr().err
     assert main(["bench", "rank", str(sealed), "--sandboxed"]) == 0
+
+
+BEETLE = """
+schema: gslcosim/suite/1
+name: beetle
+sandbox: required
+scenarios: [{source: tiny_room, set: {referee.stop.time_limit_s: 6}}]
+repetitions: 2
+anchors: []
+entries: [{name: dung_beetle, start: {python: dung_beetle}}]
+"""
+
+
+@pytest.mark.end_to_end
+@pytest.mark.slow
+def test_seeds_of_agents_follow_from_a_secret_of_the_results_that_verify_and_merge_know(tmp_path: Path) -> None:
+    """Other results have others; a run that goes on and its shards keep theirs."""
+    suite = tmp_path / "suite.yaml"
+    suite.write_text(BEETLE)
+    folders = [tmp_path / name for name in ("whole", "1", "2", "merged")]
+    for folder, words in zip(folders, ([], ["--shard", "1/2"], ["--shard", "2/2"]), strict=False):
+        assert main(["bench", "run", str(suite), "--results", str(folder), "--jobs", "1", *words]) == 0
+    assert main(["bench", "merge", str(folders[1]), str(folders[2]), "--out", str(folders[3])]) == 0
+    secrets = [json.loads((folder / "agent_secrets.json").read_text())["secrets"] for folder in folders]
+    assert secrets[3] == secrets[1] | secrets[2]
+    assert [len(each) for each in secrets] == [2, 1, 1, 2]
+    digests = [{row["repetition"]: row["digest"] for row in all_rows(folder)} for folder in (folders[0], folders[3])]
+    assert not set(digests[0].values()) & set(digests[1].values())
+    for folder in (folders[0], folders[3]):
+        assert main(["bench", "verify", str(folder), "--jobs", "1"]) == 0
+    trial = all_rows(folders[0])[0]["trial"]
+    assert main(["bench", "show", str(folders[0]), "--trial", trial, "--no-view"]) == 0
+    # Their runs of a case are not those of one program with one seed.
+    rank([folders[0], folders[3]])
+    table = pq.read_table(folders[0] / "trials.parquet")
+    pq.write_table(table.slice(0, 1), folders[0] / "trials.parquet")
+    assert main(["bench", "run", str(suite), "--results", str(folders[0]), "--jobs", "1"]) == 0
+    assert json.loads((folders[0] / "agent_secrets.json").read_text())["secrets"].keys() == secrets[0].keys()
+    assert main(["bench", "verify", str(folders[0]), "--jobs", "1"]) == 0
+
+
+def all_rows(folder: Path) -> list[dict[str, Any]]:
+    rows: list[dict[str, Any]] = pq.read_table(folder / "trials.parquet").to_pylist()
+    return rows
+
+
+def test_no_seed_of_a_run_is_found_by_trying(tmp_path: Path) -> None:
+    """A briefing gave away each run's seed below twenty thousand within seconds."""
+    suite = tmp_path / "suite.yaml"
+    suite.write_text(BEETLE)
+    trial = next(iter(build_plan(load_suite(suite)).trials))
+    assert trial.demands_sandbox
+    secret, other = trial.with_agent_secret("a" * 32), trial.with_agent_secret("b" * 32)
+    (seed,) = (agent.seed for agent in secret.resolved.agents)
+    assert seed not in {int(stream(i, f"agent.{secret.resolved.agents[0].name}").integers(2**31)) for i in range(2000)}
+    assert (secret.id, secret.resolved.seed) == (trial.id, trial.resolved.seed)
+    assert seed != other.resolved.agents[0].seed
+    assert trial.with_agent_secret(None) is trial
+    # What a scenario sets stays.
+    suite.write_text(BEETLE.replace("set: {", "set: {'agents[0].seed': 7, "))
+    chosen = next(iter(build_plan(load_suite(suite)).trials)).with_agent_secret("a" * 32)
+    assert chosen.resolved.agents[0].seed == 7
 
 
 def honest(folder: Path, to: Path) -> Path:
