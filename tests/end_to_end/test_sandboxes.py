@@ -24,6 +24,7 @@ import numpy as np
 import pytest
 import yaml
 from crowd import OTHER_RUNS, crowded
+from fan_units import build_fan
 from ordinary_user import run_tests_as_ordinary_user
 from real_runs import AGENTS, ROOT, TINY_ROOM, fly, fly_here
 
@@ -547,6 +548,32 @@ def flown_with_library(tmp_path, program, *words):
     start_by = {"command": [sys.executable, str(mine / "agent.py")], "door": "stdio"}
     ended = fly_here(mine / "room.yaml", tmp_path / "runs", "--set", f"agents[0].start={json.dumps(start_by)}", *words)
     return str(ended.result.get("faults")) + ended.errors
+
+
+@pytest.mark.extras
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can read it at all")
+@pytest.mark.parametrize("sandbox", SANDBOXES)
+def test_a_unit_of_root_reads_no_private_file_of_the_system(tmp_path, sandbox):
+    """Its library runs as it is loaded, in the process that hosts it."""
+    if (compiler := shutil.which("cc")) is None or unavailable_reason(sandbox):
+        pytest.skip(f"there is no compiler of C, or no {sandbox}")
+    (tmp_path / "unit.c").write_text(
+        "#include <stdio.h>\n"
+        "__attribute__((constructor)) static void load(void) {\n"
+        '  fputs(fopen("/etc/passwd", "r") ? "all may read " : "closed ", stderr);\n'
+        '  fputs(fopen("/etc/shadow", "r") ? "root may read\\n" : "refused\\n", stderr);\n'
+        "}\n"
+    )
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", "unit.so", "unit.c"], cwd=tmp_path, check=True)
+    (tmp_path / "room").mkdir()
+    build_fan(tmp_path / "room", 2, binary=(tmp_path / "unit.so").read_bytes())
+    values = yaml.safe_load(TINY_ROOM.read_text())
+    unit = {"name": "fan", "start": {"fmu": "fan.fmu"}, "writes": ["state"], "sandbox": sandbox}
+    values["participants"] = [unit | {"outputs": {"state": {"share": "share"}}}]
+    (tmp_path / "room" / "room.yaml").write_text(yaml.safe_dump(values))
+    ended = fly_here(tmp_path / "room" / "room.yaml", tmp_path / "runs")
+    logs = [path.read_text() for path in tmp_path.glob("runs/*/logs/*fan*")]
+    assert "all may read refused" in "".join(logs), (ended.errors, logs)
 
 
 @pytest.mark.parametrize("name", ["LD_PRELOAD", "LD_AUDIT"])

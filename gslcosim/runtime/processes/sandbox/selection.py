@@ -55,8 +55,10 @@ _RECORDINGS = (".rrd", ".mcap", ".bag", ".db3", ".mp4", ".gif", ".webp")
 _RECORDING_BEGINS = (b"RRF", b"RRIO", b"\x89MCAP", b"#ROSBAG", b"GIF8", b"RIFF")
 # What a folder of Zarr holds at its top.
 _OF_ZARR = (".zgroup", ".zarray", ".zmetadata", "zarr.json")
-# Formats that name their columns anywhere: Parquet, Feather, Arrow, HDF5 and so NetCDF 4, NetCDF 3, archives, SQLite.
-_BINARY_BEGINS = (b"PAR1", b"ARROW1", b"FEA1", b"\x89HDF", b"CDF", b"PK", b"SQLite format 3")
+# Formats that name their columns anywhere: Parquet, Feather, Arrow, HDF5 and so NetCDF 4, NetCDF 3, SQLite.
+_BINARY_BEGINS = (b"PAR1", b"ARROW1", b"FEA1", b"\x89HDF", b"CDF", b"SQLite format 3")
+# Of archives, as NumPy's and units of FMI are, names of arrays alone count: a unit may have such variables.
+_ARCHIVE_BEGIN, _ARRAY_NAME = b"PK", re.compile(rb"\w+(?=\.npy|/\.z(?:array|attrs))")
 # Columns of the tables that `extract`, `environment sample` and results have; four of them are a table of ours.
 _COLUMNS = re.compile(
     rb"(?<![A-Za-z0-9_])(?:tick|time_s|agent|trial|x_m|y_m|z_m|sigma_m|\w{0,60}_ppm|(?:\w{0,60}_)?wind_[xyz]_m_s|occupancy|"
@@ -215,7 +217,7 @@ def _is_truth(path: Path, budget: _Budget, inodes: set[tuple[int, int]]) -> bool
     try:
         with open_regular_file(path) as file:
             data = file.read(length)
-            if data.startswith((*_BINARY_BEGINS, *_PICTURE_BEGINS)) and length < status.st_size:
+            if data.startswith((*_BINARY_BEGINS, *_PICTURE_BEGINS, _ARCHIVE_BEGIN)) and length < status.st_size:
                 budget.spend(0, _HEAD_BYTES)
                 file.seek(max(length, status.st_size - _HEAD_BYTES))
                 data += file.read(_HEAD_BYTES)
@@ -234,6 +236,8 @@ def _is_export(data: bytes, *, is_json: bool) -> bool:
     is_binary = data.startswith(_BINARY_BEGINS)
     if (is_binary or is_json or data.startswith(_PICTURE_BEGINS)) and _SIGN_OF_EXPORT.search(data) is not None:
         return True
+    if data.startswith(_ARCHIVE_BEGIN):
+        data = b" ".join(_ARRAY_NAME.findall(data))
     columns = set(_COLUMNS.findall(data if is_binary else data.partition(b"\n")[0]))
     return len(columns) >= _MIN_COLUMNS or {b"tick", b"time_s"} <= columns
 

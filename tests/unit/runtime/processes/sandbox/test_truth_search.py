@@ -113,6 +113,7 @@ def test_copies_are_found_in_each_spelling_under_each_name(tmp_path, name, conte
         ("start", b"#!/bin/sh\n" + SCHEMA.encode()),
         ("method.yaml", b"schema: gslcosim/method/1"),
         ("weights.npz", b"PK\3\4"),
+        ("unit.fmu", b'PK\3\4modelDescription.xml <Float64 name="gas_ppm" unit="m" label="x_m" file="y_m"/>'),
         ("weights.h5", b"\x89HDF\r\n\x1a\n layer_1 kernel bias"),
         ("places.csv", b"x_m,y_m,z_m\n1,2,3\n"),
         ("readme.md", b"# Tables\n\nThey have tick, time_s, x_m, y_m and z_m.\n"),
