@@ -161,6 +161,7 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
     lines = (ended.run_dir / "logs" / "agent_beetle.log").read_text().splitlines()
     attacks = [json.loads(line) for line in lines if line.startswith('{"attack"')]
     reached = {line["attack"]: line["reached"] for line in attacks}
+    assert "leave_a_daemon_behind" in reached, (sandbox, ended.result, "\n".join(lines)[-1500:])
     # In a namespace of its own it is made, and gone with it.
     reached["leave_system_v_memory_behind"] *= is_memory_left
     reached["write_by_variables_of_the_loader"] *= any(outside.glob("loader.*"))
