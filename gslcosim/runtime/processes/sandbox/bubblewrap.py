@@ -82,17 +82,7 @@ def build_bubblewrap_command(
     # What lies deeper is put upon what lies around it.
     for path in sorted(places, key=lambda path: len(path.parts)):
         line += places[path]
-    line += [
-        *empty,
-        "--remount-ro",
-        "/",
-        "--remount-ro",
-        "/dev",
-        *_DEVICES_WITHOUT_CHANGES,
-        "--chdir",
-        str(cell.directory),
-        "--",
-    ]
+    line += [*empty, "--remount-ro", "/", "--remount-ro", "/dev", "--chdir", str(cell.directory), "--"]
     if has_pipes:
         in_, out = PIPES_AT
         line += ["/bin/sh", "-c", f'exec "$@" <&{in_} >&{out} {in_}<&- {out}>&-', "sh"]
@@ -129,10 +119,6 @@ def _list_system_links() -> list[str]:
     return line
 
 
-# They are those of the machine: whoever is root could change their rights and times, which others see for ever.
-_DEVICES_WITHOUT_CHANGES = tuple(
-    word for name in ("null", "zero", "full", "random", "urandom", "tty") for word in ("--remount-ro", f"/dev/{name}")
-)
 _BASE_OPTIONS = (
     "--unshare-user-try", "--unshare-ipc", "--unshare-pid", "--unshare-uts", "--unshare-cgroup-try",
     "--die-with-parent", "--cap-drop", "ALL", "--proc", "/proc",

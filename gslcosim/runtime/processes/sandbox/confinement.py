@@ -291,7 +291,13 @@ def filter_calls(*, allows_unix: bool, allows_tcp: bool) -> None:
 
 
 def build_filter_program(
-    machine: str, *, allows_unix: bool, allows_tcp: bool, is_beside_namespaces: bool, has_own_network: bool = False
+    machine: str,
+    *,
+    allows_unix: bool,
+    allows_tcp: bool,
+    is_beside_namespaces: bool,
+    has_own_network: bool = False,
+    owns_devices: bool = False,
 ) -> bytes:
     """Return the instructions of the filter.
 
@@ -308,13 +314,16 @@ def build_filter_program(
         is_beside_namespaces: Whether namespaces keep files, processes and System V's memory apart already; otherwise
             that memory, queues, semaphores, and changes of rights, owners, times and of other processes are refused.
         has_own_network: Whether the network is a namespace of its own, in which internet sockets reach nobody.
+        owns_devices: Whether the user is root, to whom the devices of the machine belong: changes of rights, owners and
+            times are refused beside namespaces too, since a mount cannot keep a device both usable and unchanged.
     """
     numbers = _CALL_NUMBERS[machine]
     # Of each instruction the code, the value, and over how many a comparison jumps where it is true, or false.
     refuse, allow = (_RETURN, _REFUSE, 0, 0), (_RETURN, _ALLOW, 0, 0)
     code = [(_LOAD, _ARCHITECTURE, 0, 0), (_EQUAL, numbers.architecture, 1, 0), refuse]
     code += [(_LOAD, _NUMBER, 0, 0), (_AT_LEAST, _X32, 0, 1), refuse]
-    of_others = () if is_beside_namespaces else (*numbers.shared, *numbers.of_others)
+    of_others = () if is_beside_namespaces and not owns_devices else numbers.of_others
+    of_others += () if is_beside_namespaces else numbers.shared
     for calls, answer in (
         ((*numbers.always, *of_others), _REFUSE),
         (numbers.advice, _PASS_OVER),

@@ -151,7 +151,7 @@ def _write_call_filter(cell: SandboxPolicy) -> list[int]:
         return []
     code = confinement.build_filter_program(
         os.uname().machine, allows_unix=True, allows_tcp=True, is_beside_namespaces=True,
-        has_own_network=cell.tcp_port is None,
+        has_own_network=cell.tcp_port is None, owns_devices=os.geteuid() == 0,
     )  # fmt: skip
     return [_open_memory_file_apart(code)]
 
