@@ -16,6 +16,7 @@ from typing import Required, TypedDict
 from gslcosim.base.errors import UsageError, build_machine_error
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.untrusted_input import read_json
+from gslcosim.base.yaml_core import without_editor_header
 from gslcosim.bench.cases.suite_files import LoadedSuite, load_suite, write_suite
 from gslcosim.bench.studies.target import collect_bundled_seeds, collect_seeds
 from gslcosim.scenario.loader import find_scenario_beside
@@ -93,10 +94,15 @@ def seal_suite(source: str | Path) -> Seal:
     )
 
 
-def hash_recipe(loaded: LoadedSuite) -> str:
-    """Return a hash of what decides the cases of a suite beside its seed: suites with scenarios, and their files."""
+def hash_recipe(loaded: LoadedSuite, *, has_editor_lines: bool = False) -> str:
+    """Return a hash of what decides the cases of a suite beside its seed: suites with scenarios, and their files.
+
+    Args:
+        loaded: The suite.
+        has_editor_lines: Whether lines for editors count, which copies of files lack: they do in seals of 0.1.
+    """
     digest = hashlib.sha256()
-    for part in _list_recipe(loaded):
+    for part in _list_recipe(loaded, has_editor_lines=has_editor_lines):
         digest.update(len(part).to_bytes(8, "big") + part)
     return digest.hexdigest()
 
@@ -105,9 +111,9 @@ def hash_recipe(loaded: LoadedSuite) -> str:
 _NO_RECIPE = {"seed", "sealed", "include", "entries", "anchors", "record", "limits", "sandbox", "title", "question"}
 
 
-def _list_recipe(loaded: LoadedSuite) -> Iterator[bytes]:
+def _list_recipe(loaded: LoadedSuite, *, has_editor_lines: bool) -> Iterator[bytes]:
     for inner in loaded.included:
-        yield from _list_recipe(inner)
+        yield from _list_recipe(inner, has_editor_lines=has_editor_lines)
     if not loaded.suite.scenarios:
         return
     # The folder of results names the scenarios' files anew; their content counts.
@@ -117,7 +123,8 @@ def _list_recipe(loaded: LoadedSuite) -> Iterator[bytes]:
     yield json.dumps(values, sort_keys=True).encode()
     for spec in loaded.suite.scenarios:
         if spec.split is None:
-            yield read_regular_file(find_scenario_beside(spec.source, loaded.directory))
+            content = read_regular_file(find_scenario_beside(spec.source, loaded.directory))
+            yield content if has_editor_lines else without_editor_header(content)
 
 
 def write_seal(seal: Seal, folder: Path) -> SealFiles:
@@ -183,7 +190,8 @@ def load_sealed_suite(source: str | Path, secret: Path, *, is_flown: bool = Fals
 
 
 def _check_recipe(seal: Seal, loaded: LoadedSuite, place: str) -> None:
-    if (recipe := hash_recipe(loaded)) != seal.recipe:
+    recipe = hash_recipe(loaded)
+    if seal.recipe not in (recipe, hash_recipe(loaded, has_editor_lines=True)):
         raise UsageError(
             f"{place}: expected the cases of {seal.suite} as they were sealed, recipe {seal.recipe[:16]}, was "
             f"{recipe[:16]}. Take the files of that time, or seal again."

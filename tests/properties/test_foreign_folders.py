@@ -125,7 +125,6 @@ OTHERS = {
     "environment generate": "the same",
     "bench dataset": "reads rows as bench report does, of finished results: tests/unit/bench/dataset",
     "bench failures": "reads rows as bench run and tune do, and flies too much for each damage",
-    "serve": "reads nothing",
     "list": "reads what is installed",
     "schema": "writes files of the contract",
     "doctor": "looks at the machine",

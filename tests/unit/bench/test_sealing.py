@@ -154,3 +154,11 @@ def test_the_commands_seal_plan_and_reveal(suite: Path, tmp_path: Path, capsys, 
     assert main(["bench", "reveal", str(suite), "contest.secret.json", "contest.commitment.json"]) == 0
     assert str(seed) in capsys.readouterr().out
     assert load_suite("contest_revealed").suite.seed == seed
+
+
+def test_the_seed_of_a_seal_that_counted_lines_for_editors_is_revealed(tmp_path: Path) -> None:
+    study = Path(__file__).parents[3] / "docs" / "studies" / "open_2026"
+    suite, files = study / "suite_d.yaml", [study / f"seed_d.{kind}.json" for kind in ("secret", "commitment")]
+    revealed = reveal_suite(suite, *files, tmp_path / "revealed")
+    assert revealed.suite.seed == read_seal(files[0]).seed
+    assert sealing.hash_recipe(revealed) == sealing.hash_recipe(load_suite(suite))

@@ -102,7 +102,7 @@ def test_a_room_that_was_changed_on_the_way_is_refused(run):
     wind = bytearray((run.folder / WIND_FILE).read_bytes())
     wind[-2] ^= 1
     (run.folder / WIND_FILE).write_bytes(wind)
-    with pytest.raises(SimulationFault, match="the fetched room: content_hash: expected"):
+    with pytest.raises(SimulationFault, match="the fetched room: expected content"):
         fetch_environment(run.bus, offer, lambda _: None)
     assert list(run.cache.iterdir()) == []
 

@@ -61,7 +61,7 @@ _BINARY_BEGINS = (b"PAR1", b"ARROW1", b"FEA1", b"\x89HDF", b"CDF", b"SQLite form
 _ARCHIVE_BEGIN, _ARRAY_NAME = b"PK", re.compile(rb"\w+(?=\.npy|/\.z(?:array|attrs))")
 # Columns of the tables that `extract`, `environment sample` and results have; four of them are a table of ours.
 _COLUMNS = re.compile(
-    rb"(?<![A-Za-z0-9_])(?:tick|time_s|agent|trial|x_m|y_m|z_m|sigma_m|\w{0,60}_ppm|(?:\w{0,60}_)?wind_[xyz]_m_s|occupancy|"
+    rb"(?<![A-Za-z0-9_])(?:tick|time_s|agent|trial|x_m|y_m|z_m|sigma_m|\w{0,60}_pp[mb]|\w{1,60}_[xyz]_m_s|occupancy|"
     rb"level|text|label|distance_m|tracking_error_m|file|column|unit|meaning)(?![A-Za-z0-9_])"
 )
 _MIN_COLUMNS = 4
