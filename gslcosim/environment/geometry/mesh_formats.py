@@ -1,12 +1,13 @@
 # pyright: reportAttributeAccessIssue=false
 """Files of geometry as named parts of triangles: STL, OBJ, glTF, and MJCF where MuJoCo places its geoms."""
 
+import contextlib
 import html
-import io
 import itertools
 import re
 import struct
 import warnings
+from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -105,24 +106,16 @@ def _read_scene(path: Path, ending: str) -> list[Part]:
             return named
 
     resolver = Resolver(str(path))
-    words, solids = frozenset[str](), frozenset[str]()
+    solids = frozenset[str]()
     if ending == ".obj":
-        text = _plain_obj(read_regular_file(path).decode(errors="replace"))
-        words = frozenset(re.findall(r"^(?:o|g|usemtl) (.+)$", text, flags=re.MULTILINE))
-        scene = trimesh.load_scene(
-            io.BytesIO(text.encode()),
-            file_type="obj",
-            resolver=resolver,
-            metadata={"file_name": path.name},
-            process=False,
-            split_objects=True,
-            split_groups=True,
-        )
-    else:
-        scene = trimesh.load_scene(path, process=False, resolver=resolver)
-        if ending == ".stl":
-            text = read_regular_file(path).decode(errors="replace")
-            solids = frozenset(re.findall(r"^\s*solid[ \t]+(\S.*?)\s*$", text, flags=re.MULTILINE | re.IGNORECASE))
+        parts = _read_obj(path, resolver)
+        if refused:
+            raise refused[0]
+        return parts
+    scene = trimesh.load_scene(path, process=False, resolver=resolver)
+    if ending == ".stl":
+        text = read_regular_file(path).decode(errors="replace")
+        solids = frozenset(re.findall(r"^\s*solid[ \t]+(\S.*?)\s*$", text, flags=re.MULTILINE | re.IGNORECASE))
     if refused:
         raise refused[0]
     parts: list[Part] = []
@@ -136,51 +129,130 @@ def _read_scene(path: Path, ending: str) -> list[Part]:
             # Solids of one name are numbered from the second on.
             if ending == ".stl" and node not in solids:
                 names |= {re.sub(r"_\d+$", "", node)} & solids
-            parts.append(_part_of(mesh, node, names, words))
+            parts.append(_part_of(mesh, node, names))
     return parts
 
 
-def _part_of(mesh: Any, node: str, names: set[str], words: frozenset[str]) -> Part:
+def _part_of(mesh: Any, node: str, names: set[str]) -> Part:
     material: Any = getattr(mesh.visual, "material", None)
     if isinstance(getattr(material, "name", None), str):
         names.add(material.name)
-    # In OBJ, object, group and material of a part are joined to one name.
-    names |= {word for word in words if any(f"_{word}_" in f"_{name}_" for name in names)}
     color = material.main_color if material is not None else mesh.visual.main_color
-    rgba = tuple(round(float(channel) / 255, 6) for channel in color)
     has_color = material is not None or mesh.visual.defined
     return Part(
         name=node,
         names=frozenset(names),
         vertices_m=np.asarray(mesh.vertices, dtype=np.float64),
         faces=np.asarray(mesh.faces, dtype=np.int64),
-        rgba=rgba if has_color and len(rgba) == 4 else PART_RGBA,  # pyright: ignore[reportArgumentType]
+        rgba=_rgba_of(color) if has_color and len(color) == 4 else PART_RGBA,
     )
 
 
-# The reader takes neither tabs, remarks behind values nor old ends of lines, and counts indices below zero from the end
-# of the file; OBJ counts them from their line.
-def _plain_obj(text: str) -> str:
-    lines: list[str] = []
-    n_of = {"v": 0, "vt": 0, "vn": 0}
-    for line in re.sub(r"\\\s*\n", " ", "\n".join(text.splitlines())).split("\n"):
+def _rgba_of(color: Any) -> tuple[float, float, float, float]:
+    red, green, blue, alpha = (round(float(channel) / 255, 6) for channel in color)
+    return red, green, blue, alpha
+
+
+# The library's reader fans concave faces, counts indices below zero from the end of the file, takes no tabs and no
+# remarks, and joins names, so that `wall` would be found in `wall_outlet`.
+def _read_obj(path: Path, resolver: Any) -> list[Part]:
+    from trimesh.exchange.obj import parse_mtl
+    from trimesh.visual.material import SimpleMaterial
+
+    text = "\n".join(read_regular_file(path).decode(errors="replace").splitlines())
+    vertices: list[tuple[float, float, float]] = []
+    colors: list[tuple[int, ...]] = []
+    materials: dict[str, Any] = {}
+    polygons: dict[tuple[tuple[str, ...], ...], list[list[int]]] = {}
+    current: dict[str, tuple[str, ...]] = {"o": (), "g": (), "usemtl": ()}
+    for line in re.sub(r"\\\s*\n", " ", text).split("\n"):
         word, *rest = line.split() or [""]
-        if word in n_of:
-            n_of[word] += 1
+        if word == "v":
+            x, y, z, *color = map(float, line.partition("#")[0].split()[1:])
+            vertices.append((x, y, z))
+            colors.append(tuple(round(255 * channel) for channel in color[:3]))
         elif word == "f":
-            rest = [
-                "/".join(_absolute(index, n) for index, n in zip(corner.split("/"), n_of.values(), strict=False))
-                for corner in line.partition("#")[0].split()[1:]
-            ]
-        lines.append(" ".join((word, *rest)))
-    return "\n".join(lines) + "\n"
+            corners = [_vertex_of(corner, len(vertices)) for corner in line.partition("#")[0].split()[1:]]
+            if len(corners) < 3:
+                raise ValueError(f"a face of {len(corners)} corners")
+            polygons.setdefault(tuple(current.values()), []).append(corners)
+        elif word in current:
+            current[word] = tuple(rest)
+        elif word == "mtllib":
+            # A room needs no colours: a file of materials that is missing or damaged goes without.
+            with contextlib.suppress(Exception):
+                materials |= parse_mtl(resolver[line.strip()[6:].strip()], resolver=resolver)
+    n_materials = len(materials.keys() | {" ".join(key[2]) for key in polygons if key[2]})
+    parts: dict[str, Part] = {}
+    for key, faces in polygons.items():
+        words = [" ".join(each) for each in (key if n_materials > 1 else key[:2]) if each]
+        numbered = itertools.chain(("",), (f"_{i}" for i in itertools.count(1)))
+        name = next(name for end in numbered if (name := ("_".join(words) or path.name) + end) not in parts)
+        if max(map(max, faces)) >= len(vertices):
+            raise ValueError(f"a face with index {max(map(max, faces)) + 1}, of {len(vertices)} vertices")
+        used, at = np.unique([triangle for face in faces for triangle in _cut(face, vertices)], return_inverse=True)
+        # A line of groups names each of them.
+        names = {name, *key[1], *(" ".join(each) for each in key if each)}
+        material = materials.get(" ".join(key[2]))
+        color = (
+            SimpleMaterial(**material).main_color
+            if material
+            else [*Counter(colors[i] for i in used).most_common(1)[0][0], 255]
+        )
+        parts[name] = Part(
+            name=name,
+            names=frozenset(names),
+            vertices_m=np.array(vertices)[used],
+            faces=at.reshape(-1, 3).astype(np.int64),
+            rgba=_rgba_of(color) if len(color) == 4 else PART_RGBA,
+        )
+    return [parts[name] for name in sorted(parts)]
 
 
-def _absolute(index: str, n: int) -> str:
-    number = int(index or 1)
+def _vertex_of(corner: str, n: int) -> int:
+    index = corner.partition("/")[0]
+    number = int(index)
     if number == 0 or number < -n:
         raise ValueError(f"a face with index {index}, behind {n} of its kind")
-    return str(number + n + 1) if number < 0 else index
+    return number + n if number < 0 else number - 1
+
+
+# Triangles of a face, concave or not: a fan where none of its triangles is turned over, else by clipping ears.
+def _cut(face: list[int], vertices: list[tuple[float, float, float]]) -> list[tuple[int, int, int]]:
+    fan = [(face[0], *pair) for pair in itertools.pairwise(face[1:])]
+    if len(fan) == 1:
+        return fan
+
+    def double_area(a: int, b: int, c: int, u: int, v: int) -> float:
+        p, q, r = vertices[a], vertices[b], vertices[c]
+        return (q[u] - p[u]) * (r[v] - p[v]) - (q[v] - p[v]) * (r[u] - p[u])
+
+    planes = ((0, 1), (1, 2), (2, 0))
+    area, (u, v) = max(((sum(double_area(*each, *plane) for each in fan), plane) for plane in planes), key=_size)
+    u, v = (u, v) if area > 0 else (v, u)
+    least = -1e-9 * abs(area)
+    if all(double_area(*each, u, v) >= least for each in fan):
+        return fan
+    triangles: list[tuple[int, int, int]] = []
+    rest = list(face)
+    while len(rest) > 2:
+        for i, b in enumerate(rest):
+            a, c = rest[i - 1], rest[(i + 1) % len(rest)]
+            sides = ((a, b), (b, c), (c, a))
+            # A hole hangs on the rim by an edge there and back, whose corners are there twice.
+            others = [p for p in rest if vertices[p] not in (vertices[a], vertices[b], vertices[c])]
+            is_free = not any(all(double_area(*side, p, u, v) >= 0 for side in sides) for p in others)
+            if is_free and double_area(a, b, c, u, v) > (-least if len(rest) > 3 else least):
+                triangles.append((a, b, c))
+                del rest[i]
+                break
+        else:
+            raise ValueError(f"a face of {len(face)} corners whose edges cross; divide it into triangles")
+    return triangles
+
+
+def _size(area_and_plane: tuple[float, tuple[int, int]]) -> float:
+    return abs(area_and_plane[0])
 
 
 # The reader takes a binary file of the wrong length for text, and text that ends early for a shorter file.

@@ -208,6 +208,68 @@ def test_an_index_that_obj_does_not_have_is_named(tmp_path, index):
     assert f"a face with index {index}" in refusal(write(tmp_path, "bad.obj", text.encode()))
 
 
+# Corners in a plane, their order, and the area within.
+FACES = {
+    "L": ([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], 3),
+    "U": ([(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)], 7),
+    "arrow": ([(0, 0), (2, 1), (0, 2), (1, 1)], 1),
+    "comb": ([(0, 0), (5, 0), (5, 2), (4, 2), (4, 1), (3, 1), (3, 2), (2, 2), (2, 1), (1, 1), (1, 2), (0, 2)], 8),
+    "corner on an edge": ([(0, 0), (1, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2), (0, 1)], 3),
+    "hole": ([(0, 0), (3, 0), (3, 3), (0, 3), (0, 0), (1, 1), (1, 2), (2, 2), (2, 1), (1, 1)], 8),
+    "square": ([(0, 0), (2, 0), (2, 2), (0, 2)], 4),
+}  # fmt: skip
+PLANES = {"z": lambda p, q: (p, q, 0), "x": lambda p, q: (5, p, q), "y": lambda p, q: (p, -1, q),
+          "slope": lambda p, q: (p, 0.6 * q, 0.8 * q)}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FACES)
+@pytest.mark.parametrize("plane", PLANES)
+@pytest.mark.parametrize("step", [1, -1])
+def test_a_face_of_obj_covers_its_area_whatever_its_shape(tmp_path, name, plane, step):
+    """Whichever corner comes first; all triangles look to the side that the face looks to."""
+    corners, area = FACES[name]
+    corners = corners[::step]
+    for first in range(len(corners)):
+        turned = corners[first:] + corners[:first]
+        lines = ["v {} {} {}".format(*PLANES[plane](*corner)) for corner in turned]
+        text = "\n".join([*lines, "f " + " ".join(str(i + 1) for i in range(len(corners)))])
+        (part,) = load(write(tmp_path, "face.obj", text.encode()))
+        mesh = trimesh.Trimesh(part.vertices_m, part.faces, process=False)
+        assert mesh.area == pytest.approx(area)
+        assert np.ptp(mesh.face_normals[mesh.area_faces > 0], axis=0) == pytest.approx(0, abs=1e-9)
+
+
+def test_a_face_of_obj_whose_edges_cross_is_named(tmp_path):
+    text = "v 0 0 0\nv 2 2 0\nv 2 0 0\nv 0 1 0\nf 1 2 3 4\n"
+    assert "a face of 4 corners whose edges cross" in refusal(write(tmp_path, "bow.obj", text.encode()))
+
+
+@pytest.mark.parametrize(
+    ("lines", "names"),
+    [
+        ("g north door", {"north", "door"}),
+        ("o wall_outlet", {"wall_outlet"}),
+        ("o hall\ng wall_outlet", {"hall", "wall_outlet"}),
+        ("g outlet_2\nusemtl wall_paint", {"outlet_2", "wall_paint"}),
+    ],
+)
+def test_a_part_of_obj_has_the_names_of_its_lines_and_no_others(tmp_path, lines, names):
+    square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+    text = f"{square}g\nf 1 2 3\n{lines}\nf 1 2 3 4\ng wall\nf 1 3 4\ng outlet\nusemtl paint\nf 2 3 4\n"
+    (part,) = [part for part in load(write(tmp_path, "named.obj", text.encode())) if len(part.faces) == 2]
+    assert names <= part.names
+    assert not part.names & {"wall", "outlet", "paint"}
+
+
+def test_obj_has_colours_of_materials_or_vertices(tmp_path):
+    (tmp_path / "room.mtl").write_text("newmtl red\nKd 1 0 0\n")
+    colored = "".join(f"v {corner} 0 0.2 1\n" for corner in ("0 0 0", "1 0 0", "0 1 0"))
+    text = f"mtllib room.mtl\n{colored}f 1 2 3\n"
+    assert load(write(tmp_path, "room.obj", text.encode()))[0].rgba == (0, 0.2, 1, 1)
+    text = text.replace("f 1", "usemtl red\nf 1")
+    assert load(write(tmp_path, "room.obj", text.encode()))[0].rgba == (1, 0, 0, 1)
+
+
 def solid(name, x):
     corners = [(x, 0, 0), (x + 1, 0, 0), (x + 1, 1, 0)]
     vertices = "".join("vertex {} {} {}\n".format(*corner) for corner in corners)
