@@ -38,7 +38,7 @@ LARGEST_SPEED_M_S = 1000.0
 
 # What stands for no value: these, NaN, and all from 1e30 on: -1e300 in OpenFOAM's sets, 9.97e36 in netCDF, 1e30 to 1e38
 # in VTK and Fluent.
-_BLANKS = (999.0, 9999.0, 99999.0, 32767.0, 32768.0)
+_BLANKS = np.array((99.99, 999.0, 999.9, 999.99, 9999.0, 9999.9, 99999.0, 32767.0, 32768.0), dtype=np.float32)
 _LEAST_BLANK = 1e30
 BLANK_REMEDY = "Leave samples without a value out, in ParaView by Threshold: cells without a sample are still air."
 
@@ -220,11 +220,11 @@ def check_velocities(
             if highest < _BLANKS[0]:
                 continue
             speeds = np.abs(frame)
-            is_wrong = ~(speeds <= LARGEST_SPEED_M_S) | np.isin(speeds, _BLANKS)
+            is_wrong = ~(speeds <= LARGEST_SPEED_M_S) | np.isin(speeds.astype(np.float32), _BLANKS)
         if is_wrong.any():
             index = int(np.argmax(is_wrong))
             value, speed = float(frame.flat[index]), float(speeds.flat[index])
-            is_blank = not speed < _LEAST_BLANK or speed in _BLANKS
+            is_blank = not speed < _LEAST_BLANK or np.float32(speed) in _BLANKS
             where = place(index) if len(velocity_m_s) == 1 else f"{place(index)} of frame {i}"
             found = f"{int(is_wrong.sum())} that are not, the first {value:g} in {where}"
             expected = f"finite velocities up to {LARGEST_SPEED_M_S:g} m/s"

@@ -388,7 +388,10 @@ def test_a_line_of_three_numbers_for_each_cell_is_no_series_of_frames(tmp_path, 
 
 @pytest.mark.parametrize(
     "blank",
-    ["-1e300", "-1e+300", "1e30", "-9999", "-999", "1e38", "9.969209968386869e+36", "nan", "NaN", "", "--", "32767"],
+    (
+        *("-1e300", "-1e+300", "1e30", "-9999", "-999", "-99.99", "-999.9", "1e38", "9.969209968386869e+36", "nan"),
+        *("NaN", "", "--", "32767"),
+    ),
 )
 def test_what_stands_for_no_value_is_named_with_line_and_remedy(tmp_path, blank):
     rows = ["x,y,z,u,v,w", "0.25,-0.75,0.75,0.5,0,0", f"0.75,-0.75,0.75,{blank},0,0"]
@@ -412,6 +415,13 @@ def test_blanks_of_arrays_and_results_are_named_by_their_cell(tmp_path, wind):
     for name in ("own.npy", "cells.npy", "wind_iteration_0"):
         with pytest.raises(EnvironmentDataError, match=r"9\.96921e\+36 in cell \[1, 2, 3\], which is no value"):
             load_wind(tmp_path / name, GRID)
+
+
+def test_blanks_with_decimals_are_known_in_single_precision(tmp_path, wind):
+    wind[1, 2, 3, 0] = -99.99
+    np.save(tmp_path / "own.npy", wind.astype(np.float32))
+    with pytest.raises(EnvironmentDataError, match=r"-99\.99 in cell \[1, 2, 3\], which is no value"):
+        load_wind(tmp_path / "own.npy", GRID)
 
 
 def write_case(folder, wind, times, places):
