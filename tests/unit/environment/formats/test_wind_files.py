@@ -388,10 +388,10 @@ def test_a_line_of_three_numbers_for_each_cell_is_no_series_of_frames(tmp_path, 
 
 @pytest.mark.parametrize(
     "blank",
-    (
+    [
         *("-1e300", "-1e+300", "1e30", "-9999", "-999", "-99.99", "-999.9", "1e38", "9.969209968386869e+36", "nan"),
         *("NaN", "", "--", "32767"),
-    ),
+    ],
 )
 def test_what_stands_for_no_value_is_named_with_line_and_remedy(tmp_path, blank):
     rows = ["x,y,z,u,v,w", "0.25,-0.75,0.75,0.5,0,0", f"0.75,-0.75,0.75,{blank},0,0"]
