@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from gslcosim.base.checksums import check_files, write_checksums
 from gslcosim.base.errors import MachineError, UsageError, build_machine_error, find_remedy
+from gslcosim.base.files import iterate_tree
 from gslcosim.base.untrusted_input import JsonObject, MalformedFileError, read_json, read_json_lines
 
 WALL = "wall_"
@@ -516,6 +517,20 @@ class ResultsFolder:
                 "Fly a suite first: gslcosim bench run SUITE."
             )
 
+    def check_writable_entries(self) -> None:
+        """Refuse a folder with something in it through which a write would change or wait for something elsewhere.
+
+        Raises:
+            UsageError: there is a link, a pipe, a socket or a device in it, recordings aside.
+        """
+        for path in iterate_tree(self.path, is_entered=lambda path: path != self.recordings):
+            is_plain = (path.is_dir() or path.is_file()) and not path.is_symlink()
+            if path != self.recordings and not is_plain:
+                raise UsageError(
+                    f"{path}: expected a file or folder of these results, which are about to be written, was "
+                    f"{'a link' if path.is_symlink() else 'a pipe, a socket or a device'}. Remove it."
+                )
+
     @contextmanager
     def locked(self) -> Generator[None]:
         """Hold the folder against a second run.
@@ -525,6 +540,7 @@ class ResultsFolder:
             MachineError: it cannot be written.
         """
         path = self.path / ".lock"
+        self.check_writable_entries()
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             lock = path.open("a+")

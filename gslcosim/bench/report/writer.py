@@ -14,6 +14,7 @@ from gslcosim.bench.report.tables import (
     write_summary,
     write_tables,
 )
+from gslcosim.bench.store import ResultsFolder
 from gslcosim.bench.verification_marks import VerificationMark
 
 PAGE = "report.html"
@@ -39,11 +40,12 @@ def write_report(results_dir: Path, *, figures: bool = False, mark: Verification
         mark: What was found out by running a sample again; absent: what this user's state has of it.
 
     Raises:
-        UsageError: the folder holds no results, a file is damaged, or matplotlib is missing.
+        UsageError: the folder holds no results, a file is damaged or a link, or matplotlib is missing.
         MachineError: a file cannot be written.
     """
     analysis = analyse(load_report_data(results_dir, mark))
     page = results_dir / PAGE
+    ResultsFolder(results_dir).check_writable_entries()
     try:
         write_tables(analysis, results_dir / "tables")
         (results_dir / "leaderboard.json").write_text(build_leaderboard_json(analysis), encoding="utf-8")

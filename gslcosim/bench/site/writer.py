@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gslcosim.base.errors import UsageError, reporting_path_errors
+from gslcosim.base.files import replace_file
 from gslcosim.bench.report.analysis import analyse
 from gslcosim.bench.site.cards import find_cards
 from gslcosim.bench.site.pages import CASES, METHODS, PLANS, TRACKS, SiteData, build_site
@@ -56,7 +57,7 @@ def write_site(results: Sequence[Path], folder: Path) -> WrittenSite:
     with reporting_path_errors("--out", "a folder that can be written", path=folder):
         _prepare(folder)
         for name, content in build_site(data):
-            (folder / name).write_bytes(content)
+            replace_file(folder.resolve(), name, content)
             n_bytes += len(content)
     return WrittenSite(
         page=folder / INDEX,
@@ -97,7 +98,7 @@ def _has_marker(path: Path) -> bool:
 # The marker comes first: whatever interrupts the rest, the same command may go on.
 def _prepare(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / MARKER).write_text(json.dumps({"schema": SITE_SCHEMA}) + "\n", encoding="utf-8")
+    replace_file(folder.resolve(), MARKER, (json.dumps({"schema": SITE_SCHEMA}) + "\n").encode())
     for name, ending in _ENDINGS.items():
         (folder / name).mkdir(exist_ok=True)
         for path in (folder / name).glob(f"*{ending}"):

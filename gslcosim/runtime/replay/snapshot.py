@@ -19,7 +19,7 @@ import msgpack  # pyright: ignore[reportMissingTypeStubs]
 import gslcosim
 from gslcosim.base.code_identity import COMPUTING_PACKAGES, hash_code, list_package_files
 from gslcosim.base.errors import RunFolderError, SnapshotError, build_machine_error
-from gslcosim.base.files import append_bytes, read_regular_file, replace_file
+from gslcosim.base.files import append_bytes, open_regular_file, read_regular_file, replace_file
 from gslcosim.base.kernel_cache import is_signed, sign
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Message
@@ -214,7 +214,7 @@ def read_observations(folder: Path, agent: str) -> Iterator[bytes]:
         SnapshotError: there are no more.
     """
     try:
-        with (folder / f"{agent}.log").open("rb") as file:
+        with open_regular_file(folder / f"{agent}.log") as file:
             while piece := file.read(int.from_bytes(file.read(4), "big")):
                 unpacker = zlib.decompressobj()
                 rest = unpacker.decompress(piece, _MAX_UNPACKED_BYTES)

@@ -163,35 +163,38 @@ def _is_kept_program(folder: Path, results: Path) -> bool:
     return parts[:1] == (_PROGRAMS,)
 
 
+# Without recursion: another program may have nested folders as deep as it likes.
 def _search(
-    folder: Path, budget: _Budget, inodes: set[tuple[int, int]], passed_over: Collection[str]
+    root: Path, budget: _Budget, inodes: set[tuple[int, int]], passed_over: Collection[str]
 ) -> Iterator[Path]:
-    try:
-        entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
-    except OSError:
-        return
-    budget.spend(len(entries), 0)
-    if _is_result_folder(folder):
-        yield folder
-        return
-    if folder != budget.folder and any(entry.name in _OF_ZARR for entry in entries):
-        yield folder
-        return
-    if folder != budget.folder and any(_holds(Path(entry.path), _SIGNS_OF_RUN) for entry in entries):
-        # More may be made in it while the agent looks.
-        yield folder
-        return
-    for entry in entries:
-        path = Path(entry.path)
-        if entry.name in _HISTORY:
-            yield path
-        elif entry.is_dir(follow_symlinks=False):
-            if entry.name not in passed_over:
-                yield from _search(path, budget, inodes, NOT_SEARCHED)
-        elif _is_truth(path, budget, inodes):
-            yield path
-            if entry.is_symlink():
-                yield path.resolve()
+    unseen = [root]
+    while unseen:
+        folder = unseen.pop()
+        try:
+            entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
+        except OSError:
+            continue
+        budget.spend(len(entries), 0)
+        is_below = folder != root
+        # More may be made beside a run while the agent looks.
+        if (
+            _is_result_folder(folder)
+            or (is_below and any(entry.name in _OF_ZARR for entry in entries))
+            or (is_below and any(_holds(Path(entry.path), _SIGNS_OF_RUN) for entry in entries))
+        ):
+            yield folder
+            continue
+        for entry in entries:
+            path = Path(entry.path)
+            if entry.name in _HISTORY:
+                yield path
+            elif entry.is_dir(follow_symlinks=False):
+                if entry.name not in (NOT_SEARCHED if is_below else passed_over):
+                    unseen.append(path)
+            elif _is_truth(path, budget, inodes):
+                yield path
+                if entry.is_symlink():
+                    yield path.resolve()
 
 
 def _is_result_folder(folder: Path) -> bool:
