@@ -36,10 +36,14 @@ def write_checksums(folder: Path, *names: str, place: str = "", written: Mapping
     Raises:
         OSError: they cannot be written.
     """
-    path, files = folder / CHECKSUMS_FILE, dict[str, str]()
+    path, files, place = folder / CHECKSUMS_FILE, dict[str, str](), place or folder.name
+    is_ours = True
     # Of one that is damaged, what it had of the others is lost.
     with contextlib.suppress(MalformedFileError):
-        files, _ = _read(path) if path.is_file() else (files, b"")
+        if path.is_file():
+            files, signature = _read(path)
+            # What somebody else says of the others is not signed with the rest.
+            is_ours = is_signed(place, _body_of(files), signature, path)
     for name in names:
         found = _hash_file((written or {}).get(name, folder / name))
         # A machine that stops between this file and that one leaves either: the hash before stays.
@@ -48,7 +52,7 @@ def write_checksums(folder: Path, *names: str, place: str = "", written: Mapping
     content = {
         "files": files,
         "check": _hash(body),
-        "signature": (sign(place or folder.name, body) or b"").hex(),
+        "signature": ((sign(place, body) if is_ours else None) or b"").hex(),
     }
     replace_file(folder, CHECKSUMS_FILE, (json.dumps(content, indent=1) + "\n").encode())
 

@@ -43,9 +43,9 @@ def write_report(results_dir: Path, *, figures: bool = False, mark: Verification
         UsageError: the folder holds no results, a file is damaged or a link, or matplotlib is missing.
         MachineError: a file cannot be written.
     """
+    ResultsFolder(results_dir).check_writable_entries()
     analysis = analyse(load_report_data(results_dir, mark))
     page = results_dir / PAGE
-    ResultsFolder(results_dir).check_writable_entries()
     try:
         write_tables(analysis, results_dir / "tables")
         (results_dir / "leaderboard.json").write_text(build_leaderboard_json(analysis), encoding="utf-8")

@@ -1,14 +1,20 @@
 """Selection of the sandbox that an agent or participant gets on this machine, and of what is hidden from it."""
 
+import bz2
+import gzip
+import io
 import itertools
+import lzma
 import os
 import re
 import stat
+import tarfile
 import tempfile
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+import zipfile
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import IO, Any, Literal
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import open_regular_file, read_regular_file
@@ -67,6 +73,21 @@ _COLUMNS = re.compile(
 _MIN_COLUMNS = 4
 # Beside the schema: a run's name in a dictionary of columns and in metadata, topics of a bag, and what has drawn plots.
 _SIGN_OF_EXPORT = re.compile(rb'"run_id": "|CREATE TABLE topics|gslcosim \d|gslcosim plot')
+# Compressed files and archives are unpacked, as far as they are searched, these within one another.
+_MAX_ARCHIVE_LEVELS = 4
+_MAX_ARROW_BYTES = 64 << 20
+_BLOCK_BYTES = 1 << 20
+_PACKED_TAPES = (".tgz", ".tbz", ".tbz2", ".txz", ".tzst")
+_COMPRESSED: Mapping[bytes, Callable[[IO[bytes]], Any]] = {
+    b"\x1f\x8b": lambda file: gzip.GzipFile(fileobj=file),
+    b"BZh": bz2.BZ2File,
+    b"\xfd7zXZ\0": lzma.LZMAFile,
+    b"]\0\0": lzma.LZMAFile,
+    b"\x28\xb5\x2f\xfd": lambda file: _open_by_arrow(file, "zstd"),
+    b"\x04\x22\x4d\x18": lambda file: _open_by_arrow(file, "lz4"),
+}
+# Nothing here reads archives of 7-Zip and RAR: no program needs one beside it.
+_UNREADABLE_BEGINS = (b"7z\xbc\xaf\x27\x1c", b"Rar!")
 _PICTURE_BEGINS = (b"\x89PNG", b"%PDF", b"<?xml", b"<svg")
 # Of other files only so much is looked at: a schema stands at the beginning.
 _HEAD_BYTES = 64 << 10
@@ -164,9 +185,7 @@ def _is_kept_program(folder: Path, results: Path) -> bool:
 
 
 # Without recursion: another program may have nested folders as deep as it likes.
-def _search(
-    root: Path, budget: _Budget, inodes: set[tuple[int, int]], passed_over: Collection[str]
-) -> Iterator[Path]:
+def _search(root: Path, budget: _Budget, inodes: set[tuple[int, int]], passed_over: Collection[str]) -> Iterator[Path]:
     unseen = [root]
     while unseen:
         folder = unseen.pop()
@@ -210,33 +229,89 @@ def _is_truth(path: Path, budget: _Budget, inodes: set[tuple[int, int]]) -> bool
     # A pipe would be waited for, for ever.
     if status is None or not stat.S_ISREG(status.st_mode):
         return False
-    if (status.st_dev, status.st_ino) in inodes or path.suffix in _RECORDINGS:
+    if (status.st_dev, status.st_ino) in inodes:
         return True
-    if path.suffix in _CODE_FILES:
-        return False
-    is_data = path.suffix in _DATA_FILES
-    length = status.st_size if is_data else min(_HEAD_BYTES, status.st_size)
-    budget.spend(0, length)
     try:
         with open_regular_file(path) as file:
-            data = file.read(length)
-            if data.startswith((*_BINARY_BEGINS, *_PICTURE_BEGINS, _ARCHIVE_BEGIN)) and length < status.st_size:
-                budget.spend(0, _HEAD_BYTES)
-                file.seek(max(length, status.st_size - _HEAD_BYTES))
-                data += file.read(_HEAD_BYTES)
-    except OSError:
+            return _holds_truth(path.name, file, budget, n_bytes=status.st_size)
+    # Of what is damaged or locked with a password nothing is read; its libraries raise what they like.
+    except TooMuchToSearchError:
+        raise
+    except Exception:
         return False
-    if data.startswith(_RECORDING_BEGINS) or data[4:8] == b"ftyp":
+
+
+# `level` counts the archives around it; only of a plain file the length is known before it is unpacked.
+def _holds_truth(name: str, file: IO[bytes], budget: _Budget, *, n_bytes: int | None = None, level: int = 0) -> bool:
+    suffix = Path(name).suffix
+    if suffix in _RECORDINGS:
+        return True
+    if suffix in _CODE_FILES:
+        return False
+    is_data = suffix in _DATA_FILES
+    data = _read_within(budget, file, MAX_BYTES if is_data else _HEAD_BYTES)
+    if data.startswith(_UNREADABLE_BEGINS) or data.startswith(_RECORDING_BEGINS) or data[4:8] == b"ftyp":
         return True
     if data.startswith(_CODE_BEGINS):
         return False
+    is_archive = data.startswith(_ARCHIVE_BEGIN)
+    if level < _MAX_ARCHIVE_LEVELS and any(
+        _holds_truth(inner, content, budget, level=level + 1) for inner, content in _unpack(name, data, file, budget)
+    ):
+        return True
+    if is_archive or data.startswith((*_BINARY_BEGINS, *_PICTURE_BEGINS)):
+        file.seek(len(data) if n_bytes is None else max(len(data), n_bytes - _HEAD_BYTES))
+        tail = b""
+        while block := _read_within(budget, file, _BLOCK_BYTES):
+            tail = (tail + block)[-_HEAD_BYTES:]
+        data += tail
     has_secret = _holds_private_key(data) or (is_data and _PASSWORD.search(data) is not None)
-    return has_secret or _names_schema(data) or _is_export(data, is_json=path.suffix in (".json", ".jsonl"))
+    return has_secret or _names_schema(data) or _is_export(data)
+
+
+def _read_within(budget: _Budget, file: IO[bytes], n_bytes: int) -> bytes:
+    data = bytearray()
+    while len(data) < n_bytes and (block := file.read(min(_BLOCK_BYTES, n_bytes - len(data)))):
+        budget.spend(0, len(block))
+        data += block
+    return bytes(data)
+
+
+# Yields what a compressed file or an archive holds, with its name, one at a time; nothing for all others.
+def _unpack(name: str, data: bytes, file: IO[bytes], budget: _Budget) -> Iterator[tuple[str, IO[bytes]]]:
+    file.seek(0)
+    if data.startswith(_ARCHIVE_BEGIN):
+        with zipfile.ZipFile(file) as archive:
+            for member in archive.infolist():
+                budget.spend(1, 0)
+                # Names of arrays are looked at where they are: units of FMI may have such variables.
+                if not member.is_dir() and not member.flag_bits & 1 and not member.filename.endswith(".npy"):
+                    with archive.open(member) as content:
+                        yield member.filename, content
+    elif data[257:262] == b"ustar":
+        with tarfile.open(fileobj=file) as tape:
+            for entry in tape:
+                budget.spend(1, entry.size if name.endswith(_PACKED_TAPES) else 0)
+                if (content := tape.extractfile(entry) if entry.isreg() else None) is not None:
+                    yield entry.name, content
+    elif (opened := next((begin for begin in _COMPRESSED if data.startswith(begin)), None)) is not None:
+        with _COMPRESSED[opened](file) as content:
+            # `a.csv.gz` has `a.csv` in it, and `a.tgz` a tape.
+            inner = name.removesuffix(Path(name).suffix)
+            yield (name if Path(name).suffix in _PACKED_TAPES else inner), content
+
+
+def _open_by_arrow(file: IO[bytes], codec: str) -> IO[bytes]:
+    import pyarrow  # pyright: ignore[reportMissingTypeStubs]
+
+    arrow: Any = pyarrow
+    with arrow.CompressedInputStream(file, codec) as stream:
+        return io.BytesIO(stream.read(_MAX_ARROW_BYTES))
 
 
 # Of text the first line alone is looked at, so that a page about tables is none.
-def _is_export(data: bytes, *, is_json: bool) -> bool:
-    is_binary = data.startswith(_BINARY_BEGINS)
+def _is_export(data: bytes) -> bool:
+    is_binary, is_json = data.startswith(_BINARY_BEGINS), data.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[")
     if (is_binary or is_json or data.startswith(_PICTURE_BEGINS)) and _SIGN_OF_EXPORT.search(data) is not None:
         return True
     if data.startswith(_ARCHIVE_BEGIN):

@@ -1,8 +1,15 @@
 """What an agent may not see: runs, results of suites, rooms, and files that hold the truth under any name."""
 
+import bz2
+import gzip
+import io
 import json
+import lzma
 import os
+import tarfile
+import zipfile
 
+import pyarrow
 import pytest
 
 from gslcosim.runtime.processes.sandbox import selection
@@ -103,6 +110,75 @@ def test_copies_are_found_in_each_spelling_under_each_name(tmp_path, name, conte
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     made(tmp_path, ("agent.py", "readme.md"))
     assert find_exposed_truth([tmp_path]) == [path]
+
+
+def zipped(name, data, method=zipfile.ZIP_DEFLATED):
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", method) as archive:
+        archive.writestr(f"folder/{name}", data)
+    return packed.getvalue()
+
+
+def taped(name, data, mode="w"):
+    packed = io.BytesIO()
+    with tarfile.open(fileobj=packed, mode=mode) as tape:
+        for each, content in (("readme.md", b"# Old" + bytes(100_000)), (name, data)):
+            member = tarfile.TarInfo(each)
+            member.size = len(content)
+            tape.addfile(member, io.BytesIO(content))
+    return packed.getvalue()
+
+
+PACKINGS = {
+    "a.gz": lambda name, data: gzip.compress(data),
+    "b.bz2": lambda name, data: bz2.compress(data),
+    "c.xz": lambda name, data: lzma.compress(data),
+    "d.lzma": lambda name, data: lzma.compress(data, format=lzma.FORMAT_ALONE),
+    "e.zst": lambda name, data: pyarrow.compress(data, codec="zstd", asbytes=True),
+    "f.zip": zipped,
+    "g.zip": lambda name, data: zipped(name, data, zipfile.ZIP_STORED),
+    "h.tar": taped,
+    "i.tgz": lambda name, data: taped(name, data, "w:gz"),
+    "j.tar.xz": lambda name, data: taped(name, data, "w:xz"),
+    "weights.bin": lambda name, data: zipped("inner.tar.gz", taped(name, data, "w:gz")),
+}
+TRUTHS = {
+    "filaments.csv": b"tick,time_s,x_m,y_m,z_m\n" + b"1,0.1,1,2,3\n" * 20_000,
+    "gas.parquet": b"PAR1" + os.urandom(200_000) + b"\0x_m\0\0y_m\0\0z_m\0\0ethanol_ppm\0PAR1",
+    "room.yaml": SCHEMA.encode(),
+    "dictionary": b'\xef\xbb\xbf{"run_id": "tiny_room-seed1", "seed": 1}',
+}
+
+
+@pytest.mark.parametrize("truth", TRUTHS)
+@pytest.mark.parametrize("packing", PACKINGS)
+def test_copies_are_found_in_compressed_files_and_archives(tmp_path, packing, truth):
+    (tmp_path / packing).write_bytes(PACKINGS[packing](truth, TRUTHS[truth]))
+    assert find_exposed_truth([tmp_path]) == [tmp_path / packing]
+    (tmp_path / packing).write_bytes(PACKINGS[packing]("layers", b"weights of a network" * 1000))
+    assert find_exposed_truth([tmp_path]) == []
+
+
+def test_archives_that_cannot_be_opened_here_are_hidden(tmp_path):
+    (tmp_path / "old").write_bytes(b"7z\xbc\xaf\x27\x1c\0\4")
+    assert find_exposed_truth([tmp_path]) == [tmp_path / "old"]
+
+
+def test_what_unpacks_to_more_than_is_searched_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(selection, "MAX_BYTES", 4 << 20)
+    (tmp_path / "bomb.gz").write_bytes(gzip.compress(b"PAR1" + bytes(64 << 20)))
+    with pytest.raises(TooMuchToSearchError):
+        find_exposed_truth([tmp_path])
+
+
+def test_folders_of_any_depth_are_searched(tmp_path):
+    """Paths may have 4096 bytes, and Python a thousand levels of calls."""
+    folder = tmp_path
+    for _ in range(1500):
+        folder = folder / "d"
+        folder.mkdir()
+    (folder / "room.yaml").write_text(SCHEMA)
+    assert find_exposed_truth([tmp_path]) == [folder / "room.yaml"]
 
 
 @pytest.mark.parametrize(
