@@ -19,6 +19,7 @@ import pytest
 
 from gslcosim.base.errors import SnapshotError
 from gslcosim.runtime.replay.object_state import ObjectState
+from gslcosim.runtime.replay.snapshot import read_observations
 
 CALLS = []
 
@@ -391,3 +392,9 @@ def test_mutated_states_come_back_or_are_refused_and_run_nothing(state, monkeypa
         assert CALLS == []
     assert ran == []
     assert n_refused > 300
+
+
+def test_a_pipe_in_place_of_what_an_agent_was_told_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "beetle.log")
+    with pytest.raises(SnapshotError, match="a pipe and no file"):
+        next(read_observations(tmp_path, "beetle"))
