@@ -523,6 +523,8 @@ class ResultsFolder:
         Raises:
             UsageError: there is a link, a pipe, a socket or a device in it, recordings aside.
         """
+        if not self.path.exists():
+            return
         for path in iterate_tree(self.path, is_entered=lambda path: path != self.recordings):
             is_plain = (path.is_dir() or path.is_file()) and not path.is_symlink()
             if path != self.recordings and not is_plain:

@@ -53,3 +53,8 @@ def test_recordings_may_be_kept_elsewhere(tmp_path):
     (tmp_path / "results" / "recordings").symlink_to(tmp_path)
     with ResultsFolder(tmp_path / "results").locked():
         assert (tmp_path / "results" / ".lock").is_file()
+
+
+def test_a_folder_that_is_not_there_is_made(tmp_path):
+    with ResultsFolder(tmp_path / "new" / "results").locked():
+        assert (tmp_path / "new" / "results" / ".lock").is_file()
