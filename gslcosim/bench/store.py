@@ -341,6 +341,8 @@ if sys.platform != "win32":
 _MAX_BYTES = 1_000_000_000
 # Of a Parquet file, at once.
 _READ_BYTES = 1 << 20
+# Values of a table: of trials a quarter of a million rows, of tracks days. Equal ones take next to nothing in a file.
+_MAX_TRIAL_VALUES, _MAX_TRACK_VALUES = 30_000_000, 500_000_000
 RESULTS_SCHEMA = "gslcosim/results/1"
 MAPS_SCHEMA = "gslcosim/maps/1"
 SHARD_SCHEMA = "gslcosim/shard/1"
@@ -710,6 +712,9 @@ def _table(path: Path, schema: pa.Schema, *, required: Sequence[str]) -> pa.Tabl
             there = file.schema_arrow.names
             if len(set(there)) < len(there):
                 raise ValueError("a column is there twice")
+            most = _MAX_TRIAL_VALUES if schema is TRIALS else _MAX_TRACK_VALUES
+            if (n_values := _count_values(file.metadata)) > most:
+                raise ValueError(f"it unpacks to {n_values} values, and {most} are the most")
             is_part = schema is not TRIALS and set(schema.names) <= set(there)
             names = schema.names if is_part else there
             table = pa.table({name: file.read([name], use_threads=False).column(name) for name in names})
@@ -733,6 +738,11 @@ def _table(path: Path, schema: pa.Schema, *, required: Sequence[str]) -> pa.Tabl
             )
     # With the meanings and units of the fields, which a column alone does not bring.
     return table.cast(schema)
+
+
+def _count_values(metadata: pq.FileMetaData) -> int:
+    groups = (metadata.row_group(i) for i in range(metadata.num_row_groups))
+    return sum(group.column(i).num_values for group in groups for i in range(group.num_columns))
 
 
 def _tracks_by_trial(path: Path) -> dict[str, bytes]:

@@ -3,11 +3,13 @@
 import os
 import socket
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from gslcosim.base.errors import UsageError
 from gslcosim.bench.report.writer import write_report
-from gslcosim.bench.store import ResultsFolder
+from gslcosim.bench.store import TRIALS, ResultsFolder
 
 
 def _link_file(path, victim):
@@ -58,3 +60,13 @@ def test_recordings_may_be_kept_elsewhere(tmp_path):
 def test_a_folder_that_is_not_there_is_made(tmp_path):
     with ResultsFolder(tmp_path / "new" / "results").locked():
         assert (tmp_path / "new" / "results" / ".lock").is_file()
+
+
+def test_a_table_of_far_more_rows_than_any_suite_has_is_refused(tmp_path):
+    """Rows of equal values take next to nothing in the file, and gigabytes in memory."""
+    with pq.ParquetWriter(tmp_path / "trials.parquet", TRIALS, compression="zstd") as file:
+        many = pa.table({field.name: pa.nulls(100_000, field.type) for field in TRIALS}, schema=TRIALS)
+        for _ in range(10):
+            file.write_table(many)
+    with pytest.raises(UsageError, match="it unpacks to"):
+        ResultsFolder(tmp_path).rows()
