@@ -54,6 +54,7 @@ SIM_TIME_S = 120
 # After it is certain what happened: at once for a kill, after the limit for a stop.
 END_LIMIT_S = 5.0
 HANG_LIMIT_S = 120.0
+MOST_TRIES = 5
 LONGEST_STOP_S = 60.0
 _PR_SET_CHILD_SUBREAPER = 36
 
@@ -75,6 +76,7 @@ class Ended:
     """How a trial ended; `problems` are what was not as expected."""
 
     fault: Fault
+    is_sent: bool = False
     outcome: str = ""
     exit_code: int = 0
     end_s: float = 0.0
@@ -178,6 +180,15 @@ class Trial:
 
 def fly_with(fault: Fault, baseline: dict | None) -> Ended:
     """Fly one trial and return how it ended; without a baseline no fault happens."""
+    for _ in range(MOST_TRIES):
+        ended = _fly_once(fault, baseline)
+        # On a busy machine a short run may be over before the fault: that proves nothing.
+        if ended.is_sent or baseline is None or fault.phase == "ending":
+            break
+    return ended
+
+
+def _fly_once(fault: Fault, baseline: dict | None) -> Ended:
     folder = Path(tempfile.mkdtemp(prefix="gf", dir="/tmp"))
     try:
         trial = Trial(folder, fault.member)
@@ -198,6 +209,7 @@ def _fly(trial: Trial, fault: Fault, baseline: dict | None) -> Ended:
     signalled_s = time.monotonic()
     certain_s, allowed = signalled_s, (GOES_ON,) if fault.phase == "ending" else ()
     if pid and _send(pid, signal.SIGKILL if fault.signal == "killed" else signal.SIGSTOP):
+        ended.is_sent = True
         allowed = expected(fault.member, fault.signal, fault.phase)
         certain_s = _go_on(trial, fault, pid, signalled_s)
     try:
