@@ -106,7 +106,7 @@ def attacked(folder: Path, sandbox: str) -> Attacked:
     for name in ("notes.txt", "room.yaml.orig", "a/b/c/d/e/f/deep.json", "earlier.rrd", ".git/objects/ab/cdef"):
         (work / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(TINY_ROOM, work / name)
-    (work / "unread.md").write_text("of nobody")
+    (work / "unread.py").write_text("of nobody")
     (work / "kept_recording").write_bytes(b"RRF2 the source is at 1 2 3")
     (work / "old").mkdir()
     (work / "old" / "lookup.txt").write_text('"tick","time_s","x_m","y_m","z_m","sigma_m"\n1,0.1,1,2,3,0.1\n')

@@ -594,7 +594,7 @@ def change_rights_of_devices():
 
 
 def leave_times_of_access():
-    path = Path(__file__).with_name("unread.md")
+    path = Path(__file__).with_name("unread.py")
     before = path.stat().st_atime_ns
     path.read_bytes()
     return "later than before" if path.stat().st_atime_ns != before else ""
