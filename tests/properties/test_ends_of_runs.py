@@ -151,6 +151,9 @@ class Ends:
             hub.open().answer(protocol.build_resend_key(service), partial(members.answer, service, kept))
         for service in self.services:
             hub.open().answer(protocol.build_inspection_key(service), lambda _, name=service: [build_inspection(name)])
+        self.signals = []
+        for key in (protocol.START_KEY, protocol.STOP_KEY):
+            hub.open().subscribe(key, lambda key, _: self.signals.append(key))
         groups = group_services("separate", self.services)
         gateway = GatewayAgents(self.setup, self.directory, Network(), members.put)
         restarts = RestartPolicy(self.scenario, groups, lambda group, how: None)
@@ -220,6 +223,14 @@ def test_a_verdict_that_every_report_overtakes_is_waited_for(ends, digest):
     reports = [name for name in ends.messages if name.startswith("report")]
     assert ends.end([*reports, *late]).digest.hex == digest
     assert ends.end(reports).digest.hex == digest
+
+
+def test_start_and_stop_are_sent_again_to_a_service_that_lost_them(ends, digest):
+    """On a busy machine one run in hundreds waited for a service that waited for the start."""
+    assert ends.end(ends.messages, {"report world": 9}).digest.hex == digest
+    assert ends.took_s > 4
+    assert ends.signals.count(protocol.START_KEY) > 2
+    assert ends.signals.count(protocol.STOP_KEY) > 2
 
 
 @pytest.mark.slow

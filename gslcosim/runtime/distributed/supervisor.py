@@ -90,6 +90,8 @@ INSPECTION_TIMEOUT_S = 0.5
 
 
 POLL_PERIOD_S = 0.1
+# Whoever has started or ended by then takes no notice of the next signal.
+SIGNAL_PERIOD_S = 1.0
 # Between two looks at the clock, however many messages an agent sends.
 MAX_EVENTS_AT_ONCE = 256
 
@@ -139,6 +141,7 @@ class Supervisor:
         # The fault before which all others still have ticks to do.
         self._fault: ServiceFault | None = None
         self._pauses = PauseDetector()
+        self._signalled_at_s = 0.0
         self._started_at_s: float | None = None
         self._ended_at_s: float | None = None
 
@@ -202,9 +205,9 @@ class Supervisor:
         ):
             self._handle_next()
             self._check_time()
-        self._bus.publish(protocol.START_KEY, b"", urgent=True)
         try:
             while not (self._watchdog.is_finished and not self._list_overdue()) and not interruption.is_set():
+                self._repeat_signals()
                 self._handle_next()
                 self._check_time()
                 self._report_run()
@@ -219,6 +222,16 @@ class Supervisor:
         if self._fault is not None and (self._verdict is None or self._verdict.tick > self._fault.tick):
             self._verdict = None
             raise RunEndedError(self._fault)
+
+    # A service that lost the start would wait for it, and one that lost the stop would go on, until the run times out.
+    def _repeat_signals(self) -> None:
+        now_s = time.monotonic()
+        if now_s - self._signalled_at_s < SIGNAL_PERIOD_S:
+            return
+        self._signalled_at_s = now_s
+        if self._watchdog.finished_tick == 0:
+            self._bus.publish(protocol.START_KEY, b"", urgent=True)
+        self._send_stop()
 
     def fault(self, text: str) -> ServiceFault:
         """Return a fault of the supervisor's own, at the tick that all services have reached."""
