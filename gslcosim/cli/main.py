@@ -1,11 +1,12 @@
 """`gslcosim`: the entry point. Heavy packages are imported only by the command that needs them."""
 
+import argparse
 import contextlib
 import gc
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from gslcosim import __version__
 from gslcosim.base.disk_cache import limit_from_environment
@@ -133,14 +134,15 @@ def main(words: Sequence[str] | None = None) -> int:
     return exit_code
 
 
-def run_command(words: Sequence[str]) -> int:
+def run_command(words: Sequence[str], call: Callable[[argparse.Namespace], int] | None = None) -> int:
     """Run one command, report what goes wrong, and return the exit code.
 
     Args:
         words: The command line without the program's name.
+        call: What is called with the parsed words; by default what the command is there for.
     """
     try:
-        exit_code = _exit_code_of(words)
+        exit_code = _exit_code_of(words, call)
         finish_output()
     except BrokenPipeError:
         give_up_output()
@@ -152,7 +154,7 @@ def run_command(words: Sequence[str]) -> int:
     return exit_code
 
 
-def _exit_code_of(words: Sequence[str]) -> int:
+def _exit_code_of(words: Sequence[str], call: Callable[[argparse.Namespace], int] | None) -> int:
     parser = build_parser(GROUPS, version=__version__)
     try:
         if not words:
@@ -164,7 +166,7 @@ def _exit_code_of(words: Sequence[str]) -> int:
             check_working_directory()
             check_thread_limit()
             limit_from_environment()
-        return int(arguments.call(arguments))
+        return int((call or arguments.call)(arguments))
     except SystemExit:
         # The help or the version has been printed.
         finish_output()
