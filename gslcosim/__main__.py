@@ -2,7 +2,7 @@
 
 import sys
 
-from gslcosim.base.processes import raise_on_signals
+from gslcosim.base.processes import is_asked_to_end, raise_on_signals
 
 
 def main() -> int:
@@ -13,6 +13,9 @@ def main() -> int:
         # Imported after signals are handled, since it takes a while.
         from gslcosim.cli.main import main as run_command
 
+        # Some imports turn an interruption into nothing.
+        if is_asked_to_end():
+            raise KeyboardInterrupt
         exit_code = run_command()
     except KeyboardInterrupt:
         sys.stderr.write("Interrupted.\n")

@@ -26,7 +26,7 @@ CASES = """
 schema: gslcosim/suite/1
 name: cases
 scenarios: [{source: tiny_room, set: {referee.stop.time_limit_s: 30}}]
-set: {gas.tape: true}
+set: {gas.tape: true, 'agents[0].seed': 7}
 anchors: []
 entries:
   - {name: dung_beetle, start: {python: dung_beetle}}
