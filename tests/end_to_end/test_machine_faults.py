@@ -11,7 +11,10 @@ from pathlib import Path
 
 import pytest
 from deadlines import PROCESS_S
+from mounts import mounted
 from real_runs import AGENTS, COMMAND, TINY_ROOM, fly, start, with_agent
+
+from gslcosim.runtime.processes.sandbox.selection import unavailable_reason
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits and mounts of Linux")
 
@@ -30,19 +33,6 @@ def start_option(agent, *arguments):
     """Return the override that starts a test agent with arguments."""
     command = [sys.executable, str(AGENTS / f"{agent}.py"), *map(str, arguments)]
     return "--set", f"agents[0].start={{command: {json.dumps(command)}}}"
-
-
-@contextlib.contextmanager
-def mounted(folder, options):
-    """Mount a file system in memory, or skip the test where that is not allowed."""
-    folder.mkdir()
-    call = ["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)]
-    if os.geteuid() != 0 or subprocess.run(call, capture_output=True, check=False).returncode != 0:
-        pytest.skip("mounting is not allowed here")
-    try:
-        yield folder
-    finally:
-        subprocess.run(["umount", str(folder)], check=True)
 
 
 def saved_result(ended):
@@ -132,12 +122,21 @@ def test_a_cache_that_cannot_be_written_is_reported(tmp_path, monkeypatch, optio
 
 
 @pytest.mark.parametrize("size", ["4k", "40k"])
-def test_a_temporary_directory_that_is_full_is_reported_as_such(tmp_path, monkeypatch, size):
-    """A file of the cache was named, on a disk with room. A path too long for sockets would not be taken."""
+@pytest.mark.parametrize("sandbox", ["landlock", "bubblewrap"])
+def test_a_temporary_directory_that_is_full_is_reported_as_such_where_it_is_needed(
+    tmp_path, monkeypatch, sandbox, size
+):
+    """A file of the cache was named, on a disk with room; bubblewrap has a private folder in memory."""
+    if reason := unavailable_reason(sandbox):
+        pytest.skip(f"{sandbox} cannot be tested here: {reason}")
+    # A path too long for sockets would not be taken.
     with tempfile.TemporaryDirectory(dir="/tmp") as short, mounted(Path(short) / "full", f"size={size}") as folder:
         monkeypatch.setenv("TMPDIR", str(folder))
-        ended = fly(TINY_ROOM, tmp_path / "runs")
+        ended = fly(TINY_ROOM, tmp_path / "runs", "--set", f"agents[0].sandbox={sandbox}")
         monkeypatch.delenv("TMPDIR")
+    if sandbox == "bubblewrap":
+        assert ended.exit_code == 0, ended.errors
+        return
     assert ended.exit_code == 3
     assert "temporary directory: expected a folder that can be written, was no space left on device" in ended.errors
     assert f"File: {folder}" in ended.errors

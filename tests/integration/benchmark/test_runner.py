@@ -15,6 +15,7 @@ import psutil
 import pyarrow.parquet as pq
 import pytest
 from deadlines import EVENT_S, PROCESS_S
+from mounts import mounted
 
 from gslcosim.base.errors import UsageError
 from gslcosim.bench.cases import build_plan, load_suite
@@ -240,16 +241,19 @@ def test_a_run_of_some_trials_keeps_the_rows_of_the_others(smoke: Path, tmp_path
 
 @pytest.mark.end_to_end
 def test_a_full_disk_is_reported_and_costs_nothing_that_was_run(smoke: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "results" / "smoke"
-    shutil.copytree(smoke, folder, ignore=shutil.ignore_patterns("recordings", "trials.parquet", "tracks.parquet"))
-    (folder / "rows.jsonl").symlink_to("/dev/full")
-    ended = bench("run", "smoke", "--jobs", "1", "--no-report", cwd=tmp_path)
-    assert ended.returncode == 3
-    assert "was no space left on device. Free room there" in ended.stderr
-    assert "the same command again" in ended.stderr
-    (folder / "rows.jsonl").unlink()
-    assert bench("run", "smoke", "--no-report", cwd=tmp_path).returncode == 0
-    assert rows_of(folder) == rows_of(smoke)
+    with mounted(tmp_path / "results", "size=4m") as disk:
+        folder = disk / "smoke"
+        shutil.copytree(smoke, folder, ignore=shutil.ignore_patterns("recordings", "trials.parquet", "tracks.parquet"))
+        filler = disk / "filler"
+        # Room for what is written before the first row.
+        filler.write_bytes(bytes(shutil.disk_usage(disk).free - 16_384))
+        ended = bench("run", "smoke", "--jobs", "1", "--no-report", cwd=tmp_path)
+        assert ended.returncode == 3
+        assert "was no space left on device. Free room there" in ended.stderr
+        assert "the same command again" in ended.stderr
+        filler.unlink()
+        assert bench("run", "smoke", "--no-report", cwd=tmp_path).returncode == 0
+        assert rows_of(folder) == rows_of(smoke)
 
 
 @pytest.mark.end_to_end

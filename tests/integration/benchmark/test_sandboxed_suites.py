@@ -68,8 +68,7 @@ def test_honest_agents_run_the_same_and_a_thief_finds_nothing(flown: tuple[Path,
     assert {row["status"] for row in (*trusting.values(), *sealed.values())} == {"flown"}
     for entry in ("dung_beetle", "calling_beetle"):
         differing = {name for name in trusting[entry] if trusting[entry][name] != sealed[entry][name]}
-        # Seeds of agents are others, and a digest has the briefings.
-        assert {name for name in differing if not is_machine_dependent(name)} == {"trial", "digest"}
+        assert {name for name in differing if not is_machine_dependent(name)} == {"trial"}
     assert {row["sandbox"] for row in trusting.values()} == {"none: in this process"}
     assert all(row["sandbox"].startswith(find_strongest_sandbox()) for row in sealed.values())
     assert trusting["thief"]["success"]
