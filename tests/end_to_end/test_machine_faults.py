@@ -123,7 +123,7 @@ def test_a_cache_that_cannot_be_written_is_reported(tmp_path, monkeypatch, optio
 
 @pytest.mark.parametrize("size", ["4k", "40k"])
 @pytest.mark.parametrize("sandbox", ["landlock", "bubblewrap"])
-def test_a_temporary_directory_that_is_full_is_reported_as_such_where_it_is_needed(
+def test_a_full_temporary_directory_is_reported_where_it_is_needed(
     tmp_path, monkeypatch, sandbox, size
 ):
     """A file of the cache was named, on a disk with room; bubblewrap has a private folder in memory."""
