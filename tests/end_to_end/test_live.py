@@ -118,12 +118,16 @@ def test_a_recording_is_served_afterwards(tmp_path):
     server = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     flight = Flight(server, tmp_path)
     said = Said(flight)
-    page = said.until(r"Watch it at (http://127\.0\.0\.1:\d+)")[1]
-    with urllib.request.urlopen(page, timeout=EVENT_S) as answer:
-        assert answer.status == 200
-    said.until("stays open until Ctrl-C")
-    server.send_signal(signal.SIGINT)
-    assert ended(flight, said) == 0
+    try:
+        page = said.until(r"Watch it at (http://127\.0\.0\.1:\d+)")[1]
+        with urllib.request.urlopen(page, timeout=EVENT_S) as answer:
+            assert answer.status == 200
+        said.until("stays open until Ctrl-C")
+        server.send_signal(signal.SIGINT)
+        assert ended(flight, said) == 0
+    finally:
+        # Its viewer ends with it.
+        server.kill()
 
 
 def test_the_page_names_commands_that_work(tmp_path, monkeypatch):

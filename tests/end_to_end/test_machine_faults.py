@@ -123,9 +123,7 @@ def test_a_cache_that_cannot_be_written_is_reported(tmp_path, monkeypatch, optio
 
 @pytest.mark.parametrize("size", ["4k", "40k"])
 @pytest.mark.parametrize("sandbox", ["landlock", "bubblewrap"])
-def test_a_full_temporary_directory_is_reported_where_it_is_needed(
-    tmp_path, monkeypatch, sandbox, size
-):
+def test_a_full_temporary_directory_is_reported_where_it_is_needed(tmp_path, monkeypatch, sandbox, size):
     """A file of the cache was named, on a disk with room; bubblewrap has a private folder in memory."""
     if reason := unavailable_reason(sandbox):
         pytest.skip(f"{sandbox} cannot be tested here: {reason}")
