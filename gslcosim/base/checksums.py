@@ -1,8 +1,8 @@
-"""Checksums of files in a folder: what was changed since it was written is named, and never read in silence.
+"""Checksums of files in a folder, by which files that were changed or damaged are refused when they are read.
 
 `checksums.json` has a BLAKE2b hash of each file, a hash of itself, and a signature with the key of the cache (see
 `kernel_cache`). The hashes find damage, wherever the folder was written. The signature tells a folder of this cache
-from one of somebody else, whose content proves nothing about where it comes from.
+from one from elsewhere, whose content proves nothing about its origin.
 """
 
 import contextlib
@@ -42,7 +42,7 @@ def write_checksums(folder: Path, *names: str, place: str = "", written: Mapping
     with contextlib.suppress(MalformedFileError):
         if path.is_file():
             files, signature = _read(path)
-            # What somebody else says of the others is not signed with the rest.
+            # Hashes from elsewhere are not signed with the rest.
             is_ours = is_signed(place, _body_of(files), signature, path)
     for name in names:
         found = _hash_file((written or {}).get(name, folder / name))

@@ -363,7 +363,7 @@ def _move_or_remove(name: str, folder: int, new_name: str, root: int) -> None:
         if not _is_folder(name, folder):
             os.unlink(name, dir_fd=folder)
             return
-        # A folder is moved only by those who may write in it.
+        # Moving a folder needs the right to write in it.
         with _open_own_folder(name, folder):
             os.rename(name, new_name, src_dir_fd=folder, dst_dir_fd=root)
 

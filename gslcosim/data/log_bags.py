@@ -42,7 +42,7 @@ _GAS_SENSORS = "olfaction_msgs/msg/GasSensorArray"
 
 @dataclass(frozen=True, kw_only=True)
 class _Kind:
-    """How a message type is read: its numbers, and the unit of each; None where only the sensor knows them."""
+    """How a message type is read: its numbers, and the unit of each; None where they depend on the sensor."""
 
     values: Callable[[Any], tuple[float, ...]]
     parts: tuple[str, ...] | None = None
@@ -226,7 +226,7 @@ def _messages(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, _Mes
         ) from error
 
 
-# Then each message is compressed, as only the bag's description says.
+# Then each message is compressed, which stands in the bag's description alone.
 def _compresses_messages(path: Path) -> bool:
     description = path / "metadata.yaml"
     return description.is_file() and b"COMPRESSION_MODE: MESSAGE" in read_regular_file(description).upper()
@@ -280,7 +280,7 @@ def _of_mcap(path: Path, types: RosTypes) -> Iterator[tuple[str, str, int, _Mess
                     yield topic, name, record.log_time, partial(decode, record.data)
 
 
-# A chunk of some bytes may unpack to any number of them; the reader trusts what it says of itself.
+# A chunk of some bytes may unpack to any number of them; the reader trusts its own statement of its size.
 def _check_chunks(file: BinaryIO) -> None:
     import lz4.frame
     import zstandard

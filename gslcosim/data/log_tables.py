@@ -285,7 +285,7 @@ def _turns(table: _Table) -> Floats:
 
 
 def _columns_of(sensor: LoggedSensor, table: _Table, sensors: Sequence[LoggedSensor]) -> list[tuple[int, float]]:
-    # Names of sensors that differ in case only are told apart by it.
+    # Names of sensors that differ in case only are distinguished by it.
     is_exact = len({one.name.lower() for one in sensors}) < len(sensors)
     fold: Callable[[str], str] = str if is_exact else str.lower
     own: dict[int, str] = {}

@@ -28,7 +28,7 @@ _SPELLINGS: dict[str, tuple[str, float]] = {
     "ut": ("uT", 1.0), "nt": ("uT", 1e-3), "gauss": ("uT", 1e2),
     "c": ("degC", 1.0), "degc": ("degC", 1.0), "celsius": ("degC", 1.0), "kelvin": ("K", 1.0),
     "rh": ("%", 1.0), "percent": ("%", 1.0), "pct": ("%", 1.0), "mg_m3": ("mg/m^3", 1.0), "ug_m3": ("mg/m^3", 1e-3),
-    # Two numbers of an anemometer without units can still be told apart.
+    # Two numbers of an anemometer without units can still be distinguished.
     "speed": ("m/s", 1.0), "direction": ("rad", 1.0), "dir": ("rad", 1.0),
 }  # fmt: skip
 

@@ -57,7 +57,7 @@ _MOST_PER_TICK = 1.2
 _GREATEST_SPEED_M_S = 50.0
 
 
-# What has flown is not started again: its programs may be elsewhere, and no event takes place.
+# A finished flight is not started again: its programs may be elsewhere, and no event takes place.
 _WITHOUT_PROGRAMS = ("agents[0].start={attach: true}", "participants=[]", "services=[]", "events=[]")
 
 
@@ -93,7 +93,7 @@ def import_log(
     Args:
         log: What was run.
         source: The file it comes from; the manifest has its name and hash.
-        loaded: Room, source, vehicle and sensors; its only agent has flown, and none is started.
+        loaded: Room, source, vehicle and sensors; its agent is not started.
         runs_dir: Where the run's folder is made.
         remark: Receives what was left out of the log or assumed, sentence by sentence; the manifest has it, too.
 

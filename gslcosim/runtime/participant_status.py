@@ -66,7 +66,7 @@ class Stall:
 
 
 def explain_stall(participants: Sequence[ParticipantStatus]) -> Stall | None:
-    """Return who holds a run up, and who waits for it over whom; None where all have done what they had to.
+    """Return the participant that holds a run up, and the chain that waits for it; None where all have done their part.
 
     The chain begins at the participant that is furthest behind among those that wait. It leads from what that one
     lacks to the one that writes it, and so on, until one waits for nobody: it is in its step, owes an answer, or is

@@ -358,7 +358,7 @@ class RunDir:
         return scenario
 
     def load_manifest(self) -> RunManifest:
-        """Read `manifest.json`; what it says of versions is read before anything is compared with checksums.
+        """Read `manifest.json`; its versions are read before anything is compared with checksums.
 
         Raises:
             MalformedFileError: it cannot be read, or is none.
@@ -381,7 +381,7 @@ class RunDir:
         """
         return self._read(self.setup.name, RecordedSetup)
 
-    # What is wrong in a file says more than that it was changed.
+    # An error in the content is more exact than a changed checksum.
     def _read(self, name: str, kind: type[T]) -> T:
         content = read_json(self.path / name, kind)
         check_files(self.path, name)

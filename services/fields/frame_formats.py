@@ -291,7 +291,7 @@ def _read_version_2(reader: _GadenReader, minor: int, grid: Grid) -> GasFrame:
 
 def _read_version_2_6(reader: _GadenReader, minor: int, grid: Grid) -> GasFrame:
     gas, source_m = None, None
-    # Records are 20 bytes each; what is over tells whether 16 bytes of source and gas are there.
+    # Records are 20 bytes each; the remainder shows whether 16 bytes of source and gas are there.
     if reader.n_left % _FLOAT_RECORD.itemsize == struct.calcsize("<3fi2fi") % _FLOAT_RECORD.itemsize:
         source_m = check_source_position(reader.path, grid, reader.take_vector("f"))
         gas = find_gas_by_code(reader.path, reader.take_int())

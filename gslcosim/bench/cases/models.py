@@ -560,7 +560,7 @@ class Trial:
         return any(agent.get("sandbox") == "required" for agent in agents)
 
     def with_agent_secret(self, secret: str | None) -> "Trial":
-        """Return this trial, under its id, with seeds of agents from which nobody finds the run's seed by trying.
+        """Return this trial, under its id, with seeds of agents from which trying does not find the run's seed.
 
         seed of an agent = blake2b(secret / name of the agent), its first 31 bits; a seed that the scenario sets stays
 

@@ -465,7 +465,7 @@ def prepare_bundles(paths: Sequence[Path], suite: Path, *, name: str, results: P
 def copy_shared_file(path: Path, target: Path) -> None:
     """Copy a file into a folder for others, unless it is there: YAML without the schema that it names for editors.
 
-    The path of that schema leads nowhere in another folder; the key `schema` still says what the file is.
+    The path of that schema leads nowhere in another folder; the key `schema` still identifies the file.
     """
     if target.resolve() == path.resolve():
         return

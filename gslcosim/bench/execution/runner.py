@@ -175,7 +175,7 @@ def select_recorded_trials(trials: Sequence[Trial], rows: Mapping[str, Row], kee
 def shuffle_trials(trials: Iterable[Trial], *, seed: int) -> list[Trial]:
     """Return trials in the order in which they are flown, so that what one leaves behind meets no trial of its choice.
 
-    It depends on the seed of the suite and on the places of trials in it alone, not on who flies them or on how many
+    It depends on the seed of the suite and on the places of trials in it alone: not on the machine, nor on how many
     are left.
     """
     return sorted(trials, key=lambda trial: (derive_seed(seed, "order", trial.index), trial.index))

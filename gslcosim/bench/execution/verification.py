@@ -89,7 +89,7 @@ def check_confinable(trials: Sequence[Trial], folder: Path, *, is_trusted: bool 
     _check_programs([(trial, _programs(trial)) for trial in trials], folder, trusting)
 
 
-# A variable without a value would be the secret of somebody who repeats the run: that is no part of the results.
+# A variable without a value would be a secret of the machine that repeats the run, and no part of the results.
 def _check_variables(trials: Sequence[Trial], folder: Path, trusting: str) -> None:
     for trial in trials:
         for own in (*trial.resolved.agents, *trial.resolved.participants):

@@ -176,7 +176,7 @@ def _find_changes(folder: Path, statement: _Statement) -> Iterator[str]:
             yield f"{name}: was removed"
         elif found[name] != signed[name]:
             yield f"{name}: was altered (SHA-256 {signed[name][:12]}…, is {found[name][:12]}…)"
-    # Which rows were altered says more than that the file was.
+    # Altered rows are more exact than a changed checksum.
     results = ResultsFolder(folder, is_checked=False)
     if results.trials.name in found:
         yield from _find_changed_rows(results, statement["rows"])

@@ -385,7 +385,7 @@ def _verify(arguments: argparse.Namespace) -> int:
     from gslcosim.bench.verification_marks import results_hash
     from gslcosim.cli.run_output import format_signature, format_verification, signature_to_json, verification_to_json
 
-    # What is repeated says more than that a file was changed.
+    # A repeated trial is more exact than a changed checksum.
     folder = ResultsFolder(arguments.results, is_checked=False)
     folder.check()
     author = None if arguments.author is None else parse_author(arguments.author)

@@ -179,7 +179,7 @@ def _audit(arguments: argparse.Namespace) -> int:
         raise UsageError(f"{folder.path}: expected flights with a result, found none.")
     trials = again.draw(
         arguments.sample or required_draw(n_flown, arguments.at_most_false),
-        # Their author knows no beacon when the first line is written, and another line of the key changes nothing.
+        # The beacon is unknown when the first line is written, and another line of the key changes nothing.
         seed=f"{own[0].hash}\n{arguments.beacon}",
     )
     facts = {

@@ -162,7 +162,7 @@ def save(figure: Any, stem: Path, formats: Sequence[str], *, dots_per_inch: int 
     written: list[Path] = []
     for kind in formats:
         path = stem.with_name(f"{stem.name}.{kind}")
-        # A sandbox knows by its maker that a picture shows a run.
+        # A sandbox finds by its maker that a picture shows a run.
         maker = {"Creator": "gslcosim plot"} if kind != "png" else {"Software": "gslcosim plot"}
         undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}[kind] | maker
         content = io.BytesIO()

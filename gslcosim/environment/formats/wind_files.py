@@ -477,7 +477,7 @@ def _components_of(base: Path) -> tuple[Path, Path, Path]:
     return u, v, w
 
 
-# So much of a file says what it is.
+# So much of a file identifies its kind.
 _HEAD_BYTES = 2**16
 _NPY_MARK = b"\x93NUMPY"
 
@@ -626,7 +626,7 @@ _CENTRES_REMEDY = "Run postProcess -func writeCellCentres."
 _PARTS_REMEDY = "Run reconstructPar."
 # Of a case that is solved in parts: the folders of these.
 _PART = re.compile(r"processors?\d+(_\d+-\d+)?")
-# A time that holds no more than these says nothing of the flow.
+# A time that holds no more than these has no flow.
 _MESH_FIELDS = frozenset((*CENTRES_FILES, "Cx", "Cy", "Cz", "ccx", "ccy", "ccz", "V"))
 
 

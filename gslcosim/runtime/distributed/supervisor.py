@@ -90,7 +90,7 @@ INSPECTION_TIMEOUT_S = 0.5
 
 
 POLL_PERIOD_S = 0.1
-# Whoever has started or ended by then takes no notice of the next signal.
+# A service that has started or ended ignores the next signal.
 SIGNAL_PERIOD_S = 1.0
 # Between two looks at the clock, however many messages an agent sends.
 MAX_EVENTS_AT_ONCE = 256

@@ -38,7 +38,7 @@ def find_bubblewrap_failure() -> str:
     return tried.stderr.strip() or f"bubblewrap ended with exit code {tried.returncode}" if tried.returncode else ""
 
 
-# A relative entry of PATH would find one in a folder of somebody else.
+# A relative entry of PATH would find one in a folder of another user.
 def _find_program() -> str | None:
     program = shutil.which("bwrap")
     return program if program is not None and Path(program).is_absolute() else None

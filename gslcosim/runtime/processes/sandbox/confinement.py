@@ -180,7 +180,7 @@ _IOCTL_COMMANDS = (
 )  # fmt: skip
 # MADV_COLD, MADV_PAGEOUT.
 _EVICTING_ADVICE = (20, 21)
-# RWF_NOWAIT, by which a read tells whether it would have to wait for the disk, and RWF_DONTCACHE.
+# RWF_NOWAIT, by which a read shows whether it would have to wait for the disk, and RWF_DONTCACHE.
 _CACHE_FLAGS = 0x08 | 0x80
 
 
@@ -314,7 +314,7 @@ def build_filter_program(
         is_beside_namespaces: Whether namespaces keep files, processes and System V's memory apart already; otherwise
             that memory, queues, semaphores, and changes of rights, owners, times and of other processes are refused.
         has_own_network: Whether the network is a namespace of its own, in which internet sockets reach nobody.
-        owns_devices: Whether the user is root, to whom the devices of the machine belong: changes of rights, owners and
+        owns_devices: Whether the user is root, the owner of the machine's devices: changes of rights, owners and
             times are refused beside namespaces too, since a mount cannot keep a device both usable and unchanged.
     """
     numbers = _CALL_NUMBERS[machine]

@@ -96,7 +96,7 @@ class Launch:
                 variables |= build_bubblewrap_variables(cell)
                 # On its command line other users could read them.
                 words = build_bubblewrap_arguments(variables, kernels)
-                arguments = _open_memory_file_apart(b"".join(os.fsencode(word) + b"\0" for word in words))
+                arguments = _open_memory_file_above_pipes(b"".join(os.fsencode(word) + b"\0" for word in words))
                 inherited = [*calls, arguments]
                 confined = _plan_bubblewrap(cell, command, has_pipes=has_pipes, calls=calls, arguments=arguments)
             else:
@@ -153,11 +153,11 @@ def _write_call_filter(cell: SandboxPolicy) -> list[int]:
         os.uname().machine, allows_unix=True, allows_tcp=True, is_beside_namespaces=True,
         has_own_network=cell.tcp_port is None, owns_devices=os.geteuid() == 0,
     )  # fmt: skip
-    return [_open_memory_file_apart(code)]
+    return [_open_memory_file_above_pipes(code)]
 
 
 # Away from the numbers that the launcher gives to pipes.
-def _open_memory_file_apart(data: bytes) -> int:
+def _open_memory_file_above_pipes(data: bytes) -> int:
     made = open_memory_file(data)
     apart = fcntl.fcntl(made, fcntl.F_DUPFD_CLOEXEC, 2 * max(PIPES_AT))
     os.close(made)
