@@ -26,7 +26,7 @@ from gslcosim.simulation.ros_services import SimulationServices, encode_gas_resp
 pytestmark = [pytest.mark.extras, pytest.mark.slow]
 PATIENCE_S = 120.0
 OK, FAILED = ResultCode.OK, ResultCode.OPERATION_FAILED
-OVERRIDES = ["referee.stop.time_limit_s=3600", "referee.success.within_m=0.01"]
+OVERRIDES = ["referee.stop.time_limit_s=3600", "referee.success.within_m=0.000001"]
 # Of the code that ROS's own generator has written for version 2.
 HASHES = json.loads((Path(__file__).parents[1] / "shared" / "simulation_interfaces_hashes.json").read_text())
 
