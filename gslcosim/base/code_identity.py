@@ -14,11 +14,11 @@ COMPUTING_PACKAGES = ("numpy", "numba", "llvmlite", "mujoco", "pydantic", "msgpa
 # Code that shows runs, or counts over them, decides none.
 _IRRELEVANT_FOLDERS = (
     "gslcosim/cli",
-    "gslcosim/bench/report",
-    "gslcosim/bench/statistics",
-    "gslcosim/bench/studies",
-    "gslcosim/conformance",
-    "gslcosim/data",
+    "extensions/bench/gslcosim_bench/report",
+    "extensions/bench/gslcosim_bench/statistics",
+    "extensions/bench/gslcosim_bench/studies",
+    "extensions/conformance/gslcosim_conformance",
+    "extensions/data/gslcosim_data",
     "gslcosim_services/recorder",
 )
 _DIGEST_BYTES = 16

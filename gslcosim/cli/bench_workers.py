@@ -12,11 +12,11 @@ from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import ask, write_note
 
 if TYPE_CHECKING:
-    from gslcosim.bench.cases import LoadedSuite, Plan
-    from gslcosim.bench.cases.models import LimitsSpec, Trial
-    from gslcosim.bench.execution.pool import Pool
-    from gslcosim.bench.execution.runner import StaleRows
-    from gslcosim.bench.execution.verification import RepeatableResults, Verification
+    from gslcosim_bench.cases import LoadedSuite, Plan
+    from gslcosim_bench.cases.models import LimitsSpec, Trial
+    from gslcosim_bench.execution.pool import Pool
+    from gslcosim_bench.execution.runner import StaleRows
+    from gslcosim_bench.execution.verification import RepeatableResults, Verification
 
 
 def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,7 +60,7 @@ def confirm_put_aside(arguments: argparse.Namespace) -> "Callable[[StaleRows], b
 
 def check_sandbox_here(arguments: argparse.Namespace, plan: "Plan") -> None:
     """Refuse a plan that demands a sandbox which this machine does not have; nodes of a cluster tell run by run."""
-    from gslcosim.bench.execution.verification import check_machine
+    from gslcosim_bench.execution.verification import check_machine
 
     if arguments.ray is None:
         check_machine(plan)
@@ -75,11 +75,11 @@ def add_sealed_option(parser: argparse.ArgumentParser) -> None:
 
 def choose_loader(arguments: argparse.Namespace) -> "Callable[[Path], LoadedSuite]":
     """Return what reads the suite of a folder of results: with the secret, if one is given."""
-    from gslcosim.bench.cases import load_suite
+    from gslcosim_bench.cases import load_suite
 
     if arguments.sealed is None:
         return load_suite
-    from gslcosim.bench.sealing import load_sealed_suite
+    from gslcosim_archive.sealing import load_sealed_suite
 
     return lambda path: load_sealed_suite(path, arguments.sealed)
 
@@ -111,8 +111,8 @@ def verify_here(
     Raises:
         UsageError: there are no trials, or their programs cannot be confined here.
     """
-    from gslcosim.bench.execution.verification import check_confinable, verify_trials
-    from gslcosim.bench.verification_marks import prepare_marks
+    from gslcosim_bench.execution.verification import check_confinable, verify_trials
+    from gslcosim_bench.verification_marks import prepare_marks
 
     if not trials:
         raise UsageError(f"{again.folder.path}: expected flights with a result, found none.")
@@ -130,10 +130,10 @@ def verify_here(
 def start_pool(arguments: argparse.Namespace, limits: "LimitsSpec") -> "Pool":
     """Return the started workers that a command line asks for."""
     if arguments.ray is not None:
-        from gslcosim.bench.execution.ray_pool import RayPool
+        from gslcosim_bench.execution.ray_pool import RayPool
 
         return RayPool(arguments.ray, limits)
-    from gslcosim.bench.execution.pool import LocalPool, n_cores
+    from gslcosim_bench.execution.pool import LocalPool, n_cores
 
     n_jobs = arguments.jobs or n_cores()
     if n_jobs > 4 * n_cores():

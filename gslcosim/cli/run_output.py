@@ -13,15 +13,15 @@ from gslcosim.cli.progress import ProgressLine, RemainingTime
 from gslcosim.cli.terminal import table, write_note
 
 if TYPE_CHECKING:
-    from gslcosim.bench.cases import Plan
-    from gslcosim.bench.cases.models import Shard, Trial
-    from gslcosim.bench.execution.runner import Progress, RunSummary
-    from gslcosim.bench.execution.verification import Verification
-    from gslcosim.bench.merge import MergeSummary
-    from gslcosim.bench.report.writer import WrittenReport
-    from gslcosim.bench.signing.signed_results import SignedResults
-    from gslcosim.bench.submissions import Ranking
     from gslcosim.runtime.status import RunResult, RunStatus
+    from gslcosim_archive.signing.signed_results import SignedResults
+    from gslcosim_archive.submissions import Ranking
+    from gslcosim_bench.cases import Plan
+    from gslcosim_bench.cases.models import Shard, Trial
+    from gslcosim_bench.execution.runner import Progress, RunSummary
+    from gslcosim_bench.execution.verification import Verification
+    from gslcosim_bench.merge import MergeSummary
+    from gslcosim_bench.report.writer import WrittenReport
 
 Report = Callable[["RunStatus"], None]
 
@@ -197,7 +197,7 @@ def plan_to_json(plan: "Plan", trials: "Sequence[Trial]", *, n_workers: int) -> 
         trials: Those of its trials that are meant.
         n_workers: How many would fly at the same time.
     """
-    from gslcosim.bench.cases.plan import BYTES_PER_TRIAL, OVERHEAD_S, PLUME_S, ROOM_S, measured_pace
+    from gslcosim_bench.cases.plan import BYTES_PER_TRIAL, OVERHEAD_S, PLUME_S, ROOM_S, measured_pace
 
     share = len(trials) / plan.n_trials
     rooms, plumes = {trial.room for trial in trials}, {trial.tape for trial in trials if trial.tape}
@@ -365,7 +365,7 @@ def format_merge(summary: "MergeSummary", report: "WrittenReport | None") -> str
 
 def verification_to_json(verification: "Verification") -> dict[str, Any]:
     """Return the result of a verification as JSON has it."""
-    from gslcosim.bench.statistics.audits import max_false_rows
+    from gslcosim_archive.audits import max_false_rows
 
     return {
         "rows": verification.n_rows,
@@ -416,7 +416,7 @@ def format_verification(verification: "Verification") -> str:
 
 def format_false_rows(verification: "Verification") -> str:
     """Return how many rows can still be false, in a sentence and for each entry."""
-    from gslcosim.bench.statistics.audits import max_false_rows
+    from gslcosim_archive.audits import max_false_rows
 
     n, n_drawn, n_wrong = verification.n_rows, verification.n_sampled, len(verification.differences)
     most = max_false_rows(n, n_drawn, n_wrong)
@@ -457,8 +457,8 @@ def format_signature(signed: "SignedResults | None") -> str:
 
 def format_ranking(ranking: "Ranking") -> str:
     """Return a merged leaderboard: the places each entry may have, who has been verified, and what follows from it."""
-    from gslcosim.bench.report.conclusions import CONCLUDED, NOT_CONCLUDED
-    from gslcosim.bench.report.number_formats import format_ranks
+    from gslcosim_bench.report.conclusions import CONCLUDED, NOT_CONCLUDED
+    from gslcosim_bench.report.number_formats import format_ranks
 
     view = ranking.leaderboard["views"][0]
     rows = [

@@ -11,10 +11,10 @@ from gslcosim.cli.bench_workers import add_worker_arguments, add_yes_option
 from gslcosim.cli.terminal import table
 
 if TYPE_CHECKING:
-    from gslcosim.bench.statistics.estimates import Estimate
-    from gslcosim.bench.statistics.settings import SettingFigures
-    from gslcosim.bench.studies.sweep import SweepResult
-    from gslcosim.bench.studies.tuning import EvaluatedSetting, TuningProgress, TuningResult
+    from gslcosim_bench.statistics.estimates import Estimate
+    from gslcosim_bench.statistics.settings import SettingFigures
+    from gslcosim_bench.studies.sweep import SweepResult
+    from gslcosim_bench.studies.tuning import EvaluatedSetting, TuningProgress, TuningResult
 
 RESULTS_DIR = Path("results")
 _BEST_SHOWN = 5

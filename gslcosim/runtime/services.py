@@ -168,7 +168,7 @@ def _build_external_kind(own: ParticipantProgramSpec) -> ServiceKind:
     def build(setup: RunSetup) -> Core:
         # their imports are of this module
         from gslcosim.runtime.external.core import ExternalCore
-        from gslcosim.runtime.external.fmi.core import FmuCore
+        from gslcosim_fmi.core import FmuCore
 
         types = build_dataflow(setup.scenario).message_types
         if own.start.fmu is not None:

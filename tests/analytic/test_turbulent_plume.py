@@ -6,11 +6,6 @@ import numpy as np
 import pytest
 
 from gslcosim.environment.model import Cell, Environment, Grid, WindFrames
-from gslcosim.validation.plume_statistics import (
-    score_absolute_dispersion,
-    score_richardson_constant,
-    unevenness,
-)
 from gslcosim_services.fields.filament.plume import FilamentPlume, GasSource
 from gslcosim_services.fields.filament.release import ScheduledRelease
 from gslcosim_services.fields.filament.turbulent_step import INNER_G
@@ -19,6 +14,11 @@ from gslcosim_services.fields.turbulence.air import (
     build_turbulent_air,
     k_epsilon_from_intensity,
     lagrangian_time_s,
+)
+from gslcosim_validation.plume_statistics import (
+    score_absolute_dispersion,
+    score_richardson_constant,
+    unevenness,
 )
 
 VELOCITY_STD_M_S = 0.2

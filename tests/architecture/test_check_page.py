@@ -8,8 +8,8 @@ import pytest
 
 from gslcosim.cli.arguments import build_parser, parse
 from gslcosim.cli.main import GROUPS
-from gslcosim.conformance.rules import RULES, Failure, Finding
-from gslcosim.conformance.scripted_world import QUESTION_TICKS, iter_ticks
+from gslcosim_conformance.rules import RULES, Failure, Finding
+from gslcosim_conformance.scripted_world import QUESTION_TICKS, iter_ticks
 
 PAGE = (Path(__file__).parents[2] / "docs" / "check-your-agent.md").read_text()
 

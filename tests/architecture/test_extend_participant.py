@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.conformance.participant_check import PARTICIPANT_RULES
-from gslcosim.conformance.scaffold import PARTICIPANT_TEMPLATES
+from gslcosim_conformance.participant_check import PARTICIPANT_RULES
+from gslcosim_conformance.scaffold import PARTICIPANT_TEMPLATES
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "extend" / "participant.md").read_text()

@@ -24,7 +24,7 @@ def test_every_module_and_every_public_block_has_a_sentence():
         if not module.stem.endswith(("_kernels", "__init__")):
             parts = module.relative_to(SEARCH).with_suffix("").parts
             page = parts[0] if len(parts) > 1 else "shared"
-            assert f"## gslcosim.search.{'.'.join(parts)}\n" in texts[page]
+            assert f"## gslcosim_search.{'.'.join(parts)}\n" in texts[page]
     lines = [line for text in texts.values() for line in text.splitlines()]
     assert not [line for line in lines if line.startswith("| `") and line.endswith("|  |")]
 

@@ -25,7 +25,7 @@ CORES = {
     "sensing": "gslcosim_services.sensing.core",
     "referee": "gslcosim_services.referee.core",
     "recorder": "gslcosim_services.recorder.core",
-    "ros2": "gslcosim_services.ros2.core",
+    "ros2": "gslcosim_ros.live.core",
 }
 # What every service does before it builds its own core, and that core.
 SCRIPT = """

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import gslcosim
 from gslcosim.cli.main import main as gslcosim_main
-from gslcosim.data.film import FilmSegment, render_frames, write_film
+from gslcosim_data.film import FilmSegment, render_frames, write_film
 
 SIZE_PX = (1280, 720)
 ASKED_PER_S = 20

@@ -198,7 +198,7 @@ def fields_share(bench: Bench) -> float:
 REPORT = """
 import json, resource, sys, time
 from pathlib import Path
-from gslcosim.bench.report.writer import write_report
+from gslcosim_bench.report.writer import write_report
 began = time.process_time()
 write_report(Path(sys.argv[1]))
 peak_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -8,7 +8,7 @@ import pytest
 from deadlines import BUILD_S, PROCESS_S
 from languages import of_every_language
 
-from gslcosim.conformance import ConnectionSpec, SessionLimits, check_agent
+from gslcosim_conformance import ConnectionSpec, SessionLimits, check_agent
 
 ROOT = Path(__file__).parents[2]
 FRAMED = ROOT / "tests" / "end_to_end" / "agents" / "framed.py"

@@ -7,7 +7,7 @@ from some_methods import every_method
 
 from gslcosim.base.bundled import bundled_agents
 from gslcosim.base.processes import build_python_command
-from gslcosim.conformance import ConnectionSpec, SessionLimits, check_agent
+from gslcosim_conformance import ConnectionSpec, SessionLimits, check_agent
 
 LIMITS = SessionLimits(exit_s=20.0)  # of right agents nobody waits for the limit
 # A check mostly waits: for processes to start, join and exit.

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.conformance import ConnectionSpec, SessionLimits, check_agent
+from gslcosim_conformance import ConnectionSpec, SessionLimits, check_agent
 
 MUTANT = Path(__file__).parent / "agents" / "mutant.py"
 # How busy the machine is decides nothing: only of what breaks a limit anybody waits for its end.

@@ -14,7 +14,7 @@ import pytest
 from deadlines import BUILD_S, PROCESS_S
 from languages import stub_of
 
-from gslcosim.conformance.scaffold import create_agent, list_languages
+from gslcosim_conformance.scaffold import create_agent, list_languages
 
 pytestmark = [pytest.mark.slow, pytest.mark.end_to_end, pytest.mark.timeout(BUILD_S + PROCESS_S)]
 

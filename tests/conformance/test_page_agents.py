@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.conformance import ConnectionSpec, check_agent
+from gslcosim_conformance import ConnectionSpec, check_agent
 
 DOCS = Path(__file__).parents[2] / "docs"
 SHOWN = re.compile(r"<!-- from docs/examples/(\S+\.py) -->\n```python\n(.*?)```", re.DOTALL)

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from gslcosim.cli.main import main
-from gslcosim.conformance import ConnectionSpec, SessionLimits, check
-from gslcosim.conformance.participant_check import PARTICIPANT_RULES, check_participant
-from gslcosim.conformance.scaffold import PARTICIPANT_TEMPLATES
+from gslcosim_conformance import ConnectionSpec, SessionLimits, check
+from gslcosim_conformance.participant_check import PARTICIPANT_RULES, check_participant
+from gslcosim_conformance.scaffold import PARTICIPANT_TEMPLATES
 
 PROGRAM = Path(__file__).parents[1] / "end_to_end" / "foreign_program.py"
 # How busy the machine is decides nothing: only of what breaks a limit anybody waits for its end.

@@ -2,8 +2,8 @@
 
 import pytest
 
-from gslcosim.conformance import ConnectionSpec, SessionLimits, check_agent
-from gslcosim.conformance.participant_check import check_participant
+from gslcosim_conformance import ConnectionSpec, SessionLimits, check_agent
+from gslcosim_conformance.participant_check import check_participant
 
 LIMITS = SessionLimits(join_s=60.0, answer_s=20.0, exit_s=20.0, settle_s=0.0)
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.conformance import ConnectionSpec, SessionLimits, check_agent
-from gslcosim.conformance.transports import OrphanProcesses
+from gslcosim_conformance import ConnectionSpec, SessionLimits, check_agent
+from gslcosim_conformance.transports import OrphanProcesses
 
 MUTANT = Path(__file__).parent / "agents" / "mutant.py"
 

@@ -20,7 +20,6 @@ from real_runs import ROOT  # which finds the next
 
 from deadlines import BUILD_S, EVENT_S  # isort: skip
 
-from gslcosim.conformance.scaffold import list_languages
 from gslcosim.contract import codec
 from gslcosim.contract.messages import (
     Bounds,
@@ -33,6 +32,7 @@ from gslcosim.contract.messages import (
     SensorDescription,
 )
 from gslcosim.gateway.frame_codec import Frame, FrameOrRefusal, Splitter, build_splitter, decode_payload, encode_message
+from gslcosim_conformance.scaffold import list_languages
 
 SERIES = json.loads((ROOT / "tests" / "golden" / "dung_beetle_commands.json").read_text())
 

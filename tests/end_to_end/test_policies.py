@@ -5,9 +5,9 @@ import pytest
 import yaml
 from real_runs import TINY_ROOM, fly, fly_here
 
-from gslcosim.search.learned.policy import ActionSettings
-from gslcosim.search.learned.policy_files import save_policy
-from gslcosim.search.learned.value_table import SinceFeature, ValueTable
+from gslcosim_search.learned.policy import ActionSettings
+from gslcosim_search.learned.policy_files import save_policy
+from gslcosim_search.learned.value_table import SinceFeature, ValueTable
 
 pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
 NAMES = ("nose_ppm.amount", "wind.from_sin", "wind.from_cos")

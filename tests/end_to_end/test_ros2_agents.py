@@ -11,11 +11,11 @@ import pytest
 from deadlines import EVENT_S
 from real_runs import AGENTS, TINY_ROOM, fly, start
 
-from gslcosim.ros.actions import ActionClient, CancelCode, GoalStatus
-from gslcosim.ros.node import RosSession
-from gslcosim.ros.types import RosTypes
-from gslcosim.ros.wire import LATCHED
-from gslcosim_services.ros2.navigation import NAVIGATE_TO_POSE, define_navigation
+from gslcosim_ros.actions import ActionClient, CancelCode, GoalStatus
+from gslcosim_ros.live.navigation import NAVIGATE_TO_POSE, define_navigation
+from gslcosim_ros.node import RosSession
+from gslcosim_ros.types import RosTypes
+from gslcosim_ros.wire import LATCHED
 
 sys.path.append(str(AGENTS))
 from ros_twin import choose_target
@@ -97,9 +97,9 @@ def test_a_node_in_lockstep_flies_as_the_same_rule_in_python(tmp_path):
 
 READER = """
 import sys, threading
-from gslcosim.ros.actions import ActionClient, CancelCode, GoalStatus
-from gslcosim.ros.node import RosSession
-from gslcosim.ros.types import RosTypes
+from gslcosim_ros.actions import ActionClient, CancelCode, GoalStatus
+from gslcosim_ros.node import RosSession
+from gslcosim_ros.types import RosTypes
 with RosSession.open(RosTypes("kilted"), endpoint=sys.argv[1]) as session:
     session.create_node("reader").subscribe("/beetle/odom", "nav_msgs/msg/Odometry", lambda _: None)
     threading.Event().wait()

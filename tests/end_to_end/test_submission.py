@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from deadlines import PROCESS_S
 
-from gslcosim.bench import Results
-from gslcosim.bench.verification_marks import find_mark
 from gslcosim.runtime.processes.sandbox.selection import is_sandboxed
+from gslcosim_bench import Results
+from gslcosim_bench.verification_marks import find_mark
 
 PAGE = Path(__file__).parents[2] / "docs" / "benchmark" / "submit.md"
 BLOCKS = re.findall(r"```(sh|yaml)\n(.*?)```", PAGE.read_text(), re.DOTALL)

@@ -9,7 +9,7 @@ from PIL import Image
 
 import gslcosim
 from gslcosim.cli.main import main
-from gslcosim.data.figures import read_svg_points
+from gslcosim_data.figures import read_svg_points
 
 pytestmark = [pytest.mark.slow, pytest.mark.end_to_end]
 

@@ -50,7 +50,7 @@ import importlib, sys
 module = importlib.import_module(sys.argv[1])
 print(*getattr(module, "__all__", ()), sep="\\n")
 """
-PUBLIC_PACKAGES = ("gslcosim.agent_kit", "gslcosim.search", "gslcosim.training", "gslcosim.data.run")
+PUBLIC_PACKAGES = ("gslcosim.agent_kit", "gslcosim_search", "gslcosim_training", "gslcosim_data.run")
 _SECTION = re.compile(r"^(\S.*):$", re.MULTILINE)
 
 

@@ -14,7 +14,7 @@ import yaml
 import gslcosim
 from gslcosim.base.errors import UsageError
 from gslcosim.cli.main import main
-from gslcosim.data.run import RunData
+from gslcosim_data.run import RunData
 
 PAGE = Path(__file__).parents[2] / "docs" / "extract.md"
 
@@ -276,7 +276,7 @@ def test_what_cannot_be_written_is_reported(flown, tmp_path, capsys, monkeypatch
     assert main(["extract", str(flown), "--to", "mcap", "--out", str(tmp_path / "full")]) == 2
     assert "Choose a new or empty folder" in capsys.readouterr().err
     monkeypatch.setitem(__import__("sys").modules, "rosbags.typesys", None)
-    from gslcosim.ros.types import ros_types
+    from gslcosim_ros.types import ros_types
 
     ros_types.cache_clear()
     assert main(["extract", str(flown), "--to", "mcap", "--out", str(tmp_path / "new")]) == 2

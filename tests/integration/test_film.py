@@ -10,7 +10,7 @@ from PIL import Image
 import gslcosim
 from gslcosim.base.errors import ModelError, UsageError
 from gslcosim.cli.main import main
-from gslcosim.data.film import FRAMES_PER_S, FilmSegment, PlanPanel, interpolate_pose, render_frames
+from gslcosim_data.film import FRAMES_PER_S, FilmSegment, PlanPanel, interpolate_pose, render_frames
 from gslcosim_services.recorder.colors import MAP_OBSTACLES, agent_color
 
 WHITE = (255, 255, 255)
@@ -99,7 +99,7 @@ def test_a_webp_without_the_room_needs_nothing_to_draw_with(runs, tmp_path, caps
     def refused(*_):
         raise ModelError("cameras: expected EGL or OSMesa to draw with, was none.")
 
-    monkeypatch.setattr("gslcosim.data.film.ChasePanel", refused)
+    monkeypatch.setattr("gslcosim_data.film.ChasePanel", refused)
     out = tmp_path / "plan.webp"
     words = ["film", str(runs[0]), "--out", str(out), "--speed", "20", "--size", "200x200"]
     assert main(words) == 2

@@ -18,16 +18,16 @@ from gslcosim.base.errors import SimulationFault
 from gslcosim.contract.environment_messages import ProbeSample, ProbeSamples
 from gslcosim.contract.messages import BodyPoses, BodyState, FieldSamples, GasAmount, MountSample
 from gslcosim.contract.participant import Episode
-from gslcosim.data.export.room_fmu import export_room_fmu
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.store import load_environment
-from gslcosim.runtime.external.fmi.checks import find_fmu_problems, find_fmu_warnings
-from gslcosim.runtime.external.fmi.core import FmuCore
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.services import build_dataflow
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.problems import InvalidScenarioError
+from gslcosim_fmi.checks import find_fmu_problems, find_fmu_warnings
+from gslcosim_fmi.core import FmuCore
+from gslcosim_fmi.room_fmu import export_room_fmu
 from gslcosim_services.fields.offline import Instant, ScenarioFieldSampler, ViewOptions
 
 pytestmark = pytest.mark.extras

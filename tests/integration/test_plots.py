@@ -8,7 +8,7 @@ import pytest
 
 import gslcosim
 from gslcosim.cli.main import main
-from gslcosim.data.figures import read_svg_points
+from gslcosim_data.figures import read_svg_points
 
 pytestmark = pytest.mark.slow
 

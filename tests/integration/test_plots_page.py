@@ -8,10 +8,10 @@ import pytest
 from PIL import Image
 
 import gslcosim
-from gslcosim.bench.report.figures import RESULT_FIGURES, write_result_figures
 from gslcosim.cli.main import main
-from gslcosim.data import figures
-from gslcosim.data.figures.run_figures import RUN_FIGURES, SEVERAL_FIGURES
+from gslcosim_bench.report.figures import RESULT_FIGURES, write_result_figures
+from gslcosim_data import figures
+from gslcosim_data.figures.run_figures import RUN_FIGURES, SEVERAL_FIGURES
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "plots.md"

@@ -12,10 +12,10 @@ import yaml
 
 import gslcosim
 from gslcosim.cli.main import main
-from gslcosim.data.export.ros_topics import iterate_messages
-from gslcosim.ros import wire
-from gslcosim.ros.node import RosSession
-from gslcosim.ros.types import RosTypes
+from gslcosim_ros import wire
+from gslcosim_ros.bag_export import iterate_messages
+from gslcosim_ros.node import RosSession
+from gslcosim_ros.types import RosTypes
 
 # xxhash and rosbags come with the extra `ros`.
 pytestmark = [pytest.mark.extras, pytest.mark.slow]

@@ -11,7 +11,17 @@ from gslcosim.base.checksums import CHECKSUMS_FILE, check_files, write_checksums
 from gslcosim.base.errors import GslCosimError, SnapshotError
 from gslcosim.base.kernel_cache import OWNER_VARIABLE
 from gslcosim.base.untrusted_input import MalformedFileError
-from gslcosim.bench.store import (
+from gslcosim.environment.model import VisualMesh, with_wind
+from gslcosim.environment.store import load_environment, save_environment
+from gslcosim.runtime.replay.compare import RunComparison
+from gslcosim.runtime.replay.past_run import PastRun, find_snapshot_before
+from gslcosim.runtime.replay.snapshot import ObservationLog, SnapshotPart, read_observations, save_part
+from gslcosim.runtime.run import run_scenario
+from gslcosim.runtime.run_dir import RunDir
+from gslcosim.runtime.run_summary import read_run_summary
+from gslcosim.scenario import load_scenario
+from gslcosim.scenario.serialization import plain_values
+from gslcosim_bench.store import (
     REQUIRED_COLUMNS,
     SERIES,
     TRIAL_COLUMNS,
@@ -21,16 +31,6 @@ from gslcosim.bench.store import (
     build_tables,
     pack_tracks,
 )
-from gslcosim.data.run_summary import read_run_summary
-from gslcosim.environment.model import VisualMesh, with_wind
-from gslcosim.environment.store import load_environment, save_environment
-from gslcosim.runtime.replay.compare import RunComparison
-from gslcosim.runtime.replay.past_run import PastRun, find_snapshot_before
-from gslcosim.runtime.replay.snapshot import ObservationLog, SnapshotPart, read_observations, save_part
-from gslcosim.runtime.run import run_scenario
-from gslcosim.runtime.run_dir import RunDir
-from gslcosim.scenario import load_scenario
-from gslcosim.scenario.serialization import plain_values
 from gslcosim_services.fields.tape import GasTape
 
 N_FLIPS = 200

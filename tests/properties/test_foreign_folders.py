@@ -23,15 +23,15 @@ from hypothesis import strategies as st
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.base.yaml_core import CoreLoader
-from gslcosim.bench.signing.keys import write_key
-from gslcosim.bench.signing.signed_results import sign_results
-from gslcosim.bench.signing.submission_log import add_submission
-from gslcosim.bench.store import Journal, ResultsFolder
 from gslcosim.cli.arguments import iterate_commands
 from gslcosim.cli.main import GROUPS, main
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.runtime.status import get_status_folder
 from gslcosim.scenario import load_scenario
+from gslcosim_archive.signing.keys import write_key
+from gslcosim_archive.signing.signed_results import sign_results
+from gslcosim_archive.signing.submission_log import add_submission
+from gslcosim_bench.store import Journal, ResultsFolder
 
 RUN_FILES = (
     "manifest.json", "result.json", "setup.json", "digest.json", "inputs.log", "machine.log", "scenario.yaml",
@@ -123,7 +123,7 @@ OTHERS = {
     "step": "the same",
     "validate": "the same",
     "environment generate": "the same",
-    "bench dataset": "reads rows as bench report does, of finished results: tests/unit/bench/dataset",
+    "bench dataset": "reads rows as bench report does, of finished results: extensions/archive/tests/unit/dataset",
     "bench failures": "reads rows as bench run and tune do, and flies too much for each damage",
     "list": "reads what is installed",
     "schema": "writes files of the contract",
@@ -140,9 +140,9 @@ OTHERS = {
     "bench list": "reads what is installed",
     "bench keygen": "writes two files",
     "bench seal": "reads a suite and writes two files",
-    "bench reveal": "reads two small files: tests/unit/bench/test_sealing.py",
-    "bench pack": "reads a folder of one's own: tests/unit/bench/cases/test_submission_bundles.py",
-    "reality": "reads measured data: tests/unit/validation/test_readers.py",
+    "bench reveal": "reads two small files: extensions/bench/tests/unit/test_sealing.py",
+    "bench pack": "reads a folder of one's own: extensions/bench/tests/unit/cases/test_submission_bundles.py",
+    "reality": "reads measured data: extensions/validation/tests/unit/test_readers.py",
     "bench plan": "reads a suite",
 }
 # What stops a call on a machine without a screen, and those that name a folder of another kind; its files are read

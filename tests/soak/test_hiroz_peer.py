@@ -1,4 +1,4 @@
-"""hiroz, a ROS 2 client in Rust that others wrote, reads and writes a run and nodes of `gslcosim.ros`.
+"""hiroz, a ROS 2 client in Rust that others wrote, reads and writes a run and nodes of `gslcosim_ros`.
 
 It compiles some 270 crates, about nine minutes on two cores the first time, and is therefore a soak test.
 """
@@ -17,10 +17,10 @@ from gslcosim.base.kernel_cache import get_cache_root
 
 pytest.importorskip("rosbags", reason="needs the extra ros")
 
-from gslcosim.ros import wire
-from gslcosim.ros.actions import ActionGoal, ActionServer, GoalStatus
-from gslcosim.ros.node import RosSession
-from gslcosim.ros.types import RosTypes
+from gslcosim_ros import wire
+from gslcosim_ros.actions import ActionGoal, ActionServer, GoalStatus
+from gslcosim_ros.node import RosSession
+from gslcosim_ros.types import RosTypes
 
 pytestmark = [pytest.mark.soak, pytest.mark.skipif(shutil.which("cargo") is None, reason="needs cargo")]
 

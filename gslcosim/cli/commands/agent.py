@@ -38,7 +38,7 @@ def _add_check_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from gslcosim.conformance import ConnectionSpec, SessionLimits, check_agent
+    from gslcosim_conformance import ConnectionSpec, SessionLimits, check_agent
 
     connection = ConnectionSpec(
         command=tuple(arguments.words),
@@ -56,7 +56,7 @@ def _check(arguments: argparse.Namespace) -> int:
 
 
 def _new(arguments: argparse.Namespace) -> int:
-    from gslcosim.conformance.scaffold import create_agent
+    from gslcosim_conformance.scaffold import create_agent
 
     created = create_agent(arguments.language, arguments.name, arguments.dir or Path(arguments.name))
     write(created.as_text())

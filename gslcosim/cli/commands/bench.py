@@ -24,9 +24,9 @@ from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import add_json_option, table, write, write_json
 
 if TYPE_CHECKING:
-    from gslcosim.bench.cases import LoadedSuite, Plan
-    from gslcosim.bench.cases.models import Selection, Shard, TrialSlot
-    from gslcosim.bench.cases.submission_bundles import PreparedBundles
+    from gslcosim_bench.cases import LoadedSuite, Plan
+    from gslcosim_bench.cases.models import Selection, Shard, TrialSlot
+    from gslcosim_bench.cases.submission_bundles import PreparedBundles
 
 EXAMPLES = """  gslcosim bench list
   gslcosim bench plan gsl_bench_2023
@@ -168,7 +168,7 @@ def _add_results(parser: argparse.ArgumentParser) -> None:
 
 def _list(arguments: argparse.Namespace) -> int:
     from gslcosim.base.bundled import bundled_suites
-    from gslcosim.bench.cases import load_suite
+    from gslcosim_bench.cases import load_suite
 
     suites = {name: load_suite(path).suite for name, path in bundled_suites().items()}
     if arguments.json:
@@ -181,9 +181,9 @@ def _list(arguments: argparse.Namespace) -> int:
 
 
 def _plan(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.cases.models import choose_trials
-    from gslcosim.bench.execution.pool import n_cores
     from gslcosim.cli.run_output import format_plan, plan_to_json
+    from gslcosim_bench.cases.models import choose_trials
+    from gslcosim_bench.execution.pool import n_cores
 
     selection, shard = _chosen(arguments)
     _, plan = _planned(arguments, selection, is_quiet=arguments.json)
@@ -198,10 +198,10 @@ def _plan(arguments: argparse.Namespace) -> int:
 def _run_suite(arguments: argparse.Namespace) -> int:
     from dataclasses import asdict
 
-    from gslcosim.bench.execution.runner import SuiteRun
-    from gslcosim.bench.execution.verification import check_bundles
-    from gslcosim.bench.store import ResultsFolder
     from gslcosim.cli.run_output import format_suite_summary, show_suite_progress
+    from gslcosim_bench.execution.runner import SuiteRun
+    from gslcosim_bench.execution.verification import check_bundles
+    from gslcosim_bench.store import ResultsFolder
 
     if arguments.suite == MEASURED:
         return _run_measured(arguments)
@@ -234,7 +234,7 @@ def _run_suite(arguments: argparse.Namespace) -> int:
         summary = run.fly()
     written = None
     if not summary.is_interrupted and not arguments.no_report and shard is None:
-        from gslcosim.bench.report.writer import write_report
+        from gslcosim_bench.report.writer import write_report
 
         written = write_report(folder.path)
     if arguments.json:
@@ -247,9 +247,9 @@ def _run_suite(arguments: argparse.Namespace) -> int:
 
 
 def _prepare_bundles(arguments: argparse.Namespace) -> "PreparedBundles":
-    from gslcosim.bench.cases import load_suite
-    from gslcosim.bench.cases.models import MAX_NAME_LENGTH
-    from gslcosim.bench.cases.submission_bundles import prepare_bundles
+    from gslcosim_bench.cases import load_suite
+    from gslcosim_bench.cases.models import MAX_NAME_LENGTH
+    from gslcosim_bench.cases.submission_bundles import prepare_bundles
 
     loaded = load_suite(arguments.suite)
     ending = "_bundles"
@@ -259,10 +259,10 @@ def _prepare_bundles(arguments: argparse.Namespace) -> "PreparedBundles":
 
 
 def _run_measured(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.cases.models import Selection
-    from gslcosim.bench.store import ResultsFolder
-    from gslcosim.validation.measured_suite.page import HEADINGS, compute_figures, table_rows, to_json
-    from gslcosim.validation.measured_suite.run import run_measured
+    from gslcosim_bench.cases.models import Selection
+    from gslcosim_bench.store import ResultsFolder
+    from gslcosim_validation.measured_suite.page import HEADINGS, compute_figures, table_rows, to_json
+    from gslcosim_validation.measured_suite.run import run_measured
 
     for option in ("seed", "filter", "shard", "jobs", "ray", "retry", "bundle"):
         if getattr(arguments, option) not in (None, False):
@@ -304,8 +304,8 @@ def _measured_data(given: Path | None) -> Path:
 
 
 def _status(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.results import read_state
     from gslcosim.cli.run_output import format_status_of_results
+    from gslcosim_bench.results import read_state
 
     fields = read_state(arguments.results)
     if arguments.json:
@@ -316,7 +316,7 @@ def _status(arguments: argparse.Namespace) -> int:
 
 
 def _report(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.report.writer import write_report
+    from gslcosim_bench.report.writer import write_report
 
     page = write_report(arguments.results, figures=arguments.figures).page
     if arguments.json:
@@ -329,7 +329,7 @@ def _report(arguments: argparse.Namespace) -> int:
 def _site(arguments: argparse.Namespace) -> int:
     from dataclasses import asdict
 
-    from gslcosim.bench.site.writer import write_site
+    from gslcosim_archive.site.writer import write_site
 
     written = write_site(arguments.results, arguments.out)
     if arguments.json:
@@ -343,14 +343,14 @@ def _site(arguments: argparse.Namespace) -> int:
 
 
 def _show(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.execution.pool import LocalPool
-    from gslcosim.bench.execution.verification import (
+    from gslcosim_bench.execution.pool import LocalPool
+    from gslcosim_bench.execution.verification import (
         RepeatableResults,
         check_confinable,
         check_sandbox,
         record_trial_again,
     )
-    from gslcosim.bench.store import ResultsFolder
+    from gslcosim_bench.store import ResultsFolder
 
     again = RepeatableResults(ResultsFolder(arguments.results), choose_loader(arguments))
     trial = again.trial(arguments.trial)
@@ -371,19 +371,19 @@ def _show(arguments: argparse.Namespace) -> int:
     if not is_same:
         return ExitCode.DIVERGENCE
     if not arguments.no_view and not arguments.json:
-        from gslcosim.data.recording.viewer import open_viewer
+        from gslcosim.recordings.viewer import open_viewer
 
         open_viewer(place / RECORDING)
     return 0
 
 
 def _verify(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.execution.verification import RepeatableResults
-    from gslcosim.bench.signing.keys import parse_author
-    from gslcosim.bench.signing.signed_results import check_signature
-    from gslcosim.bench.store import ResultsFolder
-    from gslcosim.bench.verification_marks import results_hash
     from gslcosim.cli.run_output import format_signature, format_verification, signature_to_json, verification_to_json
+    from gslcosim_archive.signing.keys import parse_author
+    from gslcosim_archive.signing.signed_results import check_signature
+    from gslcosim_bench.execution.verification import RepeatableResults
+    from gslcosim_bench.store import ResultsFolder
+    from gslcosim_bench.verification_marks import results_hash
 
     # A repeated trial is more exact than a changed checksum.
     folder = ResultsFolder(arguments.results, is_checked=False)
@@ -415,13 +415,13 @@ def _verify(arguments: argparse.Namespace) -> int:
 def _merge(arguments: argparse.Namespace) -> int:
     from dataclasses import asdict
 
-    from gslcosim.bench.merge import merge_shards
     from gslcosim.cli.run_output import format_merge
+    from gslcosim_bench.merge import merge_shards
 
     summary = merge_shards(arguments.results, arguments.out, is_partial=arguments.partial)
     report = None
     if not arguments.no_report:
-        from gslcosim.bench.report.writer import write_report
+        from gslcosim_bench.report.writer import write_report
 
         report = write_report(arguments.out)
     if arguments.json:
@@ -432,8 +432,8 @@ def _merge(arguments: argparse.Namespace) -> int:
 
 
 def _rank(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.submissions import rank
     from gslcosim.cli.run_output import format_ranking
+    from gslcosim_archive.submissions import rank
 
     if arguments.head is not None and arguments.log is None:
         raise UsageError("--head: expected the log that has this line, --log LOG, found none. Add it.")
@@ -456,21 +456,21 @@ def _rank(arguments: argparse.Namespace) -> int:
 
 
 def _chosen(arguments: argparse.Namespace) -> "tuple[Selection, Shard | None]":
-    from gslcosim.bench.cases.models import Selection, Shard
+    from gslcosim_bench.cases.models import Selection, Shard
 
     shard = None if arguments.shard is None else Shard.parse(arguments.shard)
     return Selection.of(arguments.only, arguments.filter), shard
 
 
 def _planned(arguments: argparse.Namespace, selection: "Selection", *, is_quiet: bool) -> "tuple[LoadedSuite, Plan]":
-    from gslcosim.bench.cases import build_plan, load_suite
+    from gslcosim_bench.cases import build_plan, load_suite
 
     if arguments.suite == MEASURED:
         raise UsageError(f"{MEASURED}: expected a suite that is flown, was one of logs. Run it with: bench run")
     if arguments.sealed is not None:
         if arguments.seed is not None:
             raise UsageError("--seed: expected one seed, were two: the sealed one of --sealed too. Leave one out.")
-        from gslcosim.bench.sealing import load_sealed_suite
+        from gslcosim_archive.sealing import load_sealed_suite
 
         loaded = load_sealed_suite(arguments.suite, arguments.sealed, is_flown=True)
     else:

@@ -49,25 +49,25 @@ def _layouts() -> Iterable[str]:
 
 
 def _agent_languages() -> Iterable[str]:
-    from gslcosim.conformance.scaffold import list_languages
+    from gslcosim_conformance.scaffold import list_languages
 
     return list_languages()
 
 
 def _participant_languages() -> Iterable[str]:
-    from gslcosim.conformance.scaffold import PARTICIPANT_SUFFIXES
+    from gslcosim_conformance.scaffold import PARTICIPANT_SUFFIXES
 
     return PARTICIPANT_SUFFIXES
 
 
 def _unit_sensors() -> tuple[str, ...]:
-    from gslcosim.data.export.room_fmu import list_fmu_sensors
+    from gslcosim_fmi.room_fmu import list_fmu_sensors
 
     return list_fmu_sensors()
 
 
 def _picture_formats() -> Iterable[str]:
-    from gslcosim.data.figures.style import FORMATS
+    from gslcosim_data.figures.style import FORMATS
 
     return FORMATS
 

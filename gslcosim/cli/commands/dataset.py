@@ -4,9 +4,9 @@ import argparse
 from datetime import date
 from pathlib import Path
 
-from gslcosim.bench.dataset import DEFAULT_LICENSE
 from gslcosim.cli.arguments import Command
 from gslcosim.cli.terminal import add_json_option, write, write_json
+from gslcosim_archive.dataset import DEFAULT_LICENSE
 
 
 def _parse_date(text: str) -> date:
@@ -55,7 +55,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 def _write_dataset(arguments: argparse.Namespace) -> int:
     from dataclasses import asdict
 
-    from gslcosim.bench.dataset.writer import write_dataset
+    from gslcosim_archive.dataset.writer import write_dataset
 
     written = write_dataset(
         arguments.results,

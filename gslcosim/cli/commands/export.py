@@ -82,7 +82,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _export(arguments: argparse.Namespace) -> "ExportResult":
     environment, scenario = _load(arguments.source, has_gas=arguments.to == FMU)
     if arguments.to == FMU:
-        from gslcosim.data.export.room_fmu import export_room_fmu
+        from gslcosim_fmi.room_fmu import export_room_fmu
 
         return export_room_fmu(
             environment,

@@ -43,8 +43,8 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.data.export.formats import extract_run
-    from gslcosim.data.run import open_run
+    from gslcosim_data.export.formats import extract_run
+    from gslcosim_data.run import open_run
 
     run = open_run(find_in_run(arguments.run, runs_dir=arguments.runs_dir, file_name=RECORDING))
     out = arguments.out or Path(f"{run.run_id}_{arguments.to}")

@@ -13,8 +13,8 @@ from gslcosim.cli.study_output import RESULTS_DIR
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
 
 if TYPE_CHECKING:
-    from gslcosim.bench.execution.runner import Progress
-    from gslcosim.bench.studies.failures import FailureSearch, FinderProgress
+    from gslcosim_bench.execution.runner import Progress
+    from gslcosim_bench.studies.failures import FailureSearch, FinderProgress
 
 EXAMPLES = """  gslcosim bench failures surge_cast --budget 40
   gslcosim bench failures infotaxis --in cluttered_halls --budget 400 --film 3
@@ -70,11 +70,11 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.cases.models import LimitsSpec
-    from gslcosim.bench.studies.failure_output import failures_to_json, write_failures
-    from gslcosim.bench.studies.failures import FailureFinder
-    from gslcosim.bench.studies.output import write_fields
-    from gslcosim.bench.studies.search_space import find_space
+    from gslcosim_bench.cases.models import LimitsSpec
+    from gslcosim_bench.studies.failure_output import failures_to_json, write_failures
+    from gslcosim_bench.studies.failures import FailureFinder
+    from gslcosim_bench.studies.output import write_fields
+    from gslcosim_bench.studies.search_space import find_space
 
     space = find_space(arguments.space, arguments.vary)
     stem = Path(arguments.method).stem
@@ -124,11 +124,11 @@ def _format_stage(progress: "FinderProgress") -> str:
 def _film(search: "FailureSearch", folder: Path, arguments: argparse.Namespace, line: ProgressLine) -> dict[str, Path]:
     if not arguments.film or not search.failures:
         return {}
-    from gslcosim.bench.cases.models import LimitsSpec
-    from gslcosim.bench.execution.verification import RepeatableResults, record_trial_again
-    from gslcosim.bench.store import ResultsFolder
-    from gslcosim.data.film import FilmSegment, render_frames, write_film
-    from gslcosim.data.run import open_run
+    from gslcosim_bench.cases.models import LimitsSpec
+    from gslcosim_bench.execution.verification import RepeatableResults, record_trial_again
+    from gslcosim_bench.store import ResultsFolder
+    from gslcosim_data.film import FilmSegment, render_frames, write_film
+    from gslcosim_data.run import open_run
 
     again = RepeatableResults(ResultsFolder(folder))
     films: dict[str, Path] = {}
@@ -151,7 +151,7 @@ def _film(search: "FailureSearch", folder: Path, arguments: argparse.Namespace, 
 
 
 def _format(search: "FailureSearch", folder: Path, page: Path) -> str:
-    from gslcosim.bench.studies.failure_output import build_fly_command, describe_common
+    from gslcosim_bench.studies.failure_output import build_fly_command, describe_common
 
     rate = search.failure_rate
     lines = [

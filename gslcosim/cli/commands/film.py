@@ -56,8 +56,8 @@ def _size(text: str) -> tuple[int, int]:
 
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.base.errors import ModelError
-    from gslcosim.data.film import FilmSegment, render_frames, write_film
-    from gslcosim.data.run import open_run
+    from gslcosim_data.film import FilmSegment, render_frames, write_film
+    from gslcosim_data.run import open_run
 
     names = arguments.runs or [None]
     runs = [open_run(find_in_run(name, runs_dir=arguments.runs_dir, file_name=RECORDING)) for name in names]

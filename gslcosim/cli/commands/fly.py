@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gslcosim.runtime.processes.fork_server import ForkServer
     from gslcosim.runtime.status import RunStatus
     from gslcosim.scenario import LoadedScenario
-    from gslcosim.teleop import TeleopClient
+    from gslcosim_conformance.teleop import TeleopClient
 
 EXAMPLES = """  gslcosim fly tiny_room
   gslcosim fly warehouse_empty --pace 4 --name alice
@@ -60,7 +60,7 @@ class _Progress:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.teleop import MIN_COLUMNS, MIN_ROWS, check_terminal
+    from gslcosim_conformance.teleop import MIN_COLUMNS, MIN_ROWS, check_terminal
 
     check_terminal(MIN_COLUMNS, MIN_ROWS)
     if _NAME.fullmatch(arguments.name) is None:
@@ -79,7 +79,7 @@ def _fly(arguments: argparse.Namespace, fork_server: "ForkServer | None") -> int
 
     from gslcosim.cli.run_output import format_summary
     from gslcosim.runtime.run import run_scenario
-    from gslcosim.teleop import TeleopClient, Terminal
+    from gslcosim_conformance.teleop import TeleopClient, Terminal
 
     progress = _Progress(agent)
     with Terminal() as keyboard:

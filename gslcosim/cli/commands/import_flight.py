@@ -31,9 +31,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.data.log_bags import is_bag, read_bag_log
-    from gslcosim.data.log_tables import read_csv_log
-    from gslcosim.data.robot_logs import import_log, load_log_scenario, log_sensors
+    from gslcosim_data.log_tables import read_csv_log
+    from gslcosim_data.robot_logs import import_log, load_log_scenario, log_sensors
+    from gslcosim_ros.log_bags import is_bag, read_bag_log
 
     log = arguments.log
     if not log.exists():

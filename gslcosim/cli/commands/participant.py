@@ -31,8 +31,8 @@ def _add_check_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from gslcosim.conformance import ConnectionSpec, SessionLimits
-    from gslcosim.conformance.participant_check import check_participant
+    from gslcosim_conformance import ConnectionSpec, SessionLimits
+    from gslcosim_conformance.participant_check import check_participant
 
     connection = ConnectionSpec(command=tuple(arguments.words), transport=arguments.door, format=arguments.format)
     limits = SessionLimits(answer_s=arguments.timeout, join_s=max(arguments.timeout, 30.0))
@@ -46,7 +46,7 @@ def _check(arguments: argparse.Namespace) -> int:
 
 
 def _new(arguments: argparse.Namespace) -> int:
-    from gslcosim.conformance.scaffold import create_participant
+    from gslcosim_conformance.scaffold import create_participant
 
     folder = arguments.dir or Path(arguments.name)
     write(create_participant(arguments.language, arguments.name, folder))

@@ -37,7 +37,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.data.figures.style import FORMATS
+    from gslcosim_data.figures.style import FORMATS
 
     names = _words("--figure", arguments.figure, FIGURES) if arguments.figure else ()
     formats = _words("--format", arguments.format, FORMATS)
@@ -87,14 +87,14 @@ def _of_results(arguments: argparse.Namespace, folder: Path, options: dict) -> l
         return []
     if len(paths) > 1:
         raise UsageError(f"plot: expected runs, or one folder of results alone, was {found[0]} beside others.")
-    from gslcosim.bench.report.figures import write_result_figures
+    from gslcosim_bench.report.figures import write_result_figures
 
     return write_result_figures(found[0], folder, **options)
 
 
 def _of_runs(arguments: argparse.Namespace, folder: Path, options: dict) -> list[Path]:
-    from gslcosim.data.figures.run_figures import write_figures_of_several, write_run_figures
-    from gslcosim.data.run import open_run
+    from gslcosim_data.figures.run_figures import write_figures_of_several, write_run_figures
+    from gslcosim_data.run import open_run
 
     if "starts" in options["names"]:
         raise UsageError("--figure starts: expected a folder of results, which has many flights, was a run.")

@@ -39,9 +39,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.cli.progress import ProgressLine
-    from gslcosim.validation.cases import load_cases
-    from gslcosim.validation.page import make_storable, store_result, summarise_goals, terminal_rows, write_page
-    from gslcosim.validation.readers.folder import read_measured
+    from gslcosim_validation.cases import load_cases
+    from gslcosim_validation.page import make_storable, store_result, summarise_goals, terminal_rows, write_page
+    from gslcosim_validation.readers.folder import read_measured
 
     chosen = load_cases(arguments.only)
     data = read_measured(arguments.data)

@@ -19,7 +19,7 @@ from gslcosim.cli.terminal import (
     write_json,
     write_note,
 )
-from gslcosim.data.run_summary import Condition, RunSummary, is_run_folder, read_run_summary, sorted_rows
+from gslcosim.runtime.run_summary import Condition, RunSummary, is_run_folder, read_run_summary, sorted_rows
 
 COLUMNS = tuple(field.name for field in dataclasses.fields(RunSummary))
 TEXTS = ("run", "folder", "state", "outcome", "scenario", "method", "version")
@@ -101,7 +101,7 @@ def _mark_running(rows: Sequence[dict[str, Any]]) -> None:
 
 
 def _trials_of(folder: Path) -> list[RunSummary]:
-    from gslcosim.bench.results import Results
+    from gslcosim_bench.results import Results
 
     try:
         results = Results.load(folder)

@@ -16,7 +16,7 @@ def _add_seal_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _seal(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.sealing import seal_suite, write_seal
+    from gslcosim_archive.sealing import seal_suite, write_seal
 
     seal = seal_suite(arguments.suite)
     files = write_seal(seal, arguments.out)
@@ -38,8 +38,8 @@ def _add_reveal_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _reveal(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.cases import load_suite
-    from gslcosim.bench.sealing import reveal_suite
+    from gslcosim_archive.sealing import reveal_suite
+    from gslcosim_bench.cases import load_suite
 
     folder = arguments.out or Path(f"{load_suite(arguments.suite).suite.name}_revealed")
     loaded = reveal_suite(arguments.suite, arguments.secret, arguments.commitment, folder)

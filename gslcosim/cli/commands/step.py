@@ -84,11 +84,11 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _serve_ros2(arguments: argparse.Namespace) -> int:
-    from gslcosim.ros.node import RosSession
-    from gslcosim.ros.types import RosTypes, check_installed
     from gslcosim.scenario.models.scenario import Ros2Spec
-    from gslcosim.simulation.ros_services import PREFIX, SimulationServices
     from gslcosim.simulation.simulation import Simulation
+    from gslcosim_ros.node import RosSession
+    from gslcosim_ros.simulation_services import PREFIX, SimulationServices
+    from gslcosim_ros.types import RosTypes, check_installed
 
     if arguments.ticks is not None:
         raise UsageError("--ticks: expected no --ros2 with it: its clients say how many.")

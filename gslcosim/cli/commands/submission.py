@@ -16,7 +16,7 @@ def _add_keygen_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _keygen(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.signing.keys import write_key
+    from gslcosim_archive.signing.keys import write_key
 
     key = write_key(arguments.file, arguments.name)
     if arguments.json:
@@ -36,8 +36,8 @@ def _add_sign_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _sign(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.signing.signed_results import sign_results
     from gslcosim.cli.run_output import format_signature, signature_to_json
+    from gslcosim_archive.signing.signed_results import sign_results
 
     signed = sign_results(arguments.results, arguments.key, author=arguments.name, signed_at=_now())
     if arguments.json:
@@ -80,8 +80,8 @@ def _add_log_arguments(parser: argparse.ArgumentParser) -> None:
 def _log(arguments: argparse.Namespace) -> int:
     from dataclasses import asdict
 
-    from gslcosim.bench.signing.signed_results import check_signature
-    from gslcosim.bench.signing.submission_log import FIRST, add_note, add_submission, read_log
+    from gslcosim_archive.signing.signed_results import check_signature
+    from gslcosim_archive.signing.submission_log import FIRST, add_note, add_submission, read_log
 
     if (arguments.note is None) != (arguments.key is None):
         raise UsageError("--note: expected a text and the key that signs it, --note TEXT --key FILE, was one of them.")
@@ -148,14 +148,14 @@ def _parse_share(text: str) -> float:
 
 
 def _audit(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.execution.verification import RepeatableResults
-    from gslcosim.bench.signing.keys import check_text, parse_author
-    from gslcosim.bench.signing.signed_results import check_signature
-    from gslcosim.bench.signing.submission_log import find_beacon_note, find_submission, list_submissions, read_log
-    from gslcosim.bench.statistics.audits import required_draw
-    from gslcosim.bench.store import ResultsFolder
-    from gslcosim.bench.verification_marks import results_hash
     from gslcosim.cli.run_output import format_signature, format_verification, signature_to_json, verification_to_json
+    from gslcosim_archive.audits import required_draw
+    from gslcosim_archive.signing.keys import check_text, parse_author
+    from gslcosim_archive.signing.signed_results import check_signature
+    from gslcosim_archive.signing.submission_log import find_beacon_note, find_submission, list_submissions, read_log
+    from gslcosim_bench.execution.verification import RepeatableResults
+    from gslcosim_bench.store import ResultsFolder
+    from gslcosim_bench.verification_marks import results_hash
 
     check_text(arguments.beacon, "--beacon")
     # As for `bench verify`.
@@ -230,7 +230,7 @@ def _add_pack_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _pack(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.cases.submission_bundles import load_submission, pack_bundle
+    from gslcosim_bench.cases.submission_bundles import load_submission, pack_bundle
 
     out = arguments.out or Path(f"{load_submission(arguments.folder).entry.name}.tar")
     bundle = pack_bundle(arguments.folder, out)

@@ -34,15 +34,15 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.cases import build_plan
-    from gslcosim.bench.cases.models import MAX_COMPARED_SETTINGS, Selection
-    from gslcosim.bench.execution.runner import SuiteRun
-    from gslcosim.bench.report.writer import write_report
-    from gslcosim.bench.store import ResultsFolder
-    from gslcosim.bench.studies.output import sweep_to_csv, sweep_to_json, write_fields, write_text
-    from gslcosim.bench.studies.sweep import SweepPlan
-    from gslcosim.bench.studies.target import find_target, parse_varied
     from gslcosim.cli.run_output import show_suite_progress
+    from gslcosim_bench.cases import build_plan
+    from gslcosim_bench.cases.models import MAX_COMPARED_SETTINGS, Selection
+    from gslcosim_bench.execution.runner import SuiteRun
+    from gslcosim_bench.report.writer import write_report
+    from gslcosim_bench.store import ResultsFolder
+    from gslcosim_bench.studies.output import sweep_to_csv, sweep_to_json, write_fields, write_text
+    from gslcosim_bench.studies.sweep import SweepPlan
+    from gslcosim_bench.studies.target import find_target, parse_varied
 
     subject = find_target(arguments.suite, arguments.entry, repetitions=arguments.repetitions, seed=arguments.seed)
     sweeper = SweepPlan(subject, parse_varied(arguments.vary, subject))

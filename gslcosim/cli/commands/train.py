@@ -11,7 +11,7 @@ from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
-    from gslcosim.training.training_run import TrainingResult
+    from gslcosim_training.training_run import TrainingResult
 
 EXAMPLES = """  gslcosim train open_halls_ctrnn
   gslcosim train open_halls_ctrnn --rounds 20 --out trained/first
@@ -47,9 +47,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.search.learned.policy_agent import POLICY_FILE
-    from gslcosim.training.train_file import load_train_file
-    from gslcosim.training.training_run import Training, build_entry, record_runs
+    from gslcosim_search.learned.policy_agent import POLICY_FILE
+    from gslcosim_training.train_file import load_train_file
+    from gslcosim_training.training_run import Training, build_entry, record_runs
 
     file = load_train_file(arguments.file, is_flown=True)
     name = file.spec.name
@@ -105,7 +105,7 @@ class _Watch:
 
 
 def _draw(trained: "TrainingResult") -> None:
-    from gslcosim.training.training_run import draw_curves
+    from gslcosim_training.training_run import draw_curves
 
     try:
         draw_curves(trained.curves, trained.folder)

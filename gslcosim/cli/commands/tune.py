@@ -11,7 +11,7 @@ from gslcosim.cli.study_output import RESULTS_DIR, add_target_arguments, format_
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
-    from gslcosim.bench.execution.runner import Progress
+    from gslcosim_bench.execution.runner import Progress
 
 EXAMPLES = """  gslcosim bench tune tiny_room --entry dung_beetle --range leg_m=0.2:2.0 --budget 60
   gslcosim bench tune smoke --entry dung_beetle --range leg_m=0.2:2.0:log --range zigzag_rad=0.3:1.4 --budget 400
@@ -46,8 +46,8 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.bench.report.writer import write_report
-    from gslcosim.bench.studies.output import (
+    from gslcosim_bench.report.writer import write_report
+    from gslcosim_bench.studies.output import (
         parameters_to_paste,
         to_inline_yaml,
         tuning_to_csv,
@@ -55,8 +55,8 @@ def _run(arguments: argparse.Namespace) -> int:
         write_fields,
         write_text,
     )
-    from gslcosim.bench.studies.target import card_ranges, find_target, parse_ranges
-    from gslcosim.bench.studies.tuning import TRAINING, VALIDATION, Tuner, split_budget
+    from gslcosim_bench.studies.target import card_ranges, find_target, parse_ranges
+    from gslcosim_bench.studies.tuning import TRAINING, VALIDATION, Tuner, split_budget
 
     subject = find_target(arguments.suite, arguments.entry)
     ranges = parse_ranges(arguments.range, subject) if arguments.range else card_ranges(subject)

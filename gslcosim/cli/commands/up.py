@@ -179,7 +179,7 @@ def _with_ros2(loaded: "LoadedScenario", arguments: argparse.Namespace) -> "Load
         settings = (scenario.ros2 or Ros2Spec()).model_copy(update=update)
         loaded = replace(loaded, scenario=scenario.model_copy(update={"ros2": settings}))
     if loaded.scenario.ros2 is not None:
-        from gslcosim.ros.types import check_installed
+        from gslcosim_ros.types import check_installed
 
         check_installed()
     return loaded

@@ -91,8 +91,8 @@ def _refuse_options(arguments: argparse.Namespace, kind: "FileKind") -> None:
 
 
 def _validate_suite(path: str, arguments: argparse.Namespace) -> _ValidFile:
-    from gslcosim.bench.cases import build_plan, load_suite
-    from gslcosim.bench.execution.verification import check_machine
+    from gslcosim_bench.cases import build_plan, load_suite
+    from gslcosim_bench.execution.verification import check_machine
 
     loaded = load_suite(path, seed=arguments.seed, is_flown=True)
     plan = build_plan(loaded)
@@ -118,7 +118,7 @@ def _validate_card(path: str, arguments: argparse.Namespace) -> _ValidFile:
 def _validate_family(path: str, arguments: argparse.Namespace) -> _ValidFile:
     from gslcosim.scenario.checks.registry import find_problems
     from gslcosim.scenario.loader import raise_located
-    from gslcosim.training.family import SPLITS, load_family
+    from gslcosim_training.family import SPLITS, load_family
 
     del arguments
     family = load_family(path)
@@ -131,7 +131,7 @@ def _validate_family(path: str, arguments: argparse.Namespace) -> _ValidFile:
 
 
 def _validate_train_file(path: str, arguments: argparse.Namespace) -> _ValidFile:
-    from gslcosim.training.train_file import load_train_file
+    from gslcosim_training.train_file import load_train_file
 
     del arguments
     file = load_train_file(path, is_flown=True)

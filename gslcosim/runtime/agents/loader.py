@@ -13,7 +13,7 @@ from gslcosim.base.processes import build_python_command
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 
 # Stands between a run and a node of ROS 2; of a service's package, and started as a program of its own.
-ROS_AGENT_MODULE = "gslcosim_services.ros2.agent"
+ROS_AGENT_MODULE = "gslcosim_ros.live.agent"
 
 
 def build_start_command(agent: AgentSpec, directory: Path) -> list[str] | None:

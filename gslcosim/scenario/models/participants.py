@@ -74,7 +74,7 @@ MAX_ANSWER_S = 25.0
 
 
 # What loads a unit in its own process.
-FMU_HOST = "gslcosim.runtime.external.fmi.host"
+FMU_HOST = "gslcosim_fmi.host"
 
 
 class ProgramStartSpec(Spec):

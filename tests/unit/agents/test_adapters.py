@@ -12,9 +12,9 @@ from briefings import briefing, observation
 
 from gslcosim.contract.messages import Bounds
 from gslcosim.runtime.agents.loader import load_python_agent
-from gslcosim.search.beliefs import entropy_bits
-from gslcosim.search.information.pomdp import OffsetGrid, PlumeTable, offsets_m
-from gslcosim.search.motion.legs import LegSpace
+from gslcosim_search.beliefs import entropy_bits
+from gslcosim_search.information.pomdp import OffsetGrid, PlumeTable, offsets_m
+from gslcosim_search.motion.legs import LegSpace
 
 ADAPTERS = Path(__file__).parents[3] / "docs" / "examples" / "adapters"
 OttoPolicy = load_python_agent(ADAPTERS / "otto" / "agent.py")

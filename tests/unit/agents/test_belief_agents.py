@@ -11,11 +11,11 @@ from briefings import briefing, observation, open_map
 from deadlines import PROCESS_S
 from ribbon_world import Ribbon, fly
 
-from gslcosim.search.beliefs import CellGrid
 from gslcosim_agents.hidden_markov.agent import HiddenMarkov
 from gslcosim_agents.particle_filter.agent import ParticleFilter
 from gslcosim_agents.source_map.agent import SourceMapAgent
 from gslcosim_agents.source_term_estimation.agent import SourceTermEstimation
+from gslcosim_search.beliefs import CellGrid
 
 AGENTS = [SourceMapAgent, HiddenMarkov, ParticleFilter, SourceTermEstimation]
 PLUME = Ribbon(ppm=5.0)

@@ -4,9 +4,9 @@ import pytest
 from briefings import briefing, observation
 from toy_swarm import ToySwarm, hill
 
-from gslcosim.search.swarms.rounds import parse
 from gslcosim_agents.dr_pso.agent import DrPso
 from gslcosim_agents.s_pso.agent import SPso
+from gslcosim_search.swarms.rounds import parse
 
 STARTS = [(2.0, 13.0), (13.0, 13.0), (13.0, 2.0)]
 MEMBERS = ("first", "searcher", "third")

@@ -3,8 +3,8 @@ import math
 import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim.search.beliefs import mass_within
 from gslcosim_agents.gr_gsl.agent import GrGslAgent
+from gslcosim_search.beliefs import mass_within
 
 SENSORS = (("pid", "nose"), ("anemometer", "vane"))
 START_M = (7.0, 5.0, 2.0)

@@ -9,7 +9,6 @@ from briefings import PLUME, briefing, observation
 from ribbon_world import Ribbon, fly
 from scipy.special import kve
 
-from gslcosim.search.information.information_agent import OBJECTIVES
 from gslcosim_agents.cognitive_search.agent import CognitiveSearch
 from gslcosim_agents.dual_control.agent import DualControl
 from gslcosim_agents.entrotaxis.agent import Entrotaxis
@@ -18,6 +17,7 @@ from gslcosim_agents.infotaxis.agent import Infotaxis
 from gslcosim_agents.infotaxis_3d.agent import Infotaxis3d
 from gslcosim_agents.n_step_infotaxis.agent import NStepInfotaxis
 from gslcosim_agents.space_aware_infotaxis.agent import SpaceAwareInfotaxis
+from gslcosim_search.information.information_agent import OBJECTIVES
 
 PID = (("pid", "nose"), ("anemometer", "vane"))
 COME = "Find the source of ethanol in the room: come within 1 m of it in at most 300 s."
@@ -89,7 +89,7 @@ def test_a_sure_belief_is_flown_to_straight(agent_type):
 
 @every_agent
 def test_it_goes_where_the_cost_by_its_objective_is_least(agent_type):
-    """What each objective is worth is held by tests/unit/search/information/test_objectives.py, outcome by outcome."""
+    """What each objective is worth is held by test_objectives.py of gslcosim_search, outcome by outcome."""
     agent = informed(made(agent_type, declares=False))
     place_m, context = chosen(agent)
     cost = OBJECTIVES[type(agent).objective](context, agent.settings)

@@ -6,8 +6,8 @@ import pytest
 
 from gslcosim.base.bundled import bundled_agents
 from gslcosim.methods.card import find_card_beside
-from gslcosim.search.learned.policy_agent import bundled_policies
-from gslcosim.search.learned.policy_files import PARAMETERS_FILE, load_parameters, load_policy, read_policy_card
+from gslcosim_search.learned.policy_agent import bundled_policies
+from gslcosim_search.learned.policy_files import PARAMETERS_FILE, load_parameters, load_policy, read_policy_card
 
 AGENTS = bundled_agents()["learned"].parents[1]
 # The policy of `learned` was made by hand.
@@ -31,7 +31,7 @@ def test_a_card_shows_how_the_agent_is_made_again(name):
     assert {"data", "seeds", "budget", "training_time_s", "versions", "machine", "validation"} <= set(card)
     (*command, file) = card["command"].split()
     assert command == ["gslcosim", "train"]
-    from gslcosim.training.train_file import load_train_file
+    from gslcosim_training.train_file import load_train_file
 
     spec = load_train_file(file).spec
     assert card["trainer"] == json.loads(spec.trainer.model_dump_json())

@@ -5,8 +5,8 @@ import pytest
 from briefings import briefing, observation
 from toy_swarm import ToySwarm
 
-from gslcosim.search.swarms.rounds import parse
 from gslcosim_agents.modified_gso.agent import ModifiedGso
+from gslcosim_search.swarms.rounds import parse
 
 MEMBERS = ("first", "searcher", "third")
 SENSORS = (("pid", "nose"), ("anemometer", "vane"))

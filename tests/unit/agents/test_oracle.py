@@ -1,7 +1,7 @@
 from briefings import briefing, observation, open_map
 
-from gslcosim.search.motion.legs import build_obstacles
 from gslcosim_agents.oracle.agent import Oracle
+from gslcosim_search.motion.legs import build_obstacles
 
 NEAR_M, FAR_M, START_M = (5.0, 2.0, 1.0), (12.0, 9.0, 3.0), (3.0, 3.0, 2.0)
 

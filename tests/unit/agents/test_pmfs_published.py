@@ -4,8 +4,8 @@ import pytest
 from briefings import briefing, observation, open_map
 
 from gslcosim.base.errors import MethodError
-from gslcosim.search.beliefs import mass_within
 from gslcosim_agents.pmfs_published.agent import PublishedPmfsAgent
+from gslcosim_search.beliefs import mass_within
 
 SENSORS = (("pid", "nose"), ("anemometer", "vane"))
 START_M = (7.0, 5.0, 2.0)

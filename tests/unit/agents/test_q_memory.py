@@ -8,9 +8,9 @@ import pytest
 from briefings import briefing, observation
 from ribbon_world import Ribbon, fly
 
-from gslcosim.search.reactive.temporal_memory import N_GAS_STATES, N_STATES, load_policies
 from gslcosim_agents.q_memory import agent as program
 from gslcosim_agents.q_memory.agent import QMemory
+from gslcosim_search.reactive.temporal_memory import N_GAS_STATES, N_STATES, load_policies
 
 WEST_RAD = math.pi  # the wind comes from -x
 PID = (("pid", "nose"), ("anemometer", "vane"))
@@ -91,7 +91,7 @@ def test_it_comes_up_a_ribbon_of_gas(nose, plume):
 
 def test_the_trainers_recoveries_are_those_of_the_agent():
     """What was learned with a recovery is flown with the same one: circling and cast-surge, move by move."""
-    from gslcosim.search.reactive.temporal_memory import CastSurge, Circling
+    from gslcosim_search.reactive.temporal_memory import CastSurge, Circling
 
     folder = Path(__file__).parents[3] / "docs" / "studies"
     spec = importlib.util.spec_from_file_location("q_memory_kernels", folder / "q_memory_kernels.py")

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim.search.information.pomdp import MOVES, offsets_m
 from gslcosim_agents.qmdp.agent import TABLE, Qmdp
 from gslcosim_agents.qmdp.agent import PlumeTable as Table
+from gslcosim_search.information.pomdp import MOVES, offsets_m
 
 PID = (("pid", "nose"), ("anemometer", "vane"))
 HERE_M = (7.0, 5.0, 2.0)

@@ -4,8 +4,8 @@ from itertools import pairwise
 import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim.search.motion.legs import build_obstacles
 from gslcosim_agents.random_walker.agent import RandomWalker
+from gslcosim_search.motion.legs import build_obstacles
 
 HERE_M = (7.0, 5.0, 2.0)
 

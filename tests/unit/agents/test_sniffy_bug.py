@@ -6,8 +6,8 @@ from briefings import briefing, observation
 from toy_swarm import ToySwarm, hill
 
 from gslcosim.base.errors import MethodError
-from gslcosim.search.swarms.sniffy_bug import TABLES
 from gslcosim_agents.sniffy_bug.agent import SniffyBug
+from gslcosim_search.swarms.sniffy_bug import TABLES
 
 STARTS = [(2.0, 13.0), (13.0, 13.0), (13.0, 2.0)]
 SENSORS = (("pid", "nose"), ("four_range_finders", "around"))

@@ -7,7 +7,6 @@ import pytest
 from briefings import briefing, observation
 
 from gslcosim.base.errors import MethodError
-from gslcosim.search.swarms.rounds import Report, Team, encode, parse
 from gslcosim_agents.c_pso.agent import CPso
 from gslcosim_agents.dr_pso.agent import DrPso
 from gslcosim_agents.gso.agent import Gso
@@ -15,6 +14,7 @@ from gslcosim_agents.modified_gso.agent import ModifiedGso
 from gslcosim_agents.pso_wu.agent import PsoWu
 from gslcosim_agents.s_pso.agent import SPso
 from gslcosim_agents.sniffy_bug.agent import SniffyBug
+from gslcosim_search.swarms.rounds import Report, Team, encode, parse
 
 BY_LEGS = [SPso, DrPso, CPso, PsoWu, Gso, ModifiedGso]
 ALL = [*BY_LEGS, SniffyBug]

@@ -4,8 +4,8 @@ from itertools import pairwise
 import pytest
 from briefings import briefing, observation, open_map
 
-from gslcosim.search.motion.legs import build_obstacles
 from gslcosim_agents.sweep.agent import Sweep
+from gslcosim_search.motion.legs import build_obstacles
 
 START_M = (3.0, 3.0, 2.0)
 

@@ -9,8 +9,8 @@ from briefings import briefing, observation
 from PIL import Image
 
 from gslcosim.contract.messages import CameraImage, Reading
-from gslcosim.search.beliefs import CellGrid
 from gslcosim_agents.vision_prior.agent import VisionPrior
+from gslcosim_search.beliefs import CellGrid
 
 SENSORS = (("pid", "nose"), ("anemometer", "vane"), ("camera", "eye"))
 HERE_M = (3.0, 5.0, 1.2)

@@ -10,9 +10,6 @@ import pytest
 from rich.console import Console
 
 from gslcosim.base.errors import UsageError
-from gslcosim.bench.execution.runner import Progress, StaleRows
-from gslcosim.bench.merge import MergeSummary
-from gslcosim.bench.report.writer import WrittenReport
 from gslcosim.cli.bench_workers import confirm_put_aside
 from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.run_output import (
@@ -24,9 +21,12 @@ from gslcosim.cli.run_output import (
     show_run_progress,
 )
 from gslcosim.runtime.status import RunStatus
+from gslcosim_bench.execution.runner import Progress, StaleRows
+from gslcosim_bench.merge import MergeSummary
+from gslcosim_bench.report.writer import WrittenReport
 
 if TYPE_CHECKING:
-    from gslcosim.bench.submissions import Ranking
+    from gslcosim_archive.submissions import Ranking
 
 
 class TerminalText(io.StringIO):

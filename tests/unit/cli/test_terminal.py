@@ -24,9 +24,9 @@ from gslcosim.cli.main import main
 from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.run_output import format_agents_table, format_summary
 from gslcosim.cli.terminal import drawn_table, open_console, table, write, write_json, write_note, write_prompt
-from gslcosim.data.recording import viewer
+from gslcosim.recordings import viewer
 from gslcosim.runtime.status import RunResult, get_status_folder
-from gslcosim.teleop import Terminal
+from gslcosim_conformance.teleop import Terminal
 
 PACKAGE = Path(gslcosim.__file__).parent
 TITLE = "\x1b]0;owned\x07"

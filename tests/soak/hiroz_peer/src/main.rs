@@ -1,4 +1,4 @@
-// A ROS 2 peer in Rust: the graph, a topic of a run, a service and an action of gslcosim.ros, and a topic of its own.
+// A ROS 2 peer in Rust: the graph, a topic of a run, a service and an action of gslcosim_ros, and a topic of its own.
 use std::time::Duration;
 
 use hiroz::{context::ZContextBuilder, Builder, Result};
