@@ -7,7 +7,6 @@ from gslcosim.base.kernel_cache import use_kernel_cache
 
 if TYPE_CHECKING:
     from gslcosim.simulation.simulation import Simulation as Simulation
-    from gslcosim_data.run import open_run as open_run
 
 __version__ = "0.2.0"
 
@@ -15,8 +14,8 @@ use_kernel_cache()
 
 
 # What a person calls, by where it is; imported when it is asked for, so that a start stays short.
-_CALLABLES = {"Simulation": "gslcosim.simulation.simulation", "open_run": "gslcosim_data.run"}
-_MODULES = ("agent_kit", "bench", "search", "training")
+_CALLABLES = {"Simulation": "gslcosim.simulation.simulation"}
+_MODULES = ("agent_kit",)
 
 
 def __getattr__(name: str) -> Any:

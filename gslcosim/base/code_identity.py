@@ -7,18 +7,16 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from gslcosim.base.extensions import RESULT_CODE_GROUP, list_registered
 from gslcosim.base.kernel_cache import get_cache_root, get_code_roots
 
+_CORE = ("gslcosim", "gslcosim_services")
 # Beside gslcosim's own code, what computes runs.
 COMPUTING_PACKAGES = ("numpy", "numba", "llvmlite", "mujoco", "pydantic", "msgpack", "msgspec")
 # Code that shows runs, or counts over them, decides none.
 _IRRELEVANT_FOLDERS = (
     "gslcosim/cli",
-    "extensions/bench/gslcosim_bench/report",
-    "extensions/bench/gslcosim_bench/statistics",
-    "extensions/bench/gslcosim_bench/studies",
-    "extensions/conformance/gslcosim_conformance",
-    "extensions/data/gslcosim_data",
+    "gslcosim/recordings",
     "gslcosim_services/recorder",
 )
 _DIGEST_BYTES = 16
@@ -26,8 +24,10 @@ _DIGEST_BYTES = 16
 
 def hash_result_code() -> str:
     """Return a hash that changes when any code that decides the results of a run does."""
-    paths = [path for root in get_code_roots().values() for path in sorted(root.rglob("*.py"))]
-    return hash_code([path for path in paths if not _name_in_package(path).startswith(_IRRELEVANT_FOLDERS)])
+    own = [path for path in list_package_files(*_CORE) if not _name_in_package(path).startswith(_IRRELEVANT_FOLDERS)]
+    # An extension says which of its code decides results: its search methods, and not its figures.
+    registered = (point.value.replace(".", "/") for point in list_registered(RESULT_CODE_GROUP))
+    return hash_code([*own, *list_package_files(*registered)])
 
 
 def _name_in_package(path: Path) -> str:

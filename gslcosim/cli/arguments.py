@@ -7,7 +7,7 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -66,6 +66,31 @@ class CommandGroup:
 
     title: str
     commands: tuple[Command | CommandFamily, ...]
+
+
+def as_command_groups(offered: object) -> tuple[CommandGroup, ...] | None:
+    """Return what an extension registers as commands, or None where it is something else."""
+    if isinstance(offered, tuple) and all(isinstance(each, CommandGroup) for each in offered):
+        return offered
+    return None
+
+
+def merge_groups(groups: Iterable[CommandGroup]) -> tuple[CommandGroup, ...]:
+    """Return groups of which no two have one title, and families of which no two have one name.
+
+    Args:
+        groups: In the order of the help; commands of a title, and parts of a family, stand in this order too. A family
+            is described by its first.
+    """
+    merged: dict[str, dict[str, Command | CommandFamily]] = {}
+    for group in groups:
+        commands = merged.setdefault(group.title, {})
+        for command in group.commands:
+            known = commands.get(command.name)
+            if isinstance(known, CommandFamily) and isinstance(command, CommandFamily):
+                command = replace(known, parts=(*known.parts, *command.parts))
+            commands[command.name] = command
+    return tuple(CommandGroup(title=title, commands=tuple(found.values())) for title, found in merged.items())
 
 
 class Parser(argparse.ArgumentParser):

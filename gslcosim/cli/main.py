@@ -18,9 +18,10 @@ from gslcosim.base.errors import (
     check_working_directory,
     translate,
 )
+from gslcosim.base.extensions import COMMANDS_GROUP, load_registered
 from gslcosim.base.processes import is_asked_to_end
 from gslcosim.base.thread_limit import check_thread_limit
-from gslcosim.cli.arguments import CommandFamily, CommandGroup, build_parser, parse
+from gslcosim.cli.arguments import CommandFamily, CommandGroup, as_command_groups, build_parser, merge_groups, parse
 from gslcosim.cli.commands import (
     agent,
     bench,
@@ -80,7 +81,7 @@ RUNS = CommandFamily(
     parts=(runs.COMMAND, monitor.ACTIVE, monitor.TOP, monitor.STOP, import_flight.COMMAND),
     default="list",
 )
-GROUPS = (
+CORE_GROUPS = (
     CommandGroup(
         title="run",
         commands=(
@@ -112,6 +113,16 @@ GROUPS = (
 )
 
 
+def list_groups() -> tuple[CommandGroup, ...]:
+    """Return the commands of the core with those that installed extensions register, by the groups of the help.
+
+    Raises:
+        UsageError: an extension registers something else, or cannot be imported.
+    """
+    registered = load_registered(COMMANDS_GROUP, as_command_groups, "a tuple of CommandGroup")
+    return merge_groups([*CORE_GROUPS, *(group for groups in registered for group in groups)])
+
+
 def main(words: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code.
 
@@ -123,7 +134,8 @@ def main(words: Sequence[str] | None = None) -> int:
     open_missing_streams()
     if words is None:
         if "_ARGCOMPLETE" in os.environ:
-            completion.complete(build_parser(GROUPS, version=__version__), GROUPS)
+            groups = list_groups()
+            completion.complete(build_parser(groups, version=__version__), groups)
         escape_library_messages()
     exit_code = run_command(sys.argv[1:] if words is None else words)
     if words is None and exit_code == ExitCode.FAULT:
@@ -155,12 +167,13 @@ def run_command(words: Sequence[str], call: Callable[[argparse.Namespace], int] 
 
 
 def _exit_code_of(words: Sequence[str], call: Callable[[argparse.Namespace], int] | None) -> int:
-    parser = build_parser(GROUPS, version=__version__)
     try:
+        groups = list_groups()
+        parser = build_parser(groups, version=__version__)
         if not words:
             parser.print_help(sys.stderr)
             return ExitCode.USAGE
-        arguments = parse(parser, GROUPS, words)
+        arguments = parse(parser, groups, words)
         if "is_computing" in arguments:
             check_address_space()
             check_working_directory()

@@ -12,6 +12,7 @@ from importlib.metadata import EntryPoint, distributions
 from pathlib import Path
 
 from gslcosim.base.errors import DataflowError, UsageError
+from gslcosim.base.extensions import list_registered
 from gslcosim.base.problems import Problem
 from gslcosim.contract import keys
 from gslcosim.contract.messages import Briefing, Command
@@ -94,8 +95,9 @@ class ServiceKind:
     check_host: Callable[[RunSetup], None] | None = None
 
 
-# What this distribution offers; packages of others replace one by a block of its name in a scenario's `services`.
+# What this distribution and extensions offer; a block of its name in a scenario's `services` replaces one.
 DEFAULT_SERVICES_GROUP = "gslcosim.default_services"
+_DISTRIBUTION = "gslcosim"
 
 
 @cache
@@ -106,7 +108,7 @@ def default_services() -> tuple[ServiceKind, ...]:
         UsageError: the installation lacks them, or an entry point is no `ServiceKind` of its name.
     """
     found: list[ServiceKind] = []
-    for point in _own_entry_points():
+    for point in (*_own_entry_points(), *_list_extension_points()):
         kind: object = point.load()
         if not isinstance(kind, ServiceKind) or kind.name != point.name:
             raise UsageError(
@@ -124,8 +126,13 @@ def default_services() -> tuple[ServiceKind, ...]:
 
 # An older checkout's `*.egg-info`, which comes first in a checkout's own folder, has entry points of its time.
 def _own_entry_points() -> Iterable[EntryPoint]:
-    installed = (own.entry_points.select(group=DEFAULT_SERVICES_GROUP) for own in distributions(name="gslcosim"))
+    installed = (own.entry_points.select(group=DEFAULT_SERVICES_GROUP) for own in distributions(name=_DISTRIBUTION))
     return next((points for points in installed if points), ())
+
+
+def _list_extension_points() -> list[EntryPoint]:
+    points = list_registered(DEFAULT_SERVICES_GROUP)
+    return [point for point in points if point.dist is not None and point.dist.name != _DISTRIBUTION]
 
 
 @singledispatch

@@ -7,9 +7,11 @@ from pathlib import Path
 import pytest
 
 from gslcosim.cli.arguments import build_parser, parse
-from gslcosim.cli.main import GROUPS
+from gslcosim.cli.main import list_groups
 from gslcosim_conformance.rules import RULES, Failure, Finding
 from gslcosim_conformance.scripted_world import QUESTION_TICKS, iter_ticks
+
+GROUPS = list_groups()
 
 PAGE = (Path(__file__).parents[2] / "docs" / "check-your-agent.md").read_text()
 

@@ -8,7 +8,9 @@ import pytest
 
 from gslcosim.base.errors import UsageError
 from gslcosim.cli.arguments import build_parser, iterate_commands, parse
-from gslcosim.cli.main import GROUPS
+from gslcosim.cli.main import list_groups
+
+GROUPS = list_groups()
 
 PARSER = build_parser(GROUPS, version="")
 

@@ -7,8 +7,8 @@ import time
 
 import numpy as np
 
-from gslcosim.simulation import ros_interfaces as interfaces
 from gslcosim.simulation.simulation import Simulation
+from gslcosim_ros import simulation_interfaces as interfaces
 from gslcosim_ros import wire
 from gslcosim_ros.node import RosSession
 from gslcosim_ros.simulation_services import SimulationServices

@@ -6,7 +6,7 @@ from rerun.chunk import RrdReader
 from test_fork import forked
 from test_participants import with_program
 
-from gslcosim import open_run
+from gslcosim_data import open_run
 
 SCENARIOS = sorted((ROOT / "scenarios").glob("event_*.yaml"))
 HAPPEN = {

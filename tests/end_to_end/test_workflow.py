@@ -7,7 +7,7 @@ import pyarrow.parquet
 import pytest
 from PIL import Image
 
-import gslcosim
+import gslcosim_data
 from gslcosim.cli.main import main
 from gslcosim_data.figures import read_svg_points
 
@@ -75,7 +75,7 @@ def test_from_six_runs_to_a_film_a_figure_and_a_real_flight(tmp_path, call, caps
     capsys.readouterr()
 
     # A figure, whose points are the run's.
-    run = gslcosim.open_run(folders[0])
+    run = gslcosim_data.open_run(folders[0])
     call("plot", folders[0], "--figure", "track", "--format", "svg", "--out", tmp_path / "figures")
     drawn = read_svg_points(tmp_path / "figures" / "track.svg")["track/beetle"]
     assert np.linalg.norm(drawn[-1] - run.tracks["beetle"].position_world_m[-1, :2]) < 0.02

@@ -36,7 +36,7 @@ ALIASES = """
 import json
 try:
     from gslcosim.cli.arguments import CommandFamily, iterate_commands
-    from gslcosim.cli.main import GROUPS
+    from gslcosim.cli.main import list_groups
 except ImportError:
     print("{}")
 else:
@@ -47,6 +47,8 @@ else:
 """
 PUBLIC = """
 import importlib, sys
+
+GROUPS = list_groups()
 module = importlib.import_module(sys.argv[1])
 print(*getattr(module, "__all__", ()), sep="\\n")
 """

@@ -11,7 +11,7 @@ import pyarrow.parquet
 import pytest
 import yaml
 
-import gslcosim
+import gslcosim_data
 from gslcosim.base.errors import UsageError
 from gslcosim.cli.main import main
 from gslcosim_data.run import RunData
@@ -45,7 +45,7 @@ def extracted(flown, to, tmp_path):
 @pytest.mark.slow
 @pytest.mark.tour
 def test_tables_hold_what_the_run_holds(flown, tmp_path, capsys):
-    run = gslcosim.open_run(flown)
+    run = gslcosim_data.open_run(flown)
     folder = extracted(flown, "parquet", tmp_path)
     assert capsys.readouterr().out.split()[0] == str(folder / "dictionary.csv")
     track = pyarrow.parquet.read_table(folder / "track_beetle.parquet")
@@ -65,7 +65,7 @@ def test_tables_hold_what_the_run_holds(flown, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_a_table_of_a_run_is_the_file_of_extract(flown, tmp_path):
-    run = gslcosim.open_run(flown)
+    run = gslcosim_data.open_run(flown)
     folder = extracted(flown, "parquet", tmp_path)
     assert {f"{name}.parquet" for name in run.table_names} == {path.name for path in folder.glob("*.parquet")}
     track = run.table("track_beetle")
@@ -82,7 +82,7 @@ def test_a_table_of_a_run_is_the_file_of_extract(flown, tmp_path):
 @pytest.mark.extras
 def test_xarray_opens_a_run_and_what_extract_writes_of_it(flown, tmp_path):
     xarray = pytest.importorskip("xarray")
-    run = gslcosim.open_run(flown)
+    run = gslcosim_data.open_run(flown)
     gas = run.to_xarray()
     slices = run.gas_slices["ethanol"]
     np.testing.assert_array_equal(gas["ethanol_ppm"].sel(time_s=5.0, method="ffill").values, slices.at(5.0))
@@ -179,7 +179,7 @@ def test_mcap_is_read_back_by_another_reader(flown, tmp_path):
             file, decoder_factories=[DecoderFactory()]
         ).iter_decoded_messages():
             messages.setdefault(channel.topic, []).append((message.log_time, decoded))
-    checked(messages, gslcosim.open_run(flown))
+    checked(messages, gslcosim_data.open_run(flown))
 
 
 @pytest.mark.slow
@@ -192,7 +192,7 @@ def test_rosbag2_is_read_back(flown, tmp_path):
     with highlevel.AnyReader([folder]) as bag:
         for connection, stamp, data in bag.messages():
             messages.setdefault(connection.topic, []).append((stamp, bag.deserialize(data, connection.msgtype)))
-    checked(messages, gslcosim.open_run(flown))
+    checked(messages, gslcosim_data.open_run(flown))
     # As `ros2 bag` looks at it.
     assert "storage_identifier: sqlite3" in (folder / "metadata.yaml").read_text()
     with sqlite3.connect(next(folder.glob("*.db3"))) as database:
@@ -251,7 +251,7 @@ def test_the_programs_with_pandas_and_xarray_run(flown, capsys):
     pytest.importorskip("pandas")
     pytest.importorskip("xarray")
     names = run_blocks(flown, slice(None))
-    assert len(names["readings"]) == len(gslcosim.open_run(flown).table("readings_beetle"))
+    assert len(names["readings"]) == len(gslcosim_data.open_run(flown).table("readings_beetle"))
     assert float(capsys.readouterr().out.split()[-1]) > 0
 
 
@@ -281,4 +281,4 @@ def test_what_cannot_be_written_is_reported(flown, tmp_path, capsys, monkeypatch
     ros_types.cache_clear()
     assert main(["extract", str(flown), "--to", "mcap", "--out", str(tmp_path / "new")]) == 2
     assert "Install it with: pip install 'gslcosim[ros]'" in capsys.readouterr().err
-    assert isinstance(gslcosim.open_run(flown), RunData)
+    assert isinstance(gslcosim_data.open_run(flown), RunData)

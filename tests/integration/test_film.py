@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import gslcosim
+import gslcosim_data
 from gslcosim.base.errors import ModelError, UsageError
 from gslcosim.cli.main import main
 from gslcosim_data.film import FRAMES_PER_S, FilmSegment, PlanPanel, interpolate_pose, render_frames
@@ -68,7 +68,7 @@ def test_two_seconds_of_film_show_the_vehicle_where_it_was(runs, tmp_path, capsy
 @pytest.mark.slow
 def test_the_plan_has_the_vehicle_at_its_place(runs):
     """The room of 6 x 5 m fills a panel of 320 x 288 pixels but for its margins: about 49 pixels a metre."""
-    run = gslcosim.open_run(runs[0])
+    run = gslcosim_data.open_run(runs[0])
     cut = FilmSegment.of(run, from_s=2, to_s=8, speed=6)
     frames = [*render_frames([run], cut, (320, 360), has_chase_view=False)]
     seen = [place_of(frame[:288], WHITE, 0) for frame in frames]
@@ -127,7 +127,7 @@ def test_what_is_wrong_is_reported(runs, tmp_path, capsys, monkeypatch):
     text = call_film("--out", str(tmp_path / "a.mp4"), "--plan-only")
     assert "Install it with: pip install 'gslcosim[film]'" in text
     assert not list(tmp_path.iterdir())
-    opened = gslcosim.open_run(run)
+    opened = gslcosim_data.open_run(run)
     cut = FilmSegment.of(opened, from_s=0, to_s=1, speed=1)
     with pytest.raises(UsageError, match="expected one run, was several"):
         render_frames([opened, opened], cut, (320, 200), follow="beetle")
@@ -144,7 +144,7 @@ def test_a_full_disk_is_reported(runs, capsys):
 def test_a_film_shows_doors_as_they_are_at_its_time(tmp_path):
     short = ["--set", "referee.stop.time_limit_s=12", "--set", "gas.warm_up_s=1"]
     main(["up", "event_door", "--in-process", "--quiet", "--runs-dir", str(tmp_path), *short])
-    run = gslcosim.open_run(next(tmp_path.iterdir()))
+    run = gslcosim_data.open_run(next(tmp_path.iterdir()))
     assert run.closed_at(9.9) == ("gate",)
     assert run.closed_at(10.3) == ()
     plan = PlanPanel(run, (320, 240))

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import yaml
 
-from gslcosim import open_run
 from gslcosim.cli.main import main
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.serialization import plain_values
+from gslcosim_data import open_run
 
 AGENT = """from gslcosim.agent_kit import Agent, Command, Note
 

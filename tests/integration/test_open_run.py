@@ -1,4 +1,4 @@
-"""`gslcosim.open_run`: what a run has left, as arrays."""
+"""`gslcosim_data.open_run`: what a run has left, as arrays."""
 
 import json
 import math
@@ -7,7 +7,7 @@ import shutil
 import numpy as np
 import pytest
 
-import gslcosim
+import gslcosim_data
 from gslcosim.base.errors import RecordingError, UsageError
 from gslcosim.cli.main import main
 
@@ -30,7 +30,7 @@ def copied(flown, tmp_path):
 
 
 def test_a_run_says_what_it_is(flown):
-    run = gslcosim.open_run(flown)
+    run = gslcosim_data.open_run(flown)
     said, ended = repr(run), run.result["agents"][0]["outcome"]
     assert said.startswith(f"<Run {flown.name}: seed {run.scenario.seed}, beetle (infotaxis); ")
     assert said.endswith(f" s simulated, beetle {ended}>")
@@ -38,12 +38,12 @@ def test_a_run_says_what_it_is(flown):
 
 def test_a_run_without_a_result_says_so(copied):
     (copied / "result.json").unlink()
-    assert repr(gslcosim.open_run(copied)).endswith("; without a result>")
+    assert repr(gslcosim_data.open_run(copied)).endswith("; without a result>")
 
 
 @pytest.mark.tour
 def test_a_run_is_read_back_as_arrays_that_fit_its_result(flown):
-    run = gslcosim.open_run(flown)
+    run = gslcosim_data.open_run(flown)
     assert (run.agents, run.methods) == (("beetle",), {"beetle": "infotaxis"})
     assert [agent["method"] for agent in run.result["agents"]] == ["infotaxis"]
     track, agent = run.tracks["beetle"], run.result["agents"][0]
@@ -63,31 +63,31 @@ def test_a_run_is_read_back_as_arrays_that_fit_its_result(flown):
     assert run.figure("beetle", "decision_time").value.min() > 0
     assert run.events.text[-1].startswith("the run ends after")
     assert run.wind_m_s(3.0).shape == (*run.environment.occupancy.shape, 3)
-    assert gslcosim.open_run(flown / "recording.rrd").run_id == run.run_id
+    assert gslcosim_data.open_run(flown / "recording.rrd").run_id == run.run_id
 
 
 def test_a_run_that_was_killed_is_read_without_a_result_once_its_recording_is_whole(copied):
     (copied / "result.json").unlink()
-    assert gslcosim.open_run(copied).result is None
+    assert gslcosim_data.open_run(copied).result is None
     recording = copied / "recording.rrd"
     recording.write_bytes(recording.read_bytes()[: recording.stat().st_size // 2])
     with pytest.raises(RecordingError, match="expected a whole one, was one that was cut off"):
-        gslcosim.open_run(copied)
+        gslcosim_data.open_run(copied)
 
 
 def test_a_run_of_another_contract_is_refused(copied):
     manifest = json.loads((copied / "manifest.json").read_text())
     (copied / "manifest.json").write_text(json.dumps(manifest | {"contract_hash": "0", "gslcosim": "0.0.9"}))
     with pytest.raises(UsageError, match=r"expected a run of contract .*, was 0, flown by gslcosim 0\.0\.9"):
-        gslcosim.open_run(copied)
+        gslcosim_data.open_run(copied)
 
 
 def test_a_run_without_recording_says_how_to_record_it(copied):
     (copied / "recording.rrd").unlink()
     with pytest.raises(UsageError, match=r"found none\. Record it now: gslcosim replay"):
-        gslcosim.open_run(copied)
+        gslcosim_data.open_run(copied)
 
 
 def test_a_folder_that_is_no_run_is_refused(tmp_path):
     with pytest.raises(UsageError, match=r"expected a folder with manifest\.json"):
-        gslcosim.open_run(tmp_path)
+        gslcosim_data.open_run(tmp_path)

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-import gslcosim
+import gslcosim_data
 from gslcosim.cli.main import main
 from gslcosim_data.figures import read_svg_points
 
@@ -37,7 +37,7 @@ def test_points_read_back_from_svg_are_those_of_the_run(runs, tmp_path, capsys):
     folder = runs["3", "infotaxis"]
     out = plotted(tmp_path, folder, "--figure", "track,distance,gas", "--format", "svg")
     assert capsys.readouterr().out.split() == [str(out / f"{name}.svg") for name in ("track", "distance", "gas")]
-    run = gslcosim.open_run(folder)
+    run = gslcosim_data.open_run(folder)
     drawn = read_svg_points(out / "track.svg")
     np.testing.assert_allclose(drawn["track/beetle"], run.tracks["beetle"].position_world_m[:, :2], atol=0.003)
     np.testing.assert_allclose(drawn["waypoints/beetle"], run.waypoints["beetle"].position_world_m[:, :2], atol=0.003)

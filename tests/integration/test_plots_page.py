@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-import gslcosim
+import gslcosim_data
 from gslcosim.cli.main import main
 from gslcosim_bench.report.figures import RESULT_FIGURES, write_result_figures
 from gslcosim_data import figures
@@ -51,7 +51,7 @@ def test_draw_the_gallery(tmp_path):
         folder = tmp_path / f"{scenario}_{seed}_{method}"
         words = ["up", scenario, "--in-process", "--quiet", "--seed", seed, "--runs-dir", str(folder)]
         assert main([*words, *(["--set", f"agents[0].start.python={method}"] if method else [])]) in (0, 1)
-        return gslcosim.open_run(next(folder.iterdir()))
+        return gslcosim_data.open_run(next(folder.iterdir()))
 
     PICTURES.mkdir(exist_ok=True)
     one, swarm = fly("warehouse_racks", "2", "infotaxis"), fly("swarm_tiny", "3")

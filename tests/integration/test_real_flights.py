@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-import gslcosim
+import gslcosim_data
 from gslcosim.cli.main import main
 
 HEAD = "time_s,x_m,y_m,z_m,yaw_rad,nose_ohm,wind_speed_m_s,wind_from_rad"
@@ -41,7 +41,7 @@ def imported(capsys, tmp_path, log, *words):
     printed = capsys.readouterr()
     assert exit_code == 0, printed.err
     result = json.loads(printed.out)
-    return result, gslcosim.open_run(tmp_path / "runs" / result["run_id"])
+    return result, gslcosim_data.open_run(tmp_path / "runs" / result["run_id"])
 
 
 @pytest.mark.slow
@@ -83,7 +83,7 @@ def test_the_same_log_has_the_same_digest_and_cannot_be_repeated(tmp_path, capsy
 def test_a_bag_of_a_run_comes_back_as_a_run(tmp_path, capsys, to):
     words = ["up", "tiny_room", "--in-process", "--quiet", "--runs-dir", str(tmp_path / "flown")]
     main([*words, "--set", "referee.stop.time_limit_s=8"])
-    flown = gslcosim.open_run(next((tmp_path / "flown").iterdir()))
+    flown = gslcosim_data.open_run(next((tmp_path / "flown").iterdir()))
     main(["extract", str(flown.folder), "--to", to, "--out", str(tmp_path / "bag")])
     capsys.readouterr()
     log = tmp_path / "bag" if to == "rosbag2" else next((tmp_path / "bag").iterdir())
@@ -124,7 +124,7 @@ def test_neither_method_nor_programs_nor_start_matter_and_remarks_are_kept(tmp_p
     words = ["runs", "import", str(tmp_path / "log.csv"), "--scenario", str(tmp_path / "hall.yaml"), "--json"]
     assert main([*words, "--runs-dir", str(tmp_path / "runs")]) == 0
     printed = capsys.readouterr()
-    run = gslcosim.open_run(tmp_path / "runs" / json.loads(printed.out)["run_id"])
+    run = gslcosim_data.open_run(tmp_path / "runs" / json.loads(printed.out)["run_id"])
     remarks = run.manifest["imported_from"]["remarks"]
     assert printed.err == "".join(f"{tmp_path / 'log.csv'}: {text}\n" for text in remarks)
     for remark in (

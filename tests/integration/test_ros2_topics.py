@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-import gslcosim
+import gslcosim_data
 from gslcosim.cli.main import main
 from gslcosim_ros import wire
 from gslcosim_ros.bag_export import iterate_messages
@@ -82,7 +82,7 @@ def stamp_ns(stamp):
 def test_topics_are_those_of_the_bag_and_results_the_same(endpoint, capsys, tmp_path):
     limit = ("--set", "referee.stop.time_limit_s=4")
     quiet = fly(capsys, tmp_path / "quiet", *limit)
-    run = gslcosim.open_run(next((tmp_path / "quiet").iterdir()))
+    run = gslcosim_data.open_run(next((tmp_path / "quiet").iterdir()))
     types = RosTypes("humble")
     bag = defaultdict(list)
     for each in iterate_messages(run, types):

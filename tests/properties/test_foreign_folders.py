@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 from gslcosim.base.errors import ExitCode
 from gslcosim.base.yaml_core import CoreLoader
 from gslcosim.cli.arguments import iterate_commands
-from gslcosim.cli.main import GROUPS, main
+from gslcosim.cli.main import list_groups, main
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.runtime.status import get_status_folder
 from gslcosim.scenario import load_scenario
@@ -32,6 +32,8 @@ from gslcosim_archive.signing.keys import write_key
 from gslcosim_archive.signing.signed_results import sign_results
 from gslcosim_archive.signing.submission_log import add_submission
 from gslcosim_bench.store import Journal, ResultsFolder
+
+GROUPS = list_groups()
 
 RUN_FILES = (
     "manifest.json", "result.json", "setup.json", "digest.json", "inputs.log", "machine.log", "scenario.yaml",

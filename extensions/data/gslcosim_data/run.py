@@ -1,4 +1,4 @@
-"""A run read back as arrays; `gslcosim.open_run` opens it."""
+"""A run read back as arrays; `gslcosim_data.open_run` opens it."""
 
 from collections.abc import Mapping
 from functools import cached_property

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from gslcosim.base.errors import GslCosimError
 from gslcosim.base.frames import world_from_body_rotation
 from gslcosim.contract.messages import BodyState
-from gslcosim_ros import simulation_interfaces as ros_interfaces as interfaces
 from gslcosim.simulation.simulation import Simulation
+from gslcosim_ros import simulation_interfaces as interfaces
 from gslcosim_ros.actions import ActionGoal, ActionServer, GoalStatus
 from gslcosim_ros.node import RosSession
 from gslcosim_ros.simulation_interfaces import BoundsType, Feature, ResultCode, Scope, State, get_service_type

@@ -12,7 +12,9 @@ import pytest
 from gslcosim import __version__
 from gslcosim.base import errors
 from gslcosim.cli.arguments import build_parser, collect_actions, command_parsers, iterate_commands, parse
-from gslcosim.cli.main import GROUPS, main
+from gslcosim.cli.main import list_groups, main
+
+GROUPS = list_groups()
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs" / "commands.md"

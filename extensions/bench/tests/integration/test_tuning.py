@@ -16,11 +16,13 @@ import pytest
 
 from gslcosim.cli.arguments import build_parser, parse
 from gslcosim.cli.bench_workers import start_pool
-from gslcosim.cli.main import GROUPS, main
+from gslcosim.cli.main import list_groups, main
 from gslcosim_bench.execution.pool import Pool
 from gslcosim_bench.store import ResultsFolder
 from gslcosim_bench.studies.target import find_target, parse_ranges
 from gslcosim_bench.studies.tuning import Tuner, TuningProgress, split_budget
+
+GROUPS = list_groups()
 
 PAGE = (Path(__file__).parents[4] / "docs" / "benchmark" / "sweeps.md").read_text()
 CALLS = [line for line in PAGE.splitlines() if line.startswith("gslcosim ")]

@@ -14,7 +14,9 @@ from gslcosim.base.bundled import bundled_agents, bundled_scenarios, bundled_sui
 from gslcosim.cli.arguments import build_parser, command_parsers
 from gslcosim.cli.commands.completion import COMPLETIONS, SHELLS
 from gslcosim.cli.commands.list_ import KINDS
-from gslcosim.cli.main import GROUPS, main
+from gslcosim.cli.main import list_groups, main
+
+GROUPS = list_groups()
 
 # Asks for the words of each line as bash does at the Tab key, and prints them in a line.
 ASK = """

@@ -10,7 +10,7 @@ import pytest
 
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.cli.arguments import build_parser, parse
-from gslcosim.cli.main import GROUPS
+from gslcosim.cli.main import list_groups
 from gslcosim_bench.studies.failure_output import (
     build_page,
     describe_common,
@@ -20,6 +20,8 @@ from gslcosim_bench.studies.failure_output import (
 )
 from gslcosim_bench.studies.failures import FailureFinder
 from gslcosim_bench.studies.search_space import find_space
+
+GROUPS = list_groups()
 
 PAGE = Path(__file__).parents[5] / "docs" / "benchmark" / "failures.md"
 SENSOR = "agents[0].sensors[0].model=pid,tgs2600"

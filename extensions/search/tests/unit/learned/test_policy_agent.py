@@ -1,15 +1,9 @@
 """The agent `learned` flies what its parameter names, and says at the start what a policy lacks."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-from policies import gru, table
-
-sys.path.insert(0, str(Path(__file__).parents[3] / "agents"))
-
 from briefings import briefing, observation
+from policies import gru, table
 
 from gslcosim.base.errors import MethodError
 from gslcosim_agents.learned.agent import Learned

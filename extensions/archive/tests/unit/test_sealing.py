@@ -8,8 +8,8 @@ import pytest
 
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.cli.main import main
+from gslcosim_archive import sealing
 from gslcosim_archive.sealing import Seal, load_sealed_suite, read_seal, reveal_suite, seal_suite, write_seal
-from gslcosim_bench import sealing
 from gslcosim_bench.cases import build_plan, load_suite
 from gslcosim_bench.cases.suite_files import write_suite
 from gslcosim_bench.execution.runner import build_manifest

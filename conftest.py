@@ -23,7 +23,7 @@ settings.register_profile(
 settings.register_profile("explore", deadline=None, database=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
-GOLDEN_DIR = Path(__file__).parent / "golden"
+GOLDEN_DIR = Path(__file__).parent / "tests" / "golden"
 MARKS = ("slow", "end_to_end", "tour", "debian", "extras", "soak")
 # A module's tests go to one worker. The longest modules begin first: begun last, one would run while no other does.
 LONGEST_MODULES = (
@@ -46,7 +46,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Give a second try to who is named for it; before tests are left out, so that no name is missed."""
-    mark_flaky_tests(config, items, Path(__file__).with_name("flaky_tests.yaml"))
+    mark_flaky_tests(config, items, Path(__file__).parent / "tests" / "flaky_tests.yaml")
     config.stash[MISREAD] = find_misread(items, MARKS)
     ranks = {name: rank for rank, name in enumerate(LONGEST_MODULES)}
     items.sort(key=lambda item: ranks.get(item.path.stem, len(ranks)))
