@@ -13,12 +13,12 @@ from gslcosim.base.kernel_cache import OWNER_VARIABLE
 from gslcosim.base.untrusted_input import MalformedFileError
 from gslcosim.environment.model import VisualMesh, with_wind
 from gslcosim.environment.store import load_environment, save_environment
+from gslcosim.recordings.run_summary import read_run_summary
 from gslcosim.runtime.replay.compare import RunComparison
 from gslcosim.runtime.replay.past_run import PastRun, find_snapshot_before
 from gslcosim.runtime.replay.snapshot import ObservationLog, SnapshotPart, read_observations, save_part
 from gslcosim.runtime.run import run_scenario
 from gslcosim.runtime.run_dir import RunDir
-from gslcosim.runtime.run_summary import read_run_summary
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.serialization import plain_values
 from gslcosim_bench.store import (

@@ -19,7 +19,7 @@ from gslcosim.cli.terminal import (
     write_json,
     write_note,
 )
-from gslcosim.runtime.run_summary import Condition, RunSummary, is_run_folder, read_run_summary, sorted_rows
+from gslcosim.recordings.run_summary import Condition, RunSummary, is_run_folder, read_run_summary, sorted_rows
 
 COLUMNS = tuple(field.name for field in dataclasses.fields(RunSummary))
 TEXTS = ("run", "folder", "state", "outcome", "scenario", "method", "version")

@@ -21,7 +21,8 @@ scenarios: [tiny_room]
 anchors: []
 entries: [{name: surge, start: {python: surge_cast}}]
 """
-TEMPLATE = Path(__file__).parents[5] / "gslcosim" / "conformance" / "templates" / "agents" / "python" / "agent.py"
+CONFORMANCE = Path(__file__).parents[4] / "conformance" / "gslcosim_conformance"
+TEMPLATE = CONFORMANCE / "templates" / "agents" / "python" / "agent.py"
 CARD = """schema: gslcosim/method/1
 title: Mine
 family: reactive

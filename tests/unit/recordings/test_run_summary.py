@@ -6,7 +6,7 @@ import pytest
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.method_names import join_methods
-from gslcosim.runtime.run_summary import Condition, find_methods, is_run_folder, read_run_summary, sorted_rows
+from gslcosim.recordings.run_summary import Condition, find_methods, is_run_folder, read_run_summary, sorted_rows
 from gslcosim.scenario import dump_resolved, load_scenario
 
 SCENARIO = """schema: gslcosim/scenario/1
