@@ -29,7 +29,9 @@ def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
         help="number of workers on this machine (default: one per core)",
     )
     where.add_argument(
-        "--ray", metavar="ADDRESS", help="run on a Ray cluster: its address, auto, or local (pip install gslcosim[ray])"
+        "--ray",
+        metavar="ADDRESS",
+        help="run on a Ray cluster: its address, auto, or local (pip install gslcosim-bench[ray])",
     )
 
 

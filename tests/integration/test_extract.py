@@ -280,5 +280,5 @@ def test_what_cannot_be_written_is_reported(flown, tmp_path, capsys, monkeypatch
 
     ros_types.cache_clear()
     assert main(["extract", str(flown), "--to", "mcap", "--out", str(tmp_path / "new")]) == 2
-    assert "Install it with: pip install 'gslcosim[ros]'" in capsys.readouterr().err
+    assert "Install it with: pip install gslcosim-ros" in capsys.readouterr().err
     assert isinstance(gslcosim_data.open_run(flown), RunData)

@@ -125,7 +125,7 @@ def test_what_is_wrong_is_reported(runs, tmp_path, capsys, monkeypatch):
     assert "expected a number from 0.01 to 1000" in call_film("--out", "a.mp4", "--speed", "0")
     monkeypatch.setitem(__import__("sys").modules, "av", None)
     text = call_film("--out", str(tmp_path / "a.mp4"), "--plan-only")
-    assert "Install it with: pip install 'gslcosim[film]'" in text
+    assert "Install it with: pip install 'gslcosim-data[film]'" in text
     assert not list(tmp_path.iterdir())
     opened = gslcosim_data.open_run(run)
     cut = FilmSegment.of(opened, from_s=0, to_s=1, speed=1)

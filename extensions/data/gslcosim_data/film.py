@@ -474,7 +474,7 @@ def _tiles(runs: Sequence[RunData], cut: FilmSegment, size_px: tuple[int, int]) 
         yield np.asarray(picture)
 
 
-REMEDY = "pip install 'gslcosim[film]'"
+REMEDY = "pip install 'gslcosim-data[film]'"
 FORMATS = (".mp4", ".gif", ".webp")
 # Quality and effort of H.264; yuv420p is what every player shows.
 _H264 = {"crf": "22", "preset": "veryfast"}

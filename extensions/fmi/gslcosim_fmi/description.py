@@ -21,7 +21,7 @@ MAX_UNPACKED_BYTES = 200 << 20
 MAX_DESCRIPTION_BYTES = 64 << 20
 # With sources and documentation, which are read once, for their checksums.
 MAX_ARCHIVE_BYTES = 1 << 30
-INSTALL_REMEDY = 'Install it: pip install "gslcosim[fmi]".'
+INSTALL_REMEDY = "Install it: pip install gslcosim-fmi."
 _MAX_PROBLEM_LENGTH = 300
 _PIECE_BYTES = 1 << 20
 # Times are whole nanoseconds; a run is shorter than a day.

@@ -272,7 +272,7 @@ def write_mcap(messages: Iterable[TimedMessage], path: Path, types: RosTypes, pr
         progress: Receives how many have been written, now and then.
 
     Raises:
-        UsageError: the extra `ros` is not installed.
+        UsageError: the extension `ros` is not installed.
         OSError: the machine refuses.
     """
     try:

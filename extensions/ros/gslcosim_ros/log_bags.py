@@ -147,7 +147,7 @@ def read_bag_log(
             of an array of gas sensors are topics of their own, such as `/enose[0]`.
 
     Raises:
-        UsageError: the extra `ros` is not installed, it cannot be read, or a topic is missing or of a type that
+        UsageError: the extension `ros` is not installed, it cannot be read, or a topic is missing or of a type that
             cannot be used.
     """
     remarks = Remarks()

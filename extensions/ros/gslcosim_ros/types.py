@@ -12,7 +12,7 @@ from gslcosim.base.ros_graphs import RosDistribution
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim_ros.wire import NO_HASH
 
-REMEDY = "pip install 'gslcosim[ros]'"
+REMEDY = "pip install gslcosim-ros"
 GAS_SENSOR = "olfaction_msgs/msg/GasSensor"
 ANEMOMETER = "olfaction_msgs/msg/Anemometer"
 CANCEL_GOAL = "action_msgs/srv/CancelGoal"
@@ -64,7 +64,7 @@ class RosTypes:
     A service is known by the types of its request and response, for example `std_srvs/srv/Trigger_Request`.
 
     Raises:
-        UsageError: the extra `ros` is not installed.
+        UsageError: the extension `ros` is not installed.
     """
 
     def __init__(self, distribution: RosDistribution = "humble") -> None:
@@ -286,7 +286,7 @@ class RosTypes:
 
 
 def check_installed() -> None:
-    """Check that the packages of the extra `ros` are there, without importing them.
+    """Check that the packages of the extension `ros` are there, without importing them.
 
     Raises:
         UsageError: one is missing.
@@ -301,6 +301,6 @@ def ros_types() -> RosTypes:
     """Return the types, made once.
 
     Raises:
-        UsageError: the extra `ros` is not installed.
+        UsageError: the extension `ros` is not installed.
     """
     return RosTypes()

@@ -6,7 +6,7 @@
 import importlib.util
 
 SEARCH = "gslcosim/Search-v0"
-REMEDY = "pip install 'gslcosim[gym]'"
+REMEDY = "pip install 'gslcosim-training[gym]'"
 
 
 def register_environments() -> None:

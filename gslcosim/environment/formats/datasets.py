@@ -95,7 +95,7 @@ def import_xarray() -> Any:
     try:
         return importlib.import_module("xarray")
     except ImportError as error:
-        raise UsageError("Datasets of xarray need the extra xarray: pip install 'gslcosim[xarray]'.") from error
+        raise UsageError("Datasets of xarray need the extra xarray: pip install 'gslcosim-data[xarray]'.") from error
 
 
 def build_coordinate(name: str, values: NDArray[Any], unit: str, meaning: str) -> Variable:

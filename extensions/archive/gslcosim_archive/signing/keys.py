@@ -276,7 +276,7 @@ def _load_cryptography() -> tuple[Any, Any, Any]:
         from cryptography.hazmat.primitives.asymmetric import ed25519
     except ModuleNotFoundError as error:
         raise UsageError(
-            "signatures: expected cryptography to be installed, was not. Install it: pip install 'gslcosim[sign]'"
+            "signatures: expected cryptography, was not installed. Install it: pip install 'gslcosim-archive[sign]'"
         ) from error
     return ed25519, serialization, exceptions
 

@@ -57,7 +57,7 @@ def load_ray(address: str) -> Any:
         ray = None
     # A folder that happens to be called ray can be imported too.
     if not hasattr(ray, "init"):
-        raise UsageError("--ray: expected Ray to be installed, was not. Install it: pip install 'gslcosim[ray]'")
+        raise UsageError("--ray: expected Ray to be installed, was not. Install it: pip install 'gslcosim-bench[ray]'")
     return ray
 
 

@@ -52,7 +52,7 @@ def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
         UsageError: matplotlib is not installed.
     """
     otherwise = ", or leave figures out: the page has them too"
-    matplotlib = matplotlib_for("figures", extra="report", otherwise=otherwise)
+    matplotlib = matplotlib_for("figures", install="gslcosim-bench[report]", otherwise=otherwise)
     folder.mkdir(exist_ok=True)
     view, written = analysis.everything, list[Path]()
     charts = build_line_charts(view, limit_s(analysis.material.rows))

@@ -281,7 +281,7 @@ def load_optuna() -> Any:
         import optuna
     except ModuleNotFoundError as error:
         raise UsageError(
-            "tune: expected Optuna to be installed, was not. Install it: pip install 'gslcosim[tune]'"
+            "tune: expected Optuna to be installed, was not. Install it: pip install 'gslcosim-bench[tune]'"
         ) from error
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     return optuna

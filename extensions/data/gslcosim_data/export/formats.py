@@ -32,7 +32,7 @@ def extract_run(
         The files that were written.
 
     Raises:
-        UsageError: the folder holds something, or the extra `ros` or `xarray` is not installed.
+        UsageError: the folder holds something, or the extension `ros` or `xarray` is not installed.
         EnvironmentDataError: the room is needed and is not the one that was run in.
         OSError: the machine refuses.
     """

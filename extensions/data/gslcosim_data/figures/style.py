@@ -109,17 +109,17 @@ def styled() -> Generator[Any]:
     Raises:
         UsageError: matplotlib is not installed.
     """
-    matplotlib = matplotlib_for("figures", extra="plot")
+    matplotlib = matplotlib_for("figures")
     with matplotlib.rc_context(STYLE | _EXACT):
         yield matplotlib
 
 
-def matplotlib_for(what: str, *, extra: str, otherwise: str = "") -> Any:
+def matplotlib_for(what: str, *, install: str = "gslcosim-data[plot]", otherwise: str = "") -> Any:
     """Return matplotlib.
 
     Args:
         what: What needs it.
-        extra: The extra of gslcosim that brings it.
+        install: The distribution with its extra that brings it.
         otherwise: What one can do without it.
 
     Raises:
@@ -130,7 +130,7 @@ def matplotlib_for(what: str, *, extra: str, otherwise: str = "") -> Any:
     except ImportError as error:
         raise UsageError(
             f"{what}: expected matplotlib, which draws them, found none. Install it with pip install "
-            f"'gslcosim[{extra}]'{otherwise}."
+            f"'{install}'{otherwise}."
         ) from error
 
 

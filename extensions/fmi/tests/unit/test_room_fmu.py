@@ -354,7 +354,7 @@ def test_wrong_exports_are_refused_with_a_sentence(monkeypatch, tmp_path, capsys
 @pytest.mark.slow
 @pytest.mark.extras
 def test_the_calls_of_the_page_work(tmp_path, monkeypatch, capsys):
-    pytest.importorskip("fmpy", reason="needs fmpy: pip install 'gslcosim[fmi]'")
+    pytest.importorskip("fmpy", reason="needs fmpy: pip install gslcosim-fmi")
     monkeypatch.chdir(tmp_path)
     page = (Path(__file__).parents[4] / "docs" / "fmi.md").read_text().split("## A room as a unit")[1]
     (call,), (program,) = (re.findall(rf"```{language}\n(.*?)```", page, re.DOTALL) for language in ("sh", "python"))
@@ -368,7 +368,7 @@ def test_the_calls_of_the_page_work(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.extras
 def test_fmpy_has_nothing_to_say_and_gets_the_same_samples(unit):
-    fmpy = pytest.importorskip("fmpy", reason="needs fmpy: pip install 'gslcosim[fmi]'")
+    fmpy = pytest.importorskip("fmpy", reason="needs fmpy: pip install gslcosim-fmi")
     from fmpy.validation import validate_fmu
 
     assert validate_fmu(str(unit.path)) == []

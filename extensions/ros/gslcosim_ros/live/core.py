@@ -49,7 +49,7 @@ class Ros2Core:
     `/sources`, descriptions of vehicles and waypoints are kept for those who come later. Nothing is published after the
     verdict. It reads the clock, for `/clock` is limited by it; snapshots hold nothing of it.
 
-    Raises UsageError where the extra `ros` is missing, or where it finds no place in a graph.
+    Raises UsageError where the extension `ros` is missing, or where it finds no place in a graph.
     """
 
     def __init__(self, scenario: Scenario, environment: Environment, *, types: RosTypes | None = None) -> None:

@@ -168,7 +168,7 @@ def open_session(model: bytes) -> Any:
         import onnxruntime
     except ImportError as error:
         raise PolicyError(
-            "expected onnxruntime to fly a policy in ONNX, was none. Install it: pip install 'gslcosim[onnx]'"
+            "expected onnxruntime to fly a policy in ONNX, was none. Install it: pip install 'gslcosim-search[onnx]'"
         ) from error
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1

@@ -120,7 +120,7 @@ def _load_cma() -> Any:
         import cma
     except ImportError as error:
         raise UsageError(
-            "trainer: expected pycma, which evolves, found none. Install it with: pip install 'gslcosim[train]'"
+            "trainer: expected pycma, which evolves, was none. Install it: pip install 'gslcosim-training[train]'"
         ) from error
     return cma
 

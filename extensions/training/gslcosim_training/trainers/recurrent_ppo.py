@@ -39,7 +39,7 @@ def load_jax() -> tuple[Any, Any]:
     except ImportError as error:
         raise UsageError(
             f"trainer: recurrent_ppo needs {error.name}, which is not installed. Install it: "
-            "pip install 'gslcosim[train]'"
+            "pip install 'gslcosim-training[train]'"
         ) from error
     return jax, optax
 

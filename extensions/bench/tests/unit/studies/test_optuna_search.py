@@ -88,5 +88,5 @@ def test_without_optuna_one_sentence_says_what_to_install(tmp_path, monkeypatch,
     assert (
         main(["bench", "tune", "tiny_room", "--entry", "dung_beetle", "--budget", "12", "--results", str(folder)]) == 2
     )
-    assert "pip install 'gslcosim[tune]'" in capsys.readouterr().err
+    assert "pip install 'gslcosim-bench[tune]'" in capsys.readouterr().err
     assert not folder.exists()

@@ -73,5 +73,5 @@ def test_maps_become_darker_with_every_step_in_every_sight_and_lie_below_tracks(
 
 def test_a_missing_matplotlib_is_reported_with_the_command_that_installs_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(UsageError, match=r"found none\. Install it with pip install 'gslcosim\[plot\]'\."):
-        matplotlib_for("figures", extra="plot")
+    with pytest.raises(UsageError, match=r"found none\. Install it with pip install 'gslcosim-data\[plot\]'\."):
+        matplotlib_for("figures")
