@@ -422,7 +422,7 @@ def test_figures_without_matplotlib_name_the_extra(tmp_path, monkeypatch):
         return real(name, *rest)
 
     monkeypatch.setattr(importlib, "import_module", refuse)
-    with pytest.raises(UsageError, match=r"gslcosim\[report\]"):
+    with pytest.raises(UsageError, match=r"gslcosim-bench\[report\]"):
         write_report(folder, figures=True)
 
 

@@ -82,7 +82,7 @@ def test_without_optuna_one_sentence_says_what_to_install(tmp_path, monkeypatch,
         return found(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", no_optuna)
-    with pytest.raises(UsageError, match=r"^tune: expected Optuna .* pip install 'gslcosim\[tune\]'$"):
+    with pytest.raises(UsageError, match=r"^tune: expected Optuna .* pip install 'gslcosim-bench\[tune\]'$"):
         OptunaSearch(RANGES, seed=0, log=tmp_path / "a.log")
     folder = tmp_path / "results"
     assert (

@@ -188,5 +188,5 @@ def test_without_onnxruntime_the_command_that_installs_it_is_reported(written, m
         return imported(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(PolicyError, match=r"Install it: pip install 'gslcosim\[onnx\]'"):
+    with pytest.raises(PolicyError, match=r"Install it: pip install 'gslcosim-search\[onnx\]'"):
         written(linear())

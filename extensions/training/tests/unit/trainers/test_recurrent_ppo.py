@@ -200,5 +200,5 @@ def test_without_jax_the_command_that_installs_it_is_reported(monkeypatch):
         return imported(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(UsageError, match=r"needs jax, .* Install it: pip install 'gslcosim\[train\]'"):
+    with pytest.raises(UsageError, match=r"needs jax, .* Install it: pip install 'gslcosim-training\[train\]'"):
         load_jax()
