@@ -6,7 +6,6 @@ import socket
 import numpy as np
 import pytest
 
-# xxhash and rosbags come with the extra `ros`.
 pytestmark = [pytest.mark.extras, pytest.mark.slow]
 pytest.importorskip("rosbags", reason="needs the extra ros")
 pytest.importorskip("xxhash", reason="needs the extra ros")

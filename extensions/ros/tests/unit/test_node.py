@@ -17,7 +17,6 @@ from gslcosim_ros.types import RosTypes
 PATIENCE_S = 60.0
 FLOAT32, TRIGGER = "std_msgs/msg/Float32", "std_srvs/srv/SetBool"
 TRIGGER_FIELDS = ("bool data", "bool success\nstring message")
-# xxhash and rosbags come with the extra `ros`.
 pytestmark = [pytest.mark.extras, pytest.mark.slow]
 
 

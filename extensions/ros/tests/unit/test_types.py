@@ -11,7 +11,6 @@ Nodetype = pytest.importorskip("rosbags.interfaces", reason="needs the extra ros
 from gslcosim_ros.simulation_interfaces import define_interfaces  # noqa: E402
 from gslcosim_ros.types import RosTypes  # noqa: E402
 
-# rosbags comes with the extra `ros`.
 pytestmark = [pytest.mark.extras, pytest.mark.slow]
 # From the descriptions in wheels of ROS's own packages (`share/*/msg/*.json` of ros-sensor-msgs and others): jazzy's
 # common_interfaces 5.3.6, kilted's 5.5.1; of actions, from the description that rosidl has written of kilted's

@@ -195,7 +195,7 @@ class InformationAgent(SearchAgent):
     what was declared; the surprise of the last stops.
 
     Held by:
-        extensions/search/tests/unit/information/test_information_agent.py, tests/unit/agents/test_information_agents.py
+        extensions/search/tests/unit/information/test_information_agent.py, ../../agents/test_information_agents.py
     """
 
     objective: ClassVar[str]

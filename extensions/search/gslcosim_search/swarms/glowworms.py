@@ -278,7 +278,7 @@ class Glowworm(SwarmRobot):
     State: that of a robot, its luciferin, how far it sees, its spiral, and the side to which it circles.
 
     Held by:
-        tests/unit/agents/test_gso.py, test_modified_gso.py
+        extensions/search/tests/agents/test_gso.py, test_modified_gso.py
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:

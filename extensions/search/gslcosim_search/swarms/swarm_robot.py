@@ -290,7 +290,7 @@ class Particle(SwarmRobot):
     State: that of a robot, and its waypoint before any gas.
 
     Held by:
-        extensions/search/tests/unit/swarms/test_swarm_robot.py, tests/unit/agents/test_s_pso.py
+        extensions/search/tests/unit/swarms/test_swarm_robot.py, extensions/search/tests/agents/test_s_pso.py
     """
 
     def __init__(self, briefing: Briefing, settings: SimpleNamespace | None = None) -> None:
