@@ -26,7 +26,10 @@ FORMER_EXTENSIONS = {
     "bench": ("gslcosim/bench",),
     "conformance": ("gslcosim/conformance", "gslcosim/teleop"),
     "fmi": ("gslcosim/runtime/external/fmi", "gslcosim/data/export/room_fmu.py"),
-    "ros": ("gslcosim/ros", "gslcosim/simulation/ros_services", "services/ros2", "gslcosim/data/export/ros_topics.py", "gslcosim/data/log_bags.py"),
+    "ros": (
+        "gslcosim/ros", "gslcosim/simulation/ros_services", "services/ros2", "gslcosim/data/export/ros_topics.py",
+        "gslcosim/data/log_bags.py",
+    ),
     "data": ("gslcosim/data",),
     "search": ("gslcosim/search",),
     "training": ("gslcosim/training",),
