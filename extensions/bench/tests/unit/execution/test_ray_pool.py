@@ -251,5 +251,5 @@ def test_an_actor_that_fails_for_good_ends_the_run_with_its_node(played: Any, tr
 
 def test_without_ray_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(UsageError, match="pip install 'gslcosim\\[ray\\]'"):
+    with pytest.raises(UsageError, match="pip install 'gslcosim-bench\\[ray\\]'"):
         RayPool("auto", LimitsSpec())
