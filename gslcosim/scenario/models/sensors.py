@@ -6,6 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, SerializeAsAny, TypeAdapter, create_model, model_validator
 
+from gslcosim.base.gases import PID_LAMPS_EV
 from gslcosim.base.plugins import EntryPoints, PluginError
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
@@ -105,10 +106,6 @@ class MoxSensorSpec(MeasuringSensorSpec):
     baseline_walk: NonNegative = Field(
         default=0.0004, description="random walk of the logarithm of its resistance [1/sqrt(s)]"
     )
-
-
-# Lamps that are sold: krypton, and argon behind a lithium fluoride window.
-PID_LAMPS_EV = (10.6, 11.7)
 
 
 class PidSensorSpec(MeasuringSensorSpec):
