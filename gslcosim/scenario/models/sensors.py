@@ -442,9 +442,6 @@ SENSOR_BLOCKS: dict[str, type[SensorSpec]] = {
     "anemometer_3d_ideal": IdealAnemometer3dSpec,
 }
 SENSORS = tuple(SENSOR_BLOCKS)
-ON_BOARD_SENSORS = tuple(name for name, block in SENSOR_BLOCKS.items() if issubclass(block, OnBoardSensorSpec))
-# Cameras, which a core of their own renders.
-CAMERA_SENSORS = tuple(name for name, block in SENSOR_BLOCKS.items() if issubclass(block, CameraSensorSpec))
 # Third parties add theirs under this name; each entry point is a `gslcosim_services.sensing.models.SensorKind`.
 SENSOR_ENTRY_POINTS = "gslcosim.sensors"
 
