@@ -34,6 +34,11 @@ def format_three_digits(value: float) -> str:
     return _signed(f"{value:.{digits}f}") if value < 0 else f"{value:.{digits}f}"
 
 
+def format_one_digit(value: float) -> str:
+    """Return a number with one digit after the point."""
+    return _signed(f"{value:.1f}") if value < 0 else f"{value:.1f}"
+
+
 def format_estimate(estimate: Estimate, form: Format, *, unit: str = "") -> str:
     """Return a figure with its interval: 67 (58 to 75) %."""
     if math.isnan(estimate.value):

@@ -19,6 +19,7 @@ from gslcosim_bench.statistics.estimates import UNDEFINED, Estimate
         (123.4, number_formats.format_three_digits, "123"),
         (99.96, number_formats.format_three_digits, "100"),
         (1.234, number_formats.format_three_digits, "1.23"),
+        (-0.04, number_formats.format_one_digit, "0.0"),
     ],
 )
 def test_numbers_are_brief(value, form, text):
