@@ -26,4 +26,6 @@ def test_services_import_each_other_where_the_page_says_and_nowhere_else():
     folders = {path.name for path in (ROOT / "services").iterdir() if path.is_dir()}
     pairs = {(own, other) for own, other in found if own in folders and other in folders}
     assert pairs == {("cameras", "world"), ("recorder", "sensing")}
-    assert "`cameras` draws the scene of `world`, and `recorder` names values after the instruments of `sensing`" in PAGE
+    assert (
+        "`cameras` draws the scene of `world`, and `recorder` names values after the instruments of `sensing`" in PAGE
+    )

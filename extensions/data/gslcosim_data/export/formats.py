@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 from gslcosim.base.errors import UsageError
 from gslcosim.environment.formats.datasets import import_xarray
@@ -13,6 +13,7 @@ from gslcosim_ros.bag_export import iterate_messages, write_mcap, write_rosbag2
 from gslcosim_ros.types import ros_types
 
 ExtractFormat = Literal["parquet", "csv", "netcdf", "zarr", "mcap", "rosbag2"]
+EXTRACT_FORMATS: tuple[ExtractFormat, ...] = get_args(ExtractFormat)
 
 
 def extract_run(
