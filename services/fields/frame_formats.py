@@ -27,11 +27,11 @@ from numpy.typing import NDArray
 
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.files import read_regular_file
+from gslcosim.base.gases import GASES, air_density_mol_m3
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.formats.data_files import OCCUPANCY_FILE, read_occupancy
 from gslcosim.environment.model import Grid
 from gslcosim_services.fields.filament.plume import Filaments
-from gslcosim_services.fields.gases import GASES, air_density_mol_m3
 from gslcosim_services.fields.mixing_ratio import Walls
 
 # Beyond these a size is a fault of the file; the cube of a far smaller one would round to zero.

@@ -370,15 +370,6 @@ class GroundTruth:
     mixing_ratio_ppm: NDArray[np.float64]
     is_air: NDArray[np.bool_]
 
-    def probability_of_gas(self, gas: str) -> NDArray[np.float64]:
-        """Return one gas as a distribution over the points: (nx, ny, nz), sum 1; even over the air where there is none.
-
-        Beliefs of agents are compared with it, for example by the earth mover's distance.
-        """
-        amount = self.mixing_ratio_ppm[self.gases.index(gas)]
-        amount = amount if amount.sum() > 0.0 else self.is_air.astype(np.float64)
-        return amount / amount.sum()
-
 
 def list_true_sources(scenario: Scenario) -> tuple[TrueSource, ...]:
     """Return the sources of a scenario, in its order."""

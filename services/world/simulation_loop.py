@@ -403,9 +403,6 @@ def run_substeps_inplace(
     return n_substeps, -1
 
 
-# MuJoCo is compiled and comes without stubs.
-
-
 _VEHICLE_NAME = "vehicle"
 _NO_INERTIAL = np.zeros((1, 0, 9))
 _STILL_AIR = np.zeros((1, 1, 1, 3), np.float32)

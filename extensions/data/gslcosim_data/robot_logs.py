@@ -13,6 +13,7 @@ from gslcosim.base.errors import UsageError
 from gslcosim.base.files import list_files, read_regular_file
 from gslcosim.base.frames import yaw_from_quaternion
 from gslcosim.base.problems import Problem
+from gslcosim.base.quantities import ESTIMATE_QUANTITY
 from gslcosim.base.ticks import NS_PER_S, seconds_from_ticks
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import (
@@ -43,7 +44,6 @@ from gslcosim_data.log_values import Floats, LoggedSensor, LoggedValues, RobotLo
 from gslcosim_services.recorder.core import RecorderCore
 from gslcosim_services.referee.core import RefereeCore
 from gslcosim_services.sensing.briefing import describe_sensors
-from gslcosim_services.sensing.models.mox import ESTIMATE_QUANTITY
 
 # Longer gaps are a clock that was set, or times in another unit [s].
 _LONGEST_GAP_S = 3600.0

@@ -63,7 +63,6 @@ class QosProfile:
         )
 
 
-SENSOR_DATA = QosProfile(is_reliable=False, depth=5)
 LATCHED = QosProfile(is_transient_local=True, depth=1)
 
 

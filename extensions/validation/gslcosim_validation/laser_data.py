@@ -5,15 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.gases import GASES, air_density_mol_m3
 from gslcosim_search.fixed_sensors.laser_sources import PathRecord
 from gslcosim_search.fixed_sensors.plume_response import SensorPaths, WindStatistics
-from gslcosim_services.fields.gases import air_density_mol_m3
 from gslcosim_validation.readers.laser_paths import LaserMinutes, LaserPaths
 
 Floats = NDArray[np.float64]
-
-METHANE_KG_MOL = 0.0160425
-"""Molar mass of methane (NIST webbook)."""
 
 BLOCK_S = 900.0
 """Minutes of a quarter of an hour share their weather."""
@@ -50,7 +47,7 @@ def collect_laser_rows(paths: LaserPaths) -> LaserRows:
         names=tuple(minutes.source for minutes in paths.sources),
         source=source,
         wind=WindStatistics.of_components(joined("wind_world_m_s"), joined("wind_std_m_s")),
-        gas_m3_per_kg=1.0 / (METHANE_KG_MOL * moles),
+        gas_m3_per_kg=1.0 / (GASES["methane"].molar_mass_kg_mol * moles),
         readings_ppm=joined("beams_ppm"),
         day=joined("day").astype(np.int64),
         block=quarters,

@@ -3,9 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.base.gases import GASES, air_density_mol_m3
 from gslcosim_search.fixed_sensors.puff_response import WindRecord, puff_responses
-from gslcosim_services.fields.gases import air_density_mol_m3
-from gslcosim_validation.laser_data import METHANE_KG_MOL
 from gslcosim_validation.readers.mast_network import LoggedRelease, MastNetwork
 
 Floats = NDArray[np.float64]
@@ -16,7 +15,7 @@ _TEMPERATURE_K = 288.0
 
 def methane_m3_per_kg(network: MastNetwork) -> float:
     """Return the volume of a kilogram of methane in the air of a site [m3/kg]."""
-    return 1.0 / (METHANE_KG_MOL * air_density_mol_m3(_TEMPERATURE_K, network.pressure_pa))
+    return 1.0 / (GASES["methane"].molar_mass_kg_mol * air_density_mol_m3(_TEMPERATURE_K, network.pressure_pa))
 
 
 def wind_record(network: MastNetwork) -> WindRecord:

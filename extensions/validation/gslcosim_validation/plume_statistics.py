@@ -352,16 +352,3 @@ def _bootstrap_rows(
         ]
     )
     return tuple(_interval(float(value), draws[:, i].tolist(), len(groups)) for i, value in enumerate(values))
-
-
-def unevenness(counts: F64) -> float:
-    """Return the relative standard deviation of counts in equal parts of a room beyond that of chance.
-
-    A count N of independent tracers has the variance N; what is above it is unevenness of the mixing. 0 where the
-    counts differ by less than by chance.
-
-    Source:
-        Thomson 1987, Journal of Fluid Mechanics 180, 529: what is well mixed has to stay so.
-    """
-    mean = float(np.mean(counts))
-    return math.sqrt(max(float(np.var(counts)) - mean, 0.0)) / mean if mean > 0 else math.nan

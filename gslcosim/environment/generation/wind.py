@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from gslcosim import flow
 from gslcosim.base.errors import EnvironmentDataError, FlowError, ScenarioError
+from gslcosim.base.gases import GASES
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.formats.wind_files import NoWindWarning, load_wind
 from gslcosim.environment.geometry_source import load_imported_environment, wind_file
 from gslcosim.environment.grid_kernels import find_air_cells
 from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid, Opening, WindFrames
-from gslcosim.flow.buoyancy import HEAT_M2_S, HELIUM_M2_S, BuoyantScalar, FixedWall, Orifice, Release
+from gslcosim.flow.buoyancy import HEAT_M2_S, BuoyantScalar, FixedWall, Orifice, Release
 from gslcosim.flow.openfoam import solve_wind_openfoam
 from gslcosim.scenario.models.scenario import EnvironmentSpec
 from gslcosim.scenario.models.wind import BuoyancySpec, InletScheduleSpec, SolverSpec, WindSpec
@@ -163,7 +164,7 @@ def build_buoyancy(room: EnvironmentGeometry, spec: BuoyancySpec | None) -> Buoy
         for each in spec.walls
     ]
     if is_gas:
-        diffusivity_m2_s = spec.diffusivity_m2_s or HELIUM_M2_S
+        diffusivity_m2_s = spec.diffusivity_m2_s or GASES["helium"].diffusivity_m2_s
         return BuoyantScalar.of_gas(spec.density_kg_m3, diffusivity_m2_s, releases=releases, orifices=orifices)
     return BuoyantScalar.of_heat(spec.diffusivity_m2_s or HEAT_M2_S, releases=releases, orifices=orifices, walls=walls)
 

@@ -299,9 +299,6 @@ def _one_line(error: Exception) -> str:
     return (str(error) or type(error).__name__).splitlines()[0][:200]
 
 
-# MuJoCo is compiled and comes without stubs.
-
-
 Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 _N_AROUND = 32

@@ -22,8 +22,6 @@ from gslcosim.flow.patches import Patch
 from gslcosim.flow.pressure import F32
 from gslcosim.flow.solve import AIR_NU_M2_S, Turbulence
 
-TOOLS = ("pimpleFoam", "decomposePar", "mpirun")
-
 # Where packagers put it. Debian has the tools on the path and its settings, without a script that works, elsewhere.
 DEBIAN_PROJECT_DIR = Path("/usr/share/openfoam")
 PROJECT_DIRS = ("/opt/openfoam*", "/opt/OpenFOAM/OpenFOAM-*", "/usr/lib/openfoam/openfoam*")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from gslcosim.base.errors import VehicleError
+from gslcosim.base.gases import GASES
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import PHYSICS_STEP_MS
 from gslcosim.base.ticks import NS_PER_S, seconds_from_ticks
@@ -14,7 +15,7 @@ from gslcosim.contract.participant_messages import find_room_output
 from gslcosim.scenario.checks.program_checks import find_command_problem, find_python_problem
 from gslcosim.scenario.models.base import Spec
 from gslcosim.scenario.models.events import VALUE_PATTERN
-from gslcosim.scenario.models.gas import EVEN_RELEASES, GASES
+from gslcosim.scenario.models.gas import EVEN_RELEASES
 from gslcosim.scenario.models.participants import ParticipantProgramSpec
 from gslcosim.scenario.models.scenario import FOLDER_KEYS, GasSpec, RecordingSpec, Scenario, StopSpec
 from gslcosim.scenario.models.sensors import (

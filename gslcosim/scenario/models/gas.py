@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, SerializeAsAny, model_validator
 
+from gslcosim.base import gases
 from gslcosim.base.plugins import EntryPoints
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
@@ -119,12 +120,17 @@ class GasDefinition(Spec):
     )
 
 
-# Density relative to air of the gases that there are, after GADEN's player and in its order.
-GASES = {
-    "ethanol": 1.0378, "methane": 0.5537, "hydrogen": 0.0696, "propanol": 1.23, "chlorine": 2.48, "fluorine": 1.31,
-    "acetone": 1.4529, "neon": 0.7, "helium": 0.138, "biogas": 0.8, "butane": 2.0061, "carbon_dioxide": 1.52,
-    "carbon_monoxide": 0.967, "smoke": 0.89,
-}  # fmt: skip
+def list_gases(definitions: tuple[GasDefinition, ...]) -> dict[str, gases.Gas]:
+    """Return all gases by name: those of the table, and those that a scenario defines."""
+    defined = {
+        gas.name: gases.Gas(
+            specific_gravity=gas.specific_gravity,
+            pid={} if gas.pid_correction is None else dict.fromkeys(gases.PID_LAMPS_EV, gas.pid_correction),
+            mox={law.sensor: (law.a, law.b) for law in gas.mox},
+        )
+        for gas in definitions
+    }
+    return {**gases.GASES, **defined}
 
 
 # Third parties add theirs under this name; each entry point is a class that derives from `GasSpec`.
@@ -265,10 +271,6 @@ class GasSpec(KindedSpec):
                 remedy="Leave it out, or take model: filament.",
             )
         return self
-
-    def gas_names(self) -> tuple[str, ...]:
-        """Return the names of the gases that there are: gslcosim's and those defined here."""
-        return (*GASES, *(gas.name for gas in self.define))
 
 
 class FilamentsSpec(GasSpec):

@@ -39,10 +39,6 @@ class BeliefFigures:
     minus_log_p: float | None
     level: float
 
-    def is_source_in(self, region: float) -> bool:
-        """Return whether the source is in the highest-probability region of this much probability, such as 0.9."""
-        return self.level < region
-
 
 def score_belief(belief: Belief, sources_m: Sequence[Vec3], *, within_m: float) -> BeliefFigures:
     """Return all figures of a belief.

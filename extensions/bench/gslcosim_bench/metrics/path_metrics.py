@@ -1,5 +1,5 @@
 # pyright: basic
-# ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
+# ruff: noqa: ANN001, ANN202 - kernels have no types, and symbols of equations
 """Path metrics: lengths, distances to the sources, clearance, and declarations at the end of it.
 
 Success and distances follow the referee: it looks at the end of each tick, counts a distance equal to the radius as
@@ -9,57 +9,16 @@ within, and does not interpolate between ticks. So give these functions the trac
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gslcosim.base.errors import ShapeError
 from gslcosim.base.quantities import Vec3
-from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid
-from gslcosim.environment.paths.scoring_paths import shortest_level_path_m, shortest_path_m
 from gslcosim_bench.metrics.series import Array, as_points, as_series
 from gslcosim_services.referee import metrics
-
-
-@numba.njit(cache=True, nogil=True)
-def min_distance_to_solid(points_m, is_solid, origin_m, cell_m, up_to_m):
-    """Return the smallest distance of any of the points to the faces of any solid cell [m].
-
-    d = min over points p and solid cells q of sqrt(sum over axes of max(low_q - p, p - high_q, 0)^2)
-
-    Args:
-        points_m: (n, 3) points, world frame [m].
-        is_solid: (nx, ny, nz) bool, index order ij.
-        origin_m: (3,) corner of cell (0, 0, 0), world frame [m].
-        cell_m: Edge of the cubic cells [m].
-        up_to_m: Cells farther away are not looked at [m].
-
-    Returns:
-        The distance, at most `up_to_m`; 0 inside a solid cell.
-
-    Held by:
-        extensions/bench/tests/unit/metrics/test_path_metrics.py (against brute force)
-    """
-    least_m2 = up_to_m * up_to_m
-    away_m2 = np.empty(3)
-    low, high = np.empty(3, np.int64), np.empty(3, np.int64)
-    for p in range(points_m.shape[0]):
-        reach_m = math.sqrt(least_m2)
-        for a in range(3):
-            low[a] = max(0, math.floor((points_m[p, a] - reach_m - origin_m[a]) / cell_m))
-            high[a] = min(is_solid.shape[a], math.floor((points_m[p, a] + reach_m - origin_m[a]) / cell_m) + 1)
-        for i in range(low[0], high[0]):
-            away_m2[0] = _gap_m(points_m[p, 0], origin_m[0] + i * cell_m, cell_m) ** 2
-            for j in range(low[1], high[1]):
-                away_m2[1] = _gap_m(points_m[p, 1], origin_m[1] + j * cell_m, cell_m) ** 2
-                for k in range(low[2], high[2]):
-                    if is_solid[i, j, k]:
-                        away_m2[2] = _gap_m(points_m[p, 2], origin_m[2] + k * cell_m, cell_m) ** 2
-                        least_m2 = min(least_m2, away_m2.sum())
-    return math.sqrt(least_m2)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -96,11 +55,6 @@ def distances_m(positions_m: ArrayLike, sources_m: ArrayLike, *, is_horizontal: 
     axes = 2 if is_horizontal else 3
     offsets_m = positions[:, np.newaxis, :axes] - sources[np.newaxis, :, :axes]
     return np.linalg.norm(offsets_m, axis=2).min(axis=1)
-
-
-def min_distance_m(positions_m: ArrayLike, sources_m: ArrayLike, *, is_horizontal: bool = False) -> float:
-    """Return the smallest distance of a track to a source [m]; see `distances_m`."""
-    return float(distances_m(positions_m, sources_m, is_horizontal=is_horizontal).min())
 
 
 def time_within_s(t_s: ArrayLike, distance_m: ArrayLike, radius_m: float) -> float | None:
@@ -242,76 +196,6 @@ def tracking_phase(t_s: ArrayLike, positions_m: ArrayLike, first_contact_s: floa
     if first_contact_s is None or first_contact_s > times_s[-1]:
         return None
     return track[int(np.searchsorted(times_s, first_contact_s)) :]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ShortestPaths:
-    """The shortest collision-free ways to the success balls of sources, each looked for once.
-
-    One object stands for (room, sources, radius); starts repeat from trial to trial and are then looked up. The ways
-    are those of `gslcosim.environment.paths.scoring_paths`, by which the referee judges too. A field of distances
-    over all cells would be quicker for many starts, but up to a tenth too long, and there would be two answers to one
-    question.
-
-    `sources_m` are points in the world frame [m]; `within_m` is the radius of the balls [m]; `clearance_m` what is kept
-    from solids [m], the radius of a vehicle; `is_level` says that the way stays at the height of its start, as on
-    wheels.
-    """
-
-    room: EnvironmentGeometry
-    sources_m: tuple[Vec3, ...]
-    within_m: float
-    clearance_m: float
-    is_level: bool = False
-    _known_m: dict[Vec3, float | None] = field(init=False, default_factory=dict, repr=False)
-
-    def from_m(self, start_m: Vec3) -> float | None:
-        """Return the length of the shortest path from a start to the ball that is nearest by way [m].
-
-        Returns:
-            The length; 0 where the start is within a ball; None where no way leads to any.
-        """
-        if start_m not in self._known_m:
-            lengths_m = (self._length_m(start_m, source_m) for source_m in self.sources_m)
-            self._known_m[start_m] = min((length_m for length_m in lengths_m if length_m is not None), default=None)
-        return self._known_m[start_m]
-
-    def _length_m(self, start_m: Vec3, source_m: Vec3) -> float | None:
-        find_length_m = shortest_level_path_m if self.is_level else shortest_path_m
-        return find_length_m(self.room, start_m, source_m, clearance_m=self.clearance_m, within_m=self.within_m)
-
-
-def minimum_clearance_m(
-    positions_m: ArrayLike, occupancy: ArrayLike, grid: Grid, *, has_walls: bool = True, up_to_m: float = 2.0
-) -> float:
-    """Return the smallest distance of a track to anything solid, from the vehicle's centre [m].
-
-    To the faces of solid cells and, with walls, to the sides and the top of the grid. The floor does not count where
-    it is the bottom of the grid: vehicles start on it.
-
-    Args:
-        positions_m: (n, 3) positions, world frame [m].
-        occupancy: (nx, ny, nz) cells of `Cell`.
-        grid: Their grid.
-        has_walls: Whether the sides and the top of the grid are solid; not so outdoors.
-        up_to_m: No solid is looked for beyond this [m].
-
-    Returns:
-        The distance, at most `up_to_m`; 0 in a solid.
-
-    Raises:
-        ShapeError: the cells are not those of the grid.
-    """
-    track, cells = as_points("positions_m", positions_m), np.asarray(occupancy)
-    if cells.shape != grid.shape:
-        raise ShapeError(f"occupancy: expected shape {grid.shape}, that of its grid, was {cells.shape}.")
-    least_m = min(up_to_m, max(0.0, _to_walls_m(track, grid))) if has_walls else up_to_m
-    return float(min_distance_to_solid(track, cells == Cell.SOLID, np.array(grid.origin_m), grid.cell_m, least_m))
-
-
-def _to_walls_m(track: Array, grid: Grid) -> float:
-    low_m, high_m = track - grid.origin_m, grid.max_m - track
-    return float(min(low_m[:, :2].min(), high_m.min()))
 
 
 def _vec3(point: Sequence[float] | Array) -> Vec3:

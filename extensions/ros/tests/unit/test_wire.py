@@ -43,13 +43,6 @@ def test_a_key_of_anybody_is_no_token(key):
     assert Token.parse(key) is None
 
 
-def test_quality_of_service_leaves_out_what_is_usual():
-    assert QosProfile(depth=42).text == "::,:,:,:,,"
-    assert QosProfile(depth=None).text == "::2,:,:,:,,"
-    assert wire.SENSOR_DATA.text == "2::,5:,:,:,,"
-    assert wire.LATCHED.text == ":1:,1:,:,:,,"
-
-
 def test_an_attachment_has_33_bytes():
     attachment = Attachment(sequence=1, stamp_ns=2, gid=bytes(range(16)))
     data = attachment.to_bytes()

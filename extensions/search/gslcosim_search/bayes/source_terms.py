@@ -249,35 +249,6 @@ def _divergence_bits(log_weight):
     return max(0.0, (mean / total - math.log(total) + math.log(n)) / math.log(2.0))
 
 
-@numba.njit(cache=True)
-def log_first_arrival(time_s, distance_m, speed_m_s, diffusivity_m2_s):
-    """Return the logarithm of the density of the time at which gas first comes to a place after its release.
-
-    f(t) = d / sqrt(4 pi D t^3) exp(-(d - u t)^2 / (4 D t))        [1/s] = [m] / sqrt([m2/s] [s3])
-
-    With u > 0 its mean is d / u, its variance 2 D d / u^3; for a gust or the start of a source.
-
-    Args:
-        time_s: t since the release [s].
-        distance_m: d, along the wind [m].
-        speed_m_s: u [m/s].
-        diffusivity_m2_s: D [m2/s].
-
-    Returns:
-        Minus infinity for times that are not positive.
-
-    Source:
-        Schroedinger 1915: first passage of Brownian motion with drift, the inverse Gaussian distribution.
-    Held by:
-        extensions/search/tests/unit/bayes/test_source_terms.py (its integral is 1, its mean d / u)
-    """
-    if time_s <= 0.0:
-        return -math.inf
-    off_m = distance_m - speed_m_s * time_s
-    spread_m2 = 4.0 * diffusivity_m2_s * time_s
-    return math.log(distance_m / time_s) - 0.5 * math.log(math.pi * spread_m2) - off_m * off_m / spread_m2
-
-
 Array = NDArray[np.float64]
 # The source terms in the order of the columns.
 TERMS = ("x_m", "y_m", "z_m", "rate", "speed", "direction_rad", "diffusivity_m2_s", "lifetime_s")

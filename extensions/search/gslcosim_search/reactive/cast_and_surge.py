@@ -6,14 +6,11 @@ A cast keeps the wind of the moment at which it began: a vehicle that turns with
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
 
 from gslcosim_search.random_stream import RandomStream
 
 RIGHT_ANGLE_RAD = 1.5707963267948966
 ON_LINE_M = 0.001
-
-Growth = Literal["growing", "fixed", "doubling"]
 
 
 def cast_length_m(width_m: float, n: int, growth: str) -> float:

@@ -3,9 +3,9 @@
 import math
 from dataclasses import dataclass
 
-from gslcosim.base.quantities import POINT_GAS_QUANTITIES, Vec3
+from gslcosim.base.quantities import ESTIMATE_QUANTITY, POINT_GAS_QUANTITIES, Vec3
 from gslcosim.contract.messages import Briefing, Observation, SensorDescription
-from gslcosim.methods.card import CAMERA_QUANTITY, ESTIMATE_QUANTITY, RANGE_QUANTITY, WIND_QUANTITY
+from gslcosim.methods.card import CAMERA_QUANTITY, RANGE_QUANTITY, WIND_QUANTITY
 
 # The ending of the name under which the estimate of a MOX sensor comes.
 ESTIMATE_ENDING = "_ppm"

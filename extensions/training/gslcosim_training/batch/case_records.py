@@ -310,11 +310,6 @@ class BatchGas:
         self._known_updates: dict[str, int] = {}
         self._n_plumes = 0
 
-    @property
-    def tape_bytes(self) -> int:
-        """Bytes that tapes take on disk, mapped into memory, their order beside them, and stored gas."""
-        return sum(int(array.nbytes) for array in self.kept if isinstance(array, np.ndarray))
-
     def plume_array(self) -> NDArray[np.void]:
         """Return the (n,) records of `PLUME_RECORD`."""
         return np.concatenate([np.zeros(1, PLUME_RECORD), *self.plumes])

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.flow.buoyancy import HELIUM_M2_S, Buoyancy, BuoyantScalar, Orifice, Release
+from gslcosim.base.gases import GASES
+from gslcosim.flow.buoyancy import Buoyancy, BuoyantScalar, Orifice, Release
 from gslcosim.flow.domain import build_domain
 from gslcosim.flow.pressure import HIGH, LOW
 from gslcosim.flow.solve import AIR_NU_M2_S
@@ -70,7 +71,9 @@ def solve_leak(box: LeakBox, case: LeakCase, n_cells: int, *, has_buoyancy: bool
         Orifice(centre_m=(0.0, hole.y_m, hole.z_m), height_m=hole.side_m, area_m2=hole.side_m**2) for hole in case.holes
     ]
     if has_buoyancy:
-        gas = BuoyantScalar.of_gas(box.gas_density_kg_m3, HELIUM_M2_S, releases=[leak], orifices=holes)
+        gas = BuoyantScalar.of_gas(
+            box.gas_density_kg_m3, GASES["helium"].diffusivity_m2_s, releases=[leak], orifices=holes
+        )
     else:
         gas = BuoyantScalar(buoyancy_m_s2=0.0, diffusivity_m2_s=PASSIVE_M2_S, releases=[leak], orifices=holes)
     buoyancy = Buoyancy(domain, gas)

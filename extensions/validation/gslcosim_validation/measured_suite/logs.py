@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
+from gslcosim.base.gases import GASES, air_density_mol_m3
 from gslcosim_search.fixed_sensors.plume_response import SensorPaths
-from gslcosim_services.fields.gases import air_density_mol_m3
-from gslcosim_validation.laser_data import METHANE_KG_MOL
 from gslcosim_validation.mast_data import find_source_m, methane_m3_per_kg
 from gslcosim_validation.readers.folder import MeasuredData, MeasuredSet
 from gslcosim_validation.readers.laser_paths import LaserPaths
@@ -232,7 +231,7 @@ def _case_of_lasers(measured: MeasuredSet, paths: LaserPaths) -> LogCase:
         joined("beams_ppm")[order],
         joined("wind_world_m_s")[order, :2],
         joined("wind_std_m_s")[order],
-        1.0 / (METHANE_KG_MOL * moles),
+        1.0 / (GASES["methane"].molar_mass_kg_mol * moles),
         np.repeat(np.arange(len(paths.sources)), [len(minutes.clock_s) for minutes in paths.sources])[order],
     )
     site = LogSite(

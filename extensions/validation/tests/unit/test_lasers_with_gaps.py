@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from gslcosim.base.gases import GASES, air_density_mol_m3
 from gslcosim_search.fixed_sensors.laser_sources import build_searches, find_rates_kg_s
 from gslcosim_search.fixed_sensors.plume_response import SensorPaths, WindStatistics, plume_responses
-from gslcosim_services.fields.gases import air_density_mol_m3
-from gslcosim_validation.laser_data import METHANE_KG_MOL, collect_laser_rows
+from gslcosim_validation.laser_data import collect_laser_rows
 from gslcosim_validation.measured_suite.estimators import ENTRIES
 from gslcosim_validation.measured_suite.logs import LogSite, MeasuredLog
 from gslcosim_validation.readers.laser_paths import LaserMinutes, LaserPaths
@@ -47,7 +47,7 @@ def make_minutes(drop):
     std = speed[:, None] * np.array([0.2, 0.2, 0.12])
     sensors = SensorPaths.of_beams(np.array(INSTRUMENT_M), REFLECTORS_M)
     wind = WindStatistics.of_components(mean, std)
-    m3_per_kg = 1.0 / (METHANE_KG_MOL * air_density_mol_m3(TEMPERATURE_K, PRESSURE_PA))
+    m3_per_kg = 1.0 / (GASES["methane"].molar_mass_kg_mol * air_density_mol_m3(TEMPERATURE_K, PRESSURE_PA))
     beams_ppm = 2.0 + RATE_KG_S * m3_per_kg * plume_responses(sensors, wind, np.array(TRUE_M))
     beams_ppm += rng.normal(0.0, 0.02, beams_ppm.shape)
     drop(beams_ppm)
@@ -90,7 +90,7 @@ def test_the_leak_network_finds_a_leak_beside_gaps(drop):
         finds_events=False,
         wind_height_m=2.0,
     )
-    m3_per_kg = 1.0 / (METHANE_KG_MOL * air_density_mol_m3(TEMPERATURE_K, PRESSURE_PA))
+    m3_per_kg = 1.0 / (GASES["methane"].molar_mass_kg_mol * air_density_mol_m3(TEMPERATURE_K, PRESSURE_PA))
     log = MeasuredLog(
         start_s=minutes.clock_s,
         readings_ppm=minutes.beams_ppm,

@@ -18,7 +18,6 @@ from gslcosim_validation.plume_statistics import (
     spectral_density,
     spectral_slope,
     taylor_variance_m2,
-    unevenness,
 )
 
 
@@ -112,9 +111,3 @@ def test_taylor_variance_begins_with_the_velocity_and_ends_with_a_diffusivity():
     early, late = taylor_variance_m2(np.array([1e-3, 1e4]), velocity_std_m_s=0.3, time_scale_s=2.0)
     assert early == pytest.approx((0.3 * 1e-3) ** 2, rel=1e-3)
     assert late == pytest.approx(2 * 0.3**2 * 2.0 * 1e4, rel=1e-3)
-
-
-def test_unevenness_sees_a_gradient_and_no_chance():
-    rng = np.random.default_rng(8)
-    assert unevenness(rng.poisson(1000.0, size=500)) < 0.01
-    assert unevenness(rng.poisson(1000.0 * np.linspace(0.8, 1.2, 500))) == pytest.approx(0.4 / math.sqrt(12), rel=0.1)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import ScenarioError
+from gslcosim.base.gases import air_density_mol_m3
 from gslcosim.contract.participant import Episode
 from gslcosim.scenario.models.gas import SourceSpec
 from gslcosim.scenario.models.scenario import Scenario
@@ -13,7 +14,6 @@ from gslcosim_services.fields.core import FieldsCore
 from gslcosim_services.fields.gas_builder import build_gas_field
 from gslcosim_services.fields.gas_field import PointGrid
 from gslcosim_services.fields.gas_setup import mean_release_m3_s
-from gslcosim_services.fields.gases import air_density_mol_m3
 from gslcosim_services.fields.models.gaussian_plume import GaussianPlume
 
 SOURCE_M = (2.0, 5.0, 2.0)

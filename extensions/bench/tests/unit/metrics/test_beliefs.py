@@ -29,7 +29,6 @@ def test_a_point_mass_at_the_source_is_perfect():
     figures = score_belief(belief(p), [(2.25, -0.25, 9.0)], within_m=1.0)
     assert (figures.expected_distance_m, figures.error_m, figures.mass_near) == (0.0, 0.0, 1.0)
     assert (figures.entropy_bits, figures.minus_log_p, figures.level) == (0.0, 0.0, 0.0)
-    assert figures.is_source_in(0.5)
 
 
 def test_the_mean_of_two_places_by_hand():

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import ShapeError
-from gslcosim_bench.metrics.gas import find_encounters, first_contact_s, tracking_ratio
+from gslcosim_bench.metrics.gas import first_contact_s, tracking_ratio
 
 T_S = np.arange(8.0)
 GAS_PPM = np.array([0.0, 0.3, 0.5, 0.4, 0.0, 0.1, 0.9, 0.0])
@@ -43,30 +43,6 @@ def test_neither_time_of_day_nor_a_fine_sampling_changes_the_ratio():
     assert tracking_ratio(T_S + 100.0, GAS_PPM, 0.3) == pytest.approx(2 / 5)
     # The first value of the whiff at 2 s now begins nine tenths of a second earlier.
     assert tracking_ratio(fine_s, fine_ppm, 0.3) == pytest.approx(2.9 / 5.9)
-
-
-def test_whiffs_and_blanks_by_hand():
-    """Whiffs from 2 s to 4 s and from 6 s to 7 s, the blank between them from 4 s to 6 s."""
-    figures = find_encounters(T_S, GAS_PPM, 0.3)
-    assert (figures.n_whiffs, figures.mean_whiff_s) == (2, 1.5)
-    assert (figures.n_blanks, figures.mean_blank_s) == (1, 2.0)
-
-
-def test_a_whiff_may_begin_and_end_with_the_series():
-    figures = find_encounters(T_S, np.ones(8), 0.3)
-    assert (figures.n_whiffs, figures.mean_whiff_s, figures.n_blanks) == (1, 7.0, 0)
-    none = find_encounters(T_S, np.zeros(8), 0.3)
-    assert (none.n_whiffs, none.mean_whiff_s, none.n_blanks, none.mean_blank_s) == (0, None, 0, None)
-
-
-def test_whiffs_and_blanks_fill_the_time_from_contact_to_the_end_of_the_last_whiff():
-    rng = np.random.default_rng(2)
-    for _ in range(50):
-        gas_ppm = rng.random(40) * (rng.random(40) < 0.6)
-        figures = find_encounters(np.arange(40.0), gas_ppm, 0.3)
-        in_gas = np.flatnonzero(gas_ppm > 0.3)
-        filled_s = figures.n_whiffs * figures.mean_whiff_s + figures.n_blanks * (figures.mean_blank_s or 0.0)
-        assert filled_s == pytest.approx(min(in_gas[-1] + 1, 39) - in_gas[0])
 
 
 def test_as_many_values_as_times_are_asked_for():

@@ -5,17 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.base.errors import ShapeError
 from gslcosim.environment.layouts.layouts import build_layout
-from gslcosim.environment.model import Grid
 from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, WindSpec
 from gslcosim_bench.metrics.path_metrics import (
-    ShortestPaths,
     directness,
     distances_m,
     find_leading_agent,
-    min_distance_m,
-    minimum_clearance_m,
     path_length_m,
     spl,
     time_within_s,
@@ -55,13 +50,6 @@ def test_figures_of_a_track_do_not_depend_on_where_it_is_and_how_it_is_turned(se
     here, there = directness(track, sources), directness(moved, moved_sources)
     assert (there.towards, there.magnitude) == pytest.approx((here.towards, here.magnitude))
     assert there.angle_rad == pytest.approx(here.angle_rad)
-
-
-def test_the_distance_is_that_to_the_nearest_source_and_in_the_plane_without_heights():
-    sources = [(0.0, 0.0, 2.0), (10.0, 0.0, 2.0)]
-    np.testing.assert_allclose(distances_m([(3, 4, 2), (10, 0, 5)], sources), [5.0, 3.0])
-    np.testing.assert_allclose(distances_m([(3, 4, 9), (10, 0, 5)], sources, is_horizontal=True), [5.0, 0.0])
-    assert min_distance_m([(3, 4, 2), (10, 0, 5)], sources) == 3.0
 
 
 def test_the_first_time_within_a_radius_is_a_tick_as_with_the_referee_and_the_radius_itself_is_within():
@@ -170,73 +158,3 @@ def room(*obstacles):
 
 # A wall from floor to ceiling with a passage at y > 6 m.
 WALLED = room(((4.0, 0.0, 0.0), (5.0, 6.0, 3.0)))
-
-
-def test_the_way_around_a_wall_is_the_known_length_within_a_cell():
-    paths = ShortestPaths(room=WALLED, sources_m=((8.0, 2.0, 1.0),), within_m=0.0, clearance_m=0.2)
-    known_m = math.hypot(2.8, 4.2) + 1.4 + math.hypot(2.8, 4.2)
-    assert paths.from_m((1.0, 2.0, 1.0)) == pytest.approx(known_m, abs=0.2)
-
-
-def test_the_way_ends_at_the_ball_of_the_source_that_is_nearest_by_way():
-    near_by_air, near_by_path = (5.6, 2.0, 1.0), (1.0, 7.0, 1.0)
-    paths = ShortestPaths(room=WALLED, sources_m=(near_by_air, near_by_path), within_m=0.5, clearance_m=0.2)
-    assert paths.from_m((3.0, 2.0, 1.0)) == pytest.approx(math.hypot(2.0, 5.0) - 0.5)
-    assert paths.from_m((1.0, 6.8, 1.0)) == 0.0
-
-
-def test_each_way_is_looked_for_once(monkeypatch):
-    paths = ShortestPaths(room=WALLED, sources_m=((8.0, 2.0, 1.0),), within_m=1.0, clearance_m=0.2)
-    first_m = paths.from_m((1.0, 2.0, 1.0))
-    monkeypatch.setattr("gslcosim_bench.metrics.path_metrics.shortest_path_m", None)
-    assert paths.from_m((1.0, 2.0, 1.0)) == first_m
-
-
-def test_a_vehicle_on_wheels_cannot_go_over_a_box():
-    low_box = room(((4.0, 0.0, 0.0), (5.0, 6.0, 1.0)))
-    flying, driving = (
-        ShortestPaths(room=low_box, sources_m=((8.0, 2.0, 0.2),), within_m=1.0, clearance_m=0.2, is_level=is_level)
-        for is_level in (False, True)
-    )
-    start = (1.0, 2.0, 0.2)
-    assert 6.0 < flying.from_m(start) < 8.0 < driving.from_m(start)
-
-
-def test_there_is_no_way_to_where_a_vehicle_does_not_fit():
-    slit = room(((4.0, 0.0, 0.0), (5.0, 7.6, 3.0)))
-    paths = ShortestPaths(room=slit, sources_m=((8.0, 2.0, 1.0),), within_m=1.0, clearance_m=0.4)
-    assert paths.from_m((1.0, 2.0, 1.0)) is None
-
-
-def test_the_clearance_is_that_to_the_faces_of_boxes_and_walls():
-    boxed = room(((4.0, 0.0, 0.0), (5.0, 6.0, 3.0)))
-    cells, grid = boxed.occupancy, boxed.grid
-    assert minimum_clearance_m([(3.1, 3.0, 1.0)], cells, grid) == pytest.approx(0.9)
-    assert minimum_clearance_m([(1.0, 4.0, 1.5), (0.3, 4.0, 1.5)], cells, grid) == pytest.approx(0.3)
-    assert minimum_clearance_m([(0.3, 4.0, 1.5)], cells, grid, has_walls=False) == 2.0
-    assert minimum_clearance_m([(4.5, 3.0, 1.0)], cells, grid) == 0.0
-    # Not to the floor, from which vehicles start, but to the ceiling.
-    assert minimum_clearance_m([(2.0, 4.0, 0.1)], cells, grid) == pytest.approx(2.0)
-    assert minimum_clearance_m([(2.0, 4.0, 2.8)], cells, grid) == pytest.approx(0.2)
-
-
-def test_the_clearance_is_that_of_brute_force():
-    rng = np.random.default_rng(7)
-    grid = Grid(origin_m=(-1.0, 2.0, 0.5), cell_m=0.25, shape=(12, 9, 7))
-    cells = (rng.random(grid.shape) < 0.02).astype(np.uint8)
-    low_m = grid.origin_m + np.argwhere(cells == 1) * grid.cell_m
-    for point in rng.uniform(grid.origin_m, grid.max_m, (50, 3)):
-        away_m = np.clip(np.maximum(low_m - point, point - low_m - grid.cell_m), 0.0, None)
-        known_m = min(1.0, float(np.linalg.norm(away_m, axis=1).min()))
-        assert minimum_clearance_m([point], cells, grid, has_walls=False, up_to_m=1.0) == pytest.approx(known_m)
-
-
-def test_arrays_of_a_wrong_shape_are_named():
-    with pytest.raises(ShapeError, match="positions_m"):
-        path_length_m([(1.0, 2.0)])
-    with pytest.raises(ShapeError, match="distance_m"):
-        time_within_s([0.0, 1.0], [3.0], 1.0)
-    with pytest.raises(ShapeError, match="t_s"):
-        time_within_s([], [], 1.0)
-    with pytest.raises(ShapeError, match="occupancy"):
-        minimum_clearance_m([(1, 1, 1)], np.zeros((2, 2, 2)), WALLED.grid)

@@ -1,16 +1,6 @@
 import numpy as np
-import pytest
 
-from gslcosim.base.errors import ShapeError
-from gslcosim_bench.metrics.series import select_samples, thin_to_seconds
-
-
-def test_one_sample_a_second_and_the_last_are_kept():
-    t_s = np.arange(0, 36) * 0.1
-    times_s, ticks, points = thin_to_seconds(t_s, np.arange(36), np.arange(108).reshape(36, 3))
-    np.testing.assert_allclose(times_s, [0.0, 1.0, 2.0, 3.0, 3.5])
-    np.testing.assert_array_equal(ticks, [0, 10, 20, 30, 35])
-    np.testing.assert_array_equal(points[:, 0], [0, 30, 60, 90, 105])
+from gslcosim_bench.metrics.series import select_samples
 
 
 def test_rounding_of_ticks_does_not_shift_a_sample():
@@ -36,8 +26,3 @@ def test_what_is_kept_is_first_last_and_no_two_closer_than_needed():
 
 def test_another_period_may_be_asked_for():
     np.testing.assert_array_equal(select_samples(np.arange(10.0), every_s=5.0), [0, 5, 9])
-
-
-def test_arrays_of_another_length_are_refused():
-    with pytest.raises(ShapeError, match="values 1"):
-        thin_to_seconds([0.0, 1.0], [1, 2], [1, 2, 3])

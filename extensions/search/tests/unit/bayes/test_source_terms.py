@@ -19,7 +19,6 @@ from gslcosim_search.bayes.source_terms import (
     gaussian_plume,
     isotropic_plume,
     kernel_width,
-    log_first_arrival,
     log_likelihood_of_reading,
     log_likelihoods,
     mean_amount,
@@ -156,17 +155,6 @@ def test_the_likelihood_of_all_readings_is_the_sum_of_each():
             for x, w, z in zip(places, winds, readings, strict=True)
         ]
         assert together[i] == pytest.approx(sum(each))
-
-
-@pytest.mark.parametrize(("d", "u", "diffusivity"), [(2.0, 0.5, 0.1), (1.0, 1.0, 0.5)])
-def test_the_time_of_first_arrival_is_a_distribution_with_the_mean_of_the_way_over_the_speed(d, u, diffusivity):
-    times = np.arange(0.0005, 200.0, 0.001)
-    density = np.exp([log_first_arrival(t, d, u, diffusivity) for t in times])
-    total, mean = density.sum() * 0.001, (times * density).sum() * 0.001
-    assert total == pytest.approx(1.0, abs=1e-3)
-    assert mean == pytest.approx(d / u, rel=2e-3)
-    assert (times**2 * density).sum() * 0.001 - mean**2 == pytest.approx(2 * diffusivity * d / u**3, rel=1e-2)
-    assert log_first_arrival(0.0, d, u, diffusivity) == -math.inf
 
 
 @pytest.mark.parametrize(
