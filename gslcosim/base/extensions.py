@@ -28,18 +28,26 @@ Offered = TypeVar("Offered")
 What = Literal["commands", "keys", "files", "formats", "names", "modules"]
 
 
-def load_registered(group: str, expected: Callable[[object], Offered | None], what: str) -> Iterator[Offered]:
+def load_registered(
+    group: str,
+    expected: Callable[[object], Offered | None],
+    what: str,
+    is_wanted: Callable[[str], bool] = lambda name: True,
+) -> Iterator[Offered]:
     """Yield what installed extensions register in a group of entry points, in the order of the points' names.
 
     Args:
         group: The group, such as `COMMANDS_GROUP`.
         expected: Returns what is wanted from a registered object, or None where it is something else.
         what: The word for what is wanted, for the error.
+        is_wanted: Returns whether the entry point of a name is wanted; others are not imported.
 
     Raises:
         UsageError: a package cannot be imported, or registers something else.
     """
     for point in list_registered(group):
+        if not is_wanted(point.name):
+            continue
         try:
             offered: object = point.load()
         # A package of another project may raise anything when it is imported.

@@ -170,16 +170,15 @@ def list_services(scenario: Scenario) -> tuple[ServiceKind, ...]:
     return (*defaults, *others.values(), *own_models)
 
 
-# A program of the user's own, or an FMU, behind a core that speaks with it.
+# A program of the user's own, or what an extension starts, behind a core that speaks with it.
 def _build_external_kind(own: ParticipantProgramSpec) -> ServiceKind:
     def build(setup: RunSetup) -> Core:
-        # their imports are of this module
+        # its imports are of this module
         from gslcosim.runtime.external.core import ExternalCore
-        from gslcosim_fmi.core import FmuCore
 
         types = build_dataflow(setup.scenario).message_types
-        if own.start.fmu is not None:
-            return FmuCore(own, setup, types)
+        if (start := own.start.registered) is not None:
+            return start.build_core(own, setup, types)
         return ExternalCore(own, setup, {port: message_type.__name__ for port, message_type in types.items()})
 
     return ServiceKind(name=own.name, build_spec=lambda scenario: build_external_spec(own, scenario), build=build)

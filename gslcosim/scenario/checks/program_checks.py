@@ -13,6 +13,7 @@ from typing import cast
 from gslcosim.base.bundled import bundled_agents, find_bundled_agent
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.problems import Problem
+from gslcosim.base.scenario_keys import list_file_keys
 from gslcosim.methods.card import MethodCard
 from gslcosim.scenario.problems import child_path, did_you_mean
 
@@ -31,7 +32,6 @@ _PATH_KEYS = (
     "gaden",
     "may_read",
     "may_write",
-    "fmu",
 )
 # Linux's limits, with room for the folder that comes before.
 _MAX_NAME_BYTES, _MAX_PATH_LENGTH = 255, 3000
@@ -61,7 +61,7 @@ def find_unusable_paths(values: object, path: str = "") -> Iterator[Problem]:
         return
     for key, value in cast("dict[str, object]", values).items():
         place = child_path(path, key)
-        if key not in _PATH_KEYS:
+        if key not in (*_PATH_KEYS, *list_file_keys()):
             # What an agent's parameters mean is the agent's.
             if key != "parameters":
                 yield from find_unusable_paths(value, place)
