@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -149,3 +150,20 @@ def find_remedy(what: What, asked: str) -> str | None:
         if asked in offers.get(what, ()):
             return f"It is in the extension {extension}, which is not installed: pip install gslcosim-{extension}"
     return None
+
+
+def find_name_remedy(name: str) -> str | None:
+    """Return the sentence that says which extension has a public name, or None where none is known."""
+    for extension, offers in read_known().items():
+        if name in offers.get("names", ()):
+            home = f"gslcosim_{extension}"
+            is_absent = home in list_absent_modules()
+            return find_remedy("names", name) if is_absent else f"It is in the extension {extension}: import {home}"
+    return None
+
+
+@cache
+def list_absent_modules() -> tuple[str, ...]:
+    """Return the modules of the project's own extensions that cannot be imported here."""
+    modules = (module for offers in read_known().values() for module in offers.get("modules", ()))
+    return tuple(module for module in modules if find_spec(module) is None)

@@ -181,7 +181,7 @@ def _wrong_agents(event: dict[str, Any], values: dict[str, Any], path: str) -> I
             yield _not_there(place, "agent", agent, names)
 
 
-# Which names a program writes is known in the run only; an FMU's are in its block.
+# Which names a program writes is known in the run only, but where its block says so.
 def _wrong_value(trigger: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
     owners = {str(own["name"]): own for _, own in blocks_in(values, "participants") if "name" in own}
     owner, value = trigger.get("participant"), trigger.get("value")

@@ -270,7 +270,7 @@ def find_kind(name: str) -> FileKind | None:
         return own
     if name.startswith(_OF_SCENARIOS):
         return None
-    return next(load_registered(CHECKS_GROUP, _as_kind, "a FileKind", lambda point: point == name), None)
+    return next(load_registered(CHECKS_GROUP, _as_kind, "a FileKind", name=name), None)
 
 
 def _as_kind(offered: object) -> FileKind | None:
@@ -287,8 +287,9 @@ def list_checks(of: str) -> tuple[Check, ...]:
     if of != SCENARIO:
         kind = find_kind(of)
         return () if kind is None else kind.checks
-    offered = load_registered(
-        CHECKS_GROUP, _as_checks, "a tuple of Check", lambda point: point.startswith(_OF_SCENARIOS)
+    names = [point.name for point in list_registered(CHECKS_GROUP) if point.name.startswith(_OF_SCENARIOS)]
+    offered = (
+        some for name in names for some in load_registered(CHECKS_GROUP, _as_checks, "a tuple of Check", name=name)
     )
     checks = [*_SCENARIO_CHECKS, *(check for some in offered for check in some)]
     return tuple(sorted(checks, key=lambda check: SUBJECTS.index(check.subject or "room")))
