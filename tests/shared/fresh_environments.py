@@ -1,5 +1,6 @@
 """Fresh Python environments with parts of this checkout installed, and nothing that these parts do not declare."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -98,9 +99,19 @@ def create_environment(folder: Path, installed: Iterable[Path], packages: Iterab
     places += [place for name in packages for place in _list_places(name)]
     for place in places:
         target = environment.site_packages / place.name
-        if not target.exists():
-            target.symlink_to(place)
+        # Sandboxes show the folder of an environment, and not what links in it lead to.
+        if place.is_dir() and not target.exists():
+            shutil.copytree(place, target, copy_function=_link_or_copy, ignore=shutil.ignore_patterns("__pycache__"))
+        elif not target.exists():
+            _link_or_copy(place, target)
     return environment
+
+
+def _link_or_copy(source: str | Path, target: str | Path) -> None:
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target)
 
 
 def read_requirements(project: Path) -> list[Requirement]:
