@@ -23,7 +23,16 @@ def __getattr__(name: str) -> Any:
         return getattr(importlib.import_module(_CALLABLES[name]), name)
     if name in _MODULES:
         return importlib.import_module(f"{__name__}.{name}")
-    raise AttributeError(f"module 'gslcosim' has no attribute '{name}'")
+    raise AttributeError(f"module 'gslcosim' has no attribute '{name}'{_describe_home(name)}")
+
+
+def _describe_home(name: str) -> str:
+    if name.startswith("_"):
+        return ""
+    from gslcosim.base.extensions import find_name_remedy
+
+    remedy = find_name_remedy(name)
+    return f". {remedy}" if remedy else ""
 
 
 def __dir__() -> list[str]:

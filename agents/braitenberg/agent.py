@@ -3,7 +3,7 @@
 import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim_search.method_settings import load_settings
+from gslcosim.agent_kit.settings import load_settings
 from gslcosim_search.motion.declaration import MissionDeclarer, ReactiveDeclarer
 from gslcosim_search.motion.legs import LegSpace, next_leg
 from gslcosim_search.random_stream import RandomStream

@@ -1,8 +1,8 @@
 """Gradient: a plane fitted to the last readings tells where there is more gas. README.md beside this has the rules."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim_search.method_settings import load_settings
-from gslcosim_search.motion.commands import LegCommander
+from gslcosim.agent_kit.commands import LegCommander
+from gslcosim.agent_kit.settings import load_settings
 from gslcosim_search.motion.declaration import MissionDeclarer, ReactiveDeclarer
 from gslcosim_search.motion.legs import LegSpace, next_leg
 from gslcosim_search.random_stream import RandomStream

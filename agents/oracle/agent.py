@@ -3,8 +3,8 @@
 import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, Waypoint, run
-from gslcosim_search.method_settings import load_settings
-from gslcosim_search.motion.commands import declaration
+from gslcosim.agent_kit.commands import declaration
+from gslcosim.agent_kit.settings import load_settings
 from gslcosim_search.motion.map_navigation import KnownPaths
 
 # How far from the room's bounds a way ends, tried in this order [m]; at last it stays at the height of the search.

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
+from gslcosim.agent_kit.commands import waypoint
 from gslcosim_search.beliefs import BeliefPublisher, CellGrid
 from gslcosim_search.information.pomdp import (
     MOVES,
@@ -18,7 +19,6 @@ from gslcosim_search.information.pomdp import (
     offsets_m,
     update_offset_belief,
 )
-from gslcosim_search.motion.commands import waypoint
 from gslcosim_search.motion.declaration import Estimate, by_mass
 from gslcosim_search.motion.legs import LegSpace, leg_end, next_leg
 from gslcosim_search.search_agent import SearchAgent

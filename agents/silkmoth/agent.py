@@ -6,7 +6,7 @@ After Kanzaki, Ishida et al. README.md beside this file has the rules.
 import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim_search.method_settings import load_settings
+from gslcosim.agent_kit.settings import load_settings
 from gslcosim_search.motion.coverage import CoverageGrid
 from gslcosim_search.motion.legs import LegSpace
 from gslcosim_search.random_stream import RandomStream

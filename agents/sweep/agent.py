@@ -5,8 +5,8 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, Waypoint, run
-from gslcosim_search.method_settings import load_settings
-from gslcosim_search.motion.commands import declaration, waypoint
+from gslcosim.agent_kit.commands import declaration, waypoint
+from gslcosim.agent_kit.settings import load_settings
 from gslcosim_search.motion.coverage import lawnmower_path_m
 from gslcosim_search.motion.legs import LegSpace
 

@@ -13,6 +13,7 @@ from pydantic import BaseModel, StringConstraints, Tag, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticUndefined
 
+from gslcosim.base.extensions import find_remedy
 from gslcosim.base.problems import RULE, Problem
 from gslcosim.base.units_of_measure import number_in_unit_of, read_quantity, unit_name, unit_suffix
 from gslcosim.scenario.models.base import KindedSpec, OneOf
@@ -493,6 +494,8 @@ def _unknown_key(location: tuple[Segment, ...], key: str, value: Any, root: type
     expected = f"one of the keys {', '.join(keys)}"
     if (remedy := _kinds_that_have(location, key, root)) and key not in keys:
         return Problem(where=path, expected=expected, found=_UNKNOWN_KEY, remedy=remedy)
+    if absent := find_remedy("keys", re.sub(r"\[\d+\]", "[]", path)):
+        return Problem(where=path, expected=expected, found=_UNKNOWN_KEY, remedy=absent)
     match = nearest_key(key, keys)
     homes = [home for home in paths_of_key(key, root=root) if home != block.path]
     if match:

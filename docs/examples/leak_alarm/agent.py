@@ -9,11 +9,11 @@ from collections import deque
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.agent_kit.commands import declaration
+from gslcosim.agent_kit.settings import load_settings
 from gslcosim.contract.messages import Note
 from gslcosim_search.fixed_sensors.events import DetectionSettings
 from gslcosim_search.fixed_sensors.leak_monitor import LeakMonitor, LeakReport
-from gslcosim_search.method_settings import load_settings
-from gslcosim_search.motion.commands import declaration
 from gslcosim_search.senses.instruments import find_noses, find_vane
 
 _ROUNDING_S = 1e-6

@@ -9,6 +9,7 @@ from gslcosim.base.problems import Problem
 from gslcosim.runtime.services import build_dataflow
 from gslcosim.scenario import Scenario
 from gslcosim_fmi.description import check_members, read_fmu
+from gslcosim_fmi.scenario_keys import UNIT_START
 from gslcosim_fmi.wiring import build_fmu_problem, wire_fmu
 
 
@@ -24,11 +25,12 @@ def find_fmu_problems(scenario: Scenario, directory: Path) -> Iterator[Problem]:
     except (UsageError, DataflowError):
         return  # which another check reports
     for i, own in enumerate(scenario.participants):
-        if own.start.fmu is not None:
+        unit = UNIT_START.get(own.start)
+        if unit is not None:
             problems: list[Problem] = []
             if wire_fmu(own, scenario, directory, types, problems) is not None:
                 try:
-                    check_members(directory / Path(own.start.fmu).expanduser())
+                    check_members(directory / Path(unit).expanduser())
                 except UsageError as error:
                     problems.append(build_fmu_problem("start.fmu", error))
             for problem in problems:
@@ -43,10 +45,11 @@ def find_fmu_warnings(scenario: Scenario, directory: Path) -> Iterator[Problem]:
         directory: Its folder, where relative paths start.
     """
     for i, own in enumerate(scenario.participants):
-        if own.start.fmu is None:
+        file = UNIT_START.get(own.start)
+        if file is None:
             continue
         try:
-            unit = read_fmu(directory / Path(own.start.fmu).expanduser())
+            unit = read_fmu(directory / Path(file).expanduser())
         except UsageError:
             continue  # which is a problem already
         if not unit.saves_state:

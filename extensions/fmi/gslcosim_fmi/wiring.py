@@ -14,6 +14,7 @@ from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.participants import ParticipantProgramSpec
 from gslcosim.scenario.problems import did_you_mean
 from gslcosim_fmi.description import FmuDescription, FmuVariable, read_fmu
+from gslcosim_fmi.scenario_keys import INPUTS, OUTPUTS, UNIT_START
 from gslcosim_fmi.value_path import ValuePath, parse_value_path
 
 TIME_PATH = "time_s"
@@ -62,7 +63,7 @@ def wire_fmu(
         problems: What is wrong is added to it.
     """
     try:
-        unit = read_fmu(directory / Path(str(own.start.fmu)).expanduser())
+        unit = read_fmu(directory / Path(str(UNIT_START.get(own.start))).expanduser())
     except UsageError as error:
         problems.append(build_fmu_problem("start.fmu", error))
         return None
@@ -116,7 +117,7 @@ def _wire_inputs(
 ) -> Iterator[tuple[FmuVariable, str, ValuePath | None]]:
     seen: set[str] = set()
     for j, read in enumerate(own.reads):
-        for name, text in read.inputs.items():
+        for name, text in INPUTS.get(read).items():
             where = f"reads[{j}].inputs.{name}"
             variable = _find_variable(unit, name, where, ("input",), problems)
             if variable is None:
@@ -144,7 +145,7 @@ def _wire_inputs(
 def _wire_outputs(
     own: ParticipantProgramSpec, unit: FmuDescription, problems: list[Problem]
 ) -> Iterator[tuple[FmuVariable, str, str]]:
-    for word, values in own.outputs.items():
+    for word, values in OUTPUTS.get(own).items():
         for value_name, name in values.items():
             where = f"outputs.{word}.{value_name}"
             variable = _find_variable(unit, name, where, ("output", "local", "calculatedParameter"), problems)

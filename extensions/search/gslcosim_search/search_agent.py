@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation
+from gslcosim.agent_kit.commands import declaration
+from gslcosim.agent_kit.settings import load_settings
 from gslcosim.contract.messages import RadioMessage
 from gslcosim_search.beliefs import BeliefPublisher, CellGrid
-from gslcosim_search.method_settings import load_settings
-from gslcosim_search.motion.commands import declaration
 from gslcosim_search.motion.declaration import DeclarationGuard, Estimate
 from gslcosim_search.random_stream import RandomStream
 

@@ -79,7 +79,7 @@ class SteppedRun(Simulation):
         self.scored_places_m: dict[str, Vec3] = {agent.name: agent.vehicle.start_m for agent in agents}
         self._places_m: dict[int, dict[str, Vec3]] = {}
         # Nobody watches a search for learning.
-        unwatched = replace(loaded, scenario=loaded.scenario.model_copy(update={"ros2": None}))
+        unwatched = replace(loaded, scenario=loaded.scenario.without_live_keys())
         super().__init__(unwatched, commanded=[agent.name for agent in agents])
         try:
             self.advance(None)

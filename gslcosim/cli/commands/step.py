@@ -84,7 +84,9 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _serve_ros2(arguments: argparse.Namespace) -> int:
-    from gslcosim.scenario.models.scenario import Ros2Spec
+    from gslcosim.base.scenario_keys import get_scenario_key
+
+    topics = get_scenario_key("", "ros2")
     from gslcosim.simulation.simulation import Simulation
     from gslcosim_ros.node import RosSession
     from gslcosim_ros.simulation_services import PREFIX, SimulationServices
@@ -95,7 +97,7 @@ def _serve_ros2(arguments: argparse.Namespace) -> int:
     check_installed()
     arguments.processes = "one"
     loaded = load_checked(arguments)
-    settings = loaded.scenario.ros2 or Ros2Spec()
+    settings = topics.get(loaded.scenario) or topics.block()
     if arguments.ros_distro:
         settings = settings.model_copy(update={"distro": arguments.ros_distro})
     loaded = replace(loaded, scenario=loaded.scenario.model_copy(update={"ros2": settings}))

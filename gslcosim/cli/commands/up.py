@@ -170,18 +170,18 @@ def run_scenario(arguments: argparse.Namespace, fork_server: "ForkServer | None"
 
 
 def _with_ros2(loaded: "LoadedScenario", arguments: argparse.Namespace) -> "LoadedScenario":
+    from gslcosim.base.scenario_keys import get_scenario_key, list_live_keys
+
     scenario = loaded.scenario
     if arguments.ros2 or arguments.ros_distro or arguments.ros2_truth:
-        from gslcosim.scenario.models.scenario import Ros2Spec
-
+        topics = get_scenario_key("", "ros2")
         given = {"distro": arguments.ros_distro, "truth": arguments.ros2_truth or None}
         update = {key: value for key, value in given.items() if value is not None}
-        settings = (scenario.ros2 or Ros2Spec()).model_copy(update=update)
+        settings = (topics.get(scenario) or topics.block()).model_copy(update=update)
         loaded = replace(loaded, scenario=scenario.model_copy(update={"ros2": settings}))
-    if loaded.scenario.ros2 is not None:
-        from gslcosim_ros.types import check_installed
-
-        check_installed()
+    for key in list_live_keys():
+        if key.get(loaded.scenario) is not None:
+            key.check_installed()
     return loaded
 
 

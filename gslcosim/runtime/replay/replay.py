@@ -148,11 +148,10 @@ def replay_run(
 def _change_recording(past: PastRun, changes: Mapping[str, float | bool], snapshots_every_s: float | None) -> Scenario:
     plain = {**past.scenario.recording.model_dump(), **changes}
     try:
-        # Who listens to ROS has heard it once.
-        update: dict[str, object] = {"recording": RecordingSpec.model_validate(plain), "ros2": None}
+        update: dict[str, object] = {"recording": RecordingSpec.model_validate(plain)}
         if snapshots_every_s is not None:
             update["snapshots"] = SnapshotsSpec(every_s=snapshots_every_s)
-        scenario = past.scenario.model_copy(update=update)
+        scenario = past.scenario.without_live_keys().model_copy(update=update)
         build_dataflow(scenario)
     except ValidationError as error:
         raise UsageError("\n".join(f"recording: {problem['msg']}" for problem in error.errors())) from error

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.agent_kit.commands import declaration, waypoint
+from gslcosim.agent_kit.settings import load_settings
 from gslcosim_search.beliefs import BeliefPublisher, CellGrid, entropy_bits, normalised
 from gslcosim_search.information.pomdp import PlumeTable, RunningWind, offsets_m
-from gslcosim_search.method_settings import load_settings
-from gslcosim_search.motion.commands import declaration, waypoint
 from gslcosim_search.motion.declaration import DeclarationGuard, by_mass
 from gslcosim_search.motion.legs import LegSpace
 from gslcosim_search.random_stream import RandomStream

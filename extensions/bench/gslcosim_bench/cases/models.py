@@ -178,7 +178,9 @@ class EntrySpec(Spec):
 
     @model_validator(mode="after")
     def _check_start(self) -> Self:
-        others = [key for key in ("process_of", "attach", "ros2") if getattr(self.start, key)]
+        others = [key for key in ("process_of", "attach") if getattr(self.start, key)]
+        if (registered := self.start.registered) is not None:
+            others.append(registered.name)
         if others:
             raise broken_rule_error(
                 key="start",

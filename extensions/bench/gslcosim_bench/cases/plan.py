@@ -14,6 +14,7 @@ from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.kernel_cache import get_cache_root
 from gslcosim.base.problems import Problem
+from gslcosim.base.scenario_keys import list_live_keys
 from gslcosim.base.untrusted_input import MalformedFileError, read_json
 from gslcosim.environment.generation.cache import recipe_hash
 from gslcosim.environment.geometry_source import find_folder
@@ -605,7 +606,8 @@ class _Resolved:
         except ProblemsError as error:
             raise _located_in(where, error.problems) from error
         values["recording"]["enabled"] = False
-        values.pop("ros2", None)
+        for key in list_live_keys():
+            values.pop(key.name, None)
         return resolve_values(values, self.directory, source=where, checks=list_scenario_checks("agents", "services"))
 
 

@@ -20,7 +20,7 @@ from gslcosim.contract.messages import (
 from gslcosim.contract.participant import Episode, Inbox, Outbox, ParticipantSpec
 from gslcosim.environment.model import Environment
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.scenario import AgentSpec, Ros2Spec
+from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.models.sensors import (
     CameraSensorSpec,
     DepthCameraSpec,
@@ -31,6 +31,7 @@ from gslcosim.scenario.models.sensors import (
 from gslcosim_ros.live import messages
 from gslcosim_ros.live.service import ros2_spec
 from gslcosim_ros.node import RosPublisher, RosSession
+from gslcosim_ros.scenario_keys import LIVE_TOPICS, Ros2Spec
 from gslcosim_ros.types import ANEMOMETER, GAS_SENSOR, MAP_FRAME, RosTypes
 from gslcosim_services.recorder.entities import is_wind_sensor, list_gas_names
 from gslcosim_services.recorder.stream_table import ON_BOARD_STREAMS
@@ -62,7 +63,7 @@ class Ros2Core:
         """
         self._scenario = scenario
         self._environment = environment
-        self._settings = scenario.ros2 or Ros2Spec()
+        self._settings = LIVE_TOPICS.get(scenario) or Ros2Spec()
         self._types = types or RosTypes(self._settings.distro)
         self._spec = ros2_spec(scenario)
         self._session: RosSession | None = None

@@ -5,6 +5,7 @@ from gslcosim.contract.participant import Core, ParticipantSpec, Read
 from gslcosim.runtime.services import ServiceKind
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import Scenario
+from gslcosim_ros.scenario_keys import LIVE_TOPICS
 
 # It may lag as the recorder does: nobody waits for it until its buffers would grow without bound.
 BRIDGE_WINDOW_TICKS = 512
@@ -18,7 +19,8 @@ def ros2_spec(scenario: Scenario) -> ParticipantSpec:
     reads = [keys.BODIES, keys.SCORE, keys.VERDICT]
     for agent in scenario.agents:
         reads += [keys.observation(agent.name), keys.command(agent.name)]
-    if scenario.ros2 is not None and scenario.ros2.truth:
+    topics = LIVE_TOPICS.get(scenario)
+    if topics is not None and topics.truth:
         reads += [keys.SAMPLES, keys.FILAMENTS]
     return ParticipantSpec(
         name="ros2", reads=tuple(Read(port=port) for port in reads), writes=(), window_ticks=BRIDGE_WINDOW_TICKS
@@ -35,7 +37,7 @@ SERVICE = ServiceKind(
     name="ros2",
     build_spec=ros2_spec,
     build=_build,
-    is_needed=lambda scenario: scenario.ros2 is not None,
+    is_needed=lambda scenario: LIVE_TOPICS.get(scenario) is not None,
     follows_agents=True,
     position=90,
 )

@@ -10,7 +10,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.agent_kit import Briefing, Command, Observation
+from gslcosim.agent_kit import Briefing, Command, Observation, commands
 from gslcosim_search import beliefs
 from gslcosim_search.bayes.encounter_model import EncounterModel, PlumeAssumption, likelihoods, nominal_dispersal
 from gslcosim_search.beliefs import CellGrid
@@ -32,7 +32,6 @@ from gslcosim_search.information.objectives import (
     space_aware_cost,
     update_belief,
 )
-from gslcosim_search.motion import commands
 from gslcosim_search.motion.declaration import Estimate, by_entropy, by_mass
 from gslcosim_search.motion.legs import LegSpace, build_obstacles, to_millimetre
 from gslcosim_search.search_agent import SearchAgent

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation
+from gslcosim.agent_kit.settings import load_settings
 from gslcosim_search.learned.encoding import WIND, ObservationVector, action_kind, turn_actions
 from gslcosim_search.learned.policy import Policy, PolicyError
 from gslcosim_search.learned.policy_files import load_policy
 from gslcosim_search.learned.shield import VelocityShield
 from gslcosim_search.learned.wind_frame import asks_wind_frame
-from gslcosim_search.method_settings import load_settings
 
 
 def match_observations(policy: Policy, offered: Sequence[str]) -> list[int]:

@@ -9,11 +9,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.agent_kit.commands import declaration
 from gslcosim.contract.messages import Bounds, Briefing, Command, Observation
 from gslcosim.contract.missions import asks_for_declaration
 from gslcosim_search import beliefs
 from gslcosim_search.beliefs import CellGrid
-from gslcosim_search.motion.commands import declaration
 from gslcosim_search.motion.legs import to_millimetre
 from gslcosim_search.plume_fit import PlumeFit
 from gslcosim_search.senses.hit_detection import GasHits, GasLevel

@@ -12,8 +12,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gslcosim.agent_kit.commands import waypoint
 from gslcosim.contract.messages import Bounds, Briefing, Command, KnownMap, Observation
-from gslcosim_search.motion.commands import waypoint
 from gslcosim_search.random_stream import RandomStream
 
 Point = tuple[float, ...]

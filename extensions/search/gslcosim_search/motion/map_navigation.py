@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gslcosim.agent_kit.commands import waypoint
 from gslcosim.base.cell_kernels import label_parts
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import Briefing, Command, KnownMap, Observation
 from gslcosim_search.beliefs import CellGrid
-from gslcosim_search.motion.commands import waypoint
 from gslcosim_search.motion.grid_paths import (
     Free,
     find_free_cells,

@@ -6,8 +6,8 @@ import numpy as np
 from briefings import briefing, observation
 
 from gslcosim.agent_kit import Command, RadioMessage
+from gslcosim.agent_kit.commands import waypoint
 from gslcosim_search.beliefs import CellGrid
-from gslcosim_search.motion.commands import waypoint
 from gslcosim_search.motion.declaration import Estimate
 from gslcosim_search.search_agent import SearchAgent
 

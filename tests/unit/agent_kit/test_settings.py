@@ -1,7 +1,7 @@
 from dataclasses import dataclass
 from types import SimpleNamespace
 
-from gslcosim_search.method_settings import extract_settings
+from gslcosim.agent_kit.settings import extract_settings
 
 
 @dataclass(frozen=True, kw_only=True)

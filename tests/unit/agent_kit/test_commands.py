@@ -1,6 +1,6 @@
 from briefings import briefing, observation
 
-from gslcosim_search.motion.commands import LegCommander
+from gslcosim.agent_kit.commands import LegCommander
 
 
 def test_a_leg_is_a_waypoint_at_the_height_of_the_search():
