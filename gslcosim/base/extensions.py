@@ -6,64 +6,129 @@ it decides nothing, and is read only to say which extension has what is asked fo
 """
 
 import json
+import os
+import sys
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib import import_module
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 from gslcosim.base.errors import UsageError
 
 # Packages and modules whose code decides the results of runs.
 RESULT_CODE_GROUP = "gslcosim.result_code"
 COMMANDS_GROUP = "gslcosim.commands"
+# Options that an extension adds to a command of another package; the name of each point is the command, as `bench.run`.
+OPTIONS_GROUP = "gslcosim.options"
 CHECKS_GROUP = "gslcosim.checks"
 STARTS_GROUP = "gslcosim.starts"
 EXPORTERS_GROUP = "gslcosim.exporters"
 GEOMETRY_GROUP = "gslcosim.geometry"
 AGENTS_GROUP = "gslcosim.agents"
+# Readers of folders whose rows stand among runs in lists.
+RUN_ROWS_GROUP = "gslcosim.run_rows"
 
 Offered = TypeVar("Offered")
 # What a user may ask for: a word of the command line, a dotted key of a file, a kind of file, a format, a Python name.
 What = Literal["commands", "keys", "files", "formats", "names", "modules"]
 
 
-def load_registered(group: str, expected: Callable[[object], Offered | None], what: str) -> Iterator[Offered]:
+@dataclass(frozen=True, kw_only=True)
+class Registration:
+    """One entry point of an installed distribution: its group, its name, and `module:attribute`."""
+
+    group: str
+    name: str
+    value: str
+    distribution: str
+
+    def load(self) -> Any:
+        """Import the module and return the attribute, or the module where no attribute is named."""
+        module, _, attributes = self.value.partition(":")
+        found: Any = import_module(module.strip())
+        for attribute in filter(None, attributes.strip().split(".")):
+            found = getattr(found, attribute)
+        return found
+
+
+def load_registered(
+    group: str, expected: Callable[[object], Offered | None], what: str, *, name: str | None = None
+) -> Iterator[Offered]:
     """Yield what installed extensions register in a group of entry points, in the order of the points' names.
 
     Args:
         group: The group, such as `COMMANDS_GROUP`.
         expected: Returns what is wanted from a registered object, or None where it is something else.
         what: The word for what is wanted, for the error.
+        name: The name of the points; by default all.
 
     Raises:
         UsageError: a package cannot be imported, or registers something else.
     """
     for point in list_registered(group):
+        if name is not None and point.name != name:
+            continue
         try:
             offered: object = point.load()
         # A package of another project may raise anything when it is imported.
         except Exception as error:
             raise UsageError(
                 f"{group} {point.name}: expected {point.value} to be imported, was {error!r}. "
-                f"Install {_name_distribution(point)} again, or uninstall it."
+                f"Install {point.distribution} again, or uninstall it."
             ) from error
         accepted = expected(offered)
         if accepted is None:
             raise UsageError(
                 f"{group} {point.name}: expected {what} in {point.value}, was {offered!s:.60}. "
-                f"Install {_name_distribution(point)} again, or uninstall it."
+                f"Install {point.distribution} again, or uninstall it."
             )
         yield accepted
 
 
-def list_registered(group: str) -> list[EntryPoint]:
+def list_registered(group: str) -> list[Registration]:
     """Return the entry points of a group, sorted by name, importing nothing."""
-    return sorted(entry_points(group=group), key=lambda point: (point.name, point.value))
+    return [point for point in list_registrations() if point.group == group]
 
 
-def _name_distribution(point: EntryPoint) -> str:
-    return point.dist.name if point.dist is not None else "the package"
+# `importlib.metadata` takes a fifth of a start: its import, and the names of all distributions once for each group.
+@cache
+def list_registrations() -> tuple[Registration, ...]:
+    """Return all entry points of gslcosim's groups, sorted by name.
+
+    Of two distributions of one name the first that has a group counts: an older checkout's `*.egg-info`, which comes
+    first in a checkout's own folder, has the groups of its time.
+    """
+    found: dict[tuple[str, str], list[Registration]] = {}
+    for folder in sys.path:
+        try:
+            entries = [entry for entry in os.scandir(folder or ".") if entry.name.endswith((".dist-info", ".egg-info"))]
+        except OSError:
+            continue
+        for entry in entries:
+            distribution = entry.name.rpartition(".")[0].partition("-")[0].replace("_", "-").lower()
+            try:
+                text = Path(entry.path, "entry_points.txt").read_text(encoding="utf-8")
+            except OSError:
+                continue
+            groups: dict[tuple[str, str], list[Registration]] = {}
+            for point in _parse_entry_points(text, distribution):
+                groups.setdefault((distribution, point.group), []).append(point)
+            found = groups | found
+    points = [point for each in found.values() for point in each]
+    return tuple(sorted(points, key=lambda point: (point.name, point.value)))
+
+
+def _parse_entry_points(text: str, distribution: str) -> Iterator[Registration]:
+    group = ""
+    for line in map(str.strip, text.splitlines()):
+        if line.startswith("["):
+            group = line.strip("[]").strip()
+        elif group.startswith("gslcosim.") and "=" in line and not line.startswith("#"):
+            name, _, value = line.partition("=")
+            value = value.partition("[")[0].strip()
+            yield Registration(group=group, name=name.strip(), value=value, distribution=distribution)
 
 
 @cache

@@ -8,7 +8,6 @@ participants of a run; each has a session.
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, singledispatch
-from importlib.metadata import EntryPoint, distributions
 from pathlib import Path
 
 from gslcosim.base.errors import DataflowError, UsageError
@@ -97,7 +96,6 @@ class ServiceKind:
 
 # What this distribution and extensions offer; a block of its name in a scenario's `services` replaces one.
 DEFAULT_SERVICES_GROUP = "gslcosim.default_services"
-_DISTRIBUTION = "gslcosim"
 
 
 @cache
@@ -108,7 +106,7 @@ def default_services() -> tuple[ServiceKind, ...]:
         UsageError: the installation lacks them, or an entry point is no `ServiceKind` of its name.
     """
     found: list[ServiceKind] = []
-    for point in (*_own_entry_points(), *_list_extension_points()):
+    for point in list_registered(DEFAULT_SERVICES_GROUP):
         kind: object = point.load()
         if not isinstance(kind, ServiceKind) or kind.name != point.name:
             raise UsageError(
@@ -122,17 +120,6 @@ def default_services() -> tuple[ServiceKind, ...]:
             "pip install --force-reinstall --no-deps gslcosim, or --editable . in a checkout."
         )
     return tuple(sorted(found, key=lambda kind: kind.position))
-
-
-# An older checkout's `*.egg-info`, which comes first in a checkout's own folder, has entry points of its time.
-def _own_entry_points() -> Iterable[EntryPoint]:
-    installed = (own.entry_points.select(group=DEFAULT_SERVICES_GROUP) for own in distributions(name=_DISTRIBUTION))
-    return next((points for points in installed if points), ())
-
-
-def _list_extension_points() -> list[EntryPoint]:
-    points = list_registered(DEFAULT_SERVICES_GROUP)
-    return [point for point in points if point.dist is not None and point.dist.name != _DISTRIBUTION]
 
 
 @singledispatch

@@ -1,0 +1,66 @@
+"""Exporters: formats of other programs that extensions write runs and environments in, found by their names."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, Literal
+
+from gslcosim.base.errors import UsageError
+from gslcosim.base.extensions import EXPORTERS_GROUP, find_remedy, load_registered
+
+Exported = Literal["run", "environment"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exporter:
+    """A format in which something is written.
+
+    Attributes:
+        name: The word for it on the command line, such as `parquet`.
+        of: What is written.
+        summary: The clause for it in help.
+        function: `module:function` that writes it, imported when it is used.
+    """
+
+    name: str
+    of: Exported
+    summary: str
+    function: str
+
+    def load(self) -> Callable[..., Any]:
+        """Return the function that writes it."""
+        module, _, name = self.function.partition(":")
+        return getattr(import_module(module), name)
+
+
+def as_exporters(offered: object) -> tuple[Exporter, ...] | None:
+    """Return what an extension registers as exporters, or None where it is something else."""
+    if isinstance(offered, tuple) and all(isinstance(each, Exporter) for each in offered):
+        return offered
+    return None
+
+
+def list_exporters(of: Exported) -> dict[str, Exporter]:
+    """Return the exporters of runs or of environments that installed extensions register, by name.
+
+    Raises:
+        UsageError: an extension registers something else, or cannot be imported.
+    """
+    offered = load_registered(EXPORTERS_GROUP, as_exporters, "a tuple of Exporter")
+    return {each.name: each for some in offered for each in some if each.of == of}
+
+
+def find_exporter(of: Exported, name: str) -> Exporter:
+    """Return an exporter by its name.
+
+    Raises:
+        UsageError: no installed extension has it; names the extension that does, where one is known.
+    """
+    exporters = list_exporters(of)
+    if name not in exporters:
+        remedy = find_remedy("formats", name)
+        raise UsageError(
+            f"--to: expected one of {', '.join(exporters) or 'no format'}, was '{name}'."
+            + (f" {remedy}." if remedy else "")
+        )
+    return exporters[name]
