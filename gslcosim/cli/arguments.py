@@ -266,13 +266,13 @@ def parse(parser: Parser, groups: Sequence[CommandGroup], words: Sequence[str]) 
         words = [*path, *words[1:]]
         _parser_of(parser, path).prog = f"gslcosim {first}"
     elif first is not None and first not in names and words[0] == first:
-        _check_installed(words, 2)
+        _check_installed(words[:2])
+        _check_installed(words[:1])
         hint = _hint(first, {**{name: name for name in names}, **{old: " ".join(path) for old, path in moved.items()}})
         raise UsageError(f"gslcosim: expected one of the commands {', '.join(names)}, was '{first}'.{hint}")
+    elif tuple(words[:2]) not in dict(iterate_commands(groups)):
+        _check_installed(words[:2])
     words = _with_default_part(parser, groups, words)
-    families = {each.name: each for group in groups for each in group.commands if isinstance(each, CommandFamily)}
-    if words[:1] and words[0] in families and words[1:] and words[1] not in (p.name for p in families[words[0]].parts):
-        _check_installed(words, 2)
     arguments, unknown = parser.parse_known_args(_joined(words))
     if unknown:
         raise UsageError(_unknown_words(parser, words, unknown))
@@ -280,11 +280,10 @@ def parse(parser: Parser, groups: Sequence[CommandGroup], words: Sequence[str]) 
 
 
 # One sentence for words that an extension has which is not installed.
-def _check_installed(words: Sequence[str], n_most: int) -> None:
-    for n in range(n_most, 0, -1):
-        asked = " ".join(words[:n])
-        if remedy := find_remedy("commands", asked):
-            raise UsageError(f"gslcosim {asked}: expected a command that is installed. {remedy}")
+def _check_installed(words: Sequence[str]) -> None:
+    asked = " ".join(words)
+    if remedy := find_remedy("commands", asked):
+        raise UsageError(f"gslcosim {asked}: expected a command that is installed. {remedy}")
 
 
 def _with_default_part(parser: Parser, groups: Sequence[CommandGroup], words: Sequence[str]) -> Sequence[str]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from gslcosim.base.bundled import bundled_suites
 from gslcosim.base.errors import ExitCode, UsageError
+from gslcosim.base.extensions import find_remedy
 from gslcosim.cli.arguments import RECORDING, Command, parse_whole_number
 from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import add_json_option, table, write, write_json
@@ -145,6 +146,8 @@ def _run_suite(arguments: argparse.Namespace) -> int:
     kinds = list_suite_kinds()
     if arguments.suite in kinds:
         return kinds[arguments.suite].run(arguments)
+    if remedy := find_remedy("commands", f"bench run {arguments.suite}"):
+        raise UsageError(f"{arguments.suite}: expected a suite that is installed. {remedy}")
     if arguments.build and not arguments.bundle:
         raise UsageError("--build: expected --bundle, whose commands it runs, found none. Add --bundle FILE.")
     for name, option in ((kind.name, option) for kind in kinds.values() for option in kind.options):
