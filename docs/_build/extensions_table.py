@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from gslcosim.base.extensions import COMMANDS_GROUP, EXPORTERS_GROUP, OPTIONS_GROUP, Registration, list_registered
-from gslcosim.cli.arguments import CommandFamily
-from gslcosim_bench.suite_kinds import SUITE_KINDS_GROUP
+from gslcosim.cli.arguments import CommandFamily, CommandOptions
+from gslcosim_bench.suite_kinds import SUITE_KINDS_GROUP, SuiteKind
 from gslcosim_data.log_readers import LOG_READERS_GROUP
 
 ROOT = Path(__file__).parents[2]
@@ -36,9 +36,9 @@ def list_commands() -> Iterator[Offer]:
         yield from ((point, f"bench run {word}") for word in (kind.name, *_list_options(kind)))
 
 
-def _list_options(offered: object) -> list[str]:
+def _list_options(offered: CommandOptions | SuiteKind) -> list[str]:
     parser = argparse.ArgumentParser(add_help=False)
-    offered.add_arguments(parser)  # pyright: ignore[reportAttributeAccessIssue]
+    offered.add_arguments(parser)
     return [text for action in parser._actions for text in action.option_strings]
 
 

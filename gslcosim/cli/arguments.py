@@ -204,9 +204,13 @@ def _add_command(choices: "argparse._SubParsersAction[Parser]", command: Command
     run, completes = command.run, dict(command.completes)
     for options in load_options(path):
         options.add_arguments(parser)
-        run, completes = partial(options.run, run=run), completes | options.completes
+        run, completes = partial(_call_options, options, run), {**completes, **options.completes}
     parser.set_defaults(call=run)
     parser.completes = completes
+
+
+def _call_options(options: CommandOptions, run: Run, arguments: argparse.Namespace) -> int:
+    return options.run(arguments, run)
 
 
 def load_options(path: str) -> list[CommandOptions]:

@@ -289,7 +289,7 @@ def test_help_imports_nothing_heavy():
         "mujoco",
         "rerun",
         "gslcosim.scenario",
-        "gslcosim.runtime.run",
+        "gslcosim.runtime",
     }
     every = "import sys; from gslcosim.cli.main import list_groups; list_groups()"
     code = f"{every}; sys.exit(', '.join({heavy!r} & set(sys.modules)))"

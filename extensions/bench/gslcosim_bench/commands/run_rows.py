@@ -5,7 +5,7 @@ from typing import Any
 
 from gslcosim.base.errors import UsageError
 from gslcosim.cli.commands.runs import RowReader
-from gslcosim.runtime.run_summary import RunSummary
+from gslcosim.recordings.run_summary import RunSummary
 
 # Any of these files makes a folder one of results.
 _TABLES = ("trials.parquet", "rows.jsonl")

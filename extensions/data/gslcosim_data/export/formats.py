@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.exporters import list_exporters
@@ -33,7 +34,7 @@ def extract_run(run: RunData, folder: Path, to: str, progress: Progress = lambda
     return tuple(list_exporters("run")[to].load()(run, folder, to, progress))
 
 
-def write_stream_tables(run: RunData, folder: Path, to: str, progress: Progress) -> list[Path]:
+def write_stream_tables(run: RunData, folder: Path, to: Literal["parquet", "csv"], progress: Progress) -> list[Path]:
     """Write a table for each stream, as `parquet` or `csv`."""
     from gslcosim_data.export.tables import write_tables
 
@@ -41,7 +42,7 @@ def write_stream_tables(run: RunData, folder: Path, to: str, progress: Progress)
     return list(write_tables(run, folder, to, lambda table: progress(f"table {table}")))
 
 
-def write_grids(run: RunData, folder: Path, to: str, progress: Progress) -> list[Path]:
+def write_grids(run: RunData, folder: Path, to: Literal["netcdf", "zarr"], progress: Progress) -> list[Path]:
     """Write gas and wind on their grids, as `netcdf` or `zarr`."""
     from gslcosim.environment.formats.datasets import import_xarray
     from gslcosim_data.export.datasets import write_run_datasets
