@@ -164,7 +164,7 @@ contract: .venv/ready-dev   # rewrite the published contract; review the diff
 	rm -rf agents/contract
 	$(BIN)/python docs/_build/contract_files.py agents/contract
 	$(BIN)/python docs/_build/file_schemas.py
-	$(BIN)/python docs/_build/extensions_table.py --write
+	$(BIN)/python docs/_build/extensions_table.py
 
 setup: .venv/ready-check .venv/ready-test-all  # everything for development
 

@@ -1,77 +1,103 @@
-"""Table of what the project's own extensions offer: `make contract` writes gslcosim/base/extensions.json.
+"""Write `gslcosim/base/extensions.json`: what the project's own extensions offer, from their registrations.
 
-The core reads it to answer for an extension that is not installed. All of it comes from the registrations of the
-extensions, which have to be installed to make it.
+Run with `make contract`, where all extensions are installed. The core reads the table to say which extension has what a
+user asks for and has not installed; it decides nothing.
 """
 
+import argparse
 import json
-import sys
-from collections.abc import Callable
+import tomllib
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
 
-from gslcosim.base.extensions import CHECKS_GROUP, STARTS_GROUP, Registration, list_registered
+from gslcosim.base.extensions import (
+    CHECKS_GROUP,
+    COMMANDS_GROUP,
+    EXPORTERS_GROUP,
+    OPTIONS_GROUP,
+    STARTS_GROUP,
+    Registration,
+    list_registered,
+)
+from gslcosim.cli.arguments import CommandFamily, CommandOptions
 from gslcosim.scenario.checks.registry import SCENARIO
+from gslcosim_bench.suite_kinds import SUITE_KINDS_GROUP, SuiteKind
+from gslcosim_data.log_readers import LOG_READERS_GROUP
 
 ROOT = Path(__file__).parents[2]
 TABLE = ROOT / "gslcosim" / "base" / "extensions.json"
+# A package that registers something, with one word that a user may write for it.
+Offer = tuple[Registration, str]
 
 
-def list_extensions() -> list[str]:
-    """Return the names of the extensions in this checkout."""
-    return sorted(path.parent.name for path in ROOT.glob("extensions/*/pyproject.toml"))
+def list_commands() -> Iterator[Offer]:
+    """Yield commands, actions as `bench run`, options as `up --ros2`, and suites as `bench run measured`."""
+    for point in list_registered(COMMANDS_GROUP):
+        for command in (command for group in point.load() for command in group.commands):
+            if command.summary:
+                yield point, command.name
+            if isinstance(command, CommandFamily):
+                yield from ((point, f"{command.name} {part.name}") for part in command.parts)
+    for point in list_registered(OPTIONS_GROUP):
+        yield from ((point, f"{point.name.replace('.', ' ')} {option}") for option in _list_options(point.load()))
+    for point in list_registered(SUITE_KINDS_GROUP):
+        kind = point.load()
+        yield from ((point, f"bench run {word}") for word in (kind.name, *_list_options(kind)))
 
 
-def list_keys(extension: str) -> list[str]:
-    """Return the keys of scenarios that an extension adds, such as `agents[].start.ros2`."""
-    keys = (key for point in _points_of(extension, STARTS_GROUP) for key in point.load())
-    return sorted(f"{key.place}.{key.name}".lstrip(".") for key in keys)
+def _list_options(offered: CommandOptions | SuiteKind) -> list[str]:
+    parser = argparse.ArgumentParser(add_help=False)
+    offered.add_arguments(parser)
+    return [text for action in parser._actions for text in action.option_strings]
 
 
-def list_files(extension: str) -> list[str]:
-    """Return the kinds of files that an extension adds, such as `suite`."""
-    return [
-        point.name for point in _points_of(extension, CHECKS_GROUP) if not point.name.startswith(f"{SCENARIO}.")
-    ]
+def list_formats() -> Iterator[Offer]:
+    """Yield formats that are written, and formats of logs that are read."""
+    for point in list_registered(EXPORTERS_GROUP):
+        yield from ((point, exporter.name) for exporter in point.load())
+    for point in list_registered(LOG_READERS_GROUP):
+        yield from ((point, name) for name in point.load().formats)
 
 
-def list_names(extension: str) -> list[str]:
-    """Return the public names of an extension, its own among them, such as `open_run`."""
-    return [extension, *sorted(getattr(import_module(_name_module(extension)), "__all__", ()))]
+def list_keys() -> Iterator[Offer]:
+    """Yield the keys of scenarios that extensions add, such as `agents[].start.ros2`."""
+    for point in list_registered(STARTS_GROUP):
+        yield from ((point, f"{key.place}.{key.name}".lstrip(".")) for key in point.load())
 
 
-def list_modules(extension: str) -> list[str]:
-    """Return the packages that an extension installs."""
-    return [_name_module(extension)]
+def list_files() -> Iterator[Offer]:
+    """Yield kinds of files, such as `suite`."""
+    for point in list_registered(CHECKS_GROUP):
+        if not point.name.startswith(f"{SCENARIO}."):
+            yield point, point.name
 
 
-KINDS: dict[str, Callable[[str], list[str]]] = {
+KINDS: dict[str, Callable[[], Iterator[Offer]]] = {
+    "commands": list_commands,
+    "formats": list_formats,
     "keys": list_keys,
     "files": list_files,
-    "names": list_names,
-    "modules": list_modules,
 }
 
 
-def build_table() -> str:
-    """Return the text of the table."""
-    table = {
-        extension: {kind: offered for kind, function in KINDS.items() if (offered := function(extension))}
-        for extension in list_extensions()
-    }
-    return f"{json.dumps(table, indent=1)}\n"
-
-
-def _points_of(extension: str, group: str) -> list[Registration]:
-    return [point for point in list_registered(group) if point.distribution == f"gslcosim-{extension}"]
-
-
-def _name_module(extension: str) -> str:
-    return f"gslcosim_{extension}"
+def build_table() -> dict[str, dict[str, list[str]]]:
+    """Return what each extension offers, by the extension and the kind of thing."""
+    files = sorted((ROOT / "extensions").glob("*/pyproject.toml"))
+    names = [tomllib.loads(file.read_text(encoding="utf-8"))["project"]["name"] for file in files]
+    table: dict[str, dict[str, list[str]]] = {name.removeprefix("gslcosim-"): {} for name in names}
+    for kind, list_offers in KINDS.items():
+        for point, word in list_offers():
+            offers = table.get(point.distribution.removeprefix("gslcosim-"))
+            if offers is not None and word not in offers.setdefault(kind, []):
+                offers[kind].append(word)
+    for name, offers in table.items():
+        module = f"gslcosim_{name}"
+        offers["modules"] = [module]
+        # Names that stood in the package of the core, as `gslcosim.open_run`.
+        offers["names"] = [name, *getattr(import_module(module), "__all__", ())]
+    return {name: {kind: sorted(words) for kind, words in offers.items()} for name, offers in table.items()}
 
 
 if __name__ == "__main__":
-    if sys.argv[1:] == ["--write"]:
-        TABLE.write_text(build_table(), encoding="utf-8")
-    else:
-        sys.stdout.write(build_table())
+    TABLE.write_text(json.dumps(build_table(), indent=1, sort_keys=True) + "\n", encoding="utf-8")

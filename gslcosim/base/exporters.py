@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, Literal
 
-from gslcosim.base.errors import UsageError
-from gslcosim.base.extensions import EXPORTERS_GROUP, find_remedy, load_registered
+from gslcosim.base.extensions import EXPORTERS_GROUP, load_registered
 
 Exported = Literal["run", "environment"]
 
@@ -19,7 +18,9 @@ class Exporter:
         name: The word for it on the command line, such as `parquet`.
         of: What is written.
         summary: The clause for it in help.
-        function: `module:function` that writes it, imported when it is used.
+        function: `module:function` that writes it, imported when it is used. For a run it is called with the run
+            (its data, as read back), the folder, the name, and a function that is given progress as text, and
+            returns the files.
     """
 
     name: str
@@ -48,19 +49,3 @@ def list_exporters(of: Exported) -> dict[str, Exporter]:
     """
     offered = load_registered(EXPORTERS_GROUP, as_exporters, "a tuple of Exporter")
     return {each.name: each for some in offered for each in some if each.of == of}
-
-
-def find_exporter(of: Exported, name: str) -> Exporter:
-    """Return an exporter by its name.
-
-    Raises:
-        UsageError: no installed extension has it; names the extension that does, where one is known.
-    """
-    exporters = list_exporters(of)
-    if name not in exporters:
-        remedy = find_remedy("formats", name)
-        raise UsageError(
-            f"--to: expected one of {', '.join(exporters) or 'no format'}, was '{name}'."
-            + (f" {remedy}." if remedy else "")
-        )
-    return exporters[name]

@@ -93,16 +93,20 @@ def list_registered(group: str) -> list[Registration]:
     return [point for point in list_registrations() if point.group == group]
 
 
-# `importlib.metadata` takes a fifth of a start: its import, and the names of all distributions once for each group.
-@cache
 def list_registrations() -> tuple[Registration, ...]:
-    """Return all entry points of gslcosim's groups, sorted by name.
+    """Return all entry points of gslcosim's groups, sorted by name, importing nothing.
 
     Of two distributions of one name the first that has a group counts: an older checkout's `*.egg-info`, which comes
     first in a checkout's own folder, has the groups of its time.
     """
+    return _read_entry_points(tuple(sys.path))
+
+
+# `importlib.metadata` takes a fifth of a start: its import, and the names of all distributions once for each group.
+@cache
+def _read_entry_points(folders: tuple[str, ...]) -> tuple[Registration, ...]:
     found: dict[tuple[str, str], list[Registration]] = {}
-    for folder in sys.path:
+    for folder in folders:
         try:
             entries = [entry for entry in os.scandir(folder or ".") if entry.name.endswith((".dist-info", ".egg-info"))]
         except OSError:

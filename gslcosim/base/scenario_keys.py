@@ -42,7 +42,6 @@ class ScenarioKey(Generic[Value]):
         file: The words for the file that its text names, `an FMU`; empty where it names none.
         is_live: Whether it shows a run while it goes on and never changes results. Replays, suites and trainings leave
             it out, and forks may change it.
-        check_installed: Raises `UsageError` where something is missing that a run with the key needs.
     """
 
     place: str
@@ -54,7 +53,6 @@ class ScenarioKey(Generic[Value]):
     after: str = ""
     file: str = ""
     is_live: bool = False
-    check_installed: Callable[[], None] = lambda: None
 
     def get(self, block: BaseModel) -> Value:
         """Return the value in a block of its place."""

@@ -21,34 +21,33 @@ from gslcosim.base.errors import (
 from gslcosim.base.extensions import COMMANDS_GROUP, load_registered
 from gslcosim.base.processes import is_asked_to_end
 from gslcosim.base.thread_limit import check_thread_limit
-from gslcosim.cli.arguments import CommandFamily, CommandGroup, as_command_groups, build_parser, merge_groups, parse
+from gslcosim.cli.arguments import (
+    Command,
+    CommandFamily,
+    CommandGroup,
+    as_command_groups,
+    build_parser,
+    find_command_name,
+    merge_groups,
+    parse,
+)
 from gslcosim.cli.commands import (
-    agent,
-    bench,
     cache,
     compare,
     completion,
     doctor,
     export,
-    extract,
-    film,
-    fly,
     fork,
     generate,
     import_,
-    import_flight,
     join,
     list_,
     monitor,
-    participant,
-    plot,
-    reality,
     replay,
     runs,
     sample,
     schema,
     step,
-    train,
     up,
     validate,
     view,
@@ -75,40 +74,22 @@ ENVIRONMENT = CommandFamily(
 )
 RUNS = CommandFamily(
     name="runs",
-    summary="list runs, watch and stop those that are active, import the log of a real robot",
+    summary="list runs, watch and stop those that are active",
     examples="  gslcosim runs                    the same as gslcosim runs list\n"
     "  gslcosim runs active\n  gslcosim runs top\n  gslcosim runs stop",
-    parts=(runs.COMMAND, monitor.ACTIVE, monitor.TOP, monitor.STOP, import_flight.COMMAND),
+    parts=(runs.COMMAND, monitor.ACTIVE, monitor.TOP, monitor.STOP),
     default="list",
 )
+# The titles of the help stand in this order; extensions add commands below them, and titles of their own.
 CORE_GROUPS = (
     CommandGroup(
         title="run",
-        commands=(
-            up.UP,
-            step.COMMAND,
-            fly.COMMAND,
-            join.COMMAND,
-            validate.COMMAND,
-            replay.COMMAND,
-            fork.COMMAND,
-        ),
+        commands=(up.UP, step.COMMAND, join.COMMAND, validate.COMMAND, replay.COMMAND, fork.COMMAND),
     ),
-    CommandGroup(
-        title="look",
-        commands=(
-            list_.COMMAND,
-            RUNS,
-            view.COMMAND,
-            plot.COMMAND,
-            film.COMMAND,
-            extract.COMMAND,
-            compare.COMMAND,
-        ),
-    ),
-    CommandGroup(title="compare methods", commands=(bench.COMMAND, train.COMMAND, reality.COMMAND)),
+    CommandGroup(title="look", commands=(list_.COMMAND, RUNS, view.COMMAND, compare.COMMAND)),
+    CommandGroup(title="compare methods", commands=()),
     CommandGroup(title="environments", commands=(ENVIRONMENT,)),
-    CommandGroup(title="extend", commands=(agent.COMMAND, participant.COMMAND, schema.COMMAND)),
+    CommandGroup(title="extend", commands=(schema.COMMAND,)),
     CommandGroup(title="machine", commands=(cache.COMMAND, completion.COMMAND, doctor.COMMAND)),
 )
 
@@ -121,6 +102,12 @@ def list_groups() -> tuple[CommandGroup, ...]:
     """
     registered = load_registered(COMMANDS_GROUP, as_command_groups, "a tuple of CommandGroup")
     return merge_groups([*CORE_GROUPS, *(group for groups in registered for group in groups)])
+
+
+# A command of the core needs no package of another.
+def _list_groups_for(words: Sequence[str]) -> tuple[CommandGroup, ...]:
+    own = (command for group in CORE_GROUPS for command in group.commands if isinstance(command, Command))
+    return CORE_GROUPS if words and words[0] in {command.name for command in own} else list_groups()
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -168,8 +155,8 @@ def run_command(words: Sequence[str], call: Callable[[argparse.Namespace], int] 
 
 def _exit_code_of(words: Sequence[str], call: Callable[[argparse.Namespace], int] | None) -> int:
     try:
-        groups = list_groups()
-        parser = build_parser(groups, version=__version__)
+        groups = _list_groups_for(words)
+        parser = build_parser(groups, version=__version__, only=find_command_name(groups, words))
         if not words:
             parser.print_help(sys.stderr)
             return ExitCode.USAGE

@@ -40,6 +40,7 @@ try:
 except ImportError:
     print("{}")
 else:
+    GROUPS = list_groups()
     each = [command for group in GROUPS for command in group.commands]
     aliases = {command.old_name: " ".join(path) for path, command in iterate_commands(GROUPS) if command.old_name}
     aliases |= {it.name: f"{it.name} {it.default}" for it in each if isinstance(it, CommandFamily) and it.default}
@@ -47,8 +48,6 @@ else:
 """
 PUBLIC = """
 import importlib, sys
-
-GROUPS = list_groups()
 module = importlib.import_module(sys.argv[1])
 print(*getattr(module, "__all__", ()), sep="\\n")
 """

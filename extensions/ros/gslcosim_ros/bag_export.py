@@ -40,10 +40,40 @@ from gslcosim_ros.live.messages import (
     scan_angles,
     topic_of,
 )
-from gslcosim_ros.types import MAP_FRAME, REMEDY, RosTypes, Vector
+from gslcosim_ros.types import MAP_FRAME, REMEDY, RosTypes, Vector, ros_types
 from gslcosim_services.recorder.stream_table import MIXING_RATIO, RESPONSE, TRUE_WIND
 
 Stamped = tuple[int, str, Any]
+
+
+def export_bag(run: RunData, folder: Path, to: str, progress: Callable[[str], None]) -> list[Path]:
+    """Write the messages of a run into a new or empty folder.
+
+    Args:
+        run: What to write.
+        folder: The folder.
+        to: `mcap` or `rosbag2`.
+        progress: Receives the number of messages.
+
+    Returns:
+        The files that were written.
+    """
+    types = ros_types()
+
+    def report_count(n_messages: int) -> None:
+        progress(f"message {n_messages}")
+
+    if to == "mcap":
+        folder.mkdir(parents=True, exist_ok=True)
+        path = folder / f"{run.run_id}.mcap"
+        write_mcap(iterate_messages(run, types), path, types, report_count)
+        return [path]
+    if folder.exists():
+        # Bags make their own folder.
+        folder.rmdir()
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    write_rosbag2(iterate_messages(run, types), folder, types, report_count)
+    return sorted(folder.iterdir())
 
 
 def instrument_topics(run: RunData, types: RosTypes) -> list[Iterator[Stamped]]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import open_regular_file, read_regular_file
+from gslcosim_data.log_readers import LogReader
 from gslcosim_data.log_values import Floats, LoggedSensor, LoggedValues, Remarks, RobotLog, find_unit
 from gslcosim_ros.types import REMEDY, RosTypes, ros_types
 
@@ -451,3 +452,6 @@ def _gas_factors(sensor: LoggedSensor, name: str, messages: list[Any]) -> Floats
             )
         factors[number] = unit[1]
     return np.array([factors[int(message.raw_units)] for message in messages])
+
+
+READER = LogReader(formats=("rosbag2", "bag", "mcap"), is_own=is_bag, read=read_bag_log)

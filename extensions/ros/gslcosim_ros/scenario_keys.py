@@ -84,12 +84,6 @@ def _check_agent(agent: "AgentSpec") -> None:
         )
 
 
-def _check_installed() -> None:
-    from gslcosim_ros.types import check_installed
-
-    check_installed()
-
-
 LIVE_TOPICS = ScenarioKey[Ros2Spec | None](
     place="",
     name="ros2",
@@ -97,7 +91,6 @@ LIVE_TOPICS = ScenarioKey[Ros2Spec | None](
     block=Ros2Spec,
     description="live topics in a ROS 2 graph (absent: none); extra ros",
     is_live=True,
-    check_installed=_check_installed,
 )
 NODE_START = AgentStart[RosGraphSpec | None](
     name="ros2",

@@ -1,7 +1,6 @@
 """ROS 2 message types of runs: the standard ones, GADEN's for gas and wind, and those that are defined by text."""
 
 from functools import cache
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -283,17 +282,6 @@ class RosTypes:
             data=np.frombuffer(np.ascontiguousarray(points, dtype="<f4").tobytes(), dtype=np.uint8),
             is_dense=True,
         )
-
-
-def check_installed() -> None:
-    """Check that the packages of the extension `ros` are there, without importing them.
-
-    Raises:
-        UsageError: one is missing.
-    """
-    for package in ("rosbags", "xxhash"):
-        if find_spec(package) is None:
-            raise UsageError(f"{package}: expected the package, found none. Install it with: {REMEDY}")
 
 
 @cache

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import build_path_error
 from gslcosim.cli.arguments import Command, build_number_parser, parse_whole_number
+from gslcosim.cli.completion_words import SCENARIOS, find_folders, find_separated
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
@@ -111,11 +112,18 @@ def _load(source: str, *, has_gas: bool) -> "tuple[Environment, Scenario | None]
     return environment, loaded.scenario
 
 
+def _list_fmu_sensors() -> tuple[str, ...]:
+    from gslcosim_fmi.room_fmu import list_fmu_sensors
+
+    return list_fmu_sensors()
+
+
 COMMAND = Command(
     name="export",
     old_name="export",
     summary=("export an environment as GADEN, GSL-Bench, VTK, NetCDF, Zarr, STL, OpenFOAM points, MJCF or FMI unit"),
     examples=EXAMPLES,
     add_arguments=_add_arguments,
+    completes={"ENV": [SCENARIOS, find_folders], "MODELS": [find_separated(_list_fmu_sensors)]},
     run=_run,
 )

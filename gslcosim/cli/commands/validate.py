@@ -4,8 +4,10 @@ import argparse
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
+from gslcosim.base.bundled import bundled_families, bundled_train_files
 from gslcosim.base.errors import ExitCode, UsageError
 from gslcosim.cli.arguments import Command, add_override_options, load_checked
+from gslcosim.cli.completion_words import AGENTS, SCENARIOS, SUITES, YAML_FILES, find_named
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
@@ -85,5 +87,8 @@ COMMAND = Command(
     summary="list all problems of a scenario, suite, method card, family or train file",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
+    completes={
+        "FILE": [SCENARIOS, SUITES, *map(find_named, (bundled_families, bundled_train_files)), AGENTS, YAML_FILES]
+    },
     run=_run,
 )

@@ -18,9 +18,9 @@ from deadlines import EVENT_S, PROCESS_S
 from mounts import mounted
 
 from gslcosim.base.errors import UsageError
-from gslcosim.cli.run_output import format_status_of_results
 from gslcosim_bench.cases import build_plan, load_suite
 from gslcosim_bench.cases.models import Selection
+from gslcosim_bench.commands.suite_output import format_status_of_results
 from gslcosim_bench.execution.runner import StaleRows, SuiteRun
 from gslcosim_bench.results import read_state
 from gslcosim_bench.store import ResultsFolder

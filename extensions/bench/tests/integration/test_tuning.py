@@ -15,8 +15,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from gslcosim.cli.arguments import build_parser, parse
-from gslcosim.cli.bench_workers import start_pool
 from gslcosim.cli.main import list_groups, main
+from gslcosim_bench.commands.workers import start_pool
 from gslcosim_bench.execution.pool import Pool
 from gslcosim_bench.store import ResultsFolder
 from gslcosim_bench.studies.target import find_target, parse_ranges
@@ -161,7 +161,7 @@ def test_a_finished_tuning_is_reported_again_without_a_run(
     def no_pool(*_: object) -> Callable[[], None]:
         raise AssertionError("nothing is flown")
 
-    monkeypatch.setattr("gslcosim.cli.commands.tune.start_pool", no_pool)
+    monkeypatch.setattr("gslcosim_bench.commands.tune.start_pool", no_pool)
     before = (tuned / "tuning.json").read_bytes()
     assert main([*TUNE, "--results", str(tuned), "--json"]) == 0
     output = capsys.readouterr()

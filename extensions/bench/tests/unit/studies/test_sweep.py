@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gslcosim.base.errors import UsageError
-from gslcosim.cli.study_output import format_sweep
+from gslcosim_bench.commands.study_output import format_sweep
 from gslcosim_bench.studies.output import sweep_to_csv, sweep_to_json, to_inline_yaml
 from gslcosim_bench.studies.sweep import SweepPlan
 from gslcosim_bench.studies.target import find_target

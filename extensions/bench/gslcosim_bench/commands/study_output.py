@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gslcosim.cli.bench_workers import add_worker_arguments, add_yes_option
 from gslcosim.cli.terminal import table
+from gslcosim_bench.commands.workers import add_worker_arguments, add_yes_option
 
 if TYPE_CHECKING:
     from gslcosim_bench.statistics.estimates import Estimate

@@ -1,6 +1,7 @@
 """`gslcosim participant`: check your own model against its contract, or create one."""
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from gslcosim.cli.arguments import (
     add_checked_program_arguments,
     add_template_arguments,
 )
+from gslcosim.cli.completion_words import find_named
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 EXAMPLES = """  gslcosim participant new c my_model
@@ -68,6 +70,12 @@ def _parameters(text: str) -> dict[str, Any]:
         raise UsageError(f"--parameters: expected {expected}, was {text!r}.") from error
 
 
+def _list_languages() -> Iterable[str]:
+    from gslcosim_conformance.scaffold import PARTICIPANT_SUFFIXES
+
+    return PARTICIPANT_SUFFIXES
+
+
 COMMAND = CommandFamily(
     name="participant",
     summary="check your own model, in any language, against its contract, or create one",
@@ -86,6 +94,7 @@ COMMAND = CommandFamily(
             summary="create a working program",
             examples="  gslcosim participant new c my_model",
             add_arguments=add_template_arguments("c, python or rust", "the participant's name, such as my_model"),
+            completes={"LANGUAGE": [find_named(_list_languages)]},
             run=_new,
         ),
     ),

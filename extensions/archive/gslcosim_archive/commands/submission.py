@@ -5,8 +5,8 @@ from pathlib import Path
 
 from gslcosim.base.errors import ExitCode, UsageError
 from gslcosim.cli.arguments import Command, parse_positive_number
-from gslcosim.cli.bench_workers import add_trusted, add_worker_arguments, choose_loader, verify_here
 from gslcosim.cli.terminal import add_json_option, table, write, write_json
+from gslcosim_bench.commands.workers import add_trusted, add_worker_arguments, choose_loader, verify_here
 
 
 def _add_keygen_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,7 +36,7 @@ def _add_sign_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _sign(arguments: argparse.Namespace) -> int:
-    from gslcosim.cli.run_output import format_signature, signature_to_json
+    from gslcosim_archive.commands.output import format_signature, signature_to_json
     from gslcosim_archive.signing.signed_results import sign_results
 
     signed = sign_results(arguments.results, arguments.key, author=arguments.name, signed_at=_now())
@@ -148,8 +148,13 @@ def _parse_share(text: str) -> float:
 
 
 def _audit(arguments: argparse.Namespace) -> int:
-    from gslcosim.cli.run_output import format_signature, format_verification, signature_to_json, verification_to_json
     from gslcosim_archive.audits import required_draw
+    from gslcosim_archive.commands.output import (
+        format_signature,
+        format_verification,
+        signature_to_json,
+        verification_to_json,
+    )
     from gslcosim_archive.signing.keys import check_text, parse_author
     from gslcosim_archive.signing.signed_results import check_signature
     from gslcosim_archive.signing.submission_log import find_beacon_note, find_submission, list_submissions, read_log

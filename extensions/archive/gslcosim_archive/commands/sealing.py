@@ -2,9 +2,14 @@
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from gslcosim.cli.arguments import Command
+from gslcosim.base.errors import UsageError
+from gslcosim.cli.arguments import Command, CommandOptions, Run
 from gslcosim.cli.terminal import add_json_option, write, write_json
+
+if TYPE_CHECKING:
+    from gslcosim_bench.cases import LoadedSuite
 
 
 def _add_seal_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,6 +55,26 @@ def _reveal(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _add_sealed_option(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--sealed", type=Path, metavar="SECRET", help="take the seed from the secret that bench seal wrote"
+    )
+
+
+def _run_sealed(arguments: argparse.Namespace, run: Run) -> int:
+    def load(source: str | Path, *, seed: int | None = None, is_flown: bool = False) -> "LoadedSuite":
+        from gslcosim_archive.sealing import load_sealed_suite
+
+        if seed is not None:
+            raise UsageError("--seed: expected one seed, were two: the sealed one of --sealed too. Leave one out.")
+        return load_sealed_suite(source, arguments.sealed, is_flown=is_flown)
+
+    if arguments.sealed is not None:
+        arguments.load_suite = load
+    return run(arguments)
+
+
+SEALED = CommandOptions(add_arguments=_add_sealed_option, run=_run_sealed)
 COMMANDS = (
     Command(
         name="seal",

@@ -1,10 +1,10 @@
-"""`gslcosim extract`: a run as tables, gridded data or messages of ROS 2."""
+"""`gslcosim extract`: a run as tables, gridded data or another format that an extension registers."""
 
 import argparse
 from pathlib import Path
 
 from gslcosim.base.errors import build_path_error
-from gslcosim.cli.arguments import RECORDING, Command, add_runs_dir_option, find_in_run
+from gslcosim.cli.arguments import RECORDING, Command, add_format_option, add_runs_dir_option, find_in_run
 from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import add_json_option, write, write_json
 
@@ -12,8 +12,6 @@ EXAMPLES = """  gslcosim extract --to parquet
   gslcosim extract runs/night_42 --to csv --out night_42_tables
   gslcosim extract --to netcdf
   gslcosim extract warehouse_empty-seed7-2025 --to rosbag2 --out bags/night_42"""
-
-FORMATS = ("parquet", "csv", "netcdf", "zarr", "mcap", "rosbag2")
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,15 +21,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="RUN",
         help="a run: folder, recording, or id or its beginning (default: the newest)",
     )
-    parser.add_argument(
-        "--to",
-        choices=FORMATS,
-        required=True,
-        help=(
-            "parquet or csv: a table per stream and a dictionary of columns; netcdf or zarr: gas "
-            "and wind on their grids (extra xarray); mcap or rosbag2: ROS 2 messages (extra ros)"
-        ),
-    )
+    add_format_option(parser, of="run")
     parser.add_argument(
         "--out",
         type=Path,
@@ -63,7 +53,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 COMMAND = Command(
     name="extract",
-    summary=("export a run as tables (Parquet, CSV), grids (NetCDF, Zarr) or ROS 2 messages (MCAP, rosbag2)"),
+    summary="export a run as tables, grids or messages",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
     run=_run,

@@ -4,10 +4,11 @@ import argparse
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
-from gslcosim.cli.bench_workers import check_sandbox_here, confirm_put_aside, start_pool
+from gslcosim.cli.completion_words import SCENARIOS, SUITES, YAML_FILES
 from gslcosim.cli.progress import ProgressLine
-from gslcosim.cli.study_output import RESULTS_DIR, add_target_arguments, format_sweep
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
+from gslcosim_bench.commands.study_output import RESULTS_DIR, add_target_arguments, format_sweep
+from gslcosim_bench.commands.workers import check_sandbox_here, confirm_put_aside, start_pool
 
 EXAMPLES = """  gslcosim bench sweep tiny_room --entry dung_beetle --vary leg_m=0.4,0.8,1.6
   gslcosim bench sweep smoke --entry dung_beetle --vary leg_m=0.4,0.8 --vary zigzag_rad=0.5,1.0 --repetitions 5
@@ -34,9 +35,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.cli.run_output import show_suite_progress
     from gslcosim_bench.cases import build_plan
     from gslcosim_bench.cases.models import MAX_COMPARED_SETTINGS, Selection
+    from gslcosim_bench.commands.suite_output import show_suite_progress
     from gslcosim_bench.execution.runner import SuiteRun
     from gslcosim_bench.report.writer import write_report
     from gslcosim_bench.store import ResultsFolder
@@ -81,5 +82,6 @@ COMMAND = Command(
     summary="run a method with several values of its parameters and draw the response curve",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
+    completes={"SUITE": [SUITES, SCENARIOS, YAML_FILES]},
     run=_run,
 )

@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
-from gslcosim.cli.bench_workers import confirm_put_aside, start_pool
+from gslcosim.cli.completion_words import SCENARIOS, SUITES, YAML_FILES
 from gslcosim.cli.progress import ProgressLine
-from gslcosim.cli.study_output import RESULTS_DIR, add_target_arguments, format_stage, format_tuning
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
+from gslcosim_bench.commands.study_output import RESULTS_DIR, add_target_arguments, format_stage, format_tuning
+from gslcosim_bench.commands.workers import confirm_put_aside, start_pool
 
 if TYPE_CHECKING:
     from gslcosim_bench.execution.runner import Progress
@@ -104,5 +105,6 @@ COMMAND = Command(
     summary=("search for good parameters of a method within a budget of runs, on seeds that no suite has"),
     examples=EXAMPLES,
     add_arguments=_add_arguments,
+    completes={"SUITE": [SUITES, SCENARIOS, YAML_FILES]},
     run=_run,
 )

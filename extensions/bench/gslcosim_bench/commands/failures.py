@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import ExitCode
 from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
-from gslcosim.cli.bench_workers import add_worker_arguments, add_yes_option, confirm_put_aside, start_pool
 from gslcosim.cli.progress import ProgressLine
-from gslcosim.cli.run_output import format_progress
-from gslcosim.cli.study_output import RESULTS_DIR
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
+from gslcosim_bench.commands.study_output import RESULTS_DIR
+from gslcosim_bench.commands.suite_output import format_progress
+from gslcosim_bench.commands.workers import add_worker_arguments, add_yes_option, confirm_put_aside, start_pool
 
 if TYPE_CHECKING:
     from gslcosim_bench.execution.runner import Progress

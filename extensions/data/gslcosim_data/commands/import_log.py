@@ -31,19 +31,20 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from gslcosim_data.log_readers import find_log_reader
     from gslcosim_data.log_tables import read_csv_log
     from gslcosim_data.robot_logs import import_log, load_log_scenario, log_sensors
-    from gslcosim_ros.log_bags import is_bag, read_bag_log
 
     log = arguments.log
     if not log.exists():
         raise UsageError(f"{log}: expected a log, found none.")
     loaded = load_log_scenario(arguments.scenario, arguments.set)
     sensors = log_sensors(loaded.scenario)
-    if not (has_topics := is_bag(log)) and (arguments.pose or arguments.topic):
+    reader = find_log_reader(log)
+    if reader is None and (arguments.pose or arguments.topic):
         raise UsageError(f"--pose, --topic: expected a bag of ROS, was {log.name}. Leave them out.")
-    if has_topics:
-        flight = read_bag_log(log, sensors, pose_topic=arguments.pose, topics=dict(map(_topic, arguments.topic)))
+    if reader is not None:
+        flight = reader.read(log, sensors, pose_topic=arguments.pose, topics=dict(map(_topic, arguments.topic)))
     else:
         flight = read_csv_log(log, sensors)
     imported = import_log(flight, log, loaded, arguments.runs_dir, remark=write_note)

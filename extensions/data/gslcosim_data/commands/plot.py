@@ -1,11 +1,15 @@
 """`gslcosim plot`: figures for papers, of runs and of results."""
 
 import argparse
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from gslcosim.base.errors import MachineError, UsageError, build_machine_error, find_remedy
 from gslcosim.base.method_names import join_methods
 from gslcosim.cli.arguments import MANIFEST, Command, add_runs_dir_option, find_in_run
+from gslcosim.cli.completion_words import find_separated
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 EXAMPLES = """  gslcosim plot runs/warehouse_empty-seed7-20250101T120000-a1b2c3
@@ -37,13 +41,21 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    return write_chosen(arguments, partial(_draw_runs, arguments))
+
+
+def write_chosen(arguments: argparse.Namespace, draw: Callable[..., Sequence[Path]]) -> int:
+    """Draw the figures that a command line asks for, and print their files.
+
+    Args:
+        arguments: Of `gslcosim plot`.
+        draw: Called with the folder, the `names` of figures, their `formats` and their `columns`; returns the files.
+    """
     from gslcosim_data.figures.style import FORMATS
 
     names = _words("--figure", arguments.figure, FIGURES) if arguments.figure else ()
     formats = _words("--format", arguments.format, FORMATS)
-    folder = _made(arguments.out)
-    options = {"names": names, "formats": formats, "columns": arguments.columns}
-    written = _of_results(arguments, folder, options) or _of_runs(arguments, folder, options)
+    written = draw(_made(arguments.out), names=names, formats=formats, columns=arguments.columns)
     if arguments.json:
         write_json([str(path) for path in written])
     else:
@@ -78,21 +90,7 @@ def _cannot_make(folder: Path, error: OSError) -> MachineError:
     )
 
 
-def _of_results(arguments: argparse.Namespace, folder: Path, options: dict) -> list[Path]:
-    from gslcosim.cli.commands.runs import is_results_folder
-
-    paths = [Path(run) for run in arguments.runs]
-    found = [path for path in paths if is_results_folder(path)]
-    if not found:
-        return []
-    if len(paths) > 1:
-        raise UsageError(f"plot: expected runs, or one folder of results alone, was {found[0]} beside others.")
-    from gslcosim_bench.report.figures import write_result_figures
-
-    return write_result_figures(found[0], folder, **options)
-
-
-def _of_runs(arguments: argparse.Namespace, folder: Path, options: dict) -> list[Path]:
+def _draw_runs(arguments: argparse.Namespace, folder: Path, **options: Any) -> list[Path]:
     from gslcosim_data.figures.run_figures import write_figures_of_several, write_run_figures
     from gslcosim_data.run import open_run
 
@@ -107,10 +105,17 @@ def _of_runs(arguments: argparse.Namespace, folder: Path, options: dict) -> list
     return write_figures_of_several(dict(zip(unlike, runs, strict=True)), folder, **options)
 
 
+def _list_formats() -> tuple[str, ...]:
+    from gslcosim_data.figures.style import FORMATS
+
+    return FORMATS
+
+
 COMMAND = Command(
     name="plot",
     summary="draw figures for papers: track, distance, gas and sensor, sections, belief, swarm, success by start",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
+    completes={"NAMES": [find_separated(lambda: FIGURES)], "KINDS": [find_separated(_list_formats)]},
     run=_run,
 )

@@ -1,6 +1,7 @@
 """`gslcosim agent`: check an agent against the contract, or begin a new one."""
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
 
 from gslcosim.base.errors import ExitCode
@@ -11,6 +12,7 @@ from gslcosim.cli.arguments import (
     add_checked_program_arguments,
     add_template_arguments,
 )
+from gslcosim.cli.completion_words import find_named
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 EXAMPLES = """  gslcosim agent new python my_agent
@@ -63,6 +65,13 @@ def _new(arguments: argparse.Namespace) -> int:
     return 0
 
 
+# It takes a second.
+def _list_languages() -> Iterable[str]:
+    from gslcosim_conformance.scaffold import list_languages
+
+    return list_languages()
+
+
 COMMAND = CommandFamily(
     name="agent",
     summary="check an agent in any language against the contract, or create one",
@@ -83,6 +92,7 @@ COMMAND = CommandFamily(
             add_arguments=add_template_arguments(
                 "python, or another language that has a template", "the agent's name, such as my_agent"
             ),
+            completes={"LANGUAGE": [find_named(_list_languages)]},
             run=_new,
         ),
     ),

@@ -1,12 +1,18 @@
-"""`gslcosim train`: learn what a train file says, with checkpoints, curves and evaluation runs."""
+"""`gslcosim train`: learn what a train file says, with checkpoints, curves and evaluation runs.
+
+A package beside `gslcosim_training`, whose import registers with Gymnasium and so imports it: each start of `gslcosim`
+would wait for that.
+"""
 
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gslcosim.base.bundled import bundled_train_files
 from gslcosim.base.errors import ExitCode, UsageError
-from gslcosim.cli.arguments import Command, parse_positive_number, parse_whole_number
+from gslcosim.cli.arguments import Command, CommandGroup, parse_positive_number, parse_whole_number
+from gslcosim.cli.completion_words import YAML_FILES, find_named
 from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
@@ -150,5 +156,7 @@ COMMAND = Command(
     summary=("train a search method on a family of cases, with checkpoints, curves and recorded runs"),
     examples=EXAMPLES,
     add_arguments=_add_arguments,
+    completes={"FILE": [find_named(bundled_train_files), YAML_FILES]},
     run=_run,
 )
+GROUPS = (CommandGroup(title="compare methods", commands=(COMMAND,)),)

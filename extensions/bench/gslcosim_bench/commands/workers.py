@@ -3,7 +3,6 @@
 import argparse
 import sys
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import UsageError
@@ -68,27 +67,16 @@ def check_sandbox_here(arguments: argparse.Namespace, plan: "Plan") -> None:
         check_machine(plan)
 
 
-def add_sealed_option(parser: argparse.ArgumentParser) -> None:
-    """Add `--sealed`, the secret of a sealed suite."""
-    parser.add_argument(
-        "--sealed", type=Path, metavar="SECRET", help="take the seed from the secret that bench seal wrote"
-    )
-
-
-def choose_loader(arguments: argparse.Namespace) -> "Callable[[Path], LoadedSuite]":
-    """Return what reads the suite of a folder of results: with the secret, if one is given."""
+def choose_loader(arguments: argparse.Namespace) -> "Callable[..., LoadedSuite]":
+    """Return what reads suites: `load_suite`, or what an option of an extension has set in its place."""
     from gslcosim_bench.cases import load_suite
 
-    if arguments.sealed is None:
-        return load_suite
-    from gslcosim_archive.sealing import load_sealed_suite
-
-    return lambda path: load_sealed_suite(path, arguments.sealed)
+    return arguments.load_suite or load_suite
 
 
 def add_trusted(parser: argparse.ArgumentParser) -> None:
-    """Add whether programs of results are started as their suite says, and the secret of sealed ones."""
-    add_sealed_option(parser)
+    """Add whether programs of results are started as their suite says."""
+    parser.set_defaults(load_suite=None)
     parser.add_argument(
         "--trusted",
         action="store_true",
