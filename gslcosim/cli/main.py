@@ -29,13 +29,10 @@ from gslcosim.cli.commands import (
     compare,
     completion,
     doctor,
-    export,
     extract,
     film,
     fly,
     fork,
-    generate,
-    import_,
     import_flight,
     join,
     list_,
@@ -45,7 +42,6 @@ from gslcosim.cli.commands import (
     reality,
     replay,
     runs,
-    sample,
     schema,
     step,
     train,
@@ -65,14 +61,6 @@ from gslcosim.cli.terminal import (
 _COLLECT_EVERY = 50_000
 _BUG = "This is a mistake in gslcosim: please report it with the lines above."
 
-ENVIRONMENT = CommandFamily(
-    name="environment",
-    summary="generate, import and export environments (rooms with their wind); sample gas or wind in them",
-    examples="  gslcosim environment generate warehouse_complex\n"
-    "  gslcosim environment import environments/001 --out gsl_bench_001\n"
-    "  gslcosim environment export hall --to gaden --out hall_gaden",
-    parts=(generate.COMMAND, import_.COMMAND, export.COMMAND, sample.COMMAND),
-)
 RUNS = CommandFamily(
     name="runs",
     summary="list runs, watch and stop those that are active, import the log of a real robot",
@@ -107,7 +95,6 @@ CORE_GROUPS = (
         ),
     ),
     CommandGroup(title="compare methods", commands=(bench.COMMAND, train.COMMAND, reality.COMMAND)),
-    CommandGroup(title="environments", commands=(ENVIRONMENT,)),
     CommandGroup(title="extend", commands=(agent.COMMAND, participant.COMMAND, schema.COMMAND)),
     CommandGroup(title="machine", commands=(cache.COMMAND, completion.COMMAND, doctor.COMMAND)),
 )

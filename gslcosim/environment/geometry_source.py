@@ -7,13 +7,6 @@ import numpy as np
 
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.problems import Problem
-from gslcosim.environment.formats.environment_folders import (
-    import_gaden,
-    import_gsl_bench,
-    load_gaden_geometry,
-    load_gsl_bench_geometry,
-)
-from gslcosim.environment.geometry.solid_geometry import geometry_from_files
 from gslcosim.environment.layouts.layouts import build_layout, find_room_problems
 from gslcosim.environment.model import (
     Environment,
@@ -34,6 +27,13 @@ from gslcosim.environment.variants import (
     scenario_in_variant,
 )
 from gslcosim.scenario.models.scenario import EnvironmentSpec, GeometrySpec, Scenario, SolverSpec, WindSpec
+from gslcosim_formats.environment_folders import (
+    import_gaden,
+    import_gsl_bench,
+    load_gaden_geometry,
+    load_gsl_bench_geometry,
+)
+from gslcosim_formats.geometry.solid_geometry import geometry_from_files
 
 
 def find_folder(spec: EnvironmentSpec, scenario_dir: Path | None) -> Path:

@@ -40,7 +40,6 @@ from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.files import read_regular_file, remove_tree
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.untrusted_input import MalformedFileError, describe_validation_errors
-from gslcosim.environment.formats.data_files import load_npy
 from gslcosim.environment.model import (
     Box,
     Cell,
@@ -52,6 +51,7 @@ from gslcosim.environment.model import (
     WindFrames,
     content_hash,
 )
+from gslcosim_formats.data_files import load_npy
 
 
 def encode_glb(meshes: Sequence[VisualMesh]) -> bytes:

@@ -20,17 +20,17 @@ from numpy.typing import NDArray
 from gslcosim.base.errors import EnvironmentDataError, UsageError
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.ticks import NS_PER_S, seconds_from_ticks
-from gslcosim.environment.formats.data_files import read_array_frame, read_result
-from gslcosim.environment.formats.environment_folders import load_gsl_bench_geometry
 from gslcosim.environment.grid_kernels import trilinear_wind_at_points
 from gslcosim.environment.model import Cell, Environment, Grid
 from gslcosim.scenario import Scenario
-from gslcosim_services.fields.frame_formats import GasFrame, find_occupancy, read_walls
+from gslcosim_formats.data_files import read_array_frame, read_result
+from gslcosim_formats.environment_folders import load_gsl_bench_geometry
+from gslcosim_formats.stored_gas.frame_formats import GasFrame, find_occupancy, read_walls
+from gslcosim_formats.stored_gas.playback import GasPlayback, default_period_s, values_in_cells
 from gslcosim_services.fields.gas_builder import build_gas_field
 from gslcosim_services.fields.gas_field import GasField, PointGrid, Visibility
 from gslcosim_services.fields.gas_setup import gas_seed, gas_timing, list_gas_names, mean_release_m3_s
 from gslcosim_services.fields.mixing_ratio import CUTOFF_SIGMA, Walls, check_points, mixing_ratio_ppm_on_grid
-from gslcosim_services.fields.playback import GasPlayback, default_period_s, values_in_cells
 from gslcosim_services.fields.spatial_index import FilamentIndex
 
 # From a project of GADEN down to the frames of one of its simulations.

@@ -27,12 +27,12 @@ from gslcosim import __version__
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import ScratchFolder
 from gslcosim.base.ticks import NS_PER_S
-from gslcosim.environment.formats.export import ExportResult, build_file_name, create_export_folder
 from gslcosim.environment.model import AT_START, Environment
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import SourceEventSpec
 from gslcosim.scenario.models.gas import FilamentGasSpec
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, is_ideal, make_sensor_spec
+from gslcosim_formats.export import ExportResult, build_file_name, create_export_folder
 from gslcosim_services.fields.gas_setup import gas_seed, gas_timing, list_gas_names
 from gslcosim_services.fields.mixing_ratio import strength_ppm_m3
 from gslcosim_services.fields.models.filament_gas import build_gas_model, build_wall_images

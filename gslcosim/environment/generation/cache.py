@@ -76,9 +76,9 @@ def sources(environment: EnvironmentSpec, wind: SolverSpec) -> list[Path]:
     """Return the code that decides what an environment holds: when it changes, environments are made again."""
     parts = ["gslcosim/environment/*", "gslcosim/environment/layouts"]
     if environment.geometry is not None:
-        parts.append("gslcosim/environment/geometry")
+        parts.append("extensions/formats/gslcosim_formats/geometry")
     if environment.folder_key is not None or wind.file is not None:
-        parts.append("gslcosim/environment/formats")
+        parts.append("extensions/formats/gslcosim_formats")
     if not isinstance(wind, WindSpec):
         parts += ["gslcosim/flow", "gslcosim/environment/generation/wind.py"]  # a package may build on them
     elif wind.solves:

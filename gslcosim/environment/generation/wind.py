@@ -15,14 +15,14 @@ from gslcosim import flow
 from gslcosim.base.errors import EnvironmentDataError, FlowError, ScenarioError
 from gslcosim.base.gases import GASES
 from gslcosim.base.quantities import Vec3
-from gslcosim.environment.formats.wind_files import NoWindWarning, load_wind
 from gslcosim.environment.geometry_source import load_imported_environment, wind_file
 from gslcosim.environment.grid_kernels import find_air_cells
 from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid, Opening, WindFrames
 from gslcosim.flow.buoyancy import HEAT_M2_S, BuoyantScalar, FixedWall, Orifice, Release
-from gslcosim.flow.openfoam import solve_wind_openfoam
 from gslcosim.scenario.models.scenario import EnvironmentSpec
 from gslcosim.scenario.models.wind import BuoyancySpec, InletScheduleSpec, SolverSpec, WindSpec
+from gslcosim_formats.openfoam import solve_wind_openfoam
+from gslcosim_formats.wind_files import NoWindWarning, load_wind
 
 Progress = Callable[[str, float], None]
 _Solution = TypeVar("_Solution")

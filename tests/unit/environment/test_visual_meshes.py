@@ -8,11 +8,11 @@ import pytest
 import trimesh
 
 from gslcosim.base.errors import EnvironmentDataError
-from gslcosim.environment.formats.export import build_stl
 from gslcosim.environment.layouts.layouts import build_layout
 from gslcosim.environment.model import VisualMesh, WindFrames, with_wind
 from gslcosim.environment.store import encode_glb, load_environment, load_visual_meshes, save_environment
 from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, WindSpec
+from gslcosim_formats.export import build_stl
 
 
 def mesh(name, shape, rgba=(1.0, 0.2, 0.0, 1.0)):

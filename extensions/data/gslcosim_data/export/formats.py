@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from gslcosim.base.errors import UsageError
-from gslcosim.environment.formats.datasets import import_xarray
 from gslcosim_data.export.datasets import write_run_datasets
 from gslcosim_data.export.tables import write_tables
 from gslcosim_data.run import RunData
+from gslcosim_formats.datasets import import_xarray
 from gslcosim_ros.bag_export import iterate_messages, write_mcap, write_rosbag2
 from gslcosim_ros.types import ros_types
 

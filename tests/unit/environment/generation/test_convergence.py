@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gslcosim.environment.generation.mesh_study import compute_convergence
+from gslcosim_formats.mesh_study import compute_convergence
 
 
 @given(

@@ -10,7 +10,6 @@ from pydantic import ValidationError
 
 from gslcosim import flow
 from gslcosim.base.errors import EnvironmentDataError, FlowError
-from gslcosim.environment.formats.export import export_environment
 from gslcosim.environment.generation import generate_environment
 from gslcosim.environment.generation.cache import recipe
 from gslcosim.environment.generation.wind import build_patches, no_progress, solve_wind_of_scenario
@@ -20,6 +19,7 @@ from gslcosim.environment.model import Cell, Grid
 from gslcosim.environment.store import load_environment
 from gslcosim.scenario.models.geometry import LayoutSpec
 from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
+from gslcosim_formats.export import export_environment
 
 ROOM = EnvironmentSpec(layout=LayoutSpec(size_m=(3.0, 2.0, 2.0)))
 
