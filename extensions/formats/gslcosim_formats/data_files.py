@@ -18,7 +18,6 @@ anemometer looks them up by that number (Herwich012/GSL-Bench, sensors/anemomete
 indexed [z, x, y].
 """
 
-import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -30,6 +29,7 @@ from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.model import Cell, Grid
+from gslcosim.environment.store import data_error, load_npy
 
 # Far above what fits into memory with its wind; what is larger is a fault of the file.
 LARGEST_GRID_CELLS = 10**9
@@ -44,12 +44,6 @@ BLANK_REMEDY = "Leave samples without a value out, in ParaView by Threshold: cel
 
 # Each line with its number in the file, from 1.
 NumberedLines = Sequence[tuple[int, str]]
-
-
-def data_error(path: Path, expected: str, found: str, *, remedy: str = "") -> EnvironmentDataError:
-    """Return the error of a file that is not as expected."""
-    tail = f" {remedy}" if remedy else ""
-    return EnvironmentDataError(f"{path.name}: expected {expected}, was {found}.{tail}\nFile: {path}")
 
 
 def read_content(path: Path) -> bytes:
@@ -153,31 +147,6 @@ def _line_error(
                 expected = f"a number in line {number}, column {column + 1}"
                 return data_error(path, expected, repr(words[column][:40]), remedy=blank_remedy if is_blank else "")
     return None
-
-
-def load_npy(path: Path) -> NDArray[Any]:
-    """Return the array of a `.npy` file, memory-mapped: no memory is asked for what the file does not hold.
-
-    Raises:
-        EnvironmentDataError: the file is missing, truncated, or of another kind.
-    """
-    if not path.is_file():
-        raise data_error(path, "an array", "missing")
-    try:
-        with warnings.catch_warnings(action="ignore"):
-            mapped = np.load(path, mmap_mode="r", allow_pickle=False)
-    # The head is Python text, and a faulty one raises whatever the tokenizer, the parser or numpy's types do.
-    except Exception as error:
-        n_bytes = path.stat().st_size
-        raise data_error(path, "a whole numpy array", f"{n_bytes} bytes that are not ({error})") from error
-    if not isinstance(mapped, np.ndarray):
-        raise data_error(path, "one numpy array", "an archive of them")
-    # Bytes doubled in the middle shift all that follow, and leave some over.
-    n_left = path.stat().st_size - getattr(mapped, "offset", 0) - mapped.nbytes
-    if n_left:
-        raise data_error(path, "a numpy array and nothing else", f"{n_left} bytes more")
-    # A plain view: compiled kernels know arrays, and would take a memmap object's slow path.
-    return np.asarray(mapped)
 
 
 def build_checked_grid(path: Path, *, min_m: Vec3, max_m: Vec3, cell_m: float, shape: tuple[int, int, int]) -> Grid:

@@ -40,11 +40,10 @@ from gslcosim.environment.model import (
     with_wind,
 )
 from gslcosim.environment.openings import Face, boxes_from_solid
+from gslcosim.environment.store import data_error, load_npy
 from gslcosim_formats.data_files import (
     OCCUPANCY_FILE,
     build_checked_grid,
-    data_error,
-    load_npy,
     read_content,
     read_occupancy,
 )

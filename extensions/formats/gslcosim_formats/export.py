@@ -2,11 +2,10 @@
 
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from pyevtk.vtk import VtkGroup
 
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.environment.model import Box, Cell, Environment
+from gslcosim.environment.scene_file import build_mjcf
 from gslcosim.environment.store import SCENE_FILE
 from gslcosim_formats.data_files import (
     BINARY_MARK,
@@ -25,34 +25,6 @@ from gslcosim_formats.data_files import (
 )
 from gslcosim_formats.datasets import GriddedFormat, build_environment_dataset, write_dataset
 from gslcosim_formats.environment_folders import GRID_SUFFIX, HEAD_SUFFIX, OCCUPANCY_DIR, WIND_DIR
-
-
-def build_mjcf(environment: Environment) -> str:
-    """Return the MJCF of a room: one box geom or light of the same name for each of its boxes and lights."""
-    root = ElementTree.Element("mujoco", model=environment.name)
-    world = ElementTree.SubElement(root, "worldbody")
-    for light in environment.lights:
-        ElementTree.SubElement(world, "light", {"name": light.name, "pos": _text(light.position_m), "dir": "0 0 -1"})
-    for box in environment.boxes:
-        ElementTree.SubElement(world, "geom", _geom_of(box))
-    ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="unicode") + "\n"
-
-
-def _geom_of(box: Box) -> dict[str, str]:
-    corners = list(zip(box.min_m, box.max_m, strict=True))
-    return {
-        "name": box.name,
-        "type": "box",
-        "pos": _text((low + high) / 2 for low, high in corners),
-        "size": _text((high - low) / 2 for low, high in corners),
-        "rgba": _text(box.rgba),
-    }
-
-
-def _text(numbers: Iterable[float]) -> str:
-    return " ".join(f"{number:.9g}" for number in numbers)
-
 
 # Corners 0 to 7 are x, y, z low or high, in binary; triangles turn left seen from outside.
 _BOX_FACES = np.array(

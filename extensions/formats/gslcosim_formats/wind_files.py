@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.files import open_regular_file
 from gslcosim.environment.model import Cell, Grid, WindFrames, point_text
+from gslcosim.environment.store import data_error
 from gslcosim_formats.data_files import (
     BINARY_MARK,
     BLANK_REMEDY,
@@ -42,7 +43,6 @@ from gslcosim_formats.data_files import (
     check_amount,
     check_velocities,
     count_cells,
-    data_error,
     number_lines,
     parse_numbers,
     read_array,

@@ -20,11 +20,11 @@ from gslcosim.environment.geometry_source import build_geometry
 from gslcosim.environment.model import Cell, Environment, with_wind
 from gslcosim.environment.picture import top_view_png
 from gslcosim.environment.positions import random_free_point_m
+from gslcosim.environment.scene_file import build_mjcf
 from gslcosim.environment.store import HISTORY_FILE, PICTURE_FILE, REPORT_FILE, SCENE_FILE, save_environment
 from gslcosim.environment.variants import fill_still_air
 from gslcosim.scenario.loader import Recipe
 from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
-from gslcosim_formats.export import build_mjcf
 
 _log = logging.getLogger(__name__)
 

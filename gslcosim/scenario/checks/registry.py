@@ -166,7 +166,7 @@ _SCENARIO_CHECKS = (
         name="stored gas",
         of="scenario",
         subject="room",
-        finder="gslcosim_services.fields.models.formula_fields:find_stored_gas_problems",
+        finder="gslcosim_formats.stored_gas.model:find_stored_gas_problems",
         is_needed=lambda scenario: scenario.gas.stored is not None,
     ),
     Check(

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from gslcosim.environment import picture
 from gslcosim.environment.picture import top_view_png
-from gslcosim_formats import picture
-from gslcosim_formats.export import build_mjcf
+from gslcosim.environment.scene_file import build_mjcf
 
 CRATE = ("crate", (1.0, 1.0, 0.0), (5.0, 3.0, 2.0))
 

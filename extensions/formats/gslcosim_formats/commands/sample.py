@@ -151,7 +151,8 @@ def _check_inside(points_m: "NDArray[np.float64]", grid: "Grid") -> None:
 
 def _fields_of(arguments: argparse.Namespace) -> "FieldSampler":
     from gslcosim.environment.store import HEADER_FILE, load_environment
-    from gslcosim_services.fields.offline import ScenarioFieldSampler, find_stored_field_sampler
+    from gslcosim_formats.stored_gas.samplers import find_stored_field_sampler
+    from gslcosim_services.fields.offline import ScenarioFieldSampler
 
     folder = Path(arguments.source)
     if (folder / HEADER_FILE).is_file():

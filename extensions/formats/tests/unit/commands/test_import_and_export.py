@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import yaml
 
-from gslcosim.cli.commands import export
 from gslcosim.cli.main import main
 from gslcosim.environment.model import Grid
 from gslcosim.environment.store import PICTURE_FILE, SCENE_FILE, load_environment
+from gslcosim_formats.commands import export
 from gslcosim_formats.data_files import format_occupancy
 from gslcosim_formats.export import FORMATS, GADEN_WINDS
 

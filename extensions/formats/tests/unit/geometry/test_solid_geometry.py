@@ -10,9 +10,10 @@ from gslcosim.base.errors import EnvironmentDataError, ScenarioError
 from gslcosim.environment.layouts.layouts import build_layout
 from gslcosim.environment.model import Cell, WindFrames, with_wind
 from gslcosim.environment.openings import voxelize
+from gslcosim.environment.scene_file import build_mjcf
 from gslcosim.scenario.models.geometry import ComplexWarehouseSpec, GeometrySpec, OfficeSpec, SimpleWarehouseSpec
 from gslcosim.scenario.models.scenario import WindSpec
-from gslcosim_formats.export import build_mjcf, build_stl
+from gslcosim_formats.export import build_stl
 from gslcosim_formats.geometry.solid_geometry import geometry_from_files
 
 

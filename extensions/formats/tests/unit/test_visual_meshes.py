@@ -10,7 +10,8 @@ import trimesh
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.environment.layouts.layouts import build_layout
 from gslcosim.environment.model import VisualMesh, WindFrames, with_wind
-from gslcosim.environment.store import encode_glb, load_environment, load_visual_meshes, save_environment
+from gslcosim.environment.store import load_environment, save_environment
+from gslcosim.environment.visual_meshes import encode_glb, load_visual_meshes
 from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, WindSpec
 from gslcosim_formats.export import build_stl
 
