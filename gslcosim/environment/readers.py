@@ -4,6 +4,7 @@ The entry points of `gslcosim.geometry` have the keys of scenario files as their
 `RoomReader`, `wind.solver.file` a `WindFileReader`, `wind.solver.openfoam` a `WindSolver`.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,7 +104,7 @@ def list_reader_packages(spec: EnvironmentSpec, wind: SolverSpec) -> list[str]:
     """Return the import names of the packages with the readers that an environment with its wind needs."""
     keys = list_reader_keys(spec, wind)
     points = list_registered(GEOMETRY_GROUP) if keys else []
-    return sorted({point.module.partition(".")[0] for point in points if point.name in keys})
+    return sorted({re.split(r"[.:]", point.value)[0] for point in points if point.name in keys})
 
 
 def find_missing_readers(spec: EnvironmentSpec, wind: SolverSpec) -> list[Problem]:

@@ -1,9 +1,8 @@
 """Export of an environment: GADEN, GSL-Bench, VTK, NetCDF, Zarr, OpenFOAM points, STL and MJCF."""
 
+import argparse
 import json
-import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -12,10 +11,11 @@ from numpy.typing import NDArray
 from pyevtk.hl import imageToVTK
 from pyevtk.vtk import VtkGroup
 
-from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.environment.export_folder import ExportResult, build_file_name, create_export_folder
 from gslcosim.environment.model import Box, Cell, Environment
 from gslcosim.environment.scene_file import build_mjcf
 from gslcosim.environment.store import SCENE_FILE
+from gslcosim.scenario import Scenario
 from gslcosim_formats.data_files import (
     BINARY_MARK,
     OCCUPANCY_FILE,
@@ -113,12 +113,12 @@ _FOAM_POINTS = "x,y,z,Ux,Uy,Uz"
 _EXACT = "%.9g"
 
 
-@dataclass(frozen=True, kw_only=True)
-class ExportResult:
-    """Result of an export: the files written, and sentences on what the format cannot hold."""
-
-    files: tuple[Path, ...]
-    notices: tuple[str, ...] = ()
+def write_environment(
+    environment: Environment, folder: Path, scenario: Scenario | None, arguments: argparse.Namespace
+) -> ExportResult:
+    """Write an environment with the options of `gslcosim environment export`; see `export_environment`."""
+    del scenario
+    return export_environment(environment, folder, arguments.to, gaden_wind=arguments.gaden_wind)
 
 
 def export_environment(
@@ -155,24 +155,6 @@ def export_environment(
     if to == "stl":
         return ExportResult(files=(_written(folder / f"{name}.stl", build_stl(environment)),))
     return ExportResult(files=(_written(folder / SCENE_FILE, build_mjcf(environment).encode()),))
-
-
-def create_export_folder(folder: Path) -> None:
-    """Make a folder for exported files where there is none.
-
-    Raises:
-        EnvironmentDataError: the folder holds something.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    if any(folder.iterdir()):
-        raise EnvironmentDataError(
-            f"The folder is not empty: {folder}. Choose a new or empty folder, so that files do not mix."
-        )
-
-
-def build_file_name(name: str) -> str:
-    """Return the name of a room as files have it, without blanks and separators."""
-    return re.sub(r"[^\w.-]+", "_", name)
 
 
 def _written(path: Path, content: bytes) -> Path:

@@ -5,21 +5,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import build_path_error
+from gslcosim.base.exporters import list_exporters
 from gslcosim.cli.arguments import Command, build_number_parser, parse_whole_number
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
+    from gslcosim.environment.export_folder import ExportResult
     from gslcosim.environment.model import Environment
     from gslcosim.scenario import Scenario
-    from gslcosim_formats.export import ExportResult
 
 EXAMPLES = """  gslcosim environment export hall --to gaden --out hall_gaden
   gslcosim environment export warehouse_empty --to vtk --out warehouse_vtk
   gslcosim environment export hall --to gaden --gaden-wind points --out hall_points
   gslcosim environment export tiny_room --to fmu --fmu-points 4 --out tiny_room_fmu"""
 
-FMU = "fmu"
-FORMATS = ("gaden", "gsl_bench", "vtk", "netcdf", "zarr", "stl", "openfoam_points", "mjcf", FMU)
 GADEN_WINDS = ("components", "components_text", "points", "iterations")
 
 
@@ -30,7 +29,7 @@ def _is_recordable(seconds: float) -> bool:
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", metavar="ENV", help="an environment folder, or a scenario")
-    parser.add_argument("--to", choices=FORMATS, required=True, help="the format")
+    parser.add_argument("--to", choices=tuple(list_exporters("environment")), required=True, help="the format")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="a new or empty folder for the files")
     parser.add_argument(
         "--gaden-wind",
@@ -80,25 +79,13 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _export(arguments: argparse.Namespace) -> "ExportResult":
-    environment, scenario = _load(arguments.source, has_gas=arguments.to == FMU)
-    if arguments.to == FMU:
-        from gslcosim_fmi.room_fmu import export_room_fmu
-
-        return export_room_fmu(
-            environment,
-            arguments.out,
-            scenario,
-            n_points=arguments.fmu_points,
-            until_s=arguments.fmu_until,
-            sensors=[word.strip() for word in arguments.fmu_sensors.split(",") if word.strip()],
-        )
-    from gslcosim_formats.export import export_environment
-
-    return export_environment(environment, arguments.out, arguments.to, gaden_wind=arguments.gaden_wind)
+    environment, scenario = _load(arguments.source)
+    write_environment = list_exporters("environment")[arguments.to].load()
+    return write_environment(environment, arguments.out, scenario, arguments)
 
 
-# A folder is a room without gas; where sources are drawn matters to gas alone.
-def _load(source: str, *, has_gas: bool) -> "tuple[Environment, Scenario | None]":
+# A folder is a room without gas.
+def _load(source: str) -> "tuple[Environment, Scenario | None]":
     from gslcosim.environment.generation import prepare_environment
     from gslcosim.environment.positions import draw_positions
     from gslcosim.environment.store import load_environment
@@ -106,7 +93,7 @@ def _load(source: str, *, has_gas: bool) -> "tuple[Environment, Scenario | None]
 
     if Path(source).is_dir():
         return load_environment(Path(source), with_meshes=True), None
-    loaded = load_scenario(source, placer=draw_positions if has_gas else None)
+    loaded = load_scenario(source, placer=draw_positions)
     environment = load_environment(prepare_environment(loaded.scenario, scenario_dir=loaded.directory))
     return environment, loaded.scenario
 

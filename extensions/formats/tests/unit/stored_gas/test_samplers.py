@@ -7,12 +7,8 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import EnvironmentDataError, UsageError
-from gslcosim_services.fields.offline import (
-    Instant,
-    ViewOptions,
-    build_lattice,
-    find_stored_field_sampler,
-)
+from gslcosim_formats.stored_gas.samplers import find_stored_field_sampler
+from gslcosim_services.fields.offline import Instant, ViewOptions, build_lattice
 
 THROUGH_WALLS = ViewOptions(has_line_of_sight=False)
 PLACES = gaden.POSITIONS_M[:2]
