@@ -10,8 +10,9 @@ from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
-from gslcosim.base.extensions import CHECKS_GROUP, STARTS_GROUP, Registration, list_registered
+from gslcosim.base.extensions import CHECKS_GROUP, GEOMETRY_GROUP, STARTS_GROUP, Registration, list_registered
 from gslcosim.scenario.checks.registry import SCENARIO
+from gslcosim.scenario.models.gas import GAS_ENTRY_POINTS
 
 ROOT = Path(__file__).parents[2]
 TABLE = ROOT / "gslcosim" / "base" / "extensions.json"
@@ -23,9 +24,12 @@ def list_extensions() -> list[str]:
 
 
 def list_keys(extension: str) -> list[str]:
-    """Return the keys of scenarios that an extension adds, such as `agents[].start.ros2`."""
+    """Return the keys of scenarios that an extension adds or reads, such as `agents[].start.ros2`; models with names."""
     keys = (key for point in _points_of(extension, STARTS_GROUP) for key in point.load())
-    return sorted(f"{key.place}.{key.name}".lstrip(".") for key in keys)
+    added = [f"{key.place}.{key.name}".lstrip(".") for key in keys]
+    read = [point.name for point in _points_of(extension, GEOMETRY_GROUP)]
+    models = [f"gas.model={point.name}" for point in _points_of(extension, GAS_ENTRY_POINTS)]
+    return sorted([*added, *read, *models])
 
 
 def list_files(extension: str) -> list[str]:
