@@ -15,6 +15,7 @@ from gslcosim.base.extensions import (
     CHECKS_GROUP,
     COMMANDS_GROUP,
     EXPORTERS_GROUP,
+    GEOMETRY_GROUP,
     OPTIONS_GROUP,
     STARTS_GROUP,
     Registration,
@@ -22,6 +23,7 @@ from gslcosim.base.extensions import (
 )
 from gslcosim.cli.arguments import CommandFamily, CommandOptions
 from gslcosim.scenario.checks.registry import SCENARIO
+from gslcosim.scenario.models.gas import GAS_ENTRY_POINTS
 from gslcosim_bench.suite_kinds import SUITE_KINDS_GROUP, SuiteKind
 from gslcosim_data.log_readers import LOG_READERS_GROUP
 
@@ -61,9 +63,11 @@ def list_formats() -> Iterator[Offer]:
 
 
 def list_keys() -> Iterator[Offer]:
-    """Yield the keys of scenarios that extensions add, such as `agents[].start.ros2`."""
+    """Yield the keys of scenarios that extensions add or read, such as `agents[].start.ros2`, and models by name."""
     for point in list_registered(STARTS_GROUP):
         yield from ((point, f"{key.place}.{key.name}".lstrip(".")) for key in point.load())
+    yield from ((point, point.name) for point in list_registered(GEOMETRY_GROUP))
+    yield from ((point, f"gas.model={point.name}") for point in list_registered(GAS_ENTRY_POINTS))
 
 
 def list_files() -> Iterator[Offer]:

@@ -36,16 +36,12 @@ from gslcosim.cli.commands import (
     compare,
     completion,
     doctor,
-    export,
     fork,
-    generate,
-    import_,
     join,
     list_,
     monitor,
     replay,
     runs,
-    sample,
     schema,
     step,
     up,
@@ -64,14 +60,6 @@ from gslcosim.cli.terminal import (
 _COLLECT_EVERY = 50_000
 _BUG = "This is a mistake in gslcosim: please report it with the lines above."
 
-ENVIRONMENT = CommandFamily(
-    name="environment",
-    summary="generate, import and export environments (rooms with their wind); sample gas or wind in them",
-    examples="  gslcosim environment generate warehouse_complex\n"
-    "  gslcosim environment import environments/001 --out gsl_bench_001\n"
-    "  gslcosim environment export hall --to gaden --out hall_gaden",
-    parts=(generate.COMMAND, import_.COMMAND, export.COMMAND, sample.COMMAND),
-)
 RUNS = CommandFamily(
     name="runs",
     summary="list runs, watch and stop those that are active",
@@ -88,7 +76,7 @@ CORE_GROUPS = (
     ),
     CommandGroup(title="look", commands=(list_.COMMAND, RUNS, view.COMMAND, compare.COMMAND)),
     CommandGroup(title="compare methods", commands=()),
-    CommandGroup(title="environments", commands=(ENVIRONMENT,)),
+    CommandGroup(title="environments", commands=()),
     CommandGroup(title="extend", commands=(schema.COMMAND,)),
     CommandGroup(title="machine", commands=(cache.COMMAND, completion.COMMAND, doctor.COMMAND)),
 )

@@ -1,6 +1,7 @@
 """The core runs without extensions, with the same digest, and answers for each that is missing."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -22,6 +23,17 @@ from gslcosim.base.extensions import read_known
 
 EXTENSIONS = sorted(path.parent.name for path in ROOT.glob("extensions/*/pyproject.toml"))
 SCENARIO = "tiny_room"
+# Blocks that the core reads and that only a reader, solver or model of an extension can serve.
+READ_BY_CORE = {
+    "environment.gaden": {"environment": {"gaden": "."}},
+    "environment.geometry": {"environment": {"geometry": {"files": ["environment_geometry.yaml"]}}},
+    "environment.gsl_bench": {"environment": {"gsl_bench": "."}},
+    "gas.model=playback": {
+        "gas": {"model": "playback", "sources": [{"position_m": [1.5, 2, 1]}], "playback": {"folder": "."}}
+    },
+    "wind.solver.file": {"wind": {"solver": {"file": "wind.csv"}}},
+    "wind.solver.openfoam": {"wind": {"solver": "openfoam", "end_time_s": 5}},
+}
 
 
 def list_dependents(extension: str) -> set[str]:
@@ -170,6 +182,10 @@ def list_answers(environment: FreshEnvironment, extension: str, folder: Path) ->
 def write_scenario(folder: Path, key: str) -> Path:
     """A scenario with a key of an extension, in JSON."""
     values = yaml.safe_load((ROOT / "scenarios" / f"{SCENARIO}.yaml").read_text())
+    file = folder / f"{re.sub(r'[^a-z0-9]', '_', key)}.yaml"
+    if key in READ_BY_CORE:
+        file.write_text(json.dumps(values | READ_BY_CORE[key]))
+        return file
     values.setdefault("participants", [{"name": "fan", "reads": [{"port": "truth/bodies"}], "writes": ["x"]}])
     block = values
     *path, last = key.split(".")
@@ -177,7 +193,6 @@ def write_scenario(folder: Path, key: str) -> Path:
         inner = block.setdefault(part.removesuffix("[]"), {})
         block = inner[0] if part.endswith("[]") else inner
     block[last] = {}
-    file = folder / f"{key.replace('.', '_')}.yaml"
     file.write_text(json.dumps(values))
     return file
 

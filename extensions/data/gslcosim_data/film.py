@@ -17,7 +17,7 @@ from gslcosim.base.errors import UsageError
 from gslcosim.base.frames import yaw_from_quaternion
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import Quaternion
-from gslcosim.environment.formats.picture import PlanPainter
+from gslcosim.environment.picture import PlanPainter
 from gslcosim.environment.plan_view import PixelScale, PlanView
 from gslcosim_data.run import RunData
 from gslcosim_data.streams import RecordedSeries, RecordedTrack

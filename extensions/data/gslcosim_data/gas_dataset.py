@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gslcosim.base.errors import UsageError
-from gslcosim.environment.formats.datasets import AXES, Variable, build_coordinate, build_dataset
+from gslcosim_formats.datasets import AXES, Variable, build_coordinate, build_dataset
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -8,10 +8,10 @@ from typing import Any
 from xarray import Dataset
 from xarray.backends import BackendEntrypoint
 
-from gslcosim.environment.formats.datasets import build_environment_dataset
 from gslcosim.environment.store import HEADER_FILE, load_environment
 from gslcosim_data.gas_dataset import build_gas_dataset
 from gslcosim_data.run import open_run
+from gslcosim_formats.datasets import build_environment_dataset
 
 
 class GslcosimBackend(BackendEntrypoint):

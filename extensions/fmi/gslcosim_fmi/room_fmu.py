@@ -4,6 +4,7 @@ The unit is C (`room_fmu.c` beside this file), compiled for this platform when i
 it runs. `resources/room.bin` in it holds the room in the layout that the C file describes.
 """
 
+import argparse
 import hashlib
 import math
 import os
@@ -27,7 +28,7 @@ from gslcosim import __version__
 from gslcosim.base.errors import UsageError
 from gslcosim.base.files import ScratchFolder
 from gslcosim.base.ticks import NS_PER_S
-from gslcosim.environment.formats.export import ExportResult, build_file_name, create_export_folder
+from gslcosim.environment.export_folder import ExportResult, build_file_name, create_export_folder
 from gslcosim.environment.model import AT_START, Environment
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import SourceEventSpec
@@ -103,6 +104,20 @@ class FmuSensor:
     unit: str
     kind: int
     parameters: tuple[float, ...]
+
+
+def write_room_fmu(
+    environment: Environment, folder: Path, scenario: Scenario | None, arguments: argparse.Namespace
+) -> ExportResult:
+    """Write a room with the options of `gslcosim environment export`; see `export_room_fmu`."""
+    return export_room_fmu(
+        environment,
+        folder,
+        scenario,
+        n_points=arguments.fmu_points,
+        until_s=arguments.fmu_until,
+        sensors=[word.strip() for word in arguments.fmu_sensors.split(",") if word.strip()],
+    )
 
 
 def export_room_fmu(

@@ -11,8 +11,8 @@ from PIL import ImageDraw
 
 from gslcosim.base.errors import UsageError
 from gslcosim.base.quantities import Vec3
-from gslcosim.environment.formats.picture import PlanPainter
 from gslcosim.environment.model import Environment
+from gslcosim.environment.picture import PlanPainter
 from gslcosim.environment.plan_view import PixelScale, PlanView
 from gslcosim_search.learned.encoding import (
     WIND,

@@ -163,13 +163,6 @@ _SCENARIO_CHECKS = (
         is_part_of_preparation=True,
     ),
     Check(
-        name="stored gas",
-        of="scenario",
-        subject="room",
-        finder="gslcosim_services.fields.models.formula_fields:find_stored_gas_problems",
-        is_needed=lambda scenario: scenario.gas.stored is not None,
-    ),
-    Check(
         name="mixed air",
         of="scenario",
         subject="room",

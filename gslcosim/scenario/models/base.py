@@ -1,7 +1,7 @@
 """Base of all parts of a scenario: frozen, kinds of numbers and names, and blocks that are one of several kinds."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Self, TypeVar, cast
 
@@ -116,6 +116,20 @@ class OneOf:
             what = f"an object for {kind!r} whose {self.part} derive from {self.base.__name__}"
         return self.offers.loaded(kind, lambda offered: self._block_in(offered, kind), what)
 
+    def blocks(self) -> Iterator[tuple[str, type[Spec]]]:
+        """Yield each kind with its block, those of other packages last; a package is imported when its turn comes.
+
+        Packages that cannot be used are left out: who names their kinds learns why.
+        """
+        yield from self.own.items()
+        for kind in self.offers.names() if self.offers else ():
+            try:
+                block = None if kind in self.own else self.block_of(kind)
+            except PluginError:
+                continue
+            if block is not None:
+                yield kind, block
+
     def _block_in(self, offered: object, kind: str) -> type[Spec] | None:
         block = getattr(offered, self.part, None) if self.part is not None else offered
         if not (isinstance(block, type) and issubclass(block, self.base)):
@@ -129,8 +143,8 @@ class OneOf:
         return core_schema.with_info_wrap_validator_function(self._validated, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """Return the JSON schema of any of gslcosim's kinds; pydantic calls it."""
-        blocks = list(dict.fromkeys(self.own.values()))
+        """Return the JSON schema of any of the installed kinds; pydantic calls it."""
+        blocks = list(dict.fromkeys(block for _, block in self.blocks()))
         if not blocks:
             return handler(schema)
         return {"anyOf": [handler(block.__pydantic_core_schema__) for block in blocks]}

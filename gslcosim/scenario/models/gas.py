@@ -358,34 +358,9 @@ class MeanderingPlumeGasSpec(FormulaGasSpec):
     )
 
 
-class PlaybackGasSpec(GasSpec):
-    """Stored gas of other programs, played back."""
-
-    has_releases: ClassVar[bool] = False
-
-    model: Literal["playback"] = Field(default="playback", description="gas model")  # pyright: ignore
-    playback: PlaybackSpec | None = Field(default=None, description="stored gas")
-
-    @property
-    def stored(self) -> PlaybackSpec | None:
-        """The stored gas that is played."""
-        return self.playback
-
-    @model_validator(mode="after")
-    def _check_playback(self) -> Self:
-        if self.playback is None:
-            raise broken_rule_error(
-                key="playback",
-                expected="a folder of frames with model: playback",
-                found="none",
-                remedy="For example model: playback, playback: {folder: my_frames}.",
-            )
-        return self
-
-
 GAS_MODELS: dict[str, type[GasSpec]] = {
     str(block.model_fields["model"].default): block
-    for block in (FilamentGasSpec, GaussianPlumeGasSpec, MeanderingPlumeGasSpec, FarrellGasSpec, PlaybackGasSpec)
+    for block in (FilamentGasSpec, GaussianPlumeGasSpec, MeanderingPlumeGasSpec, FarrellGasSpec)
 }
 """The block of each of gslcosim's own gas models."""
 

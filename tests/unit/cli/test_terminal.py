@@ -19,7 +19,6 @@ from rich.console import Console
 
 import gslcosim
 from gslcosim.base.errors import MachineError
-from gslcosim.cli.commands import generate
 from gslcosim.cli.main import main
 from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.run_output import format_agents_table, format_summary
@@ -27,6 +26,7 @@ from gslcosim.cli.terminal import drawn_table, open_console, table, write, write
 from gslcosim.recordings import viewer
 from gslcosim.runtime.status import RunResult, get_status_folder
 from gslcosim_conformance.teleop import Terminal
+from gslcosim_formats.commands import generate
 
 PACKAGE = Path(gslcosim.__file__).parent
 TITLE = "\x1b]0;owned\x07"

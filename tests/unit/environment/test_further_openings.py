@@ -3,10 +3,10 @@
 import mujoco
 import pytest
 
-from gslcosim.environment.formats.export import build_mjcf
 from gslcosim.environment.generation.wind import build_patches
 from gslcosim.environment.layouts.layouts import build_layout, find_layout_problems, plan_layout
 from gslcosim.environment.model import Cell
+from gslcosim.environment.scene_file import build_mjcf
 from gslcosim.scenario.models.geometry import FurtherOpeningSpec, LayoutSpec, PlantSpec
 from gslcosim.scenario.models.scenario import WindSpec
 

@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from gslcosim.environment.formats.datasets import GriddedFormat, build_environment_dataset, write_dataset
 from gslcosim_data.gas_dataset import build_gas_dataset
 from gslcosim_data.run import RunData
+from gslcosim_formats.datasets import GriddedFormat, build_environment_dataset, write_dataset
 
 
 def write_run_datasets(run: RunData, folder: Path, to: GriddedFormat, progress: Callable[[str], None]) -> list[Path]:

@@ -44,8 +44,8 @@ def write_stream_tables(run: RunData, folder: Path, to: Literal["parquet", "csv"
 
 def write_grids(run: RunData, folder: Path, to: Literal["netcdf", "zarr"], progress: Progress) -> list[Path]:
     """Write gas and wind on their grids, as `netcdf` or `zarr`."""
-    from gslcosim.environment.formats.datasets import import_xarray
     from gslcosim_data.export.datasets import write_run_datasets
+    from gslcosim_formats.datasets import import_xarray
 
     import_xarray()
     folder.mkdir(parents=True, exist_ok=True)

@@ -19,7 +19,6 @@ from gslcosim.scenario.models.gas import (
     FilamentGasSpec,
     GaussianPlumeGasSpec,
     MeanderingPlumeGasSpec,
-    PlaybackGasSpec,
 )
 from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.models.sensors import (
@@ -29,14 +28,14 @@ from gslcosim.scenario.models.sensors import (
     RaySensorSpec,
     SensorSpec,
 )
+from gslcosim_formats.stored_gas.frame_formats import GasFrame
+from gslcosim_formats.stored_gas.model import PlaybackGasSpec, load_stored_gas
 from gslcosim_search.learned.encoding import CHANNELS, N_SECTORS, Channel, encode_ranges
 from gslcosim_services.fields.filament.plume import Filaments
 from gslcosim_services.fields.filament_field import MIN_READINGS_FOR_INDEX
-from gslcosim_services.fields.frame_formats import GasFrame
 from gslcosim_services.fields.gas_setup import GasSetup, GasTiming, gas_seed, gas_timing, list_gas_names
 from gslcosim_services.fields.mixing_ratio import CUTOFF_SIGMA, build_solid_sums, strength_ppm_m3
 from gslcosim_services.fields.models.filament_gas import build_cached_plume, build_gas_model
-from gslcosim_services.fields.models.formula_fields import load_stored_gas
 from gslcosim_services.fields.models.gaussian_plume import (
     KNOT_CORRELATION,
     KNOTS_PER_CORRELATION_TIME,
