@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
 from gslcosim.environment.layouts.pieces import (
     CONCRETE_RGBA,
@@ -295,13 +294,6 @@ def build_wind_tunnel(layout: WindTunnelSpec) -> tuple[Box, ...]:
             area = Area(min_m=(low_m, (y_m - side_m) / 2), max_m=(low_m + side_m, (y_m + side_m) / 2))
             boxes.append(box_above(f"block_{i}", area, 0.0, min(side_m, z_m), STEEL_RGBA))
     return tuple(boxes)
-
-
-def whole_face(size_m: Vec3, axis: int, *, is_upper: bool) -> OpeningSpec:
-    """Return an opening as large as one face of the room; `axis` 0, 1, 2 is x, y, z."""
-    low, high = [0.0, 0.0, 0.0], [*size_m]
-    (low if is_upper else high)[axis] = size_m[axis] if is_upper else 0.0
-    return OpeningSpec(min_m=(low[0], low[1], low[2]), max_m=(high[0], high[1], high[2]))
 
 
 def log_profile(inlet: Opening, layout: PlantSpec, grid: Grid) -> tuple[Opening, ...]:
