@@ -1,29 +1,13 @@
-"""Families of layouts: warehouses with racks, buildings, plants outdoors and wind tunnels."""
+"""Families of layouts, warehouses, buildings, plants outdoors and wind tunnels, and the pieces they are made of."""
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from gslcosim.base.rng import stream
-from gslcosim.environment.layouts.pieces import (
-    CONCRETE_RGBA,
-    GOODS_RGBA,
-    SHELF_RGBA,
-    STEEL_RGBA,
-    TANK_RGBA,
-    VEHICLE_RGBA,
-    WOOD_RGBA,
-    Area,
-    Rgba,
-    bounding_area,
-    box_above,
-    circle_corners,
-    free_places,
-    rotated_corners,
-    split_into_strips,
-    wall_with_gaps,
-)
 from gslcosim.environment.model import Box, Grid, Opening
 from gslcosim.scenario.models.geometry import (
     ClutteredRoomsSpec,
@@ -36,12 +20,25 @@ from gslcosim.scenario.models.geometry import (
     WindTunnelSpec,
 )
 
-Gap = tuple[float, float]
-Wall = tuple[Area, list[Gap]]
+Rgba = tuple[float, float, float, float]
+Point = tuple[float, float]
+
+WALL_RGBA: Rgba = (0.86, 0.86, 0.84, 1.0)
+STEEL_RGBA: Rgba = (0.16, 0.27, 0.55, 1.0)
+SHELF_RGBA: Rgba = (0.85, 0.45, 0.15, 1.0)
+GOODS_RGBA: Rgba = (0.68, 0.52, 0.35, 1.0)
+VEHICLE_RGBA: Rgba = (0.90, 0.70, 0.10, 1.0)
+WOOD_RGBA: Rgba = (0.55, 0.38, 0.22, 1.0)
+CONCRETE_RGBA: Rgba = (0.60, 0.60, 0.58, 1.0)
+TANK_RGBA: Rgba = (0.80, 0.83, 0.86, 1.0)
+
+# Turned and round things become strips of this width: as fine as the usual cell, chosen.
+STRIP_M = 0.2
+N_CIRCLE = 24
 
 # Footprint and height of furniture [m], usual sizes.
 DESK = ("desk", (1.6, 0.8), 0.75, WOOD_RGBA)
-FURNITURE: tuple[tuple[str, tuple[float, float], float, Rgba], ...] = (
+FURNITURE: tuple[tuple[str, Point, float, Rgba], ...] = (
     ("bed", (1.6, 2.0), 0.5, GOODS_RGBA),
     ("sofa", (2.0, 0.9), 0.8, STEEL_RGBA),
     ("table", (1.4, 0.8), 0.75, WOOD_RGBA),
@@ -50,6 +47,97 @@ FURNITURE: tuple[tuple[str, tuple[float, float], float, Rgba], ...] = (
 CLUTTER_SIDE_M, CLUTTER_HEIGHT_M = (0.4, 1.0), (0.4, 2.0)
 # Free floor kept around furniture, and on both sides of doors.
 FURNITURE_GAP_M, DOOR_GAP_M = 0.6, 0.9
+
+# Chosen: a small storage tank, a shed; width kept between them and to the boundary.
+TANK_RADIUS_M, TANK_HEIGHT_M = (1.2, 2.4), (3.0, 6.0)
+BUILDING_SIDE_M, BUILDING_HEIGHT_M = (4.0, 8.0), (2.5, 5.0)
+PLANT_GAP_M = 2.0
+
+# What the thesis adds to the wider opening for the aisle between the ends of rows and the wall [m].
+END_AISLE_EXTRA_M = 2.0
+POST_M, SHELF_M = 0.1, 0.1
+# How high each of four bays (lower near, lower far, upper near, upper far) is filled, as a share of the space below
+# the next shelf. Seven loads, as many as the thesis has filled racks; the shares are chosen.
+LOADS = (
+    (0.95, 0.95, 0.95, 0.95),
+    (0.95, 0.95, 0.6, 0.6),
+    (0.6, 0.95, 0.95, 0.35),
+    (0.95, 0.0, 0.6, 0.95),
+    (0.35, 0.6, 0.0, 0.95),
+    (0.95, 0.6, 0.35, 0.0),
+    (0.6, 0.6, 0.95, 0.6),
+)
+# The two empty racks: with both shelves, and with the upper one only.
+EMPTY_SHELVES = ((0, 1), (1,))
+N_TYPES = len(LOADS) + len(EMPTY_SHELVES)
+
+FORKLIFT_M, FORKLIFT_HEIGHTS_M = (1.2, 2.4), (1.1, 2.2)
+PILE_M, PILE_HEIGHT_M = (1.0, 1.8), (0.6, 1.8)
+PALLET_M, PALLET_HEIGHT_M = (0.8, 1.2), 0.15
+# Free width kept between items, and before openings.
+ITEM_GAP_M, OPENING_GAP_M = 0.6, 1.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Area:
+    """A rectangle on the floor, world frame [m]."""
+
+    min_m: Point
+    max_m: Point
+
+    @property
+    def size_m(self) -> Point:
+        """Its sides along x and y [m]."""
+        return self.max_m[0] - self.min_m[0], self.max_m[1] - self.min_m[1]
+
+    def is_apart_from(self, other: "Area", gap_m: float = 0.0) -> bool:
+        """Return whether at least a gap [m] lies between the two, along x or along y."""
+        return any(
+            self.max_m[i] + gap_m <= other.min_m[i] + 1e-9 or other.max_m[i] + gap_m <= self.min_m[i] + 1e-9
+            for i in range(2)
+        )
+
+
+Racks = SimpleWarehouseSpec | ComplexWarehouseSpec
+Gap = tuple[float, float]
+Wall = tuple[Area, list[Gap]]
+
+
+def build_racks(layout: Racks, openings: Sequence[OpeningSpec]) -> tuple[Box, ...]:
+    """Return all racks of a warehouse, those of a column `rack_i_j_k`: row, place in the row, storey."""
+    places = rack_areas(layout, openings)
+    n_storeys = max(1, math.floor(layout.size_m[2] / layout.rack_size_m[2] + 1e-9))
+    types = rack_types(layout, len(places) * n_storeys)
+    return tuple(
+        box
+        for i, (name, area) in enumerate(places)
+        for storey in range(n_storeys)
+        for box in _rack(f"rack_{name}_{storey}", area, layout.rack_size_m[2], storey, types[i * n_storeys + storey])
+    )
+
+
+def build_items(layout: ComplexWarehouseSpec, openings: Sequence[OpeningSpec]) -> tuple[Box, ...]:
+    """Return forklifts, piles and pallets, turned by any angle, in the end aisles and clear of the openings."""
+    rng = stream(layout.seed, "layout.items")
+    x_m, y_m, _ = layout.size_m
+    depth_m = min([end_aisle_m(layout, openings), *(area.min_m[1] for _, area in rack_areas(layout, openings))])
+    zones = (_area(0.0, 0.0, x_m, depth_m), _area(0.0, y_m - depth_m, x_m, depth_m))
+    taken = [_before(opening) for opening in openings]
+    kinds = ["forklift"] * layout.n_forklifts + ["pile"] * layout.n_piles + ["pallet"] * layout.n_pallets
+    boxes: list[Box] = []
+    for i, kind in enumerate(kinds):
+        number = i - kinds.index(kind)
+        first = int(rng.integers(2))
+        corners, bounds = _turned_footprint(rng, kind)
+        for zone in (zones[first], zones[1 - first]):
+            place = next(free_places(rng, bounds.size_m, zone, taken, gap_m=ITEM_GAP_M), None)
+            if place is not None:
+                taken.append(place)
+                shift = (place.min_m[0] - bounds.min_m[0], place.min_m[1] - bounds.min_m[1])
+                moved = tuple((x + shift[0], y + shift[1]) for x, y in corners)
+                boxes += _item(rng, kind, f"{kind}_{number}", moved, layout.size_m[2])
+                break
+    return tuple(boxes)
 
 
 def build_office(layout: OfficeSpec) -> tuple[Box, ...]:
@@ -69,13 +157,6 @@ def build_office(layout: OfficeSpec) -> tuple[Box, ...]:
         doors = [_before_gap(area, gap) for area, gaps in walls for gap in gaps]
         boxes += _desks(rng, kept, [*doors, *(area for area, _ in walls)], z_m)
     return tuple(boxes)
-
-
-def l_shape_from_m(layout: OfficeSpec) -> float:
-    """Return from which x on the upper side of an office is not part of it [m]; its whole length for a rectangle."""
-    if layout.outline == "rectangle" or layout.rooms_per_side < 2:
-        return layout.size_m[0]
-    return layout.size_m[0] * ((layout.rooms_per_side + 1) // 2) / layout.rooms_per_side
 
 
 def build_home(layout: HomeSpec) -> tuple[Box, ...]:
@@ -117,146 +198,6 @@ def build_cluttered_rooms(layout: ClutteredRoomsSpec) -> tuple[Box, ...]:
         height_m = min(float(rng.uniform(*CLUTTER_HEIGHT_M)), z_m)
         boxes += _furnish(rng, f"clutter_{i}", side_m, floor, taken, height_m, GOODS_RGBA)
     return tuple(boxes)
-
-
-def _walls(walls: Sequence[Wall], height_m: float, gap_height_m: float) -> list[Box]:
-    return [
-        box
-        for i, (area, gaps) in enumerate(walls)
-        for box in wall_with_gaps(f"partition_{i}", area, height_m, sorted(gaps), gap_height_m)
-    ]
-
-
-# The inner faces of the corridor's walls: y of the lower and of the upper [m].
-def _corridor_sides_m(layout: OfficeSpec) -> tuple[float, float]:
-    middle_m = layout.size_m[1] / 2
-    return middle_m - layout.corridor_m / 2, middle_m + layout.corridor_m / 2
-
-
-def _office_rooms(layout: OfficeSpec, side: int) -> list[Area]:
-    low_m, high_m = _corridor_sides_m(layout)
-    y0, y1 = (0.0, low_m) if side == 0 else (high_m, layout.size_m[1])
-    width_m = layout.size_m[0] / layout.rooms_per_side
-    return [Area(min_m=(i * width_m, y0), max_m=((i + 1) * width_m, y1)) for i in range(layout.rooms_per_side)]
-
-
-def _corridor_walls(layout: OfficeSpec, side: int, rng: np.random.Generator) -> Iterator[Wall]:
-    low_m, high_m = _corridor_sides_m(layout)
-    y0 = low_m - layout.partition_m if side == 0 else high_m
-    end_m = layout.size_m[0] if side == 0 else l_shape_from_m(layout)
-    for room in _office_rooms(layout, side):
-        if room.max_m[0] <= end_m + 1e-9:
-            area = Area(min_m=(room.min_m[0], y0), max_m=(room.max_m[0], y0 + layout.partition_m))
-            yield area, [_gap_in(area, layout.door_m[0], rng)]
-
-
-def _east_wall(room: Area, thickness_m: float) -> Area:
-    x_m = room.max_m[0]
-    return Area(min_m=(x_m - thickness_m, room.min_m[1]), max_m=(x_m, room.max_m[1]))
-
-
-# A gap of a width somewhere in a wall, away from its ends; as wide as is possible in short walls.
-def _gap_in(area: Area, width_m: float, rng: np.random.Generator) -> Gap:
-    axis = 0 if area.size_m[0] >= area.size_m[1] else 1
-    width_m = min(width_m, 0.8 * area.size_m[axis])
-    margin_m = min(0.4, (area.size_m[axis] - width_m) / 2)
-    low_m, high_m = area.min_m[axis] + margin_m, area.max_m[axis] - margin_m - width_m
-    start_m = low_m + float(rng.random()) * (high_m - low_m)
-    return start_m, start_m + width_m
-
-
-def _before_gap(area: Area, gap: Gap) -> Area:
-    if area.size_m[0] >= area.size_m[1]:
-        return Area(min_m=(gap[0], area.min_m[1] - DOOR_GAP_M), max_m=(gap[1], area.max_m[1] + DOOR_GAP_M))
-    return Area(min_m=(area.min_m[0] - DOOR_GAP_M, gap[0]), max_m=(area.max_m[0] + DOOR_GAP_M, gap[1]))
-
-
-def _desks(rng: np.random.Generator, rooms: Sequence[Area], taken: Sequence[Area], ceiling_m: float) -> list[Box]:
-    name, size_m, height_m, rgba = DESK
-    keep_clear = list(taken)
-    return [
-        box
-        for i, room in enumerate(rooms)
-        for box in _furnish(rng, f"{name}_{i}", size_m, room, keep_clear, min(height_m, ceiling_m), rgba)
-    ]
-
-
-# One thing in a zone, either way round, if there is a place for it; the place is then taken.
-def _furnish(
-    rng: np.random.Generator,
-    name: str,
-    size_m: tuple[float, float],
-    zone: Area,
-    taken: list[Area],
-    height_m: float,
-    rgba: Rgba,
-) -> list[Box]:
-    if rng.random() < 0.5:
-        size_m = (size_m[1], size_m[0])
-    place = next(free_places(rng, size_m, zone, taken, gap_m=0.1), None)
-    if place is None:
-        return []
-    (x0, y0), (x1, y1), gap_m = place.min_m, place.max_m, FURNITURE_GAP_M
-    taken.append(Area(min_m=(x0 - gap_m, y0 - gap_m), max_m=(x1 + gap_m, y1 + gap_m)))
-    return [box_above(name, place, 0.0, height_m, rgba)]
-
-
-# Ways to divide the largest room that can be divided: its index, the two rooms, and the wall with its door.
-def _splits(
-    layout: HomeSpec, rng: np.random.Generator, rooms: Sequence[Area], walls: Sequence[Wall]
-) -> Iterator[tuple[int, list[Area], Wall]]:
-    doors = [_before_gap(area, gap) for area, gaps in walls for gap in gaps]
-    for i in sorted(range(len(rooms)), key=lambda i: (-rooms[i].size_m[0] * rooms[i].size_m[1], i)):
-        room = rooms[i]
-        axis = 0 if room.size_m[0] >= room.size_m[1] else 1
-        slack_m = room.size_m[axis] - 2 * layout.least_room_m - layout.partition_m
-        for _ in range(20 if slack_m >= 0 else 0):
-            at_m = room.min_m[axis] + layout.least_room_m + float(rng.random()) * slack_m
-            wall = _cut(room, axis, at_m, at_m + layout.partition_m)
-            # A wall that ends at a door would close it.
-            if all(wall.is_apart_from(door) for door in doors):
-                parts = [
-                    _cut(room, axis, room.min_m[axis], at_m),
-                    _cut(room, axis, at_m + layout.partition_m, room.max_m[axis]),
-                ]
-                yield i, parts, (wall, [_gap_in(wall, layout.door_m[0], rng)])
-
-
-def _cut(room: Area, axis: int, low_m: float, high_m: float) -> Area:
-    if axis == 0:
-        return Area(min_m=(low_m, room.min_m[1]), max_m=(high_m, room.max_m[1]))
-    return Area(min_m=(room.min_m[0], low_m), max_m=(room.max_m[0], high_m))
-
-
-# For each wall, named by the room below it and the axis across it: whether it has a passage. A random spanning tree
-# of the rooms has one, and some of the others.
-def _passages(layout: ClutteredRoomsSpec, rng: np.random.Generator) -> dict[tuple[tuple[int, int], int], bool]:
-    nx, ny = layout.n_rooms
-    rooms = [(i, j) for i in range(nx) for j in range(ny)]
-    walls = [((i, j), axis) for i, j in rooms for axis, last in ((0, i == nx - 1), (1, j == ny - 1)) if not last]
-    group = {room: n for n, room in enumerate(rooms)}
-    has_passage: dict[tuple[tuple[int, int], int], bool] = {}
-    for index in rng.permutation(len(walls)):
-        (i, j), axis = walls[int(index)]
-        first, second = group[i, j], group[(i + 1, j) if axis == 0 else (i, j + 1)]
-        has_passage[(i, j), axis] = first != second or float(rng.random()) < layout.extra_passage_frac
-        group = {room: first if each == second else each for room, each in group.items()}
-    return {wall: has_passage[wall] for wall in walls}
-
-
-def _wall_between(layout: ClutteredRoomsSpec, room: tuple[int, int], axis: int) -> Area:
-    widths_m = [layout.size_m[i] / layout.n_rooms[i] for i in range(2)]
-    low = [room[i] * widths_m[i] for i in range(2)]
-    high = [(room[i] + 1) * widths_m[i] for i in range(2)]
-    half_m = layout.partition_m / 2
-    low[axis], high[axis] = high[axis] - half_m, high[axis] + half_m
-    return Area(min_m=(low[0], low[1]), max_m=(high[0], high[1]))
-
-
-# Chosen: a small storage tank, a shed; width kept between them and to the boundary.
-TANK_RADIUS_M, TANK_HEIGHT_M = (1.2, 2.4), (3.0, 6.0)
-BUILDING_SIDE_M, BUILDING_HEIGHT_M = (4.0, 8.0), (2.5, 5.0)
-PLANT_GAP_M = 2.0
 
 
 def build_plant(layout: PlantSpec) -> tuple[Box, ...]:
@@ -327,44 +268,11 @@ def log_profile(inlet: Opening, layout: PlantSpec, grid: Grid) -> tuple[Opening,
     return tuple(layers)
 
 
-Racks = SimpleWarehouseSpec | ComplexWarehouseSpec
-
-# What the thesis adds to the wider opening for the aisle between the ends of rows and the wall [m].
-END_AISLE_EXTRA_M = 2.0
-POST_M, SHELF_M = 0.1, 0.1
-# How high each of four bays (lower near, lower far, upper near, upper far) is filled, as a share of the space below
-# the next shelf. Seven loads, as many as the thesis has filled racks; the shares are chosen.
-LOADS = (
-    (0.95, 0.95, 0.95, 0.95),
-    (0.95, 0.95, 0.6, 0.6),
-    (0.6, 0.95, 0.95, 0.35),
-    (0.95, 0.0, 0.6, 0.95),
-    (0.35, 0.6, 0.0, 0.95),
-    (0.95, 0.6, 0.35, 0.0),
-    (0.6, 0.6, 0.95, 0.6),
-)
-# The two empty racks: with both shelves, and with the upper one only.
-EMPTY_SHELVES = ((0, 1), (1,))
-N_TYPES = len(LOADS) + len(EMPTY_SHELVES)
-
-FORKLIFT_M, FORKLIFT_HEIGHTS_M = (1.2, 2.4), (1.1, 2.2)
-PILE_M, PILE_HEIGHT_M = (1.0, 1.8), (0.6, 1.8)
-PALLET_M, PALLET_HEIGHT_M = (0.8, 1.2), 0.15
-# Free width kept between items, and before openings.
-ITEM_GAP_M, OPENING_GAP_M = 0.6, 1.5
-
-
-def build_racks(layout: Racks, openings: Sequence[OpeningSpec]) -> tuple[Box, ...]:
-    """Return all racks of a warehouse, those of a column `rack_i_j_k`: row, place in the row, storey."""
-    places = rack_areas(layout, openings)
-    n_storeys = max(1, math.floor(layout.size_m[2] / layout.rack_size_m[2] + 1e-9))
-    types = rack_types(layout, len(places) * n_storeys)
-    return tuple(
-        box
-        for i, (name, area) in enumerate(places)
-        for storey in range(n_storeys)
-        for box in _rack(f"rack_{name}_{storey}", area, layout.rack_size_m[2], storey, types[i * n_storeys + storey])
-    )
+def l_shape_from_m(layout: OfficeSpec) -> float:
+    """Return from which x on the upper side of an office is not part of it [m]; its whole length for a rectangle."""
+    if layout.outline == "rectangle" or layout.rooms_per_side < 2:
+        return layout.size_m[0]
+    return layout.size_m[0] * ((layout.rooms_per_side + 1) // 2) / layout.rooms_per_side
 
 
 def rack_types(layout: Racks, n_racks: int) -> tuple[int, ...]:
@@ -408,30 +316,6 @@ def end_aisle_m(layout: Racks, openings: Sequence[OpeningSpec]) -> float:
     """Return the width of the aisle between the ends of rows and the wall [m], by default the thesis's."""
     widest_m = max(opening.max_m[1] - opening.min_m[1] for opening in openings)
     return layout.end_aisle_m or widest_m + END_AISLE_EXTRA_M
-
-
-def build_items(layout: ComplexWarehouseSpec, openings: Sequence[OpeningSpec]) -> tuple[Box, ...]:
-    """Return forklifts, piles and pallets, turned by any angle, in the end aisles and clear of the openings."""
-    rng = stream(layout.seed, "layout.items")
-    x_m, y_m, _ = layout.size_m
-    depth_m = min([end_aisle_m(layout, openings), *(area.min_m[1] for _, area in rack_areas(layout, openings))])
-    zones = (_area(0.0, 0.0, x_m, depth_m), _area(0.0, y_m - depth_m, x_m, depth_m))
-    taken = [_before(opening) for opening in openings]
-    kinds = ["forklift"] * layout.n_forklifts + ["pile"] * layout.n_piles + ["pallet"] * layout.n_pallets
-    boxes: list[Box] = []
-    for i, kind in enumerate(kinds):
-        number = i - kinds.index(kind)
-        first = int(rng.integers(2))
-        corners, bounds = _turned_footprint(rng, kind)
-        for zone in (zones[first], zones[1 - first]):
-            place = next(free_places(rng, bounds.size_m, zone, taken, gap_m=ITEM_GAP_M), None)
-            if place is not None:
-                taken.append(place)
-                shift = (place.min_m[0] - bounds.min_m[0], place.min_m[1] - bounds.min_m[1])
-                moved = tuple((x + shift[0], y + shift[1]) for x, y in corners)
-                boxes += _item(rng, kind, f"{kind}_{number}", moved, layout.size_m[2])
-                break
-    return tuple(boxes)
 
 
 def _n_that_fit(length_m: float, width_m: float, gap_m: float) -> int:
@@ -488,7 +372,7 @@ def _goods(name: str, area: Area, bottom_m: float, height_m: float, load: Sequen
     return boxes
 
 
-def _turned_footprint(rng: np.random.Generator, kind: str) -> tuple[tuple[tuple[float, float], ...], Area]:
+def _turned_footprint(rng: np.random.Generator, kind: str) -> tuple[tuple[Point, ...], Area]:
     if kind == "pile":
         size_m = (float(rng.uniform(*PILE_M)), float(rng.uniform(*PILE_M)))
     else:
@@ -497,9 +381,7 @@ def _turned_footprint(rng: np.random.Generator, kind: str) -> tuple[tuple[tuple[
     return corners, bounding_area(corners)
 
 
-def _item(
-    rng: np.random.Generator, kind: str, name: str, corners: Sequence[tuple[float, float]], ceiling_m: float
-) -> list[Box]:
+def _item(rng: np.random.Generator, kind: str, name: str, corners: Sequence[Point], ceiling_m: float) -> list[Box]:
     if kind == "pallet":
         return _layer(name, "deck", corners, 0.0, PALLET_HEIGHT_M, WOOD_RGBA)
     if kind == "forklift":
@@ -516,13 +398,11 @@ def _item(
     ]
 
 
-def _layer(
-    name: str, part: str, corners: Sequence[tuple[float, float]], bottom_m: float, top_m: float, rgba: Rgba
-) -> list[Box]:
+def _layer(name: str, part: str, corners: Sequence[Point], bottom_m: float, top_m: float, rgba: Rgba) -> list[Box]:
     return list(split_into_strips(f"{name}_{part}", corners, bottom_m, top_m, rgba)) if top_m > bottom_m else []
 
 
-def _shrunk(corners: Sequence[tuple[float, float]], share: float) -> tuple[tuple[float, float], ...]:
+def _shrunk(corners: Sequence[Point], share: float) -> tuple[Point, ...]:
     x_m, y_m = (sum(corner[i] for corner in corners) / len(corners) for i in range(2))
     return tuple((x_m + share * (x - x_m), y_m + share * (y - y_m)) for x, y in corners)
 
@@ -538,3 +418,250 @@ def _before(opening: OpeningSpec) -> Area:
 
 def _area(x_m: float, y_m: float, wide_m: float, deep_m: float) -> Area:
     return Area(min_m=(x_m, y_m), max_m=(x_m + wide_m, y_m + deep_m))
+
+
+def _walls(walls: Sequence[Wall], height_m: float, gap_height_m: float) -> list[Box]:
+    return [
+        box
+        for i, (area, gaps) in enumerate(walls)
+        for box in wall_with_gaps(f"partition_{i}", area, height_m, sorted(gaps), gap_height_m)
+    ]
+
+
+# The inner faces of the corridor's walls: y of the lower and of the upper [m].
+def _corridor_sides_m(layout: OfficeSpec) -> tuple[float, float]:
+    middle_m = layout.size_m[1] / 2
+    return middle_m - layout.corridor_m / 2, middle_m + layout.corridor_m / 2
+
+
+def _office_rooms(layout: OfficeSpec, side: int) -> list[Area]:
+    low_m, high_m = _corridor_sides_m(layout)
+    y0, y1 = (0.0, low_m) if side == 0 else (high_m, layout.size_m[1])
+    width_m = layout.size_m[0] / layout.rooms_per_side
+    return [Area(min_m=(i * width_m, y0), max_m=((i + 1) * width_m, y1)) for i in range(layout.rooms_per_side)]
+
+
+def _corridor_walls(layout: OfficeSpec, side: int, rng: np.random.Generator) -> Iterator[Wall]:
+    low_m, high_m = _corridor_sides_m(layout)
+    y0 = low_m - layout.partition_m if side == 0 else high_m
+    end_m = layout.size_m[0] if side == 0 else l_shape_from_m(layout)
+    for room in _office_rooms(layout, side):
+        if room.max_m[0] <= end_m + 1e-9:
+            area = Area(min_m=(room.min_m[0], y0), max_m=(room.max_m[0], y0 + layout.partition_m))
+            yield area, [_gap_in(area, layout.door_m[0], rng)]
+
+
+def _east_wall(room: Area, thickness_m: float) -> Area:
+    x_m = room.max_m[0]
+    return Area(min_m=(x_m - thickness_m, room.min_m[1]), max_m=(x_m, room.max_m[1]))
+
+
+# A gap of a width somewhere in a wall, away from its ends; as wide as is possible in short walls.
+def _gap_in(area: Area, width_m: float, rng: np.random.Generator) -> Gap:
+    axis = 0 if area.size_m[0] >= area.size_m[1] else 1
+    width_m = min(width_m, 0.8 * area.size_m[axis])
+    margin_m = min(0.4, (area.size_m[axis] - width_m) / 2)
+    low_m, high_m = area.min_m[axis] + margin_m, area.max_m[axis] - margin_m - width_m
+    start_m = low_m + float(rng.random()) * (high_m - low_m)
+    return start_m, start_m + width_m
+
+
+def _before_gap(area: Area, gap: Gap) -> Area:
+    if area.size_m[0] >= area.size_m[1]:
+        return Area(min_m=(gap[0], area.min_m[1] - DOOR_GAP_M), max_m=(gap[1], area.max_m[1] + DOOR_GAP_M))
+    return Area(min_m=(area.min_m[0] - DOOR_GAP_M, gap[0]), max_m=(area.max_m[0] + DOOR_GAP_M, gap[1]))
+
+
+def _desks(rng: np.random.Generator, rooms: Sequence[Area], taken: Sequence[Area], ceiling_m: float) -> list[Box]:
+    name, size_m, height_m, rgba = DESK
+    keep_clear = list(taken)
+    return [
+        box
+        for i, room in enumerate(rooms)
+        for box in _furnish(rng, f"{name}_{i}", size_m, room, keep_clear, min(height_m, ceiling_m), rgba)
+    ]
+
+
+# One thing in a zone, either way round, if there is a place for it; the place is then taken.
+def _furnish(
+    rng: np.random.Generator,
+    name: str,
+    size_m: Point,
+    zone: Area,
+    taken: list[Area],
+    height_m: float,
+    rgba: Rgba,
+) -> list[Box]:
+    if rng.random() < 0.5:
+        size_m = (size_m[1], size_m[0])
+    place = next(free_places(rng, size_m, zone, taken, gap_m=0.1), None)
+    if place is None:
+        return []
+    (x0, y0), (x1, y1), gap_m = place.min_m, place.max_m, FURNITURE_GAP_M
+    taken.append(Area(min_m=(x0 - gap_m, y0 - gap_m), max_m=(x1 + gap_m, y1 + gap_m)))
+    return [box_above(name, place, 0.0, height_m, rgba)]
+
+
+# Ways to divide the largest room that can be divided: its index, the two rooms, and the wall with its door.
+def _splits(
+    layout: HomeSpec, rng: np.random.Generator, rooms: Sequence[Area], walls: Sequence[Wall]
+) -> Iterator[tuple[int, list[Area], Wall]]:
+    doors = [_before_gap(area, gap) for area, gaps in walls for gap in gaps]
+    for i in sorted(range(len(rooms)), key=lambda i: (-rooms[i].size_m[0] * rooms[i].size_m[1], i)):
+        room = rooms[i]
+        axis = 0 if room.size_m[0] >= room.size_m[1] else 1
+        slack_m = room.size_m[axis] - 2 * layout.least_room_m - layout.partition_m
+        for _ in range(20 if slack_m >= 0 else 0):
+            at_m = room.min_m[axis] + layout.least_room_m + float(rng.random()) * slack_m
+            wall = _cut(room, axis, at_m, at_m + layout.partition_m)
+            # A wall that ends at a door would close it.
+            if all(wall.is_apart_from(door) for door in doors):
+                parts = [
+                    _cut(room, axis, room.min_m[axis], at_m),
+                    _cut(room, axis, at_m + layout.partition_m, room.max_m[axis]),
+                ]
+                yield i, parts, (wall, [_gap_in(wall, layout.door_m[0], rng)])
+
+
+def _cut(room: Area, axis: int, low_m: float, high_m: float) -> Area:
+    if axis == 0:
+        return Area(min_m=(low_m, room.min_m[1]), max_m=(high_m, room.max_m[1]))
+    return Area(min_m=(room.min_m[0], low_m), max_m=(room.max_m[0], high_m))
+
+
+# For each wall, named by the room below it and the axis across it: whether it has a passage. A random spanning tree
+# of the rooms has one, and some of the others.
+def _passages(layout: ClutteredRoomsSpec, rng: np.random.Generator) -> dict[tuple[tuple[int, int], int], bool]:
+    nx, ny = layout.n_rooms
+    rooms = [(i, j) for i in range(nx) for j in range(ny)]
+    walls = [((i, j), axis) for i, j in rooms for axis, last in ((0, i == nx - 1), (1, j == ny - 1)) if not last]
+    group = {room: n for n, room in enumerate(rooms)}
+    has_passage: dict[tuple[tuple[int, int], int], bool] = {}
+    for index in rng.permutation(len(walls)):
+        (i, j), axis = walls[int(index)]
+        first, second = group[i, j], group[(i + 1, j) if axis == 0 else (i, j + 1)]
+        has_passage[(i, j), axis] = first != second or float(rng.random()) < layout.extra_passage_frac
+        group = {room: first if each == second else each for room, each in group.items()}
+    return {wall: has_passage[wall] for wall in walls}
+
+
+def _wall_between(layout: ClutteredRoomsSpec, room: tuple[int, int], axis: int) -> Area:
+    widths_m = [layout.size_m[i] / layout.n_rooms[i] for i in range(2)]
+    low = [room[i] * widths_m[i] for i in range(2)]
+    high = [(room[i] + 1) * widths_m[i] for i in range(2)]
+    half_m = layout.partition_m / 2
+    low[axis], high[axis] = high[axis] - half_m, high[axis] + half_m
+    return Area(min_m=(low[0], low[1]), max_m=(high[0], high[1]))
+
+
+def box_above(name: str, area: Area, bottom_m: float, top_m: float, rgba: Rgba, *, is_wall: bool = False) -> Box:
+    """Return the box above an area between two heights [m]."""
+    return Box(
+        name=name,
+        kind="wall" if is_wall else "obstacle",
+        min_m=tuple(_clean(v) for v in (*area.min_m, bottom_m)),  # pyright: ignore[reportArgumentType]
+        max_m=tuple(_clean(v) for v in (*area.max_m, top_m)),  # pyright: ignore[reportArgumentType]
+        rgba=rgba,
+    )
+
+
+def rotated_corners(centre_m: Point, size_m: Point, angle_rad: float) -> tuple[Point, ...]:
+    """Return the corners, counterclockwise, of a rectangle that is turned about its centre."""
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    return tuple(
+        (
+            centre_m[0] + cos * sx * size_m[0] / 2 - sin * sy * size_m[1] / 2,
+            centre_m[1] + sin * sx * size_m[0] / 2 + cos * sy * size_m[1] / 2,
+        )
+        for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    )
+
+
+def circle_corners(centre_m: Point, radius_m: float) -> tuple[Point, ...]:
+    """Return the corners of a regular polygon of the same area as a circle."""
+    step = 2 * math.pi / N_CIRCLE
+    reach_m = radius_m * math.sqrt(step / math.sin(step))
+    return tuple(
+        (centre_m[0] + reach_m * math.cos(i * step), centre_m[1] + reach_m * math.sin(i * step))
+        for i in range(N_CIRCLE)
+    )
+
+
+def bounding_area(corners_m: Sequence[Point]) -> Area:
+    """Return the smallest area that holds all corners."""
+    xs, ys = zip(*corners_m, strict=True)
+    return Area(min_m=(min(xs), min(ys)), max_m=(max(xs), max(ys)))
+
+
+def split_into_strips(
+    name: str, corners_m: Sequence[Point], bottom_m: float, top_m: float, rgba: Rgba
+) -> tuple[Box, ...]:
+    """Return boxes `name_0`, `name_1`, … along x that together stand for a convex prism.
+
+    Each strip is as long as the polygon is at the strip's middle, so that the area is kept to second order.
+    """
+    bounds = bounding_area(corners_m)
+    n = max(1, round(bounds.size_m[0] / STRIP_M))
+    borders = np.linspace(bounds.min_m[0], bounds.max_m[0], n + 1)
+    boxes: list[Box] = []
+    for i in range(n):
+        low, high = _span_at((borders[i] + borders[i + 1]) / 2, corners_m)
+        area = Area(min_m=(float(borders[i]), low), max_m=(float(borders[i + 1]), high))
+        if high - low > 1e-6:
+            boxes.append(box_above(f"{name}_{i}", area, bottom_m, top_m, rgba))
+    return tuple(boxes)
+
+
+def wall_with_gaps(
+    name: str, area: Area, height_m: float, gaps: Sequence[Point], gap_height_m: float
+) -> tuple[Box, ...]:
+    """Return the pieces of a wall along its longer side, and the lintels above its gaps.
+
+    Args:
+        name: Of the wall; pieces are `name_0`, …, lintels `name_lintel_0`, ….
+        area: The wall's footprint.
+        height_m: Of the wall, from the floor.
+        gaps: From and to along the longer side [m], ascending, apart from each other.
+        gap_height_m: Height of the gaps; at least `height_m` means no lintel.
+    """
+    axis = 0 if area.size_m[0] >= area.size_m[1] else 1
+    borders = [area.min_m[axis], *(border for gap in gaps for border in gap), area.max_m[axis]]
+    boxes: list[Box] = []
+    for i, (low, high) in enumerate(pairwise(borders)):
+        if high - low < 1e-6:
+            continue
+        part = _cut(area, axis, low, high)
+        if i % 2 == 0:
+            boxes.append(box_above(f"{name}_{i // 2}", part, 0.0, height_m, WALL_RGBA, is_wall=True))
+        elif gap_height_m < height_m - 1e-6:
+            boxes.append(box_above(f"{name}_lintel_{i // 2}", part, gap_height_m, height_m, WALL_RGBA, is_wall=True))
+    return tuple(boxes)
+
+
+def free_places(
+    rng: np.random.Generator, size_m: Point, zone: Area, taken: Sequence[Area], *, gap_m: float = 0.0, n_tries: int = 60
+) -> Iterator[Area]:
+    """Yield places for a thing of a size, drawn evenly in a zone, that keep a gap [m] to all that is taken."""
+    room = (zone.size_m[0] - size_m[0], zone.size_m[1] - size_m[1])
+    if min(room) < 0:
+        return
+    for _ in range(n_tries):
+        x_m = zone.min_m[0] + float(rng.random()) * room[0]
+        y_m = zone.min_m[1] + float(rng.random()) * room[1]
+        place = Area(min_m=(x_m, y_m), max_m=(x_m + size_m[0], y_m + size_m[1]))
+        if all(place.is_apart_from(other, gap_m) for other in taken):
+            yield place
+
+
+def _span_at(x_m: float, corners_m: Sequence[Point]) -> tuple[float, float]:
+    crossings = [
+        ay + (by - ay) * (x_m - ax) / (bx - ax)
+        for (ax, ay), (bx, by) in zip(corners_m, (*corners_m[1:], corners_m[0]), strict=True)
+        if ax != bx and (ax - x_m) * (bx - x_m) <= 0
+    ]
+    return (float(min(crossings)), float(max(crossings))) if crossings else (0.0, 0.0)
+
+
+# Free of the last digits of sums, so that edges on borders of cells stay there.
+def _clean(value_m: float) -> float:
+    return round(float(value_m), 6)
