@@ -40,8 +40,7 @@ from gslcosim.runtime.processes.stop_detection import PauseDetector, StopMonitor
 from gslcosim.runtime.services import build_core, build_dataflow, list_service_names
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunStatus
-from gslcosim.runtime.step_loop import SnapshotPolicy, StepLoop
-from gslcosim.runtime.stepper import SentMessage, Stepper, build_clock_pace
+from gslcosim.runtime.stepper import SentMessage, SnapshotPolicy, StepLoop, Stepper, build_clock_pace
 from gslcosim.scenario.models.scenario import AgentSpec
 
 REPORT_EVERY_TICKS = 64

@@ -114,7 +114,7 @@ def bare_hop(bench: Bench) -> float:
 # Prints the processors' time of all steps in one process, all threads; opening and closing of files are left out.
 FLIGHT = """
 import json, sys, time
-from gslcosim.runtime.step_loop import StepLoop
+from gslcosim.runtime.stepper import StepLoop
 times_s = []
 step = StepLoop.step
 def timed(self):

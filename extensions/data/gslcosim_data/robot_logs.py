@@ -34,9 +34,9 @@ from gslcosim.environment.store import load_environment
 from gslcosim.runtime.digest import HashChain, RunDigest
 from gslcosim.runtime.outcome import RunOutcome
 from gslcosim.runtime.replay.past_run import IMPORTED_FROM
-from gslcosim.runtime.run import run_into_directory
+from gslcosim.runtime.run import OpenRun, RunPlan
 from gslcosim.runtime.setup import RunSetup
-from gslcosim.runtime.status import RunResult, RunStatus
+from gslcosim.runtime.status import RunResult
 from gslcosim.scenario import Scenario, load_scenario
 from gslcosim.scenario.checks.registry import list_scenario_checks
 from gslcosim.scenario.loader import LoadedScenario
@@ -112,25 +112,18 @@ def import_log(
     for text in remarks:
         remark(f"{source}: {text}")
 
-    def fly_it(setup: RunSetup, report: object) -> RunOutcome:
-        del report
-        return _Retold(log, setup).outcome()
-
-    def ignored(_: RunStatus) -> None:
-        return
-
-    _, result = run_into_directory(
-        scenario,
-        environment_dir,
-        fly_it,
+    plan = RunPlan(
+        scenario=scenario,
+        environment_dir=environment_dir,
         runs_dir=runs_dir,
+        directory=loaded.directory,
         processes="one",
         began=time.perf_counter(),
-        report=ignored,
-        directory=loaded.directory,
         origin={IMPORTED_FROM: {"file": source.name, "sha256": _hash_of(source), "remarks": remarks}},
     )
-    return result
+    with OpenRun(plan, lambda _: None) as run:
+        run.outcome = _Retold(log, run.prepare()).outcome()
+    return run.result
 
 
 def log_sensors(scenario: Scenario) -> tuple[LoggedSensor, ...]:
