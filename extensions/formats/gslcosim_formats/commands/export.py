@@ -1,4 +1,4 @@
-"""`gslcosim environment export`: an environment in the format of another program, or as an FMI unit."""
+"""`gslcosim environment export`: an environment in the format of another program."""
 
 import argparse
 from pathlib import Path
@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import build_path_error
 from gslcosim.base.exporters import list_exporters
-from gslcosim.cli.arguments import Command, build_number_parser, parse_whole_number
-from gslcosim.cli.completion_words import SCENARIOS, find_folders, find_separated
+from gslcosim.cli.arguments import Command
+from gslcosim.cli.completion_words import SCENARIOS, find_folders
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
@@ -23,11 +23,6 @@ EXAMPLES = """  gslcosim environment export hall --to gaden --out hall_gaden
 GADEN_WINDS = ("components", "components_text", "points", "iterations")
 
 
-# A day of gas takes gigabytes.
-def _is_recordable(seconds: float) -> bool:
-    return 0.0 < seconds <= 86400.0
-
-
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", metavar="ENV", help="an environment folder, or a scenario")
     parser.add_argument("--to", choices=tuple(list_exporters("environment")), required=True, help="the format")
@@ -40,25 +35,6 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
             "form of GADEN's wind: files of its simulator, binary (default) or text, points for "
             "its preprocessing, or iterations as in its results"
         ),
-    )
-    parser.add_argument(
-        "--fmu-points",
-        type=parse_whole_number,
-        default=1,
-        metavar="N",
-        help="number of moving points of an FMI unit (default: 1)",
-    )
-    parser.add_argument(
-        "--fmu-until",
-        type=build_number_parser("a number of seconds greater than 0, at most 86400", _is_recordable),
-        metavar="S",
-        help="end of the gas that an FMI unit plays, in seconds (default: the scenario's time limit)",
-    )
-    parser.add_argument(
-        "--fmu-sensors",
-        default="",
-        metavar="MODELS",
-        help="gas sensors at each point of an FMI unit, for example tgs2600_ideal,pid_ideal (default: none)",
     )
     add_json_option(parser)
 
@@ -99,18 +75,12 @@ def _load(source: str) -> "tuple[Environment, Scenario | None]":
     return environment, loaded.scenario
 
 
-def _list_fmu_sensors() -> tuple[str, ...]:
-    from gslcosim_fmi.room_fmu import list_fmu_sensors
-
-    return list_fmu_sensors()
-
-
 COMMAND = Command(
     name="export",
     old_name="export",
     summary=("export an environment as GADEN, GSL-Bench, VTK, NetCDF, Zarr, STL, OpenFOAM points, MJCF or FMI unit"),
     examples=EXAMPLES,
     add_arguments=_add_arguments,
-    completes={"ENV": [SCENARIOS, find_folders], "MODELS": [find_separated(_list_fmu_sensors)]},
+    completes={"ENV": [SCENARIOS, find_folders]},
     run=_run,
 )
