@@ -243,6 +243,8 @@ class Stepper:
 
     def __post_init__(self) -> None:
         self.spec: ParticipantSpec = self.core.spec
+        # One that writes nothing holds only inputs, and no other participant's step depends on these.
+        self.is_kept = self.is_kept and bool(self.spec.writes)
         self.gate = Gate(self.dataflow, self.spec.name)
         self.trails = {write.port: HashChain() for write in self.spec.writes}
         # What it writes at every tick, and nothing else, if that is so.
@@ -503,16 +505,10 @@ class SnapshotPolicy:
         """For how many ticks more messages are kept: a service that is started again needs them since its snapshot."""
         return self.every_ticks or 0 if self.is_restarting else 0
 
-    def is_kept(self, core: Core) -> bool:
-        """Return whether the state of a core is saved or restored; that of one that writes nothing is not.
-
-        What such a one holds are things it has seen, and nobody's next step depends on them.
-        """
-        return bool(core.spec.writes) and (self.every_ticks is not None or self.snapshot is not None)
-
-    def stepper(self, core: Core, dataflow: Dataflow) -> Stepper:
-        """Return what steps a core that has just been built."""
-        return Stepper(core, dataflow, is_kept=self.is_kept(core))
+    @property
+    def keeps_state(self) -> bool:
+        """True when the states of cores are saved or restored."""
+        return self.every_ticks is not None or self.snapshot is not None
 
     def write_part(self, stepper: Stepper) -> None:
         """Write a participant's part of a snapshot.
@@ -618,7 +614,7 @@ class StepLoop:
         self._is_whole_run = is_whole_run
         self._turn = 0
         self.steppers = tuple(
-            Stepper(core, dataflow) if policy is None else policy.stepper(core, dataflow) for core in cores
+            Stepper(core, dataflow, is_kept=policy is not None and policy.keeps_state) for core in cores
         )
         # Looked for once: it is asked for whenever a process waits, and looking takes longer than a step's bookkeeping.
         self._prefetchers = tuple(
