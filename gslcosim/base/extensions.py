@@ -143,6 +143,10 @@ def read_known() -> dict[str, dict[str, list[str]]]:
     return known
 
 
+def _list_distributions() -> set[str]:
+    return {point.distribution for point in list_registrations()}
+
+
 def find_remedy(what: What, asked: str) -> str | None:
     """Return the sentence that names the extension which has what was asked for, or None where none is known.
 
@@ -151,7 +155,7 @@ def find_remedy(what: What, asked: str) -> str | None:
         asked: Its name: `bench`, `agents[].start.ros2`, `suite`, `mcap`.
     """
     for extension, offers in read_known().items():
-        if asked in offers.get(what, ()):
+        if asked in offers.get(what, ()) and f"gslcosim-{extension}" not in _list_distributions():
             return f"It is in the extension {extension}, which is not installed: pip install gslcosim-{extension}"
     return None
 

@@ -58,7 +58,7 @@ def test_every_contract_is_broken_and_covers_every_extension():
     config.read(ROOT / ".importlinter")
     names = [config[section]["name"] for section in config.sections() if ":contract:" in section]
     assert [name for name in names if not any(name.startswith(start) for start in WRONG_ARROWS)] == []
-    packages = {path.name for path in ROOT.glob("extensions/*/gslcosim_*") if path.is_dir()}
+    packages = {path.name for path in ROOT.glob("extensions/*/gslcosim_*") if (path / "__init__.py").is_file()}
     assert set(config["importlinter"]["root_packages"].split()) == {"gslcosim", "gslcosim_services", *packages}
     assert set(config["importlinter:contract:core"]["forbidden_modules"].split()) == packages
     assert set(re.findall(r"\w+", config["importlinter:contract:extensions"]["layers"])) == packages
