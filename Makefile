@@ -12,8 +12,6 @@ INSTALL = -m pip install --quiet --disable-pip-version-check --no-compile $(if $
 # Ours are built with the setuptools of .venv: an environment for each of the builds would take longer than the builds.
 INSTALL_OURS = $(INSTALL) --no-build-isolation $$($(BIN)/python tests/shared/distributions.py $(1))
 PYPROJECTS := pyproject.toml $(wildcard extensions/*/pyproject.toml)
-# The extensions of the quickstart.
-QUICKSTART := search
 
 # The last commit of 0.1.0.
 BASE ?= 9693e5e
@@ -180,7 +178,7 @@ lock: .venv/ready           # write requirements.lock anew: the newest versions 
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "gslcosim needs Python 3.11 or later: make PYTHON=python3.11")'
 	@echo "Setting up .venv (once, about half a minute)"
 	@$(PYTHON) -m venv .venv && $(BIN)/python $(INSTALL) 'setuptools>=77'
-	@$(BIN)/python $(call INSTALL_OURS,$(QUICKSTART)) && touch $@
+	@$(BIN)/python $(INSTALL) --no-build-isolation --editable . && touch $@
 
 # The core and all extensions with their extras dev, docs, check and test-all.
 .venv/ready-dev .venv/ready-docs .venv/ready-check .venv/ready-test-all: .venv/ready-%: .venv/ready

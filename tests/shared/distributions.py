@@ -63,7 +63,8 @@ def main() -> None:
     for name in list_needed(names, [asked.extra] if asked.extra else []):
         extra = asked.extra if name == CORE or asked.extra != "docs" else "dev"
         folder = "." if name == CORE else f"./{find_folder(name).relative_to(ROOT)}"
-        print(f"--editable {folder}[{extra}]" if extra else f"--editable {folder}")
+        # Without extras, too: pip before 23.3 finds a distribution for those that need it only so.
+        print(f"--editable {folder}", *([f"--editable {folder}[{extra}]"] if extra else []))
 
 
 if __name__ == "__main__":
