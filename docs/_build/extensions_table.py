@@ -55,11 +55,11 @@ def _list_options(offered: CommandOptions | SuiteKind) -> list[str]:
 
 
 def list_formats() -> Iterator[Offer]:
-    """Yield formats that are written, and formats of logs that are read."""
+    """Yield formats that are written, and those of logs that are read, as `bag log`."""
     for point in list_registered(EXPORTERS_GROUP):
         yield from ((point, exporter.name) for exporter in point.load())
     for point in list_registered(LOG_READERS_GROUP):
-        yield from ((point, name) for name in point.load().formats)
+        yield from ((point, f"{name} log") for name in point.load().formats)
 
 
 def list_keys() -> Iterator[Offer]:

@@ -40,6 +40,7 @@ def find_log_reader(log: Path) -> LogReader | None:
     readers = load_registered(LOG_READERS_GROUP, as_log_reader, "a LogReader")
     if found := next((reader for reader in readers if reader.is_own(log)), None):
         return found
-    if remedy := find_remedy("formats", "rosbag2" if log.is_dir() else log.suffix.removeprefix(".")):
+    format_name = "rosbag2" if log.is_dir() else log.suffix.removeprefix(".")
+    if remedy := find_remedy("formats", f"{format_name} log"):
         raise UsageError(f"{log}: expected a log whose reader is installed. {remedy}")
     return None

@@ -3,8 +3,8 @@
 import pytest
 import yaml
 
+from gslcosim.base import extensions
 from gslcosim.base.bundled import bundled_scenarios
-from gslcosim.base.plugins import EntryPoints
 from gslcosim.environment.positions import draw_positions
 from gslcosim.environment.readers import list_reader_keys
 from gslcosim.scenario.checks.registry import list_scenario_checks
@@ -18,7 +18,8 @@ REMEDY = "It is in the extension formats, which is not installed: pip install gs
 @pytest.fixture
 def load(tmp_path, monkeypatch):
     """Load a scenario with changed blocks where no extension is installed."""
-    monkeypatch.setattr(EntryPoints, "names", lambda self: ())
+    kept = tuple(point for point in extensions.list_registrations() if point.distribution == "gslcosim")
+    monkeypatch.setattr(extensions, "_read_entry_points", lambda folders: kept)
     (tmp_path / "folder").mkdir()
     (tmp_path / "lid.stl").touch()
 
