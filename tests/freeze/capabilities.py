@@ -136,12 +136,13 @@ def _properties(name: str, schema: dict[str, Any]) -> Iterator[str]:
 
 
 def _packaging(code: Code) -> Iterator[str]:
-    project = tomllib.loads((code.folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    yield from (f"script {name}" for name in project["scripts"])
-    yield from (f"extra {name}" for name in project["optional-dependencies"])
-    for group, points in project["entry-points"].items():
-        yield from (f"entry point {group} {name}" for name in points)
-    for path in (code.folder / "gslcosim").rglob("*.py"):
+    for file in (code.folder / "pyproject.toml", *code.folder.glob("extensions/*/pyproject.toml")):
+        project = tomllib.loads(file.read_text(encoding="utf-8"))["project"]
+        yield from (f"script {name}" for name in project.get("scripts", ()))
+        yield from (f"extra {name}" for name in project.get("optional-dependencies", ()))
+        for group, points in project.get("entry-points", {}).items():
+            yield from (f"entry point {group} {name}" for name in points)
+    for path in (*code.folder.glob("gslcosim/**/*.py"), *code.folder.glob("extensions/*/gslcosim_*/**/*.py")):
         groups = re.findall(
             r'^\w+(?:_ENTRY_POINTS|_GROUP) = "([\w.]+)"', path.read_text(encoding="utf-8"), re.MULTILINE
         )
