@@ -173,7 +173,7 @@ def list_answers(environment: FreshEnvironment, extension: str, folder: Path, pr
     for kind, file in files.items():
         file.write_text(f"schema: gslcosim/{kind}/1\n")
     asked = [
-        *(word.split() for word in offers.get("commands", ()) if word.split()[0] not in of_others),
+        *(word.split() for word in offers.get("commands", ()) if "--" not in word and word.split()[0] not in of_others),
         *(["validate", str(file)] for file in files.values()),
         *(["validate", str(write_scenario(folder, key))] for key in offers.get("keys", ())),
     ]
