@@ -25,9 +25,12 @@ _DIGEST_BYTES = 16
 def hash_result_code() -> str:
     """Return a hash that changes when any code that decides the results of a run does."""
     own = [path for path in list_package_files(*_CORE) if not _name_in_package(path).startswith(_IRRELEVANT_FOLDERS)]
-    # An extension says which of its code decides results: its search methods, and not its figures.
-    registered = (point.value.replace(".", "/") for point in list_registered(RESULT_CODE_GROUP))
-    return hash_code([*own, *list_package_files(*registered)])
+    return hash_code([*own, *list_registered_files()])
+
+
+def list_registered_files() -> list[Path]:
+    """Return the modules by which extensions decide results, as each registers: its models, and not its figures."""
+    return list_package_files(*(point.value.replace(".", "/") for point in list_registered(RESULT_CODE_GROUP)))
 
 
 def _name_in_package(path: Path) -> str:

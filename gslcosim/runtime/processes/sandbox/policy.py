@@ -166,7 +166,9 @@ def split_readable_paths(cell: SandboxPolicy) -> tuple[list[Path], list[Path]]:
     hidden = {path.resolve() for path in cell.hidden}
     for folder in dict.fromkeys(path.resolve() for path in cell.reads):
         _add_readable_paths(folder, [path for path in hidden if path.is_relative_to(folder)], reads, lists)
-    return reads, lists
+    # Python finds a package by the names in the folder that has it; packages of an editable installation stand alone.
+    packages = [package for package in find_extension_packages().values() if package in reads]
+    return reads, [*lists, *dict.fromkeys(package.parent for package in packages)]
 
 
 def _add_readable_paths(folder: Path, hidden: list[Path], reads: list[Path], lists: list[Path]) -> None:
