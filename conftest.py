@@ -27,7 +27,8 @@ GOLDEN_DIR = Path(__file__).parent / "tests" / "golden"
 MARKS = ("slow", "end_to_end", "tour", "debian", "extras", "soak")
 # A module's tests go to one worker. The longest modules begin first: begun last, one would run while no other does.
 LONGEST_MODULES = (
-    "test_ray_pool", "test_two_hosts", "test_sandboxes", "test_tutorials", "test_method_ports", "test_fork",
+    "test_core_alone", "test_ray_pool", "test_two_hosts", "test_sandboxes", "test_tutorials", "test_method_ports",
+    "test_fork",
     "test_new_agents", "test_snapshots", "test_readme", "test_live", "test_machine_faults", "test_languages",
     "test_runner", "test_hostile_submissions", "test_get_started", "test_faults", "test_gateway",
     "test_transport_pages", "test_compose_run", "test_openfoam", "test_submission", "test_events", "test_methods",
