@@ -9,20 +9,28 @@ unexport PYTHONDONTWRITEBYTECODE
 LOCK ?= requirements.lock
 # Modules are compiled when they are first imported: pip would compile all of the packages, one after the other.
 INSTALL = -m pip install --quiet --disable-pip-version-check --no-compile $(if $(LOCK),--constraint $(LOCK))
+# Ours are built with the setuptools of .venv: an environment for each of the builds would take longer than the builds.
+INSTALL_OURS = $(INSTALL) --no-build-isolation $$($(BIN)/python tests/shared/distributions.py $(1))
+PYPROJECTS := pyproject.toml $(wildcard extensions/*/pyproject.toml)
 
 # The last commit of 0.1.0.
 BASE ?= 9693e5e
 
-.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers bench-table crossings plume-statistics reality soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check capabilities golden docs docs-site docs-serve readability dist contract setup lock bench-training simulated-entries
+.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers bench-table crossings plume-statistics reality soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check capabilities golden docs docs-site docs-serve readability dist contract setup lock version bench-training simulated-entries
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
 
 # Needs pip and nothing else: what needs packages of Debian, or Python packages of many megabytes, is for test-all.
 LIGHT := not soak and not debian and not extras
-test: .venv/ready-dev       # what a newcomer types: the fast tests, and each capability once end to end
+ifdef EXTENSION
+test: .venv/ready-dev-$(EXTENSION)  # the tests of one extension, with what it needs: EXTENSION=bench
+	$(BIN)/pytest -q -n 2 --dist loadscope --no-loadscope-reorder -m "(tour or not slow and not end_to_end) and $(LIGHT)" extensions/$(EXTENSION)/tests
+else
+test: .venv/ready-dev       # what a newcomer types: the fast tests, and each capability once; EXTENSION=NAME for those of one
 	$(BIN)/pytest -q -n 2 -m "not slow and not end_to_end and $(LIGHT)"
 	$(BIN)/pytest -q -n 2 --dist loadscope --no-loadscope-reorder -m "tour and $(LIGHT)"
+endif
 
 LEFT_OUT := not soak and (debian or extras or (not tour and (slow or end_to_end)))
 test-all: .venv/ready-test-all  # all that `make test` leaves out; what is missing for a test is listed at the end
@@ -32,7 +40,8 @@ test-all: .venv/ready-test-all  # all that `make test` leaves out; what is missi
 
 check: .venv/ready-check      # style, types, layers, spelling, imports that are not declared
 	$(BIN)/ruff check && $(BIN)/ruff format --check && $(BIN)/codespell
-	$(BIN)/lint-imports --no-logo && $(BIN)/deptry . && $(BIN)/pyright
+	$(BIN)/lint-imports --no-logo && $(BIN)/pyright && $(BIN)/deptry .
+	@set -e; for folder in $(dir $(wildcard extensions/*/pyproject.toml)); do (cd $$folder && ../../$(BIN)/deptry .); done
 
 bench: .venv/ready-test-all      # how fast it is on this machine
 	@set -e; for script in $(filter-out %/bench_against.py %/bench_peers.py,$(wildcard tests/benchmarks/bench_*.py)); do echo "== $$script"; $(BIN)/python $$script; done
@@ -139,32 +148,46 @@ docs-serve: docs-site        # show the site at http://127.0.0.1:8000
 readability: .venv/ready    # words, long and passive sentences of each page, at BASE=COMMIT and now
 	@$(BIN)/python docs/_build/readability.py $(BASE)
 
-dist: .venv/ready-check      # build the source package and the wheel in dist, and check what an index would refuse
+dist: .venv/ready-check      # build source packages and wheels of core and extensions in dist, and check what an index would refuse
 	rm -rf dist
-	$(BIN)/python -m build --outdir dist .
+	@set -e; for folder in $(dir $(PYPROJECTS)); do $(BIN)/python -m build --no-isolation --outdir dist $$folder; done
 	$(BIN)/twine check --strict dist/*
+
+version:                     # write V=VERSION in core, extensions and citation
+	sed -i -E 's/^(__version__ = ).*/\1"$(V)"/' gslcosim/__init__.py
+	sed -i -E 's/^(version: ).*/\1$(V)/' CITATION.cff
+	sed -i -E 's/^(version = ).*/\1"$(V)"/; s/(gslcosim[a-z-]*(\[[a-z,]*\])?==)[^"]*/\1$(V)/' extensions/*/pyproject.toml
 
 contract: .venv/ready-dev   # rewrite the published contract; review the diff
 	rm -rf agents/contract
 	$(BIN)/python docs/_build/contract_files.py agents/contract
 	$(BIN)/python docs/_build/file_schemas.py
+	$(BIN)/python docs/_build/extensions_table.py
 
 setup: .venv/ready-check .venv/ready-test-all  # everything for development
 
-lock: .venv/ready           # write requirements.lock anew: the newest versions that pyproject.toml allows; review the diff
+# Each distribution with all that `make` installs, as uv reads it.
+LOCKED = for folder in $(patsubst %/,%,$(dir $(PYPROJECTS))); do echo "$$folder[dev,check,test-all]"; done
+lock: .venv/ready           # write requirements.lock anew: the newest versions that all pyproject.toml allow; review the diff
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
-	$(BIN)/uv pip compile pyproject.toml --universal --upgrade --python-version 3.11 --extra dev --extra check --extra test-all \
-		--no-emit-index-url --no-annotate --no-header --quiet --output-file requirements.lock
+	@$(LOCKED) | $(BIN)/uv pip compile - --universal --upgrade --python-version 3.11 --no-emit-index-url --no-annotate --no-header \
+		--quiet $(patsubst extensions/%/pyproject.toml,--no-emit-package gslcosim-%,$(filter extensions/%,$(PYPROJECTS))) \
+		--no-emit-package gslcosim --output-file requirements.lock
 
-.venv/ready: pyproject.toml setup.py $(LOCK)
+.venv/ready: $(PYPROJECTS) setup.py $(LOCK)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "gslcosim needs Python 3.11 or later: make PYTHON=python3.11")'
 	@echo "Setting up .venv (once, about half a minute)"
-	@$(PYTHON) -m venv .venv && $(BIN)/python $(INSTALL) --editable . && touch $@
+	@$(PYTHON) -m venv .venv && $(BIN)/python $(INSTALL) 'setuptools>=77'
+	@$(BIN)/python $(INSTALL) --no-build-isolation --editable . && touch $@
 
-# What the extras dev, docs, check and test-all name.
+# The core and all extensions with their extras dev, docs, check and test-all.
 .venv/ready-dev .venv/ready-docs .venv/ready-check .venv/ready-test-all: .venv/ready-%: .venv/ready
-	@echo "Installing the extra $* into .venv (once)"
-	@$(BIN)/python $(INSTALL) --editable '.[$*]' && touch $@
+	@echo "Installing all extensions with the extra $* into .venv (once)"
+	@$(BIN)/python $(call INSTALL_OURS,--extra $*) && touch $@
+
+.venv/ready-dev-%: .venv/ready
+	@echo "Installing the extension $* into .venv (once)"
+	@$(BIN)/python $(call INSTALL_OURS,--extra dev $*) && touch $@
 
 # Nothing of ours: what the extra names, and no more.
 PEERS = import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["peers"])

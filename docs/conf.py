@@ -34,7 +34,18 @@ include_patterns = [
     "CONTRIBUTING.md",
     "SECURITY.md",
 ]
-exclude_patterns = ["docs/_build", "docs/studies/*.py", ".*", "build", "dist", "gslcosim", "services", "tests", "runs"]
+exclude_patterns = [
+    "docs/_build",
+    "docs/studies/*.py",
+    ".*",
+    "build",
+    "dist",
+    "extensions",
+    "gslcosim",
+    "services",
+    "tests",
+    "runs",
+]
 source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb"}
 
 myst_enable_extensions = ["colon_fence", "dollarmath"]

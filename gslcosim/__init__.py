@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 from gslcosim.base.kernel_cache import use_kernel_cache
 
 if TYPE_CHECKING:
-    from gslcosim.data.run import open_run as open_run
     from gslcosim.simulation.simulation import Simulation as Simulation
 
 __version__ = "0.2.0"
@@ -15,8 +14,8 @@ use_kernel_cache()
 
 
 # What a person calls, by where it is; imported when it is asked for, so that a start stays short.
-_CALLABLES = {"Simulation": "gslcosim.simulation.simulation", "open_run": "gslcosim.data.run"}
-_MODULES = ("agent_kit", "bench", "search", "training")
+_CALLABLES = {"Simulation": "gslcosim.simulation.simulation"}
+_MODULES = ("agent_kit",)
 
 
 def __getattr__(name: str) -> Any:
@@ -24,7 +23,16 @@ def __getattr__(name: str) -> Any:
         return getattr(importlib.import_module(_CALLABLES[name]), name)
     if name in _MODULES:
         return importlib.import_module(f"{__name__}.{name}")
-    raise AttributeError(f"module 'gslcosim' has no attribute '{name}'")
+    raise AttributeError(f"module 'gslcosim' has no attribute '{name}'{_describe_home(name)}")
+
+
+def _describe_home(name: str) -> str:
+    if name.startswith("_"):
+        return ""
+    from gslcosim.base.extensions import find_name_remedy
+
+    remedy = find_name_remedy(name)
+    return f". {remedy}" if remedy else ""
 
 
 def __dir__() -> list[str]:

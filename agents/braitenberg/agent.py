@@ -3,13 +3,13 @@
 import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.declaration import MissionDeclarer, ReactiveDeclarer
-from gslcosim.search.motion.legs import LegSpace, next_leg
-from gslcosim.search.random_stream import RandomStream
-from gslcosim.search.reactive.taxis import lateral_pair, speed_and_turn, wheel_speeds_m_s
-from gslcosim.search.senses.hit_detection import GasLevel, RunningRange
-from gslcosim.search.senses.instruments import Nose, find_noses
+from gslcosim.agent_kit.settings import load_settings
+from gslcosim_search.motion.declaration import MissionDeclarer, ReactiveDeclarer
+from gslcosim_search.motion.legs import LegSpace, next_leg
+from gslcosim_search.random_stream import RandomStream
+from gslcosim_search.reactive.taxis import lateral_pair, speed_and_turn, wheel_speeds_m_s
+from gslcosim_search.senses.hit_detection import GasLevel, RunningRange
+from gslcosim_search.senses.instruments import Nose, find_noses
 
 # A range of gas smaller than so many thresholds counts as one of so many: noise is not to be spread over it.
 LEAST_RANGE = 5.0

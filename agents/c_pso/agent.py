@@ -8,8 +8,8 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, run
-from gslcosim.search.swarms.particle_swarm import Charge, Sighting, charge_velocity
-from gslcosim.search.swarms.swarm_robot import Particle, Vector
+from gslcosim_search.swarms.particle_swarm import Charge, Sighting, charge_velocity
+from gslcosim_search.swarms.swarm_robot import Particle, Vector
 
 
 class CPso(Particle):

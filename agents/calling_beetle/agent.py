@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, RadioMessage, run
-from gslcosim.search.method_settings import load_settings
+from gslcosim.agent_kit.settings import load_settings
 
 CROSSWIND_RAD = math.radians(90)
 ZIGZAG_RAD = math.radians(60)

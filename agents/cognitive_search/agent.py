@@ -1,7 +1,7 @@
 """Cognitive search: weighs stops by a Renyi divergence of beliefs, or by free energy."""
 
 from gslcosim.agent_kit import run
-from gslcosim.search.information.information_agent import InformationAgent
+from gslcosim_search.information.information_agent import InformationAgent
 
 
 class CognitiveSearch(InformationAgent):

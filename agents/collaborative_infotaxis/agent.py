@@ -8,17 +8,17 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, Command, Observation, RadioMessage, run
-from gslcosim.search.beliefs import CellGrid
-from gslcosim.search.information.information_agent import arrival_radius_m, assumed_dispersal, direction_spread_rad
-from gslcosim.search.information.objectives import find_min_cost_index
-from gslcosim.search.motion.declaration import Estimate, by_entropy, by_mass
-from gslcosim.search.motion.legs import LegPlanner, leg_end
-from gslcosim.search.search_agent import SearchAgent
-from gslcosim.search.senses.hit_detection import Finding, GasEvidence
-from gslcosim.search.senses.instruments import find_noses, find_vane
-from gslcosim.search.senses.wind_field import WindRecord
-from gslcosim.search.swarms.rounds import Report, Team, round_to_sent_digits
-from gslcosim.search.swarms.shared_belief import SharedBelief, SharedFinding, assigned_costs
+from gslcosim_search.beliefs import CellGrid
+from gslcosim_search.information.information_agent import arrival_radius_m, assumed_dispersal, direction_spread_rad
+from gslcosim_search.information.objectives import find_min_cost_index
+from gslcosim_search.motion.declaration import Estimate, by_entropy, by_mass
+from gslcosim_search.motion.legs import LegPlanner, leg_end
+from gslcosim_search.search_agent import SearchAgent
+from gslcosim_search.senses.hit_detection import Finding, GasEvidence
+from gslcosim_search.senses.instruments import find_noses, find_vane
+from gslcosim_search.senses.wind_field import WindRecord
+from gslcosim_search.swarms.rounds import Report, Team, round_to_sent_digits
+from gslcosim_search.swarms.shared_belief import SharedBelief, SharedFinding, assigned_costs
 
 WIND_STEP_S = 1.0
 # Who was not heard for so long has no plan any more.

@@ -4,8 +4,8 @@ After Jatmiko et al. README.md beside this file has the rules.
 """
 
 from gslcosim.agent_kit import Briefing, Observation, run
-from gslcosim.search.swarms.particle_swarm import Sighting, Stagnation
-from gslcosim.search.swarms.swarm_robot import Particle, Vector
+from gslcosim_search.swarms.particle_swarm import Sighting, Stagnation
+from gslcosim_search.swarms.swarm_robot import Particle, Vector
 
 
 class DrPso(Particle):

@@ -1,7 +1,7 @@
 """Dual control: nears the mean of its belief and shrinks the variance of it, weighed as one cost."""
 
 from gslcosim.agent_kit import run
-from gslcosim.search.information.information_agent import InformationAgent
+from gslcosim_search.information.information_agent import InformationAgent
 
 
 class DualControl(InformationAgent):

@@ -7,8 +7,8 @@ import math
 from collections.abc import Iterator
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import LegCommander
+from gslcosim.agent_kit.commands import LegCommander
+from gslcosim.agent_kit.settings import load_settings
 
 RIGHT_ANGLE_RAD = 1.5707963267948966
 HALF_TURN_RAD = 3.141592653589793

@@ -1,14 +1,14 @@
 """E. coli: on with more gas, otherwise anywhere. README.md beside this file has the rules and the exact arithmetic."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import LegCommander
-from gslcosim.search.motion.declaration import MissionDeclarer, ReactiveDeclarer
-from gslcosim.search.motion.legs import LegSpace
-from gslcosim.search.random_stream import RandomStream
-from gslcosim.search.reactive.random_walks import RunAndTumble
-from gslcosim.search.senses.instruments import find_noses
-from gslcosim.search.senses.stop_and_measure import GasIncrease
+from gslcosim.agent_kit.commands import LegCommander
+from gslcosim.agent_kit.settings import load_settings
+from gslcosim_search.motion.declaration import MissionDeclarer, ReactiveDeclarer
+from gslcosim_search.motion.legs import LegSpace
+from gslcosim_search.random_stream import RandomStream
+from gslcosim_search.reactive.random_walks import RunAndTumble
+from gslcosim_search.senses.instruments import find_noses
+from gslcosim_search.senses.stop_and_measure import GasIncrease
 
 
 class EColi(Agent):

@@ -1,7 +1,7 @@
 """Entrotaxis: goes where it can tell the next reading least."""
 
 from gslcosim.agent_kit import run
-from gslcosim.search.information.information_agent import InformationAgent
+from gslcosim_search.information.information_agent import InformationAgent
 
 
 class Entrotaxis(InformationAgent):

@@ -4,9 +4,9 @@ README.md beside this file says how they were evolved, parameters.json has them.
 """
 
 from gslcosim.agent_kit import Briefing, run
-from gslcosim.search.learned.policy_files import with_learned_parameters
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.swarms.swarm_robot import Particle
+from gslcosim.agent_kit.settings import load_settings
+from gslcosim_search.learned.policy_files import with_learned_parameters
+from gslcosim_search.swarms.swarm_robot import Particle
 
 
 class EvolvedPso(Particle):

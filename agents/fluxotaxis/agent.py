@@ -6,8 +6,8 @@ After Zarzhitsky and Spears. README.md beside this file has the rules and the de
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
-from gslcosim.search.motion.declaration import Estimate
-from gslcosim.search.swarms.fluxotaxis import (
+from gslcosim_search.motion.declaration import Estimate
+from gslcosim_search.swarms.fluxotaxis import (
     REACH,
     OutflowRule,
     RingFlow,
@@ -16,8 +16,8 @@ from gslcosim.search.swarms.fluxotaxis import (
     relaxed_lattice,
     ring_flow,
 )
-from gslcosim.search.swarms.formations import FormationAgent, fit_plane, formation, mixed_direction, odour_offset_m
-from gslcosim.search.swarms.rounds import Round
+from gslcosim_search.swarms.formations import FormationAgent, fit_plane, formation, mixed_direction, odour_offset_m
+from gslcosim_search.swarms.rounds import Round
 
 NO_FLOW = RingFlow(inward=0.0, outward=0.0)
 

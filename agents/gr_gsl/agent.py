@@ -6,9 +6,9 @@ After Ojeda, Monroy and Gonzalez-Jimenez. README.md beside this file has the rul
 from types import SimpleNamespace
 
 from gslcosim.agent_kit import Observation, run
-from gslcosim.search.maps.gr_gsl import GrGsl, GrGslSettings, warm_up
-from gslcosim.search.maps.map_agents import StopMapAgent
-from gslcosim.search.motion.map_navigation import Stop
+from gslcosim_search.maps.gr_gsl import GrGsl, GrGslSettings, warm_up
+from gslcosim_search.maps.map_agents import StopMapAgent
+from gslcosim_search.motion.map_navigation import Stop
 
 
 class GrGslAgent(StopMapAgent[GrGsl]):

@@ -1,15 +1,15 @@
 """Gradient: a plane fitted to the last readings tells where there is more gas. README.md beside this has the rules."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import LegCommander
-from gslcosim.search.motion.declaration import MissionDeclarer, ReactiveDeclarer
-from gslcosim.search.motion.legs import LegSpace, next_leg
-from gslcosim.search.random_stream import RandomStream
-from gslcosim.search.reactive.taxis import RecentReadings, mount_position_m
-from gslcosim.search.senses.hit_detection import GasLevel
-from gslcosim.search.senses.instruments import find_noses
-from gslcosim.search.senses.stop_and_measure import StopAndMeasure
+from gslcosim.agent_kit.commands import LegCommander
+from gslcosim.agent_kit.settings import load_settings
+from gslcosim_search.motion.declaration import MissionDeclarer, ReactiveDeclarer
+from gslcosim_search.motion.legs import LegSpace, next_leg
+from gslcosim_search.random_stream import RandomStream
+from gslcosim_search.reactive.taxis import RecentReadings, mount_position_m
+from gslcosim_search.senses.hit_detection import GasLevel
+from gslcosim_search.senses.instruments import find_noses
+from gslcosim_search.senses.stop_and_measure import StopAndMeasure
 
 
 class Gradient(Agent):

@@ -6,8 +6,8 @@ After Krishnanand and Ghose, and the odour version of their group. README.md bes
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, run
-from gslcosim.search.swarms.glowworms import Glowworm, Vector
-from gslcosim.search.swarms.particle_swarm import Sighting
+from gslcosim_search.swarms.glowworms import Glowworm, Vector
+from gslcosim_search.swarms.particle_swarm import Sighting
 
 
 class Gso(Glowworm):

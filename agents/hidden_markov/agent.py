@@ -6,18 +6,18 @@ After Farrell, Pang and Li 2003. README.md beside this file has the rules, metho
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
-from gslcosim.search.bayes import hidden_markov
-from gslcosim.search.bayes.belief_search import SourceBeliefAgent
-from gslcosim.search.bayes.hidden_markov import (
+from gslcosim_search.bayes import hidden_markov
+from gslcosim_search.bayes.belief_search import SourceBeliefAgent
+from gslcosim_search.bayes.hidden_markov import (
     ParcelChain,
     compute_arrival_probabilities,
     compute_finding_likelihoods,
     likeliest_path,
     place_along_m,
 )
-from gslcosim.search.bayes.puff_tracing import PuffModel
-from gslcosim.search.beliefs import distances_m
-from gslcosim.search.senses.hit_detection import Finding
+from gslcosim_search.bayes.puff_tracing import PuffModel
+from gslcosim_search.beliefs import distances_m
+from gslcosim_search.senses.hit_detection import Finding
 
 
 class HiddenMarkov(SourceBeliefAgent):

@@ -1,7 +1,7 @@
 """Information gain: goes where the next reading is expected to change its belief most."""
 
 from gslcosim.agent_kit import run
-from gslcosim.search.information.information_agent import InformationAgent
+from gslcosim_search.information.information_agent import InformationAgent
 
 
 class InformationGain(InformationAgent):

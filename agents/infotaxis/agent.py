@@ -1,7 +1,7 @@
 """Infotaxis: goes where the entropy of its belief is expected to be least after the next stop."""
 
 from gslcosim.agent_kit import run
-from gslcosim.search.information.information_agent import InformationAgent
+from gslcosim_search.information.information_agent import InformationAgent
 
 
 class Infotaxis(InformationAgent):

@@ -1,7 +1,7 @@
 """Infotaxis in space: goes, also up and down, where the entropy of its belief is expected to be least."""
 
 from gslcosim.agent_kit import run
-from gslcosim.search.information.information_agent import InformationAgent
+from gslcosim_search.information.information_agent import InformationAgent
 
 
 class Infotaxis3d(InformationAgent):

@@ -4,7 +4,7 @@ After Lilienthal and others. README.md beside this file has the rules, method.ya
 """
 
 from gslcosim.agent_kit import run
-from gslcosim.search.maps.map_agents import KernelMapAgent
+from gslcosim_search.maps.map_agents import KernelMapAgent
 
 
 class KernelDmv(KernelMapAgent):

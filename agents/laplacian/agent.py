@@ -6,7 +6,7 @@ After Soares, Aguiar, Pascoal and Martinoli. README.md beside this file has the 
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, run
-from gslcosim.search.swarms.formations import (
+from gslcosim_search.swarms.formations import (
     FormationAgent,
     formation,
     in_world,
@@ -14,7 +14,7 @@ from gslcosim.search.swarms.formations import (
     next_width,
     odour_offset_m,
 )
-from gslcosim.search.swarms.rounds import Round
+from gslcosim_search.swarms.rounds import Round
 
 LEAST_WIDTH, MOST_WIDTH = 0.5, 2.0
 

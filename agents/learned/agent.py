@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from gslcosim.agent_kit import Briefing, run
-from gslcosim.search.learned.policy import Policy
-from gslcosim.search.learned.policy_agent import PolicyAgent, find_policy
-from gslcosim.search.method_settings import load_settings
+from gslcosim.agent_kit.settings import load_settings
+from gslcosim_search.learned.policy import Policy
+from gslcosim_search.learned.policy_agent import PolicyAgent, find_policy
 
 
 class Learned(PolicyAgent):

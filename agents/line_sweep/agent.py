@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, run
-from gslcosim.search.swarms.formations import (
+from gslcosim_search.swarms.formations import (
     FormationAgent,
     diagonal_line,
     find_lane_point,
@@ -16,8 +16,8 @@ from gslcosim.search.swarms.formations import (
     nearest_axis_rad,
     plan_crosswind_lanes,
 )
-from gslcosim.search.swarms.particle_swarm import Sighting
-from gslcosim.search.swarms.rounds import Round
+from gslcosim_search.swarms.particle_swarm import Sighting
+from gslcosim_search.swarms.rounds import Round
 
 NOWHERE_M = (math.inf, math.inf)
 

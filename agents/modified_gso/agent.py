@@ -6,8 +6,8 @@ After Zhang et al., as described in the thesis on GSL-Bench. README.md beside th
 import math
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
-from gslcosim.search.swarms.glowworms import Glowworm, Vector, is_in_excluded_region
-from gslcosim.search.swarms.particle_swarm import Sighting, rotate, scale_to_length
+from gslcosim_search.swarms.glowworms import Glowworm, Vector, is_in_excluded_region
+from gslcosim_search.swarms.particle_swarm import Sighting, rotate, scale_to_length
 
 
 class ModifiedGso(Glowworm):

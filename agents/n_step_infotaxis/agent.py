@@ -1,7 +1,7 @@
 """N-step infotaxis: goes where the best sequences of several stops are expected to tell most."""
 
 from gslcosim.agent_kit import run
-from gslcosim.search.information.information_agent import InformationAgent
+from gslcosim_search.information.information_agent import InformationAgent
 
 
 class NStepInfotaxis(InformationAgent):

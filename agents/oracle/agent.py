@@ -3,9 +3,9 @@
 import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, Waypoint, run
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import declaration
-from gslcosim.search.motion.map_navigation import KnownPaths
+from gslcosim.agent_kit.commands import declaration
+from gslcosim.agent_kit.settings import load_settings
+from gslcosim_search.motion.map_navigation import KnownPaths
 
 # How far from the room's bounds a way ends, tried in this order [m]; at last it stays at the height of the search.
 MARGINS_M = (0.0, 0.4, None)

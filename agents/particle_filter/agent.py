@@ -9,14 +9,14 @@ from collections import deque
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
-from gslcosim.search.bayes import particle_filter
-from gslcosim.search.bayes.belief_search import BeliefAgent
-from gslcosim.search.bayes.particle_filter import ParticleCloud, puff_variances_m2, wind_spread_m_sqrt_s
-from gslcosim.search.bayes.puff_tracing import partial_sums_m
-from gslcosim.search.motion.coverage import CoverageGrid
-from gslcosim.search.motion.declaration import Estimate, by_spread
-from gslcosim.search.reactive.spirals import ArchimedeanSpiral, random_side
-from gslcosim.search.senses.hit_detection import Finding
+from gslcosim_search.bayes import particle_filter
+from gslcosim_search.bayes.belief_search import BeliefAgent
+from gslcosim_search.bayes.particle_filter import ParticleCloud, puff_variances_m2, wind_spread_m_sqrt_s
+from gslcosim_search.bayes.puff_tracing import partial_sums_m
+from gslcosim_search.motion.coverage import CoverageGrid
+from gslcosim_search.motion.declaration import Estimate, by_spread
+from gslcosim_search.reactive.spirals import ArchimedeanSpiral, random_side
+from gslcosim_search.senses.hit_detection import Finding
 
 
 class ParticleFilter(BeliefAgent):

@@ -1,11 +1,11 @@
 """The persistent walk: a blind walk that mostly keeps its direction. README.md beside this file has the rules."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import LegCommander
-from gslcosim.search.motion.legs import LegSpace
-from gslcosim.search.random_stream import RandomStream
-from gslcosim.search.reactive.random_walks import RunAndTumble
+from gslcosim.agent_kit.commands import LegCommander
+from gslcosim.agent_kit.settings import load_settings
+from gslcosim_search.motion.legs import LegSpace
+from gslcosim_search.random_stream import RandomStream
+from gslcosim_search.reactive.random_walks import RunAndTumble
 
 
 class PersistentWalk(Agent):

@@ -6,8 +6,8 @@ README.md beside this file has the rules and the deviations from the literature.
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, run
-from gslcosim.search.swarms.formations import FormationAgent, fit_plane, formation, mixed_direction
-from gslcosim.search.swarms.rounds import Round
+from gslcosim_search.swarms.formations import FormationAgent, fit_plane, formation, mixed_direction
+from gslcosim_search.swarms.rounds import Round
 
 
 class PlaneFit(FormationAgent):

@@ -6,9 +6,9 @@ After Ojeda, Monroy and Gonzalez-Jimenez. README.md beside this file has the rul
 from types import SimpleNamespace
 
 from gslcosim.agent_kit import Observation, run
-from gslcosim.search.maps.map_agents import StopMapAgent
-from gslcosim.search.maps.pmfs import Pmfs, PmfsSettings, warm_up
-from gslcosim.search.motion.map_navigation import Stop
+from gslcosim_search.maps.map_agents import StopMapAgent
+from gslcosim_search.maps.pmfs import Pmfs, PmfsSettings, warm_up
+from gslcosim_search.motion.map_navigation import Stop
 
 
 class PmfsAgent(StopMapAgent[Pmfs]):

@@ -7,9 +7,9 @@ import math
 from pathlib import Path
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
-from gslcosim.search.reactive.reactive_searcher import ReactiveAgent
-from gslcosim.search.reactive.silkmoth import TrueWind
-from gslcosim.search.reactive.temporal_memory import (
+from gslcosim_search.reactive.reactive_searcher import ReactiveAgent
+from gslcosim_search.reactive.silkmoth import TrueWind
+from gslcosim_search.reactive.temporal_memory import (
     N_GAS_STATES,
     STEPS,
     Recovery,
@@ -18,9 +18,9 @@ from gslcosim.search.reactive.temporal_memory import (
     load_policies,
     make_recovery,
 )
-from gslcosim.search.senses.hit_detection import GasHits
-from gslcosim.search.senses.instruments import find_noses, find_vane
-from gslcosim.search.senses.stop_and_measure import Contact
+from gslcosim_search.senses.hit_detection import GasHits
+from gslcosim_search.senses.instruments import find_noses, find_vane
+from gslcosim_search.senses.stop_and_measure import Contact
 
 POLICIES = Path(__file__).with_name("policies.json")
 

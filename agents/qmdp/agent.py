@@ -1,6 +1,6 @@
 """A search planned as a partially observable decision problem: a learned plume, a belief, and QMDP or Perseus.
 
-README.md beside this file has the rules; the arithmetic is in gslcosim.search.information, offsets and pomdp.
+README.md beside this file has the rules; the arithmetic is in gslcosim_search.information, offsets and pomdp.
 """
 
 import math
@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
-from gslcosim.search.beliefs import BeliefPublisher, CellGrid
-from gslcosim.search.information.pomdp import (
+from gslcosim.agent_kit.commands import waypoint
+from gslcosim_search.beliefs import BeliefPublisher, CellGrid
+from gslcosim_search.information.pomdp import (
     MOVES,
     PlumeTable,
     RunningWind,
@@ -18,12 +19,11 @@ from gslcosim.search.information.pomdp import (
     offsets_m,
     update_offset_belief,
 )
-from gslcosim.search.motion.commands import waypoint
-from gslcosim.search.motion.declaration import Estimate, by_mass
-from gslcosim.search.motion.legs import LegSpace, leg_end, next_leg
-from gslcosim.search.search_agent import SearchAgent
-from gslcosim.search.senses.instruments import find_noses, find_vane
-from gslcosim.search.senses.stop_and_measure import StopAndMeasure
+from gslcosim_search.motion.declaration import Estimate, by_mass
+from gslcosim_search.motion.legs import LegSpace, leg_end, next_leg
+from gslcosim_search.search_agent import SearchAgent
+from gslcosim_search.senses.instruments import find_noses, find_vane
+from gslcosim_search.senses.stop_and_measure import StopAndMeasure
 
 TABLE = Path(__file__).with_name("plumes.npz")
 MAX_CELLS = 20_000

@@ -1,8 +1,8 @@
 """Flies what recurrent PPO has learned in halls with a leak. README.md beside this file says how it was trained."""
 
 from gslcosim.agent_kit import Briefing, run
-from gslcosim.search.learned.policy import Policy
-from gslcosim.search.learned.policy_agent import PolicyAgent, load_policy_beside
+from gslcosim_search.learned.policy import Policy
+from gslcosim_search.learned.policy_agent import PolicyAgent, load_policy_beside
 
 
 class RecurrentPpo(PolicyAgent):

@@ -4,7 +4,7 @@ After Kennedy and Eberhart, and Jatmiko et al. for robots. README.md beside this
 """
 
 from gslcosim.agent_kit import run
-from gslcosim.search.swarms.swarm_robot import Particle
+from gslcosim_search.swarms.swarm_robot import Particle
 
 
 class SPso(Particle):

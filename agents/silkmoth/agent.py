@@ -6,14 +6,14 @@ After Kanzaki, Ishida et al. README.md beside this file has the rules.
 import math
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.coverage import CoverageGrid
-from gslcosim.search.motion.legs import LegSpace
-from gslcosim.search.random_stream import RandomStream
-from gslcosim.search.reactive.silkmoth import SURGE, Sidestep, TrueWind, heading_after, phase_at
-from gslcosim.search.reactive.spirals import random_side
-from gslcosim.search.senses.hit_detection import GasHits
-from gslcosim.search.senses.instruments import find_noses, find_vane
+from gslcosim.agent_kit.settings import load_settings
+from gslcosim_search.motion.coverage import CoverageGrid
+from gslcosim_search.motion.legs import LegSpace
+from gslcosim_search.random_stream import RandomStream
+from gslcosim_search.reactive.silkmoth import SURGE, Sidestep, TrueWind, heading_after, phase_at
+from gslcosim_search.reactive.spirals import random_side
+from gslcosim_search.senses.hit_detection import GasHits
+from gslcosim_search.senses.instruments import find_noses, find_vane
 
 CLIMBS_PER_S = 1.0
 MOST_CLIMB_M_S = 0.5

@@ -8,9 +8,9 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
-from gslcosim.search.motion.legs import LegSpace
-from gslcosim.search.swarms.particle_swarm import Sighting, limit_length
-from gslcosim.search.swarms.sniffy_bug import (
+from gslcosim_search.motion.legs import LegSpace
+from gslcosim_search.swarms.particle_swarm import Sighting, limit_length
+from gslcosim_search.swarms.sniffy_bug import (
     TABLES,
     Bug,
     find_four_ranges,
@@ -18,7 +18,7 @@ from gslcosim.search.swarms.sniffy_bug import (
     searching_waypoint,
     tracking_waypoint,
 )
-from gslcosim.search.swarms.swarm_robot import SwarmMember, Vector
+from gslcosim_search.swarms.swarm_robot import SwarmMember, Vector
 
 # How fast it goes back to its height: so much per metre, at most so fast.
 CLIMB_PER_S = 1.0

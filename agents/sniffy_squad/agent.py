@@ -8,14 +8,14 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, Command, Observation, RadioMessage, run
-from gslcosim.search.maps.gr_gsl import GrGsl, GrGslSettings, warm_up
-from gslcosim.search.maps.map_agents import MapAgent
-from gslcosim.search.motion.declaration import Estimate, by_variance
-from gslcosim.search.motion.map_navigation import StopRecorder
-from gslcosim.search.senses.instruments import find_noses, find_vane
-from gslcosim.search.senses.stop_and_measure import Measurement
-from gslcosim.search.swarms.rounds import Round, Rounds
-from gslcosim.search.swarms.shared_belief import (
+from gslcosim_search.maps.gr_gsl import GrGsl, GrGslSettings, warm_up
+from gslcosim_search.maps.map_agents import MapAgent
+from gslcosim_search.motion.declaration import Estimate, by_variance
+from gslcosim_search.motion.map_navigation import StopRecorder
+from gslcosim_search.senses.instruments import find_noses, find_vane
+from gslcosim_search.senses.stop_and_measure import Measurement
+from gslcosim_search.swarms.rounds import Round, Rounds
+from gslcosim_search.swarms.shared_belief import (
     belief_potential,
     langevin_step_m,
     potential_slope,

@@ -4,7 +4,7 @@ After Pang and Farrell 2006. README.md beside this file has the rules, method.ya
 """
 
 from gslcosim.agent_kit import run
-from gslcosim.search.bayes.belief_search import PuffTracingAgent
+from gslcosim_search.bayes.belief_search import PuffTracingAgent
 
 
 class SourceMapAgent(PuffTracingAgent):

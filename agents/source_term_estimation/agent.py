@@ -8,14 +8,14 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
-from gslcosim.search.bayes import source_terms
-from gslcosim.search.bayes.belief_search import BeliefAgent
-from gslcosim.search.bayes.source_terms import PlumeSensor, SourcePrior, SourceTermFilter, TermPrior
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.coverage import CoverageGrid
-from gslcosim.search.motion.declaration import Estimate, by_spread
-from gslcosim.search.senses.hit_detection import Finding
-from gslcosim.search.senses.instruments import find_noses
+from gslcosim.agent_kit.settings import load_settings
+from gslcosim_search.bayes import source_terms
+from gslcosim_search.bayes.belief_search import BeliefAgent
+from gslcosim_search.bayes.source_terms import PlumeSensor, SourcePrior, SourceTermFilter, TermPrior
+from gslcosim_search.motion.coverage import CoverageGrid
+from gslcosim_search.motion.declaration import Estimate, by_spread
+from gslcosim_search.senses.hit_detection import Finding
+from gslcosim_search.senses.instruments import find_noses
 
 N_DIRECTIONS = 8
 NEAR_AND_FAR = (1.0, 3.0)  # candidate places lie so many steps away

@@ -1,7 +1,7 @@
 """Space-aware infotaxis: goes where fewest steps to the source are expected to remain."""
 
 from gslcosim.agent_kit import run
-from gslcosim.search.information.information_agent import InformationAgent
+from gslcosim_search.information.information_agent import InformationAgent
 
 
 class SpaceAwareInfotaxis(InformationAgent):

@@ -4,10 +4,10 @@ After Ferri et al. 2009. README.md beside this file has the rules.
 """
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
-from gslcosim.search.reactive.reactive_searcher import ReactiveAgent
-from gslcosim.search.reactive.spirals import SpiralPath, SquareSpiral, random_side
-from gslcosim.search.senses.instruments import find_noses
-from gslcosim.search.senses.stop_and_measure import BestProximity, Contact, proximity_index
+from gslcosim_search.reactive.reactive_searcher import ReactiveAgent
+from gslcosim_search.reactive.spirals import SpiralPath, SquareSpiral, random_side
+from gslcosim_search.senses.instruments import find_noses
+from gslcosim_search.senses.stop_and_measure import BestProximity, Contact, proximity_index
 
 
 class Spiral(ReactiveAgent):

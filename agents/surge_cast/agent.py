@@ -4,9 +4,9 @@ After Lochmatter and Martinoli 2008. README.md beside this file has the rules an
 """
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
-from gslcosim.search.reactive.cast_and_surge import BlankMemory, CastSequence, side_or_random, surge_end_m
-from gslcosim.search.reactive.plume_tracking import PlumeTrackingAgent, Recovery
-from gslcosim.search.senses.stop_and_measure import Contact
+from gslcosim_search.reactive.cast_and_surge import BlankMemory, CastSequence, side_or_random, surge_end_m
+from gslcosim_search.reactive.plume_tracking import PlumeTrackingAgent, Recovery
+from gslcosim_search.senses.stop_and_measure import Contact
 
 WANDER_M = 0.5
 

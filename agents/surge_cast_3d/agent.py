@@ -4,9 +4,9 @@ After Rahbar et al. 2017. README.md beside this file has the rules.
 """
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
-from gslcosim.search.reactive.cast_and_surge import PlaneCastSequence, side_or_random, surge_end_m
-from gslcosim.search.reactive.plume_tracking import PlumeTrackingAgent, Recovery
-from gslcosim.search.senses.stop_and_measure import Contact
+from gslcosim_search.reactive.cast_and_surge import PlaneCastSequence, side_or_random, surge_end_m
+from gslcosim_search.reactive.plume_tracking import PlumeTrackingAgent, Recovery
+from gslcosim_search.senses.stop_and_measure import Contact
 
 
 class SurgeCast3d(PlumeTrackingAgent):

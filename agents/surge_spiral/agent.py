@@ -4,10 +4,10 @@ After Lochmatter and Martinoli 2008. README.md beside this file has the rules.
 """
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
-from gslcosim.search.reactive.cast_and_surge import surge_end_m
-from gslcosim.search.reactive.plume_tracking import PlumeTrackingAgent, Recovery
-from gslcosim.search.reactive.spirals import ArchimedeanSpiral, SpiralPath, SquareSpiral, random_side
-from gslcosim.search.senses.stop_and_measure import Contact
+from gslcosim_search.reactive.cast_and_surge import surge_end_m
+from gslcosim_search.reactive.plume_tracking import PlumeTrackingAgent, Recovery
+from gslcosim_search.reactive.spirals import ArchimedeanSpiral, SpiralPath, SquareSpiral, random_side
+from gslcosim_search.senses.stop_and_measure import Contact
 
 
 class SurgeSpiral(PlumeTrackingAgent):

@@ -5,10 +5,10 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, Waypoint, run
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import declaration, waypoint
-from gslcosim.search.motion.coverage import lawnmower_path_m
-from gslcosim.search.motion.legs import LegSpace
+from gslcosim.agent_kit.commands import declaration, waypoint
+from gslcosim.agent_kit.settings import load_settings
+from gslcosim_search.motion.coverage import lawnmower_path_m
+from gslcosim_search.motion.legs import LegSpace
 
 THERE_M = 0.3
 # From rest to 1 m/s within half the acceleration of the slowest vehicle in the air, and a bit [m].

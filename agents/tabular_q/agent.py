@@ -1,8 +1,8 @@
 """Flies a table of what each leg is worth, learned in halls with a leak. README.md beside this file says how."""
 
 from gslcosim.agent_kit import Briefing, run
-from gslcosim.search.learned.policy import Policy
-from gslcosim.search.learned.policy_agent import PolicyAgent, load_policy_beside
+from gslcosim_search.learned.policy import Policy
+from gslcosim_search.learned.policy_agent import PolicyAgent, load_policy_beside
 
 
 class TabularQ(PolicyAgent):

@@ -6,10 +6,10 @@ After Chasing Ghosts (2026), with its known faults mended. README.md beside this
 import math
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
-from gslcosim.search.reactive.reactive_searcher import ReactiveAgent
-from gslcosim.search.reactive.spirals import random_side
-from gslcosim.search.reactive.taxis import TwoNoses, bearing_rad, turn_rad
-from gslcosim.search.senses.stop_and_measure import Contact
+from gslcosim_search.reactive.reactive_searcher import ReactiveAgent
+from gslcosim_search.reactive.spirals import random_side
+from gslcosim_search.reactive.taxis import TwoNoses, bearing_rad, turn_rad
+from gslcosim_search.senses.stop_and_measure import Contact
 
 
 class TwoNosesAgent(ReactiveAgent):

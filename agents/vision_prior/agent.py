@@ -8,10 +8,10 @@ import math
 import numpy as np
 
 from gslcosim.agent_kit import Briefing, Command, Observation, run
-from gslcosim.search.bayes.belief_search import PuffTracingAgent
-from gslcosim.search.beliefs import normalised_from_log
-from gslcosim.search.senses.instruments import find_cameras
-from gslcosim.search.senses.vision import SeenObjects, Viewpoint, prior_from_objects, seen_objects
+from gslcosim_search.bayes.belief_search import PuffTracingAgent
+from gslcosim_search.beliefs import normalised_from_log
+from gslcosim_search.senses.instruments import find_cameras
+from gslcosim_search.senses.vision import SeenObjects, Viewpoint, prior_from_objects, seen_objects
 
 N_POSES = 100  # so many ticks a picture may be late
 

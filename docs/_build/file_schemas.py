@@ -9,11 +9,11 @@ from typing import Any
 from pydantic import BaseModel
 
 from gslcosim.base.bundled import bundled_schemas
-from gslcosim.bench.cases.models import Suite
+from gslcosim_bench.cases.models import Suite
 from gslcosim.methods.card import MethodCard, list_shared_parameters
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.bench.cases.families import FamilySpec
-from gslcosim.training.train_file import TrainSpec
+from gslcosim_bench.cases.families import FamilySpec
+from gslcosim_training.train_file import TrainSpec
 
 MODELS: dict[str, type[BaseModel]] = {
     "scenario": Scenario, "suite": Suite, "method": MethodCard, "family": FamilySpec, "train": TrainSpec,

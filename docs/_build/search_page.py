@@ -1,13 +1,13 @@
-"""Pages of search building blocks, from the docstrings of `gslcosim.search`: `make docs` writes docs/search*."""
+"""Pages of search building blocks, from the docstrings of `gslcosim_search`: `make docs` writes docs/search*."""
 
 import ast
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-import gslcosim.search
+import gslcosim_search
 
-SEARCH = Path(gslcosim.search.__file__).parent
+SEARCH = Path(gslcosim_search.__file__).parent
 # A program in the repository that the page shows.
 EXAMPLE = Path("docs") / "examples" / "wanderer.py"
 PAGE = "search.md"
@@ -25,12 +25,12 @@ _PACKAGES = {
     "shared": "Shared parts",
 }
 
-_NOTE = "<!-- Made by `make docs` from the docstrings of gslcosim/search; do not edit. -->"
+_NOTE = "<!-- Made by `make docs` from the docstrings of extensions/search/gslcosim_search; do not edit. -->"
 _HEAD = """# Building blocks of search methods
 
 {note}
 
-`gslcosim.search` contains the parts of the bundled methods: pure functions and small states, with seeds and without access to the truth.
+`gslcosim_search` contains the parts of the bundled methods: pure functions and small states, with seeds and without access to the truth.
 Each docstring has the equation with units, the source, and the test that checks it.
 
 - Bundled methods: [methods.md](methods.md).
@@ -59,7 +59,7 @@ def build_search_pages(root: Path) -> dict[str, str]:
         modules = _list_modules(package)
         rows = [_row(package, module) for module in modules]
         overview.append("\n".join([f"## {title}\n", "| module | contents | names |", "|---|---|---|", *rows, ""]))
-        head = f"# {title}: gslcosim.search{'' if package == 'shared' else '.' + package}\n\n{_NOTE}\n"
+        head = f"# {title}: gslcosim_search{'' if package == 'shared' else '.' + package}\n\n{_NOTE}\n"
         pages[f"search/{package}.md"] = "\n".join([head, *map(_section, modules)])
     return {PAGE: "\n".join(overview), **pages}
 
@@ -70,7 +70,7 @@ def _list_modules(package: str) -> list[Path]:
 
 
 def _module_name(module: Path) -> str:
-    return ".".join(("gslcosim.search", *module.relative_to(SEARCH).with_suffix("").parts))
+    return ".".join(("gslcosim_search", *module.relative_to(SEARCH).with_suffix("").parts))
 
 
 def _row(package: str, module: Path) -> str:

@@ -5,10 +5,10 @@ import re
 import sys
 from pathlib import Path
 
+from gslcosim.base.gases import GASES, PID_LAMPS_EV
 from gslcosim.scenario.model_schema import SettingRow, list_settings
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, SENSORS, is_ideal, real_model
 from gslcosim_services.sensing.models import SENSOR_MODELS, SensorKind
-from gslcosim_services.sensing.models.gas_sensors import PID_GASES
 from gslcosim_services.sensing.models.mox import MOX_PARAMETERS, MoxParameters
 
 _BLOCK = re.compile(r"(<!-- table (\w+), rewritten by `make docs` -->\n)(.*?)(\n<!-- end of table -->)", re.DOTALL)
@@ -74,8 +74,9 @@ def _law(parameters: MoxParameters, gas: str) -> str:
 
 def _pid_rows() -> str:
     rows = [
-        f"| {name} | {gas.ionisation_ev:g} | {_factor(gas.cf_10_6_ev)} | {_factor(gas.cf_11_7_ev)} |"
-        for name, gas in PID_GASES.items()
+        f"| {name} | {gas.ionisation_ev:g} | " + " | ".join(_factor(gas.pid.get(lamp)) for lamp in PID_LAMPS_EV) + " |"
+        for name, gas in GASES.items()
+        if gas.pid
     ]
     return "\n".join(["| gas | ionisation energy [eV] | CF at 10.6 eV | CF at 11.7 eV |", "|---|---|---|---|", *rows]) + "\n"
 

@@ -1,10 +1,10 @@
 """An agent made of building blocks: short legs where there is gas, long ones where there is none."""
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.motion.commands import waypoint
-from gslcosim.search.motion.legs import LegSpace, next_leg, random_headings
-from gslcosim.search.random_stream import RandomStream
-from gslcosim.search.senses.instruments import find_noses
+from gslcosim.agent_kit.commands import waypoint
+from gslcosim_search.motion.legs import LegSpace, next_leg, random_headings
+from gslcosim_search.random_stream import RandomStream
+from gslcosim_search.senses.instruments import find_noses
 
 
 class Wanderer(Agent):

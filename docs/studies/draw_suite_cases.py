@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 
 from gslcosim.base.bundled import bundled_suites
-from gslcosim.bench.cases import build_plan, load_suite
-from gslcosim.bench.cases.models import Trial
-from gslcosim.bench.cases.suite_files import LoadedSuite
 from gslcosim.environment.generation import prepare_environment
 from gslcosim.environment.geometry_source import build_geometry
 from gslcosim.environment.plan_view import PlanOpening, PlanView, space_arrows
 from gslcosim.environment.store import load_environment
+from gslcosim_bench.cases import build_plan, load_suite
+from gslcosim_bench.cases.models import Trial
+from gslcosim_bench.cases.suite_files import LoadedSuite
 
 PICTURE = "cases.png"
 COLUMNS, MOST_COLUMNS, FEW = 3, 6, 12

@@ -13,10 +13,10 @@ import sys
 
 from training_to_flight import Searches, rates, searches_of, shown_differences
 
-from gslcosim.bench.cases.models import EntrySpec
 from gslcosim.scenario.models.scenario import StartSpec
-from gslcosim.training.family import load_family
-from gslcosim.training.trainers.evolution import compute_rows
+from gslcosim_bench.cases.models import EntrySpec
+from gslcosim_training.family import load_family
+from gslcosim_training.trainers.evolution import compute_rows
 
 FAMILY, PLACE, N_ROBOTS = "open_halls", "holonomic", 3
 EVOLVED = ("evolved_pso", "evolved_pso_doped")

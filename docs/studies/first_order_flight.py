@@ -18,11 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslcosim.training.batch import BatchSearchEnv
-from gslcosim.training.batch.case_builder import lags_s
-from gslcosim.training.search_env import SearchEnv
-from gslcosim.training.stepped_run import LearningTask
 from gslcosim.vehicles import get_vehicle
+from gslcosim_training.batch import BatchSearchEnv
+from gslcosim_training.batch.case_builder import lags_s
+from gslcosim_training.search_env import SearchEnv
+from gslcosim_training.stepped_run import LearningTask
 
 ROTORCRAFT = ("iris", "crazyflie", "hexarotor")
 SCENARIO = "warehouse_empty"

@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gslcosim.bench import Results, compare
-from gslcosim.bench.results import Comparison
-from gslcosim.bench.statistics.estimates import Estimate
-from gslcosim.bench.statistics.pairs import holm
+from gslcosim_bench import Results, compare
+from gslcosim_bench.results import Comparison
+from gslcosim_bench.statistics.estimates import Estimate
+from gslcosim_bench.statistics.pairs import holm
 
 WALK = "persistent_walk"
 

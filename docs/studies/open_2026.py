@@ -26,9 +26,9 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import kendalltau
 
-from gslcosim.bench.cases.models import LABELS, select_labels
-from gslcosim.bench.report.leaderboard import build_leaderboard, compare_within, sampling_units
-from gslcosim.bench.report.number_formats import (
+from gslcosim_bench.cases.models import LABELS, select_labels
+from gslcosim_bench.report.leaderboard import build_leaderboard, compare_within, sampling_units
+from gslcosim_bench.report.number_formats import (
     format_estimate,
     format_percent,
     format_points,
@@ -36,10 +36,10 @@ from gslcosim.bench.report.number_formats import (
     format_score,
     format_three_digits,
 )
-from gslcosim.bench.report.report_data import ReportData, TrialRows, load_report_data
-from gslcosim.bench.statistics.difficulty import STRATA, coverage_ratio, coverage_stratum, fit_discrimination
-from gslcosim.bench.statistics.estimates import Estimate, student_quantile
-from gslcosim.bench.statistics.rates import difference_of_rates, rate_over_units, wilson
+from gslcosim_bench.report.report_data import ReportData, TrialRows, load_report_data
+from gslcosim_bench.statistics.difficulty import STRATA, coverage_ratio, coverage_stratum, fit_discrimination
+from gslcosim_bench.statistics.estimates import Estimate, student_quantile
+from gslcosim_bench.statistics.rates import difference_of_rates, rate_over_units, wilson
 
 SWEEP, ORACLE = "sweep", "oracle"
 # Scenarios of these families have walls or a building.

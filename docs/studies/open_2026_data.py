@@ -17,9 +17,9 @@ import numpy as np
 import pyarrow.parquet as pq
 from open_2026 import GROUNDED, INDOORS, print_table
 
-from gslcosim.bench.report.number_formats import format_estimate, format_percent, format_three_digits
-from gslcosim.bench.statistics.pairs import mcnemar
-from gslcosim.bench.statistics.rates import wilson
+from gslcosim_bench.report.number_formats import format_estimate, format_percent, format_three_digits
+from gslcosim_bench.statistics.pairs import mcnemar
+from gslcosim_bench.statistics.rates import wilson
 
 FOLDER = Path(__file__).parent / "open_2026"
 DATA = ("data", "data_c", "data_d")

@@ -33,11 +33,11 @@ from gslcosim.base.rng import stream
 from gslcosim.contract.messages import GasAmount, MountSample
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.models.sensors import make_sensor_spec
-from gslcosim.validation.gas_models import STEP_S, build_gas_scenario, open_field, record_field
-from gslcosim.validation.plume_statistics import compute_moments
 from gslcosim_services.fields.gas_builder import build_gas_field
 from gslcosim_services.sensing import SENSOR_MODELS
 from gslcosim_services.sensing.models.mox import MOX_PARAMETERS, build_mox_kernel, estimate_ppm
+from gslcosim_validation.gas_models import STEP_S, build_gas_scenario, open_field, record_field
+from gslcosim_validation.plume_statistics import compute_moments
 
 THRESHOLD_PPM = 0.1
 FIELD_CELLS = (84, 60, 12)

@@ -11,8 +11,8 @@ use_kernel_cache()
 import numba  # noqa: E402
 import numpy as np  # noqa: E402
 
-from gslcosim.search.reactive import temporal_memory  # noqa: E402
-from gslcosim.search.reactive.temporal_memory import N_MOVES, N_STATES  # noqa: E402
+from gslcosim_search.reactive import temporal_memory  # noqa: E402
+from gslcosim_search.reactive.temporal_memory import N_MOVES, N_STATES  # noqa: E402
 
 # Films: (frames, x, y), 0.1 s and 0.1 m apart; the source is at SOURCE_M.
 CELL_M, FRAME_S, N_FRAMES = 0.1, 0.1, 1200
@@ -83,7 +83,7 @@ def amount_at(film, frame, x_m, y_m):
 
 @numba.njit(cache=True)
 def recovery_move(recovery, n_void, path, n_path, turn, side, rng):
-    """Return the move of a recovery at the `n_void`-th decision in the void, as in `gslcosim.search.reactive`."""
+    """Return the move of a recovery at the `n_void`-th decision in the void, as in `gslcosim_search.reactive`."""
     if recovery == 0:
         undone = n_void - 1
         if undone < n_path:

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from gslcosim.bench import Results, compare
-from gslcosim.bench.statistics.estimates import Estimate
-from gslcosim.bench.statistics.rates import difference_of_rates
+from gslcosim_bench import Results, compare
+from gslcosim_bench.statistics.estimates import Estimate
+from gslcosim_bench.statistics.rates import difference_of_rates
 
 ODD = ["gsl_bench_1", "gsl_bench_3", "gsl_bench_5"]
 EVEN = ["gsl_bench_2", "gsl_bench_4", "gsl_bench_6"]

@@ -8,7 +8,7 @@ The plumes are toys: films of puffs in the plane that a steady wind carries, tha
 spread and grow on their own. Winds of 0.4 to 1 m/s, more and less swing, dense and sparse releases; all seeds are
 fixed. A searcher begins somewhere in the mean plume at a moment with gas, steps 0.5 m in 1.2 s and reads ten times a
 second; 0.75 m from the source it has found it. What it knows of the gas is what
-`gslcosim.search.reactive.temporal_memory` says. Tabular Q-learning as in Rando et al. 2025: Q begins at 0.6,
+`gslcosim_search.reactive.temporal_memory` says. Tabular Q-learning as in Rando et al. 2025: Q begins at 0.6,
 reward 1 at the source less 0.001 a step, discount
 0.995 (theirs is 0.9999, with which steps weigh less than chance), learning rate 0.25 e^(-3 k/n) and exploration
 0.99 e^(-6 k/n) at episode k of n.
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from q_memory_kernels import CELL_M, FOUND_M, NOISE, SOURCE_M, STEP_M, film_of, fly, learn
 
-from gslcosim.search.reactive.temporal_memory import N_GAS_STATES, N_MOVES, N_STATES, load_policies
+from gslcosim_search.reactive.temporal_memory import N_GAS_STATES, N_MOVES, N_STATES, load_policies
 
 Films = NDArray[np.float32]
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from gslcosim.environment.model import Environment, Grid, WindFrames
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.search.information.pomdp import (
+from gslcosim_search.information.pomdp import (
     OffsetGrid,
     PlumeTable,
     Pomdp,

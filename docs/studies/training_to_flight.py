@@ -36,20 +36,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.bundled import bundled_agents, bundled_families, bundled_folder
-from gslcosim.bench.statistics.estimates import Estimate
-from gslcosim.bench.statistics.pairs import paired_difference
-from gslcosim.bench.statistics.rates import wilson
-from gslcosim.bench.statistics.times import counted_times, restricted_mean
 from gslcosim.environment.positions import find_position_problems
 from gslcosim.runtime.run import run_scenario
 from gslcosim.scenario.loader import LoadedScenario
-from gslcosim.search.learned.policy import Policy
-from gslcosim.search.learned.policy_agent import bundled_policies
-from gslcosim.search.learned.policy_files import load_policy
-from gslcosim.search.learned.wind_frame import asks_wind_frame
-from gslcosim.training.batch import BatchSearchEnv
-from gslcosim.training.family import load_family
-from gslcosim.training.stepped_run import LearningTask
+from gslcosim_bench.statistics.estimates import Estimate
+from gslcosim_bench.statistics.pairs import paired_difference
+from gslcosim_bench.statistics.rates import wilson
+from gslcosim_bench.statistics.times import counted_times, restricted_mean
+from gslcosim_search.learned.policy import Policy
+from gslcosim_search.learned.policy_agent import bundled_policies
+from gslcosim_search.learned.policy_files import load_policy
+from gslcosim_search.learned.wind_frame import asks_wind_frame
+from gslcosim_training.batch import BatchSearchEnv
+from gslcosim_training.family import load_family
+from gslcosim_training.stepped_run import LearningTask
 
 # The best hand-made ones, two that smell nothing, and two weak ones.
 HAND_MADE = ("sweep", "surge_cast", "surge_spiral", "particle_filter", "persistent_walk", "e_coli", "dung_beetle")

@@ -1,7 +1,10 @@
 """Bundled scenarios, suites, families, train files, agents and contract, found by name without importing them."""
 
 import importlib.util
+from functools import cache
 from pathlib import Path
+
+from gslcosim.base.extensions import AGENTS_GROUP, list_registered
 
 SCENARIOS_PACKAGE = "gslcosim_scenarios"
 AGENTS_PACKAGE = "gslcosim_agents"
@@ -32,19 +35,22 @@ def bundled_train_files() -> dict[str, Path]:
 
 
 def bundled_agents() -> dict[str, Path]:
-    """Return the program of each bundled Python agent by name: `agents/<name>/agent.py`."""
-    return {path.parent.name: path for path in sorted(_folder_of(AGENTS_PACKAGE).glob(f"*/{AGENT_FILE}"))}
+    """Return the program of each bundled Python agent by name: `agents/<name>/agent.py`, and those of extensions."""
+    programs = {
+        path.parent.name: path for folder in _list_agent_folders() for path in sorted(folder.glob(f"*/{AGENT_FILE}"))
+    }
+    return dict(sorted(programs.items()))
 
 
 def find_bundled_agent(name: str) -> Path | None:
     """Return the program of the bundled Python agent of a name, as `bundled_agents` has it, or None.
 
-    It looks at one folder alone: a suite asks for its methods thousands of times.
+    It lists no folder: a suite asks for its methods thousands of times.
     """
     if name in ("", "..") or Path(name).name != name:
         return None
-    program = _folder_of(AGENTS_PACKAGE) / name / AGENT_FILE
-    return program if program.is_file() else None
+    programs = (folder / name / AGENT_FILE for folder in reversed(_list_agent_folders()))
+    return next((program for program in programs if program.is_file()), None)
 
 
 def bundled_schemas() -> dict[str, Path]:
@@ -68,8 +74,14 @@ def bundled_contract() -> Path:
     return _folder_of(AGENTS_PACKAGE) / "contract"
 
 
+# Those that extensions register, packages by their entry points, and last the one whose agents none of them replaces.
+@cache
+def _list_agent_folders() -> tuple[Path, ...]:
+    return tuple(_folder_of(package) for package in (*(p.value for p in list_registered(AGENTS_GROUP)), AGENTS_PACKAGE))
+
+
 def _folder_of(package: str) -> Path:
     spec = importlib.util.find_spec(package)
     if spec is None or not spec.submodule_search_locations:
-        raise ModuleNotFoundError(f"{package}: expected beside gslcosim, found none. Install gslcosim again.")
+        raise ModuleNotFoundError(f"{package}: expected a folder of files, found none. Install its package again.")
     return Path(next(iter(spec.submodule_search_locations)))

@@ -7,18 +7,16 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from gslcosim.base.extensions import RESULT_CODE_GROUP, list_registered
 from gslcosim.base.kernel_cache import get_cache_root, get_code_roots
 
+_CORE = ("gslcosim", "gslcosim_services")
 # Beside gslcosim's own code, what computes runs.
 COMPUTING_PACKAGES = ("numpy", "numba", "llvmlite", "mujoco", "pydantic", "msgpack", "msgspec")
 # Code that shows runs, or counts over them, decides none.
 _IRRELEVANT_FOLDERS = (
     "gslcosim/cli",
-    "gslcosim/bench/report",
-    "gslcosim/bench/statistics",
-    "gslcosim/bench/studies",
-    "gslcosim/conformance",
-    "gslcosim/data",
+    "gslcosim/recordings",
     "gslcosim_services/recorder",
 )
 _DIGEST_BYTES = 16
@@ -26,8 +24,13 @@ _DIGEST_BYTES = 16
 
 def hash_result_code() -> str:
     """Return a hash that changes when any code that decides the results of a run does."""
-    paths = [path for root in get_code_roots().values() for path in sorted(root.rglob("*.py"))]
-    return hash_code([path for path in paths if not _name_in_package(path).startswith(_IRRELEVANT_FOLDERS)])
+    own = [path for path in list_package_files(*_CORE) if not _name_in_package(path).startswith(_IRRELEVANT_FOLDERS)]
+    return hash_code([*own, *list_registered_files()])
+
+
+def list_registered_files() -> list[Path]:
+    """Return the modules by which extensions decide results, as each registers: its models, and not its figures."""
+    return list_package_files(*(point.value.replace(".", "/") for point in list_registered(RESULT_CODE_GROUP)))
 
 
 def _name_in_package(path: Path) -> str:

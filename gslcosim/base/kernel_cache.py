@@ -20,6 +20,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from gslcosim.base.extension_packages import find_extension_packages
+
 PACKAGE_DIR = Path(__file__).resolve().parents[1]
 NUMBA_VARIABLE = "NUMBA_CACHE_DIR"
 # The code whose kernels the folder of `NUMBA_VARIABLE` is for; absent where a user has chosen the folder.
@@ -96,13 +98,13 @@ def get_key_path() -> Path:
 
 @cache
 def get_code_roots() -> dict[str, Path]:
-    """Return the folders of our packages by their names."""
+    """Return the folders of our packages and of installed extensions by their names."""
     services = importlib.util.find_spec("gslcosim_services")
     places = services.submodule_search_locations if services is not None else None
     roots = {"gslcosim": PACKAGE_DIR}
     if places:
         roots["gslcosim_services"] = Path(places[0]).resolve()
-    return roots
+    return roots | find_extension_packages()
 
 
 def _hash_kernels() -> str:

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.metadata import entry_points
 from typing import TypeVar
 
 from gslcosim.base.errors import ScenarioError
+from gslcosim.base.extensions import list_registered
 
 AnyPlugin = TypeVar("AnyPlugin")
 
@@ -27,7 +27,7 @@ class EntryPoints:
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all that is offered, in alphabetical order."""
-        return tuple(sorted(entry_points(group=self.group).names))
+        return tuple(dict.fromkeys(point.name for point in list_registered(self.group)))
 
     def loaded(self, name: str, accept: Callable[[object], AnyPlugin | None], expected: str) -> AnyPlugin:
         """Return the plug-in of a name, one of `names`.
@@ -40,14 +40,15 @@ class EntryPoints:
         Raises:
             PluginError: two packages offer the name, the package cannot be imported, or it offers something else.
         """
-        values = sorted({point.value for point in entry_points(group=self.group, name=name)})
+        points = [point for point in list_registered(self.group) if point.name == name]
+        values = sorted({point.value for point in points})
         if len(values) > 1:
             raise PluginError(
                 expected=f"one package that offers the {self.what} {name!r}",
                 found=" and ".join(values),
                 remedy="Uninstall one of them.",
             )
-        (point, *_) = entry_points(group=self.group, name=name)
+        point = points[0]
         try:
             offered: object = point.load()
         # A package of somebody else may raise anything when it is imported.

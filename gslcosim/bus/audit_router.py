@@ -1,5 +1,4 @@
 """Router that lets an agent do what a run's router denies, and records it: for checking agents, never for runs."""
-# Zenoh's stubs leave many types open.
 # pyright: reportUnknownMemberType=false, reportUnknownArgumentType=false, reportUnknownLambdaType=false
 # pyright: reportUnknownVariableType=false
 
@@ -21,7 +20,7 @@ class AuditRouter:
 
     The agent needs its user and password as in a run, but no access control stands in its way: what it writes, asks or
     subscribes to outside its own keys arrives here instead of vanishing. Keys are whole, namespace included, so that an
-    agent that has forgotten its namespace is receive_sample too.
+    agent that has forgotten its namespace is recorded too.
     """
 
     def __init__(self, session: zenoh.Session) -> None:

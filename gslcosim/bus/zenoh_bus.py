@@ -105,9 +105,6 @@ def _build_rule(rule_id: str, flow: str, messages: list[str], keys: list[str]) -
     return {"id": rule_id, "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": keys}
 
 
-# Zenoh's stubs leave many types open.
-
-
 _EXPECTED_SESSION = "a session that opens"
 # How pyo3 raises what Rust does not handle; no class to be imported.
 _PANIC_TYPE = "PanicException"
@@ -201,9 +198,6 @@ def set_unread_limit(config: zenoh.Config, limit_ms: int) -> None:
     config.insert_json5("transport/link/tx/queue/congestion_control/block/wait_before_close", str(limit_ms * 1000))
 
 
-# Zenoh's stubs leave many types open.
-
-
 # How long a service tries to reach the router, and how soon it tries again those that have not started yet.
 MESH_LIMIT_MS = 2000
 MESH_RETRY = {"period_init_ms": 10, "period_max_ms": 100, "period_increase_factor": 1.5}
@@ -243,9 +237,6 @@ def peer_session(config: zenoh.Config, join: JoinData) -> Generator[None]:
 def is_router_lost(event: zenoh.TransportEvent) -> bool:
     """Return whether the link to the router has ended; peers come and go."""
     return event.kind == zenoh.SampleKind.DELETE and event.transport.whatami == zenoh.WhatAmI.ROUTER
-
-
-# Zenoh's stubs leave many types open.
 
 
 # More than readers may ever lag behind: a full channel would stop all that the session receives.
@@ -338,9 +329,6 @@ class ZenohMailbox:
                     self._waker.put(b"")
                 except zenoh.ZError:
                     return
-
-
-# Zenoh's stubs leave many types open.
 
 
 # How soon others learn that a member elsewhere hangs without its process having ended [ms], where its join data do not

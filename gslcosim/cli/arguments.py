@@ -7,11 +7,14 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from gslcosim.base.errors import UsageError
+from gslcosim.base.exporters import Exported, list_exporters
+from gslcosim.base.extensions import OPTIONS_GROUP, find_remedy, load_registered
 from gslcosim.cli.terminal import write, write_note
 
 if TYPE_CHECKING:
@@ -24,6 +27,9 @@ if TYPE_CHECKING:
 
 # Its value may begin with a minus.
 _SORT = "--sort"
+# Words that may stand for an argument, from the beginning of the word and the arguments before it.
+FindWords = Callable[[str, argparse.Namespace], Iterable[str]]
+Run = Callable[[argparse.Namespace], int]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,15 +39,18 @@ class Command:
     Attributes:
         old_name: What is still understood in place of its name and its family's, such as `sweep`.
         is_computing: Whether it loads all that a run needs.
+        completes: Words that a shell offers for an argument, by its name in the help or by an option. What is not here
+            has those of `gslcosim.cli.completion_words`, or is a number or a text of the user.
     """
 
     name: str
     summary: str
     examples: str
     add_arguments: Callable[[argparse.ArgumentParser], None]
-    run: Callable[[argparse.Namespace], int]
+    run: Run
     old_name: str = ""
     is_computing: bool = False
+    completes: Mapping[str, Sequence[FindWords]] = field(default_factory=dict[str, Sequence[FindWords]])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +58,7 @@ class CommandFamily:
     """Commands that are called by two words, such as `bench run`.
 
     Attributes:
+        summary: Clause for the help; empty where the parts join the family of another package.
         default: Name of the part that is meant where none is named; absent: one must be.
     """
 
@@ -68,6 +78,51 @@ class CommandGroup:
     commands: tuple[Command | CommandFamily, ...]
 
 
+@dataclass(frozen=True, kw_only=True)
+class CommandOptions:
+    """Options that an extension adds to a command of another package, registered by its words: `bench.run`.
+
+    Attributes:
+        run: Called with the parsed words and with the call of the command, which it makes or replaces.
+        completes: As of a `Command`.
+    """
+
+    add_arguments: Callable[[argparse.ArgumentParser], None]
+    run: Callable[[argparse.Namespace, Run], int]
+    completes: Mapping[str, Sequence[FindWords]] = field(default_factory=dict[str, Sequence[FindWords]])
+
+
+def as_command_options(offered: object) -> CommandOptions | None:
+    """Return what an extension registers as options of a command, or None where it is something else."""
+    return offered if isinstance(offered, CommandOptions) else None
+
+
+def as_command_groups(offered: object) -> tuple[CommandGroup, ...] | None:
+    """Return what an extension registers as commands, or None where it is something else."""
+    if isinstance(offered, tuple) and all(isinstance(each, CommandGroup) for each in offered):
+        return offered
+    return None
+
+
+def merge_groups(groups: Iterable[CommandGroup]) -> tuple[CommandGroup, ...]:
+    """Return groups of which no two have one title, and families of which no two have one name.
+
+    Args:
+        groups: In the order of the help; commands of a title stand in this order too. Of two commands of one name the
+            first counts. A family has the summary and the first parts from the one that has a summary.
+    """
+    merged: dict[str, dict[str, Command | CommandFamily]] = {}
+    for group in groups:
+        commands = merged.setdefault(group.title, {})
+        for command in group.commands:
+            known = commands.setdefault(command.name, command)
+            if known is command or not (isinstance(known, CommandFamily) and isinstance(command, CommandFamily)):
+                continue
+            first, second = (known, command) if known.summary else (command, known)
+            commands[command.name] = replace(first, parts=(*first.parts, *second.parts))
+    return tuple(CommandGroup(title=title, commands=tuple(found.values())) for title, found in merged.items())
+
+
 class Parser(argparse.ArgumentParser):
     """An argument parser whose errors are ours to write."""
 
@@ -76,6 +131,7 @@ class Parser(argparse.ArgumentParser):
         super().__init__(**options)
         # From Python 3.14 on help has escape sequences of its own, which our output would show as text.
         self.color = False
+        self.completes: Mapping[str, Sequence[FindWords]] = {}
 
     def error(self, message: str) -> NoReturn:
         """Raise what is wrong with the call.
@@ -97,8 +153,14 @@ class Parser(argparse.ArgumentParser):
         tell(message.removesuffix("\n"))
 
 
-def build_parser(groups: Sequence[CommandGroup], *, version: str) -> Parser:
-    """Return the parser of `gslcosim` with all its commands."""
+def build_parser(groups: Sequence[CommandGroup], *, version: str, only: str | None = None) -> Parser:
+    """Return the parser of `gslcosim`.
+
+    Args:
+        groups: All commands that the help lists.
+        version: The version that `--version` prints.
+        only: The one command or family whose words can be parsed; by default all.
+    """
     parser = Parser(
         prog="gslcosim",
         usage="gslcosim [-h] [--version] COMMAND ...",
@@ -117,11 +179,12 @@ def build_parser(groups: Sequence[CommandGroup], *, version: str) -> Parser:
     )
     for group in groups:
         for command in group.commands:
-            _add_command(choices, command)
+            if only is None or command.name == only:
+                _add_command(choices, command, command.name)
     return parser
 
 
-def _add_command(choices: "argparse._SubParsersAction[Parser]", command: Command | CommandFamily) -> None:
+def _add_command(choices: "argparse._SubParsersAction[Parser]", command: Command | CommandFamily, path: str) -> None:
     parser = choices.add_parser(
         command.name,
         help=command.summary,
@@ -135,17 +198,38 @@ def _add_command(choices: "argparse._SubParsersAction[Parser]", command: Command
     if isinstance(command, CommandFamily):
         below = parser.add_subparsers(dest="action", metavar="ACTION", required=True, title="actions")
         for part in command.parts:
-            _add_command(below, part)
-    else:
-        command.add_arguments(parser)
-        parser.set_defaults(call=command.run)
+            _add_command(below, part, f"{path}.{part.name}")
+        return
+    command.add_arguments(parser)
+    run, completes = command.run, dict(command.completes)
+    for options in load_options(path):
+        options.add_arguments(parser)
+        run, completes = partial(_call_options, options, run), {**completes, **options.completes}
+    parser.set_defaults(call=run)
+    parser.completes = completes
+
+
+def _call_options(options: CommandOptions, run: Run, arguments: argparse.Namespace) -> int:
+    return options.run(arguments, run)
+
+
+def load_options(path: str) -> list[CommandOptions]:
+    """Return the options that installed extensions add to a command.
+
+    Args:
+        path: Words that call it, with dots between them.
+
+    Raises:
+        UsageError: an extension registers something else, or cannot be imported.
+    """
+    return list(load_registered(OPTIONS_GROUP, as_command_options, "a CommandOptions", name=path))
 
 
 def _listing(groups: Sequence[CommandGroup]) -> str:
     # As argparse does; its help of a command begins in column 24.
     width = max(shutil.get_terminal_size().columns - 2, 40)
     lines = ["commands:"]
-    for group in groups:
+    for group in (each for each in groups if each.commands):
         lines.append(f"  {group.title}:")
         for command in group.commands:
             first = f"    {command.name:<12}  "
@@ -160,6 +244,14 @@ def iterate_commands(groups: Iterable[CommandGroup]) -> "Iterator[tuple[tuple[st
             yield from (((each.name, part.name), part) for part in each.parts)
         else:
             yield (each.name,), each
+
+
+def find_command_name(groups: Iterable[CommandGroup], words: Sequence[str]) -> str:
+    """Return the name of the command or family that a command line calls, by its old name too; else an empty text."""
+    groups = tuple(groups)
+    if words[:1] and any(words[0] == command.name for group in groups for command in group.commands):
+        return words[0]
+    return next((path[0] for path, command in iterate_commands(groups) if [command.old_name] == list(words[:1])), "")
 
 
 def parse(parser: Parser, groups: Sequence[CommandGroup], words: Sequence[str]) -> argparse.Namespace:
@@ -178,13 +270,24 @@ def parse(parser: Parser, groups: Sequence[CommandGroup], words: Sequence[str]) 
         words = [*path, *words[1:]]
         _parser_of(parser, path).prog = f"gslcosim {first}"
     elif first is not None and first not in names and words[0] == first:
+        _check_installed(words[:2])
+        _check_installed(words[:1])
         hint = _hint(first, {**{name: name for name in names}, **{old: " ".join(path) for old, path in moved.items()}})
         raise UsageError(f"gslcosim: expected one of the commands {', '.join(names)}, was '{first}'.{hint}")
+    elif tuple(words[:2]) not in dict(iterate_commands(groups)):
+        _check_installed(words[:2])
     words = _with_default_part(parser, groups, words)
     arguments, unknown = parser.parse_known_args(_joined(words))
     if unknown:
         raise UsageError(_unknown_words(parser, words, unknown))
     return arguments
+
+
+# One sentence for words that an extension has which is not installed.
+def _check_installed(words: Sequence[str]) -> None:
+    asked = " ".join(words)
+    if remedy := find_remedy("commands", asked):
+        raise UsageError(f"gslcosim {asked}: expected a command that is installed. {remedy}")
 
 
 def _with_default_part(parser: Parser, groups: Sequence[CommandGroup], words: Sequence[str]) -> Sequence[str]:
@@ -272,6 +375,9 @@ def _unknown_words(parser: Parser, words: Sequence[str], unknown: list[str]) -> 
     if option is None:
         return f"{chosen.prog}: expected no further words, was '{' '.join(unknown)}'. See {chosen.prog} --help."
     name = option.partition("=")[0]
+    command = chosen.prog.removeprefix("gslcosim ")
+    if remedy := find_remedy("commands", f"{command} {name}"):
+        return f"{chosen.prog} {name}: expected an option that is installed. {remedy}"
     known = sorted({text for action in chosen._actions for text in action.option_strings if text[:2] == "--"})
     hint = _hint(name, {text: text for text in known})
     return f"{chosen.prog}: expected one of the options {', '.join(known)}, was '{name}'.{hint}"
@@ -361,6 +467,24 @@ def _newest(runs_dir: Path, file_name: str) -> Path:
             f"{runs_dir}: expected a run with a {file_name}, found none. Fly one: gslcosim up warehouse_empty"
         )
     return files[-1]
+
+
+def add_format_option(parser: argparse.ArgumentParser, *, of: Exported) -> None:
+    """Add `--to`, with the formats in which installed extensions write runs or environments."""
+    exporters = list_exporters(of)
+
+    def parse_format(text: str) -> str:
+        if text not in exporters and (remedy := find_remedy("formats", text)):
+            raise argparse.ArgumentTypeError(f"expected a format that is installed, was '{text}'. {remedy}")
+        return text
+
+    parser.add_argument(
+        "--to",
+        type=parse_format,
+        choices=tuple(exporters),
+        required=True,
+        help="; ".join(f"{each.name}: {each.summary}" for each in exporters.values()),
+    )
 
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:

@@ -18,36 +18,32 @@ from gslcosim.base.errors import (
     check_working_directory,
     translate,
 )
+from gslcosim.base.extensions import COMMANDS_GROUP, load_registered
 from gslcosim.base.processes import is_asked_to_end
 from gslcosim.base.thread_limit import check_thread_limit
-from gslcosim.cli.arguments import CommandFamily, CommandGroup, build_parser, parse
+from gslcosim.cli.arguments import (
+    Command,
+    CommandFamily,
+    CommandGroup,
+    as_command_groups,
+    build_parser,
+    find_command_name,
+    merge_groups,
+    parse,
+)
 from gslcosim.cli.commands import (
-    agent,
-    bench,
     cache,
     compare,
     completion,
     doctor,
-    export,
-    extract,
-    film,
-    fly,
     fork,
-    generate,
-    import_,
-    import_flight,
     join,
     list_,
     monitor,
-    participant,
-    plot,
-    reality,
     replay,
     runs,
-    sample,
     schema,
     step,
-    train,
     up,
     validate,
     view,
@@ -64,52 +60,42 @@ from gslcosim.cli.terminal import (
 _COLLECT_EVERY = 50_000
 _BUG = "This is a mistake in gslcosim: please report it with the lines above."
 
-ENVIRONMENT = CommandFamily(
-    name="environment",
-    summary="generate, import and export environments (rooms with their wind); sample gas or wind in them",
-    examples="  gslcosim environment generate warehouse_complex\n"
-    "  gslcosim environment import environments/001 --out gsl_bench_001\n"
-    "  gslcosim environment export hall --to gaden --out hall_gaden",
-    parts=(generate.COMMAND, import_.COMMAND, export.COMMAND, sample.COMMAND),
-)
 RUNS = CommandFamily(
     name="runs",
-    summary="list runs, watch and stop those that are active, import the log of a real robot",
+    summary="list runs, watch and stop those that are active",
     examples="  gslcosim runs                    the same as gslcosim runs list\n"
     "  gslcosim runs active\n  gslcosim runs top\n  gslcosim runs stop",
-    parts=(runs.COMMAND, monitor.ACTIVE, monitor.TOP, monitor.STOP, import_flight.COMMAND),
+    parts=(runs.COMMAND, monitor.ACTIVE, monitor.TOP, monitor.STOP),
     default="list",
 )
-GROUPS = (
+# The titles of the help stand in this order; extensions add commands below them, and titles of their own.
+CORE_GROUPS = (
     CommandGroup(
         title="run",
-        commands=(
-            up.UP,
-            step.COMMAND,
-            fly.COMMAND,
-            join.COMMAND,
-            validate.COMMAND,
-            replay.COMMAND,
-            fork.COMMAND,
-        ),
+        commands=(up.UP, step.COMMAND, join.COMMAND, validate.COMMAND, replay.COMMAND, fork.COMMAND),
     ),
-    CommandGroup(
-        title="look",
-        commands=(
-            list_.COMMAND,
-            RUNS,
-            view.COMMAND,
-            plot.COMMAND,
-            film.COMMAND,
-            extract.COMMAND,
-            compare.COMMAND,
-        ),
-    ),
-    CommandGroup(title="compare methods", commands=(bench.COMMAND, train.COMMAND, reality.COMMAND)),
-    CommandGroup(title="environments", commands=(ENVIRONMENT,)),
-    CommandGroup(title="extend", commands=(agent.COMMAND, participant.COMMAND, schema.COMMAND)),
+    CommandGroup(title="look", commands=(list_.COMMAND, RUNS, view.COMMAND, compare.COMMAND)),
+    CommandGroup(title="compare methods", commands=()),
+    CommandGroup(title="environments", commands=()),
+    CommandGroup(title="extend", commands=(schema.COMMAND,)),
     CommandGroup(title="machine", commands=(cache.COMMAND, completion.COMMAND, doctor.COMMAND)),
 )
+
+
+def list_groups() -> tuple[CommandGroup, ...]:
+    """Return the commands of the core with those that installed extensions register, by the groups of the help.
+
+    Raises:
+        UsageError: an extension registers something else, or cannot be imported.
+    """
+    registered = load_registered(COMMANDS_GROUP, as_command_groups, "a tuple of CommandGroup")
+    return merge_groups([*CORE_GROUPS, *(group for groups in registered for group in groups)])
+
+
+# A command of the core needs no package of another.
+def _list_groups_for(words: Sequence[str]) -> tuple[CommandGroup, ...]:
+    own = (command for group in CORE_GROUPS for command in group.commands if isinstance(command, Command))
+    return CORE_GROUPS if words and words[0] in {command.name for command in own} else list_groups()
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -123,7 +109,8 @@ def main(words: Sequence[str] | None = None) -> int:
     open_missing_streams()
     if words is None:
         if "_ARGCOMPLETE" in os.environ:
-            completion.complete(build_parser(GROUPS, version=__version__), GROUPS)
+            groups = list_groups()
+            completion.complete(build_parser(groups, version=__version__), groups)
         escape_library_messages()
     exit_code = run_command(sys.argv[1:] if words is None else words)
     if words is None and exit_code == ExitCode.FAULT:
@@ -155,12 +142,13 @@ def run_command(words: Sequence[str], call: Callable[[argparse.Namespace], int] 
 
 
 def _exit_code_of(words: Sequence[str], call: Callable[[argparse.Namespace], int] | None) -> int:
-    parser = build_parser(GROUPS, version=__version__)
     try:
+        groups = _list_groups_for(words)
+        parser = build_parser(groups, version=__version__, only=find_command_name(groups, words))
         if not words:
             parser.print_help(sys.stderr)
             return ExitCode.USAGE
-        arguments = parse(parser, GROUPS, words)
+        arguments = parse(parser, groups, words)
         if "is_computing" in arguments:
             check_address_space()
             check_working_directory()

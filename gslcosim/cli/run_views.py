@@ -6,8 +6,8 @@ from pathlib import Path
 from gslcosim.base.errors import UsageError
 from gslcosim.base.ticks import seconds_from_ticks, ticks_from_seconds
 from gslcosim.cli.arguments import DIGEST
-from gslcosim.data.recording.derived_recordings import Divergence, RecordedRun, record_side_by_side
 from gslcosim.environment.store import load_environment
+from gslcosim.recordings.derived_recordings import Divergence, RecordedRun, record_side_by_side
 from gslcosim.runtime.replay.compare import RunComparison
 from gslcosim.runtime.replay.past_run import PastRun, find_environment
 
@@ -43,7 +43,7 @@ def record_run_at(recording: Path, path: Path, at_s: float, *, is_still: bool) -
         UsageError: the run has left no scenario, or spoke another contract.
         RecordingError: the recording cannot be read, or ends before.
     """
-    from gslcosim.data.recording.derived_recordings import record_from_tick
+    from gslcosim.recordings.derived_recordings import record_from_tick
 
     past = PastRun.load(recording.parent, needs_result=False)
     environment = load_environment(find_environment(past, lambda _: None))

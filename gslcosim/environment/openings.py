@@ -4,6 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +15,11 @@ from gslcosim.base.quantities import Vec3
 from gslcosim.environment.model import OBSTACLE_RGBA, Box, Environment, Grid, Opening, point_text
 from gslcosim.scenario.models.scenario import OpeningSpec
 
-# Width (along y) and height of inlet and outlet, Table 9.2 of the GSL-Bench thesis.
-THESIS_OPENING_M = (1.5, 2.4)
-# Small rooms: an opening takes at most these shares of the room's y and z size (chosen; 15 x 15 x 8 m is not affected).
-MAX_WIDTH_FRAC, MAX_HEIGHT_FRAC = 0.4, 0.6
-
 _AXES = "xyz"
 # How far from a face an opening may be written and still be meant to lie on it [m].
 _ON_FACE_M = 1e-6
+
+Cells = tuple[slice, slice, slice]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,17 +47,87 @@ class Face:
 FACES = tuple(Face(axis=axis, is_upper=is_upper) for axis in range(3) for is_upper in (False, True))
 
 
-def default_inlet(size_m: Vec3, opening_m: tuple[float, float] | None = None) -> OpeningSpec:
-    """Return the thesis's inlet: on the face x = 0, from the corner y = 0, on the floor; `opening_m` is y by z."""
-    width_m, height_m = opening_m or _default_size_m(size_m)
-    return OpeningSpec(min_m=(0.0, 0.0, 0.0), max_m=(0.0, width_m, height_m))
+@dataclass(frozen=True)
+class WantedOpening:
+    """An opening as a scenario or its layout has it, and the place in the scenario that is responsible for it.
+
+    Attributes:
+        velocity_m_s: The inlet's; zero for the others.
+        is_wind_checked: Whether its velocity has to enter the room.
+        overlap_path: Where an overlap with one before it is reported; absent: `path`.
+        is_optional: Whether it is left out where it would overlap one before it.
+    """
+
+    name: str
+    kind: Literal["inlet", "outlet", "open"]
+    spec: OpeningSpec
+    path: str
+    velocity_m_s: Vec3 = (0.0, 0.0, 0.0)
+    is_wind_checked: bool = False
+    overlap_path: str | None = None
+    is_optional: bool = False
 
 
-def default_outlet(size_m: Vec3, opening_m: tuple[float, float] | None = None) -> OpeningSpec:
-    """Return the thesis's outlet: as large as the inlet, on the face x = x_max, in the far corner."""
-    width_m, height_m = opening_m or _default_size_m(size_m)
-    x_m, y_m, _ = size_m
-    return OpeningSpec(min_m=(x_m, y_m - width_m, 0.0), max_m=(x_m, y_m, height_m))
+def place_openings(
+    wanted: Iterable[WantedOpening], grid: Grid
+) -> tuple[tuple[Opening, ...], list[Problem], tuple[str, ...]]:
+    """Move openings to whole cells of a room's faces.
+
+    Each edge goes to the nearest border of cells; one half-way goes outward, so 1.5 m becomes 1.6 m with 0.2 m cells.
+
+    Returns:
+        The openings that can be placed, all problems of the others and between them, and a sentence for each opening
+        that moved.
+    """
+    placed: list[Opening] = []
+    problems: list[Problem] = []
+    notices: list[str] = []
+    for i, each in enumerate(wanted):
+        if not each.is_optional and each.name in {other.name for other in placed}:
+            problems.append(
+                Problem(
+                    where=f"{each.path}.name",
+                    expected="a name that no other opening has",
+                    found=each.name,
+                    remedy=f"For example {each.name}_{i}.",
+                )
+            )
+        face = find_face(each.spec, grid)
+        found = _find_place_problems(each, grid, face)
+        if face is None or found:
+            problems += found
+            continue
+        if each.is_wind_checked:
+            problems += find_inflow_problems(each.velocity_m_s, face)
+        low_m, high_m = list(each.spec.min_m), list(each.spec.max_m)
+        for axis in range(3):
+            low_m[axis] = high_m[axis] = face.coordinate_m(grid)
+            if axis != face.axis:
+                first, last = snap_range(each.spec.min_m[axis], each.spec.max_m[axis], grid, axis, is_outward=True)
+                low_m[axis], high_m[axis] = border_m(grid, axis, first), border_m(grid, axis, last)
+        min_m, max_m = (low_m[0], low_m[1], low_m[2]), (high_m[0], high_m[1], high_m[2])
+        opening = Opening(name=each.name, kind=each.kind, min_m=min_m, max_m=max_m, velocity_m_s=each.velocity_m_s)
+        overlapped = [other for other in placed if are_overlapping(other, opening, grid)]
+        if overlapped and each.is_optional:
+            continue
+        problems += [
+            Problem(
+                where=each.overlap_path or each.path,
+                expected=f"{other.name} and {opening.name} apart from each other",
+                found=f"{other.name} {_span_text(other.min_m, other.max_m)} and {opening.name} "
+                f"{_span_text(min_m, max_m)}, which overlap",
+                remedy="Move one of them.",
+            )
+            for other in overlapped
+        ]
+        placed.append(opening)
+        moves_m = zip((*each.spec.min_m, *each.spec.max_m), (*min_m, *max_m), strict=True)
+        if max(abs(before_m - after_m) for before_m, after_m in moves_m) > _ON_FACE_M:
+            notices.append(
+                f"The {each.name} {_span_text(each.spec.min_m, each.spec.max_m)} is taken as "
+                f"{_span_text(min_m, max_m)}, which is whole cells of {grid.cell_m:g} m."
+            )
+    return tuple(placed), problems, tuple(notices)
 
 
 def find_face(opening: OpeningSpec | Opening, grid: Grid) -> Face | None:
@@ -70,51 +138,6 @@ def find_face(opening: OpeningSpec | Opening, grid: Grid) -> Face | None:
         if all(abs(corner_m - where_m) <= _ON_FACE_M for corner_m in corners_m):
             return face
     return None
-
-
-def find_opening_problems(opening: OpeningSpec, grid: Grid, path: str) -> list[Problem]:
-    """Return what is wrong with the place of an opening; `path` is where it stands in the scenario."""
-    face = find_face(opening, grid)
-    if face is None:
-        return [
-            Problem(
-                where=path,
-                expected=f"a rectangle flat on one face of the room, {_span(grid)}",
-                found=f"{_box(opening.min_m, opening.max_m)}",
-                remedy="Give min_m and max_m one coordinate in common, on the face, such as x = 0 in both.",
-            )
-        ]
-    problems: list[Problem] = []
-    for axis in (axis for axis in range(3) if axis != face.axis):
-        low_m, high_m = opening.min_m[axis], opening.max_m[axis]
-        room_low_m, room_high_m = grid.origin_m[axis], grid.max_m[axis]
-        if low_m < room_low_m - _ON_FACE_M or high_m > room_high_m + _ON_FACE_M:
-            problems.append(
-                Problem(
-                    where=path,
-                    expected=f"{_AXES[axis]} inside the face, from {room_low_m:g} to {room_high_m:g} m",
-                    found=f"{low_m:g} to {high_m:g} m",
-                )
-            )
-    return problems
-
-
-def snap_to_cells(opening: OpeningSpec, grid: Grid, face: Face) -> tuple[Vec3, Vec3]:
-    """Return an opening's corners (min, max) [m] moved to borders of cells, at least one cell wide.
-
-    Each edge goes to the nearest border; an edge half-way goes outward, so 1.5 m becomes 1.6 m with 0.2 m cells.
-    """
-    lows_m: list[float] = []
-    highs_m: list[float] = []
-    for axis in range(3):
-        if axis == face.axis:
-            lows_m.append(face.coordinate_m(grid))
-            highs_m.append(face.coordinate_m(grid))
-            continue
-        first, last = snap_range(opening.min_m[axis], opening.max_m[axis], grid, axis, is_outward=True)
-        lows_m.append(border_m(grid, axis, first))
-        highs_m.append(border_m(grid, axis, last))
-    return (lows_m[0], lows_m[1], lows_m[2]), (highs_m[0], highs_m[1], highs_m[2])
 
 
 def snap_range(low_m: float, high_m: float, grid: Grid, axis: int, *, is_outward: bool) -> tuple[int, int]:
@@ -146,7 +169,7 @@ def border_m(grid: Grid, axis: int, i: int) -> float:
     return round(grid.origin_m[axis] + i * grid.cell_m, 9)
 
 
-def cells_at(opening: Opening, grid: Grid) -> tuple[slice, slice, slice]:
+def cells_at(opening: Opening, grid: Grid) -> Cells:
     """Return the layer of cells, one deep, that an opening on the room's face touches.
 
     Raises:
@@ -154,7 +177,8 @@ def cells_at(opening: Opening, grid: Grid) -> tuple[slice, slice, slice]:
     """
     face = find_face(opening, grid)
     if face is None:
-        raise ValueError(f"opening {opening.name} is on no face of the grid: {_box(opening.min_m, opening.max_m)}")
+        span = _span_text(opening.min_m, opening.max_m)
+        raise ValueError(f"opening {opening.name} is on no face of the grid: {span}")
     slices: list[slice] = []
     for axis in range(3):
         if axis == face.axis:
@@ -192,30 +216,6 @@ def find_inflow_problems(velocity_m_s: Vec3, face: Face) -> Sequence[Problem]:
     )
 
 
-def describe_snapping(kind: str, before: OpeningSpec, after: tuple[Vec3, Vec3], cell_m: float) -> str | None:
-    """Return a sentence that says how far an opening moved to whole cells; nothing when it did not."""
-    moved_m = max(abs(b - a) for b, a in zip((*before.min_m, *before.max_m), (*after[0], *after[1]), strict=True))
-    if moved_m <= _ON_FACE_M:
-        return None
-    return (
-        f"The {kind} {_box(before.min_m, before.max_m)} is taken as {_box(*after)}, "
-        f"which is whole cells of {cell_m:g} m."
-    )
-
-
-def _default_size_m(size_m: Vec3) -> tuple[float, float]:
-    width_m, height_m = THESIS_OPENING_M
-    return min(width_m, MAX_WIDTH_FRAC * size_m[1]), min(height_m, MAX_HEIGHT_FRAC * size_m[2])
-
-
-def _box(min_m: Vec3, max_m: Vec3) -> str:
-    return f"{point_text(min_m)} to {point_text(max_m)} m"
-
-
-def _span(grid: Grid) -> str:
-    return f"which reaches from {point_text(grid.origin_m)} to {point_text(grid.max_m)} m"
-
-
 def voxelize(boxes: Iterable[Box], grid: Grid) -> NDArray[np.bool_]:
     """Return which of the (nx, ny, nz) cells are solid.
 
@@ -230,9 +230,6 @@ def voxelize(boxes: Iterable[Box], grid: Grid) -> NDArray[np.bool_]:
         )
         is_solid[i0:i1, j0:j1, k0:k1] = True
     return is_solid
-
-
-Cells = tuple[slice, slice, slice]
 
 
 def boxes_from_solid(is_solid: NDArray[np.bool_], grid: Grid) -> tuple[Box, ...]:
@@ -264,18 +261,6 @@ def boxes_from_solid(is_solid: NDArray[np.bool_], grid: Grid) -> tuple[Box, ...]
     return tuple(boxes)
 
 
-def _grown(left: NDArray[np.bool_], i: int, j: int, k: int) -> Cells:
-    i1 = i + _run(left[i:, j, k])
-    j1 = j + _run(np.asarray(left[i:i1, j:, k].all(axis=0)))
-    k1 = k + _run(np.asarray(left[i:i1, j:j1, k:].all(axis=(0, 1))))
-    return slice(i, i1), slice(j, j1), slice(k, k1)
-
-
-# How many values are true before the first that is not.
-def _run(values: NDArray[np.bool_]) -> int:
-    return len(values) if values.all() else int(np.argmin(values))
-
-
 def solid_boxes(environment: Environment) -> list[Box]:
     """Return the boxes of a room; one without a floor of its own (an imported one, say) gets one to stand on.
 
@@ -290,3 +275,43 @@ def solid_boxes(environment: Environment) -> list[Box]:
         (x0, y0, z0), (x1, y1, _) = environment.grid.origin_m, environment.grid.max_m
         boxes.append(Box(name="floor", kind="floor", min_m=(x0, y0, z0 - 0.2), max_m=(x1, y1, z0)))
     return boxes
+
+
+def _find_place_problems(wanted: WantedOpening, grid: Grid, face: Face | None) -> list[Problem]:
+    low_m, high_m = grid.origin_m, grid.max_m
+    min_m, max_m = wanted.spec.min_m, wanted.spec.max_m
+    if face is None:
+        return [
+            Problem(
+                where=wanted.path,
+                expected="a rectangle flat on one face of the room, "
+                f"which reaches from {point_text(low_m)} to {point_text(high_m)} m",
+                found=_span_text(min_m, max_m),
+                remedy="Give min_m and max_m one coordinate in common, on the face, such as x = 0 in both.",
+            )
+        ]
+    return [
+        Problem(
+            where=wanted.path,
+            expected=f"{_AXES[axis]} inside the face, from {low_m[axis]:g} to {high_m[axis]:g} m",
+            found=f"{min_m[axis]:g} to {max_m[axis]:g} m",
+        )
+        for axis in range(3)
+        if axis != face.axis and (min_m[axis] < low_m[axis] - _ON_FACE_M or max_m[axis] > high_m[axis] + _ON_FACE_M)
+    ]
+
+
+def _span_text(min_m: Vec3, max_m: Vec3) -> str:
+    return f"{point_text(min_m)} to {point_text(max_m)} m"
+
+
+def _grown(left: NDArray[np.bool_], i: int, j: int, k: int) -> Cells:
+    i1 = i + _run(left[i:, j, k])
+    j1 = j + _run(np.asarray(left[i:i1, j:, k].all(axis=0)))
+    k1 = k + _run(np.asarray(left[i:i1, j:j1, k:].all(axis=(0, 1))))
+    return slice(i, i1), slice(j, j1), slice(k, k1)
+
+
+# How many values are true before the first that is not.
+def _run(values: NDArray[np.bool_]) -> int:
+    return len(values) if values.all() else int(np.argmin(values))

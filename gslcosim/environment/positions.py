@@ -1,6 +1,6 @@
 """Positions in an environment: where sources and vehicles can be, checked, and drawn at random if a scenario asks."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -22,77 +22,9 @@ from gslcosim.scenario.models.events import DoorClosesSpec, SourceMovesSpec
 from gslcosim.scenario.models.scenario import AgentSpec, EnvironmentSpec, Scenario, SolverSpec, VehicleSpec
 
 MAX_VARIANTS = 16
-
-
-def find_moving_door_problems(scenario: Scenario, room: EnvironmentGeometry) -> Iterator[Problem]:
-    """Yield what is wrong with the events of a scenario's doors in its room.
-
-    A door may not close on a vehicle's start, a source or a probe, and events may not make more than `MAX_VARIANTS`
-    rooms.
-    """
-    n_situations = len(find_variants(scenario))
-    if n_situations > MAX_VARIANTS:
-        yield Problem(
-            where="events",
-            expected=f"at most {MAX_VARIANTS} combinations of closed doors and inlets, each of which is a room",
-            found=f"{n_situations}",
-            remedy="Give the events of doors and wind times (at_s): then only those that follow each other count.",
-        )
-    doors = {door.name: door_box(door) for door in scenario.environment.doors}
-    for i, event in enumerate(scenario.events):
-        if not isinstance(event, DoorClosesSpec) or event.door not in doors:
-            continue
-        hits = _hits(scenario, room, doors[event.door])
-        if hits:
-            yield Problem(
-                where=f"events[{i}].door",
-                expected="a door that closes on no vehicle's start, no source and no probe",
-                found=f"{event.door}, which closes on {' and '.join(hits)}",
-                remedy=f"Move the door, or {hits[0]}.",
-            )
-
-
-def _hits(scenario: Scenario, room: EnvironmentGeometry, door: Box) -> list[str]:
-    is_door = voxelize([door], room.grid)
-    places = [(f"gas.sources[{i}].position_m", source.position_m) for i, source in enumerate(scenario.gas.sources)]
-    places += [
-        (f"events[{i}].to_m", event.to_m)
-        for i, event in enumerate(scenario.events)
-        if isinstance(event, SourceMovesSpec)
-    ]
-    places += [(f"probes[{i}].position_m", probe.position_m) for i, probe in enumerate(scenario.probes or ())]
-    cells = [(path, room.grid.cell_of(np.asarray(place_m))) for path, place_m in places]
-    hits = [path for path, cell in cells if room.grid.contains_cell(cell) and is_door[tuple(cell)]]
-    alone = replace(room, boxes=(door,))
-    starts = [(f"agents[{i}].vehicle.start_m", agent.vehicle) for i, agent in enumerate(scenario.agents)]
-    return hits + [path for path, each in starts if find_blocking_boxes(np.asarray([each.start_m]), each, alone)[0]]
-
-
-def find_blocking_boxes(
-    starts_m: NDArray[np.float64], vehicle: VehicleSpec, room: EnvironmentGeometry
-) -> list[list[str]]:
-    """Return the names of the boxes, except the floor, that reach into the column from each start up to search height.
-
-    Args:
-        starts_m: (n, 3) places, world frame [m].
-        vehicle: What would start there.
-        room: The room.
-    """
-    body = vehicle.facts.body
-    radius_m, half_height_m = body.radius_m, body.half_height_m
-    # A search height above the ceiling is another problem.
-    search_height_m = min(vehicle.search_height_m, room.grid.max_m[2] - radius_m)
-    bottom_m = starts_m[:, 2]
-    top_m = np.maximum(bottom_m, search_height_m) + half_height_m
-    hits: list[list[str]] = [[] for _ in starts_m]
-    for box in (box for box in room.boxes if box.kind != "floor"):
-        low, high = np.asarray(box.min_m), np.asarray(box.max_m)
-        beside_m = np.maximum(np.maximum(low[:2] - starts_m[:, :2], starts_m[:, :2] - high[:2]), 0.0)
-        is_near = np.hypot(beside_m[:, 0], beside_m[:, 1]) < radius_m - 1e-9
-        # What ends below the start carries the vehicle; only what rises above it is in the way.
-        for i in np.flatnonzero(is_near & (high[2] > bottom_m + 1e-9) & (low[2] < top_m)):
-            hits[i].append(box.name)
-    return hits
+# Above the floor: as high as the bundled scenarios' starts [m].
+START_HEIGHT_M = 0.2
+N_TRIES = 10_000
 
 
 def find_position_problems(scenario: Scenario, *, scenario_dir: Path | None = None) -> list[Problem]:
@@ -138,24 +70,18 @@ def find_position_problems_in(scenario: Scenario, room: EnvironmentGeometry) -> 
     Sources must be in air, wherever they move, and so must probes; vehicles must start in air, touch nothing but the
     floor, have room to rise to their search height, and not overlap.
     """
-    problems = [
-        problem
-        for i, source in enumerate(scenario.gas.sources)
-        if (problem := _problem_of_point(source.position_m, room, f"gas.sources[{i}].position_m"))
-    ]
-    problems += find_point_problems(
-        [
-            (f"events[{i}].to_m", event.to_m)
-            for i, event in enumerate(scenario.events)
-            if isinstance(event, SourceMovesSpec)
-        ],
-        room,
-    )
-    probes = enumerate(scenario.probes or ())
-    problems += find_point_problems([(f"probes[{i}].position_m", probe.position_m) for i, probe in probes], room)
+    problems = find_point_problems(_list_points(scenario), room)
     problems += find_moving_door_problems(scenario, room)
     for i, agent in enumerate(scenario.agents):
-        problems += _problems_of_vehicle(agent.vehicle, room, f"agents[{i}].vehicle")
+        path = f"agents[{i}].vehicle"
+        problems += [
+            problem
+            for problem in (
+                _problem_of_height(agent.vehicle, room, f"{path}.search_height_m"),
+                _problem_of_start(agent.vehicle, room, f"{path}.start_m"),
+            )
+            if problem
+        ]
     return problems + _problems_of_neighbours(scenario.agents)
 
 
@@ -163,6 +89,92 @@ def find_point_problems(points_m: Sequence[tuple[str, Vec3]], room: EnvironmentG
     """Return a problem for each point, given with the place where it was written, that is not in a room's air."""
     problems = (_problem_of_point(point_m, room, path) for path, point_m in points_m)
     return [problem for problem in problems if problem]
+
+
+def find_moving_door_problems(scenario: Scenario, room: EnvironmentGeometry) -> Iterator[Problem]:
+    """Yield what is wrong with the events of a scenario's doors in its room.
+
+    A door may not close on a vehicle's start, a source or a probe, and events may not make more than `MAX_VARIANTS`
+    rooms.
+    """
+    n_situations = len(find_variants(scenario))
+    if n_situations > MAX_VARIANTS:
+        yield Problem(
+            where="events",
+            expected=f"at most {MAX_VARIANTS} combinations of closed doors and inlets, each of which is a room",
+            found=f"{n_situations}",
+            remedy="Give the events of doors and wind times (at_s): then only those that follow each other count.",
+        )
+    doors = {door.name: door_box(door) for door in scenario.environment.doors}
+    for i, event in enumerate(scenario.events):
+        if not isinstance(event, DoorClosesSpec) or event.door not in doors:
+            continue
+        hits = _hits(scenario, room, doors[event.door])
+        if hits:
+            yield Problem(
+                where=f"events[{i}].door",
+                expected="a door that closes on no vehicle's start, no source and no probe",
+                found=f"{event.door}, which closes on {' and '.join(hits)}",
+                remedy=f"Move the door, or {hits[0]}.",
+            )
+
+
+def find_blocking_boxes(
+    starts_m: NDArray[np.float64], vehicle: VehicleSpec, room: EnvironmentGeometry
+) -> list[list[str]]:
+    """Return the names of the boxes, except the floor, that reach into the column from each start up to search height.
+
+    Args:
+        starts_m: (n, 3) places, world frame [m].
+        vehicle: What would start there.
+        room: The room.
+    """
+    body = vehicle.facts.body
+    radius_m, half_height_m = body.radius_m, body.half_height_m
+    # A search height above the ceiling is another problem.
+    search_height_m = min(vehicle.search_height_m, room.grid.max_m[2] - radius_m)
+    bottom_m = starts_m[:, 2]
+    top_m = np.maximum(bottom_m, search_height_m) + half_height_m
+    hits: list[list[str]] = [[] for _ in starts_m]
+    for box in (box for box in room.boxes if box.kind != "floor"):
+        low, high = np.asarray(box.min_m), np.asarray(box.max_m)
+        beside_m = np.maximum(np.maximum(low[:2] - starts_m[:, :2], starts_m[:, :2] - high[:2]), 0.0)
+        is_near = np.hypot(beside_m[:, 0], beside_m[:, 1]) < radius_m - 1e-9
+        # What ends below the start carries the vehicle; only what rises above it is in the way.
+        for i in np.flatnonzero(is_near & (high[2] > bottom_m + 1e-9) & (low[2] < top_m)):
+            hits[i].append(box.name)
+    return hits
+
+
+def can_start_at(start_m: Vec3, vehicle: VehicleSpec, room: EnvironmentGeometry) -> bool:
+    """Return whether a vehicle can stand at a point of the world frame [m] and rise there to its search height."""
+    is_free = _what_is_at(start_m, room) is None
+    return is_free and not find_blocking_boxes(np.asarray([start_m]), vehicle, room)[0]
+
+
+def nearest_start_m(vehicle: VehicleSpec, room: EnvironmentGeometry) -> Vec3 | None:
+    """Return the place nearest to a vehicle's start, at the same height, where it could start; nothing without one."""
+    start_m = np.asarray(vehicle.start_m)
+    for candidates_m, reach_m in _growing_surroundings(vehicle.start_m, room, is_level=True):
+        # At the height that was asked for, where it is a height in the room.
+        if room.grid.origin_m[2] <= start_m[2] < room.grid.max_m[2]:
+            candidates_m[:, 2] = start_m[2]
+        distances_m = np.linalg.norm(candidates_m - start_m, axis=1)
+        hits = find_blocking_boxes(candidates_m, vehicle, room)
+        free = [i for i in np.argsort(distances_m, kind="stable") if not hits[i] and distances_m[i] <= reach_m]
+        if free:
+            return _rounded(candidates_m[free[0]])
+    return None
+
+
+def nearest_free_point_m(position_m: Vec3, room: EnvironmentGeometry) -> Vec3 | None:
+    """Return the centre of the air cell nearest to a point, world frame [m]; nothing when there is no air."""
+    for centres_m, reach_m in _growing_surroundings(position_m, room):
+        distances_m = np.linalg.norm(centres_m - np.asarray(position_m), axis=1)
+        # Only cells within the reach are surely nearer than those outside the surroundings.
+        if len(distances_m) and distances_m.min() <= reach_m:
+            return _rounded(centres_m[int(np.argmin(distances_m))])
+    return None
 
 
 def random_free_point_m(
@@ -178,187 +190,13 @@ def random_free_point_m(
     grid = room.grid
     is_air = room.occupancy != Cell.SOLID
     height_m = grid.axis_centres_m(2) - grid.origin_m[2]
-    for is_wanted in (_is_clear(is_air) & _is_between(height_m, heights_m), _is_clear(is_air), is_air):
+    is_clear, is_between = _is_clear(is_air), (height_m >= heights_m[0]) & (height_m <= heights_m[1])
+    for is_wanted in (is_clear & is_between, is_clear, is_air):
         cells = np.argwhere(is_wanted)
         if len(cells):
             point_m = (cells[int(rng.integers(len(cells)))] + 0.5) * grid.cell_m
-            return _as_vec3(np.asarray(grid.origin_m, dtype=np.float64) + point_m)
+            return _rounded(np.asarray(grid.origin_m, dtype=np.float64) + point_m)
     raise EnvironmentDataError(f"{room.name}: expected air to put a source in, was none.")
-
-
-def _is_between(values: NDArray[np.float64], limits: tuple[float, float]) -> NDArray[np.bool_]:
-    return (values >= limits[0]) & (values <= limits[1])
-
-
-def can_start_at(start_m: Vec3, vehicle: VehicleSpec, room: EnvironmentGeometry) -> bool:
-    """Return whether a vehicle can stand at a point of the world frame [m] and rise there to its search height."""
-    is_free = _what_is_at(start_m, room) is None
-    return is_free and not find_blocking_boxes(np.asarray([start_m]), vehicle, room)[0]
-
-
-# Air whose six neighbours are air too; the walls around the grid are solid.
-def _is_clear(is_air: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    padded = np.pad(is_air, 1)
-    inner = slice(1, -1)
-    is_clear = is_air.copy()
-    for axis in range(3):
-        for side in (slice(None, -2), slice(2, None)):
-            window = [inner, inner, inner]
-            window[axis] = side
-            is_clear &= padded[tuple(window)]
-    return is_clear
-
-
-def nearest_free_point_m(position_m: Vec3, room: EnvironmentGeometry) -> Vec3 | None:
-    """Return the centre of the air cell nearest to a point, world frame [m]; nothing when there is no air."""
-    for centres_m, reach_m in _growing_surroundings(position_m, room):
-        distances_m = np.linalg.norm(centres_m - np.asarray(position_m), axis=1)
-        # Only cells within the reach are surely nearer than those outside the surroundings.
-        if len(distances_m) and distances_m.min() <= reach_m:
-            return _as_vec3(centres_m[int(np.argmin(distances_m))])
-    return None
-
-
-def _problem_of_point(position_m: Vec3, room: EnvironmentGeometry, path: str) -> Problem | None:
-    found = _what_is_at(position_m, room)
-    if found is None:
-        return None
-    free_m = nearest_free_point_m(position_m, room)
-    return Problem(
-        where=path,
-        expected="a point in the room's air",
-        found=f"{point_text(position_m)}, {found}",
-        remedy=f"Nearest free point: {point_text(free_m)}." if free_m else "",
-    )
-
-
-# Says what is at a point when it is not air; nothing when it is.
-def _what_is_at(position_m: Vec3, room: EnvironmentGeometry) -> str | None:
-    grid = room.grid
-    cell = grid.cell_of(np.asarray(position_m))
-    if not bool(grid.contains_cell(cell)):
-        return f"outside the room, which reaches from {point_text(grid.origin_m)} to {point_text(grid.max_m)} m"
-    # A box is solid although its cell is not, where it does not hold the cell's centre.
-    for box in room.boxes:
-        if all(low <= p < high for low, p, high in zip(box.min_m, position_m, box.max_m, strict=True)):
-            return f"inside {box.name}"
-    if room.occupancy[tuple(cell)] == Cell.SOLID:
-        return "inside a solid cell"
-    return None
-
-
-def _problems_of_vehicle(vehicle: VehicleSpec, room: EnvironmentGeometry, path: str) -> list[Problem]:
-    problems = (
-        _problem_of_height(vehicle, room, f"{path}.search_height_m"),
-        _problem_of_start(vehicle, room, f"{path}.start_m"),
-    )
-    return [problem for problem in problems if problem]
-
-
-def _problem_of_height(vehicle: VehicleSpec, room: EnvironmentGeometry, path: str) -> Problem | None:
-    if vehicle.drives:
-        return None
-    radius_m = vehicle.facts.body.radius_m
-    low_m, high_m = room.grid.origin_m[2] + radius_m, room.grid.max_m[2] - radius_m
-    if low_m <= vehicle.search_height_m <= high_m:
-        return None
-    where = f"the ceiling is at {room.grid.max_m[2]:g} m and the {vehicle.model} keeps {radius_m:g} m from it"
-    return Problem(
-        where=path,
-        expected=f"a height between {low_m:g} and {high_m:g} m ({where} and from the floor)",
-        found=f"{vehicle.search_height_m:g} m",
-        remedy=f"For example {min(2.0, (low_m + high_m) / 2):.3g} m." if low_m < high_m else "The room is too low.",
-    )
-
-
-def _problem_of_start(vehicle: VehicleSpec, room: EnvironmentGeometry, path: str) -> Problem | None:
-    expected, found = "a point in the room's air", _what_is_at(vehicle.start_m, room)
-    if found is None:
-        hits = find_blocking_boxes(np.asarray([vehicle.start_m]), vehicle, room)[0]
-        if not hits:
-            return None
-        expected = (
-            f"{vehicle.facts.body.radius_m:g} m of free space around the {vehicle.model}, "
-            f"from the start up to its search height of {vehicle.search_height_m:g} m"
-        )
-        found = f"{', '.join(hits)} in it"
-    free_m = nearest_start_m(vehicle, room)
-    return Problem(
-        where=path,
-        expected=expected,
-        found=f"{point_text(vehicle.start_m)}, {found}",
-        remedy=f"Nearest free start: {point_text(free_m)}." if free_m else "",
-    )
-
-
-def nearest_start_m(vehicle: VehicleSpec, room: EnvironmentGeometry) -> Vec3 | None:
-    """Return the place nearest to a vehicle's start, at the same height, where it could start; nothing without one."""
-    start_m = np.asarray(vehicle.start_m)
-    for candidates_m, reach_m in _growing_surroundings(vehicle.start_m, room, is_level=True):
-        # At the height that was asked for, where it is a height in the room.
-        if room.grid.origin_m[2] <= start_m[2] < room.grid.max_m[2]:
-            candidates_m[:, 2] = start_m[2]
-        distances_m = np.linalg.norm(candidates_m - start_m, axis=1)
-        hits = find_blocking_boxes(candidates_m, vehicle, room)
-        free = [i for i in np.argsort(distances_m, kind="stable") if not hits[i] and distances_m[i] <= reach_m]
-        if free:
-            return _as_vec3(candidates_m[free[0]])
-    return None
-
-
-# Yields the centres of the air cells around a point, (n, 3) [m], and the distance [m] within which none is missing;
-# the surroundings grow until they are the whole room. `is_level` keeps them to the layer of cells at the point.
-def _growing_surroundings(
-    position_m: Vec3, room: EnvironmentGeometry, *, is_level: bool = False
-) -> Iterator[tuple[NDArray[np.float64], float]]:
-    grid, point = room.grid, np.asarray(position_m)
-    cell = np.clip(grid.cell_of(point), 0, np.asarray(grid.shape) - 1)
-    outside_m = np.linalg.norm(point - np.clip(point, grid.origin_m, grid.max_m))
-    reach, is_all = 4, False
-    while not is_all:
-        reaches = np.array([reach, reach, 0 if is_level else reach])
-        low, high = np.maximum(cell - reaches, 0), np.minimum(cell + reaches + 1, grid.shape)
-        is_all = (grid.shape[0], grid.shape[1]) == (high[0] - low[0], high[1] - low[1]) and (
-            is_level or high[2] - low[2] == grid.shape[2]
-        )
-        reach_m = np.inf if is_all else float(np.hypot(outside_m, reach * grid.cell_m))
-        yield _air_centres_m(room, low, high), reach_m
-        reach *= 4
-
-
-def _air_centres_m(room: EnvironmentGeometry, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.float64]:
-    window = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
-    indices = np.argwhere(room.occupancy[window] != Cell.SOLID) + low
-    return np.asarray(room.grid.origin_m, dtype=np.float64) + (indices + 0.5) * room.grid.cell_m
-
-
-def _problems_of_neighbours(agents: Sequence[AgentSpec]) -> list[Problem]:
-    problems: list[Problem] = []
-    for (_, first), (j, second) in combinations(enumerate(agents), 2):
-        a, b = first.vehicle, second.vehicle
-        apart_m = float(np.hypot(a.start_m[0] - b.start_m[0], a.start_m[1] - b.start_m[1]))
-        least_m = a.facts.body.radius_m + b.facts.body.radius_m
-        if apart_m >= least_m:
-            continue
-        problems.append(
-            Problem(
-                where=f"agents[{j}].vehicle.start_m",
-                expected=f"at least {least_m:g} m, seen from above, from the start of {first.name}",
-                found=f"{point_text(b.start_m)}, which is {apart_m:.3g} m from it",
-                remedy=f"Move it {least_m - apart_m:.2f} m further away.",
-            )
-        )
-    return problems
-
-
-def _as_vec3(point_m: NDArray[np.float64]) -> Vec3:
-    x_m, y_m, z_m = (round(float(coordinate_m), 6) for coordinate_m in point_m)
-    return x_m, y_m, z_m
-
-
-# Above the floor: as high as the bundled scenarios' starts [m].
-START_HEIGHT_M = 0.2
-N_TRIES = 10_000
 
 
 def draw_positions(
@@ -401,6 +239,148 @@ def read_room(spec: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path) -> En
         return load_environment(find_folder(spec, scenario_dir))
     except EnvironmentDataError:
         return None
+
+
+# The sources, where they move, and the probes, each with its place in the scenario.
+def _list_points(scenario: Scenario) -> list[tuple[str, Vec3]]:
+    points = [(f"gas.sources[{i}].position_m", source.position_m) for i, source in enumerate(scenario.gas.sources)]
+    points += [
+        (f"events[{i}].to_m", event.to_m)
+        for i, event in enumerate(scenario.events)
+        if isinstance(event, SourceMovesSpec)
+    ]
+    return points + [(f"probes[{i}].position_m", probe.position_m) for i, probe in enumerate(scenario.probes or ())]
+
+
+def _hits(scenario: Scenario, room: EnvironmentGeometry, door: Box) -> list[str]:
+    is_door = voxelize([door], room.grid)
+    cells = [(path, room.grid.cell_of(np.asarray(place_m))) for path, place_m in _list_points(scenario)]
+    hits = [path for path, cell in cells if room.grid.contains_cell(cell) and is_door[tuple(cell)]]
+    alone = replace(room, boxes=(door,))
+    starts = [(f"agents[{i}].vehicle.start_m", agent.vehicle) for i, agent in enumerate(scenario.agents)]
+    return hits + [path for path, each in starts if find_blocking_boxes(np.asarray([each.start_m]), each, alone)[0]]
+
+
+def _problem_of_point(position_m: Vec3, room: EnvironmentGeometry, path: str) -> Problem | None:
+    found = _what_is_at(position_m, room)
+    if found is None:
+        return None
+    free_m = nearest_free_point_m(position_m, room)
+    return Problem(
+        where=path,
+        expected="a point in the room's air",
+        found=f"{point_text(position_m)}, {found}",
+        remedy=f"Nearest free point: {point_text(free_m)}." if free_m else "",
+    )
+
+
+# Says what is at a point when it is not air; nothing when it is.
+def _what_is_at(position_m: Vec3, room: EnvironmentGeometry) -> str | None:
+    grid = room.grid
+    cell = grid.cell_of(np.asarray(position_m))
+    if not bool(grid.contains_cell(cell)):
+        return f"outside the room, which reaches from {point_text(grid.origin_m)} to {point_text(grid.max_m)} m"
+    # A box is solid although its cell is not, where it does not hold the cell's centre.
+    for box in room.boxes:
+        if all(low <= p < high for low, p, high in zip(box.min_m, position_m, box.max_m, strict=True)):
+            return f"inside {box.name}"
+    if room.occupancy[tuple(cell)] == Cell.SOLID:
+        return "inside a solid cell"
+    return None
+
+
+def _problem_of_height(vehicle: VehicleSpec, room: EnvironmentGeometry, path: str) -> Problem | None:
+    if vehicle.drives:
+        return None
+    radius_m = vehicle.facts.body.radius_m
+    low_m, high_m = room.grid.origin_m[2] + radius_m, room.grid.max_m[2] - radius_m
+    if low_m <= vehicle.search_height_m <= high_m:
+        return None
+    where = f"the ceiling is at {room.grid.max_m[2]:g} m and the {vehicle.model} keeps {radius_m:g} m from it"
+    return Problem(
+        where=path,
+        expected=f"a height between {low_m:g} and {high_m:g} m ({where} and from the floor)",
+        found=f"{vehicle.search_height_m:g} m",
+        remedy=f"For example {min(2.0, (low_m + high_m) / 2):.3g} m." if low_m < high_m else "The room is too low.",
+    )
+
+
+def _problem_of_start(vehicle: VehicleSpec, room: EnvironmentGeometry, path: str) -> Problem | None:
+    expected, found = "a point in the room's air", _what_is_at(vehicle.start_m, room)
+    if found is None:
+        hits = find_blocking_boxes(np.asarray([vehicle.start_m]), vehicle, room)[0]
+        if not hits:
+            return None
+        expected = (
+            f"{vehicle.facts.body.radius_m:g} m of free space around the {vehicle.model}, "
+            f"from the start up to its search height of {vehicle.search_height_m:g} m"
+        )
+        found = f"{', '.join(hits)} in it"
+    free_m = nearest_start_m(vehicle, room)
+    return Problem(
+        where=path,
+        expected=expected,
+        found=f"{point_text(vehicle.start_m)}, {found}",
+        remedy=f"Nearest free start: {point_text(free_m)}." if free_m else "",
+    )
+
+
+def _problems_of_neighbours(agents: Sequence[AgentSpec]) -> list[Problem]:
+    problems: list[Problem] = []
+    for (_, first), (j, second) in combinations(enumerate(agents), 2):
+        a, b = first.vehicle, second.vehicle
+        apart_m = float(np.hypot(a.start_m[0] - b.start_m[0], a.start_m[1] - b.start_m[1]))
+        least_m = a.facts.body.radius_m + b.facts.body.radius_m
+        if apart_m >= least_m:
+            continue
+        problems.append(
+            Problem(
+                where=f"agents[{j}].vehicle.start_m",
+                expected=f"at least {least_m:g} m, seen from above, from the start of {first.name}",
+                found=f"{point_text(b.start_m)}, which is {apart_m:.3g} m from it",
+                remedy=f"Move it {least_m - apart_m:.2f} m further away.",
+            )
+        )
+    return problems
+
+
+# Yields the centres of the air cells around a point, (n, 3) [m], and the distance [m] within which none is missing;
+# the surroundings grow until they are the whole room. `is_level` keeps them to the layer of cells at the point.
+def _growing_surroundings(
+    position_m: Vec3, room: EnvironmentGeometry, *, is_level: bool = False
+) -> Iterator[tuple[NDArray[np.float64], float]]:
+    grid, point = room.grid, np.asarray(position_m)
+    cell = np.clip(grid.cell_of(point), 0, np.asarray(grid.shape) - 1)
+    outside_m = np.linalg.norm(point - np.clip(point, grid.origin_m, grid.max_m))
+    reach, is_all = 4, False
+    while not is_all:
+        reaches = np.array([reach, reach, 0 if is_level else reach])
+        low, high = np.maximum(cell - reaches, 0), np.minimum(cell + reaches + 1, grid.shape)
+        is_all = (grid.shape[0], grid.shape[1]) == (high[0] - low[0], high[1] - low[1]) and (
+            is_level or high[2] - low[2] == grid.shape[2]
+        )
+        reach_m = np.inf if is_all else float(np.hypot(outside_m, reach * grid.cell_m))
+        yield _air_centres_m(room, low, high), reach_m
+        reach *= 4
+
+
+def _air_centres_m(room: EnvironmentGeometry, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.float64]:
+    window = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
+    indices = np.argwhere(room.occupancy[window] != Cell.SOLID) + low
+    return np.asarray(room.grid.origin_m, dtype=np.float64) + (indices + 0.5) * room.grid.cell_m
+
+
+# Air whose six neighbours are air too; the walls around the grid are solid.
+def _is_clear(is_air: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    padded = np.pad(is_air, 1)
+    inner = slice(1, -1)
+    is_clear = is_air.copy()
+    for axis in range(3):
+        for side in (slice(None, -2), slice(2, None)):
+            window = [inner, inner, inner]
+            window[axis] = side
+            is_clear &= padded[tuple(window)]
+    return is_clear
 
 
 def _random_start_m(
@@ -453,6 +433,6 @@ class _EscapePath:
         return is_climb_sufficient(start_m[2], to_m, wanted_m)
 
 
-def _rounded(point_m: Vec3) -> Vec3:
+def _rounded(point_m: Iterable[float]) -> Vec3:
     x_m, y_m, z_m = (round(float(coordinate_m), 6) for coordinate_m in point_m)
     return x_m, y_m, z_m

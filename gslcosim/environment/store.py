@@ -1,9 +1,5 @@
 """Environment folder: an environment with its wind on disk, format version 1, and its meshes as glTF.
 
-Each mesh is a node of its name with one primitive: positions in single precision, indices, and a material with the base
-colour. glTF's y points up, so x, y, z are stored as x, z, -y; nothing else is done to the numbers, so reading returns
-what was written.
-
 environment.yaml   name, grid, boxes, openings, lights, wind timing, content hash, how it was made (text, UTF-8)
     occupancy.npy      (nx, ny, nz) uint8: 0 free, 1 solid, 2 free and touching an outlet
     wind.npy           (t, nx, ny, nz, 3) float32, cell centres, world frame, xyz [m/s]; read memory-mapped
@@ -22,9 +18,9 @@ Unknown keys in environment.yaml are ignored; additions have defaults; a changed
 
 import contextlib
 import errno
-import io
 import re
 import uuid
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -40,7 +36,6 @@ from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.files import read_regular_file, remove_tree
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.untrusted_input import MalformedFileError, describe_validation_errors
-from gslcosim.environment.formats.data_files import load_npy
 from gslcosim.environment.model import (
     Box,
     Cell,
@@ -48,64 +43,10 @@ from gslcosim.environment.model import (
     Grid,
     Light,
     Opening,
-    VisualMesh,
     WindFrames,
     content_hash,
 )
-
-
-def encode_glb(meshes: Sequence[VisualMesh]) -> bytes:
-    """Return meshes as a binary glTF file."""
-    # trimesh takes half a second to import, and only rooms with meshes need it.
-    import trimesh
-    from trimesh.visual import TextureVisuals
-    from trimesh.visual.material import PBRMaterial
-
-    scene = trimesh.Scene()
-    for mesh in meshes:
-        x, y, z = mesh.vertices_m.T
-        color = [round(channel * 255) for channel in mesh.rgba]
-        material = PBRMaterial(
-            name=mesh.name, baseColorFactor=color, alphaMode="BLEND" if mesh.rgba[3] < 1 else "OPAQUE", doubleSided=True
-        )
-        part = trimesh.Trimesh(
-            vertices=np.stack((x, z, -y), axis=1),
-            faces=mesh.faces,
-            process=False,
-            visual=TextureVisuals(material=material),
-        )
-        scene.add_geometry(part, node_name=mesh.name, geom_name=mesh.name)
-    content = scene.export(file_type="glb")
-    assert isinstance(content, bytes), "glb is bytes"
-    return content
-
-
-def load_visual_meshes(path: Path, names: Sequence[str]) -> tuple[VisualMesh, ...]:
-    """Return the meshes of a file of `encode_glb`, in the order of their names.
-
-    Raises:
-        EnvironmentDataError: the file is missing or damaged, or holds other meshes.
-    """
-    import trimesh
-
-    try:
-        scene = trimesh.load_scene(io.BytesIO(read_regular_file(path)), file_type="glb", process=False)
-        return tuple(_mesh_of(name, scene.geometry[name]) for name in names)
-    except FileNotFoundError as error:
-        raise EnvironmentDataError(f"{path.name}: expected meshes, was missing.\nFile: {path}") from error
-    except Exception as error:
-        # The library raises whatever its parser runs into: each of it means that the file is damaged.
-        raise EnvironmentDataError(
-            f"{path.name}: expected whole glTF with {len(names)} meshes, was {path.stat().st_size} bytes that are not "
-            f"({type(error).__name__}: {error}). Make the environment again.\nFile: {path}"
-        ) from error
-
-
-def _mesh_of(name: str, part: Any) -> VisualMesh:
-    x, up, south = np.asarray(part.vertices).T
-    r, g, b, a = (float(channel) / 255 for channel in part.visual.material.main_color)
-    return VisualMesh.of(name, np.stack((x, -south, up), axis=1), np.asarray(part.faces), (r, g, b, a))
-
+from gslcosim.environment.visual_meshes import encode_glb, load_visual_meshes
 
 FORMAT = "gslcosim/environment/1"
 HEADER_FILE: Final = "environment.yaml"
@@ -133,6 +74,37 @@ _YAML_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _DEEPEST = 1000
 # Boxes and meshes of a large building.
 _MAX_HEADER_BYTES = 64_000_000
+
+
+def data_error(path: Path, expected: str, found: str, *, remedy: str = "") -> EnvironmentDataError:
+    """Return the error of a file that is not as expected."""
+    tail = f" {remedy}" if remedy else ""
+    return EnvironmentDataError(f"{path.name}: expected {expected}, was {found}.{tail}\nFile: {path}")
+
+
+def load_npy(path: Path) -> NDArray[Any]:
+    """Return the array of a `.npy` file, memory-mapped: no memory is asked for what the file does not hold.
+
+    Raises:
+        EnvironmentDataError: the file is missing, truncated, or of another kind.
+    """
+    if not path.is_file():
+        raise data_error(path, "an array", "missing")
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            mapped = np.load(path, mmap_mode="r", allow_pickle=False)
+    # The head is Python text, and a faulty one raises whatever the tokenizer, the parser or numpy's types do.
+    except Exception as error:
+        n_bytes = path.stat().st_size
+        raise data_error(path, "a whole numpy array", f"{n_bytes} bytes that are not ({error})") from error
+    if not isinstance(mapped, np.ndarray):
+        raise data_error(path, "one numpy array", "an archive of them")
+    # Bytes doubled in the middle shift all that follow, and leave some over.
+    n_left = path.stat().st_size - getattr(mapped, "offset", 0) - mapped.nbytes
+    if n_left:
+        raise data_error(path, "a numpy array and nothing else", f"{n_left} bytes more")
+    # A plain view: compiled kernels know arrays, and would take a memmap object's slow path.
+    return np.asarray(mapped)
 
 
 class _Part(BaseModel):

@@ -11,7 +11,6 @@ from gslcosim.flow.patches import (
     Schedule,
     SlipWall,
     log_profile,
-    parabolic_profile,
 )
 from gslcosim.flow.report import WindReport, plot_history
 from gslcosim.flow.solve import solve_wind, solve_wind_report
@@ -29,7 +28,6 @@ __all__ = [
     "WindReport",
     "WindowCheck",
     "log_profile",
-    "parabolic_profile",
     "plot_history",
     "solve_wind",
     "solve_wind_report",

@@ -16,18 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import FlowError
-from gslcosim.base.quantities import Vec3
+from gslcosim.base.quantities import GRAVITY_M_S2, Vec3
 from gslcosim.flow.domain import Domain
 from gslcosim.flow.patches import Outlet, Patch, PlacedPatch, place_patch
 from gslcosim.flow.pressure import F32, HIGH, LOW, padded
 from gslcosim.flow.turbulence import KEpsilon, TurbulenceModel, Velocity, transport_scalar
 
-GRAVITY_M_S2 = 9.81
 AIR_KG_M3 = 1.2
 AIR_K = 293.0
 HEAT_M2_S = 2.1e-5
-# Helium in air at 294 K, 0.70 cm2/s: Fuller, Schettler and Giddings 1966, doi:10.1021/ie50677a007.
-HELIUM_M2_S = 7.0e-5
 # Of a sharp-edged hole, from 0.60 to 0.65 in handbooks; ISO 5167-2:2003 has 0.596 + corrections.
 DISCHARGE = 0.61
 # Spalding's value for jets; 0.5 to 0.9 in the literature.

@@ -158,28 +158,6 @@ def _profile(name: str, velocity: Vec3 | NDArray[Any] | Profile, centres_m: F64)
     return np.broadcast_to(values, centres_m.shape).astype(np.float32)
 
 
-def parabolic_profile(mean_velocity_m_s: Vec3, *, across: str, low_m: float, high_m: float) -> Profile:
-    """Return laminar flow between two walls, fully developed: u = 6 u_mean s (1 - s), s = (x - low) / (high - low).
-
-    [m/s] = [m/s]; zero outside [low, high].
-
-    Args:
-        mean_velocity_m_s: Mean between the walls [m/s]; on n cells the flow is 1 / (2 n^2) of it larger.
-        across: Axis from wall to wall: x, y or z.
-        low_m: Where the one wall is on it [m].
-        high_m: Where the other is [m].
-    """
-    axis = _axis(across)
-    if not high_m > low_m:
-        raise FlowError(f"parabolic_profile: high_m: expected above low_m ({low_m} m), was {high_m} m.")
-
-    def velocity_m_s(points_m: F64) -> F64:
-        share = np.clip((points_m[:, axis] - low_m) / (high_m - low_m), 0.0, 1.0)
-        return np.multiply.outer(6.0 * share * (1.0 - share), np.asarray(mean_velocity_m_s, float))
-
-    return velocity_m_s
-
-
 def log_profile(
     velocity_m_s: Vec3, *, height_m: float, roughness_m: float, ground_m: float = 0.0, up: str = "z"
 ) -> Profile:
@@ -241,7 +219,7 @@ class Inlet(Patch):
     - a velocity, the same on the whole patch;
     - an array (na, nb, 3) of velocities of the patch's cells, a and b the two axes along it in the order x, y, z;
     - a function from (n, 3) centres of boundary faces, grid's frame [m], to (n, 3) velocities, for example
-      `parabolic_profile` or `log_profile`;
+      `log_profile`;
     - a `Schedule` of velocities.
 
     All but the last are multiplied by `factor`, a `Schedule` of numbers, where there is one.

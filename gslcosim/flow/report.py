@@ -127,7 +127,7 @@ def plot_history(report: WindReport, path: str | Path | IO[bytes]) -> None:
     """
     figure_type = matplotlib_figure_type()
     if figure_type is None:
-        raise FlowError("plot_history: needs matplotlib. Install it: pip install 'gslcosim[report]'")
+        raise FlowError("plot_history: needs matplotlib. Install it: pip install matplotlib")
     history = report.history_columns()
     time_s = history["time_s"]
     figure = figure_type(figsize=(8, 10), layout="constrained")

@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import FlowError
-from gslcosim.flow import domain as opening_edge_kernels
 from gslcosim.flow import momentum_kernels, pressure, turbulence
 from gslcosim.flow.buoyancy import Buoyancy
-from gslcosim.flow.domain import Domain
+from gslcosim.flow.domain import Domain, carry_past_edges
 from gslcosim.flow.patches import MovingWall, Open, PlacedPatch, SlipWall
 from gslcosim.flow.pressure import F32, HIGH, LOW, PressureSolver, SolveStats, padded
 from gslcosim.flow.turbulence import TurbulenceModel, Velocity, mirror_into_ghosts, still_velocity
@@ -318,7 +317,7 @@ class FlowSolver:
         if self.buoyancy is not None:
             self.buoyancy.push(out[2], dt_s, weight)
         for lip in domain.lips:
-            opening_edge_kernels.carry_past_edges(
+            carry_past_edges(
                 start[lip.component].ravel(), start[lip.carrier].ravel(), lip.near, lip.behind, lip.through,
                 lip.target, lip.away, lip.inward, dt_s, domain.cell_m, weight, out[lip.component].ravel(),
             )  # fmt: skip

@@ -14,11 +14,10 @@ from pydantic_core import ErrorDetails
 from gslcosim.base.errors import MethodError
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.problems import Problem, broken_rule_error
-from gslcosim.base.quantities import GAS_QUANTITIES, POINT_GAS_QUANTITIES
+from gslcosim.base.quantities import ESTIMATE_QUANTITY, GAS_QUANTITIES, POINT_GAS_QUANTITIES
 from gslcosim.base.yaml_core import CoreLoader
 from gslcosim.contract.messages import ParameterValue, SensorDescription
 
-ESTIMATE_QUANTITY = "estimated_mixing_ratio"
 WIND_QUANTITY = "apparent_wind"
 RANGE_QUANTITY = "range"
 CAMERA_QUANTITY = "picture"

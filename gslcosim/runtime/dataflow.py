@@ -63,10 +63,10 @@ class Dataflow:
         """Return the participants so that within a tick each comes after all it waits for."""
         done: list[str] = []
         while len(done) < len(self.participants):
-            ready = (
+            ready = [
                 p.name for p in self.participants if p.name not in done and _list_awaited(p, self.writer_of) <= {*done}
-            )
-            done.append(next(ready))
+            ]
+            done.append(ready[0])
         return tuple(done)
 
     def describe(self) -> str:

@@ -40,8 +40,7 @@ from gslcosim.runtime.processes.stop_detection import PauseDetector, StopMonitor
 from gslcosim.runtime.services import build_core, build_dataflow, list_service_names
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunStatus
-from gslcosim.runtime.step_loop import SnapshotPolicy, StepLoop
-from gslcosim.runtime.stepper import SentMessage, Stepper, build_clock_pace
+from gslcosim.runtime.stepper import SentMessage, SnapshotPolicy, StepLoop, Stepper, build_clock_pace
 from gslcosim.scenario.models.scenario import AgentSpec
 
 REPORT_EVERY_TICKS = 64
@@ -78,9 +77,9 @@ class InProcessRun:
         self._dataflow = build_dataflow(setup.scenario)
         self._observed_by = {keys.observation(name): session for name, session in sessions.items()}
         self._briefed_by = {keys.briefing(name): session for name, session in sessions.items()}
-        order = [name for name in self._dataflow.order() if name in list_service_names(setup.scenario)]
+        services = list_service_names(setup.scenario)
         self._loop = StepLoop(
-            [build_core(name, setup) for name in order],
+            [build_core(name, setup) for name in self._dataflow.order() if name in services],
             self._dataflow,
             self,
             is_whole_run=True,
@@ -320,11 +319,12 @@ def host_agents(
     """
     events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
     gateway = GatewayAgents(setup, directory, network, events.put, without=commanded)
-    agent_types = load_agent_types(setup.scenario, directory, [*gateway, *commanded])
+    guests = tuple(gateway)
+    agent_types = load_agent_types(setup.scenario, directory, [*guests, *commanded])
     sessions: dict[str, AgentSession] = {}
     workers: dict[str, WorkerThread] = {}
     for agent in setup.scenario.agents:
-        is_guest = agent.name in gateway
+        is_guest = agent.name in guests
         if agent.name in commanded:
             link = commanded[agent.name]
         elif is_guest:
@@ -334,7 +334,7 @@ def host_agents(
         sessions[agent.name] = build_session(agent, setup, link)
         sessions[agent.name].is_ready = not is_guest
     with ExitStack() as stack:
-        socket_dir = stack.enter_context(ScratchFolder.for_sockets()).path if gateway else None
+        socket_dir = stack.enter_context(ScratchFolder.for_sockets()).path if guests else None
         children = stack.enter_context(ChildProcesses(gateway.exited))
         if socket_dir is not None:
             stack.enter_context(StopMonitor(lambda: children.pids, gateway.stopped))

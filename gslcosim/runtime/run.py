@@ -4,10 +4,12 @@ import os
 import threading
 import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from types import TracebackType
+from typing import Any, Self
 
 from gslcosim.base.disk_cache import keep_within_limit, mark_used
 from gslcosim.base.errors import MachineError, RecordingError, UsageError, format_fault
@@ -26,7 +28,7 @@ from gslcosim.runtime.outcome import RunOutcome, ServiceFault
 from gslcosim.runtime.processes.fork_server import ForkServer
 from gslcosim.runtime.processes.sandbox.selection import describe_sandboxes
 from gslcosim.runtime.replay.snapshot import Snapshot
-from gslcosim.runtime.run_dir import MachineLog, RunDir, RunManifest
+from gslcosim.runtime.run_dir import RunDir, note_sandboxes
 from gslcosim.runtime.services import ServiceGroup, build_dataflow, group_services, list_service_names, list_services
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunResult, RunStatus, StatusServer
@@ -34,12 +36,294 @@ from gslcosim.scenario import Scenario
 from gslcosim.scenario.loader import LoadedScenario, dump_resolved
 from gslcosim.scenario.models.scenario import Processes
 
-if TYPE_CHECKING:
-    from gslcosim.environment.generation import Progress
-
 LOOK_EVERY_S = 0.5
 TEXT = "compiling kernels"
 _TEXT_OF_PREPARATION = "compiling kernels, about a minute and only on the first run of a version"
+
+StatusHandler = Callable[[RunStatus], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PriorRun:
+    """Past that a run takes over from another: its environment, its commands, and the origin for the manifest.
+
+    `snapshot` is where it goes on; absent: it begins at tick 0.
+    """
+
+    environment_dir: Path
+    past: RecordedCommands
+    origin: Mapping[str, Any]
+    snapshot: Snapshot | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunPlan:
+    """All that decides a run's result, and where its folder is made.
+
+    Attributes:
+        scenario: The scenario.
+        environment_dir: The folder of its room.
+        runs_dir: Where the run's folder is made.
+        directory: Where relative paths of agents start.
+        processes: How the run is spread over processes.
+        began: When it began, by `time.perf_counter` [s].
+        origin: Facts for the manifest about the run that is repeated.
+        past: Commands of that run, which stand in for those of agents.
+        paced_from_tick: The first tick that keeps the scenario's pace; absent: none.
+        snapshot: Where it goes on; absent: it begins at tick 0.
+        sources: The files from which the scenario was resolved.
+    """
+
+    scenario: Scenario
+    environment_dir: Path
+    runs_dir: Path
+    directory: Path
+    processes: Processes
+    began: float
+    origin: Mapping[str, Any] | None = None
+    past: RecordedCommands | None = None
+    paced_from_tick: int | None = None
+    snapshot: Snapshot | None = None
+    sources: tuple[Path, ...] = ()
+
+
+def run_scenario(
+    loaded: LoadedScenario,
+    *,
+    runs_dir: Path,
+    processes: Processes | None = None,
+    network: Network | None = None,
+    fork_server: ForkServer | None = None,
+    report: StatusHandler = lambda _: None,
+    repetition: PriorRun | None = None,
+) -> RunResult:
+    """Run a scenario and leave a run directory, whatever happens in between.
+
+    Args:
+        loaded: The scenario and where it came from.
+        runs_dir: Where the run directory is made.
+        processes: How the run is spread over processes; absent: as the scenario says.
+        network: How processes reach the run's router; ignored in one process.
+        fork_server: Forks the services; absent: one is started where it is needed.
+        report: Receives the status of the run.
+        repetition: What is taken over from another run; absent: nothing.
+
+    Raises:
+        GslCosimError: the scenario cannot be run at all (its environment or dataflow is wrong).
+        MachineError: no run directory can be made.
+    """
+    began = time.perf_counter()
+    scenario, directory = loaded.scenario, loaded.directory
+    network = network or Network()
+    processes = scenario.processes if processes is None else processes
+    is_one_process = processes == "one"
+
+    services = list_service_names(scenario)
+    build_dataflow(scenario)
+    network.check(services, is_one_process=is_one_process)
+    if scenario.snapshots is not None and network.elsewhere:
+        raise UsageError(
+            "snapshots: expected all services started here, which write them into the run's folder, was --elsewhere "
+            f"{' '.join(network.elsewhere)}. Leave out snapshots, or take them with gslcosim replay."
+        )
+    for agent in scenario.agents:
+        if agent.start.attach and agent.start.door == "tcp":
+            network.check_gateway(agent.name)
+    groups: tuple[ServiceGroup, ...] = ()
+    if not is_one_process:
+        here = [name for name in services if not network.is_remote(name)]
+        groups = group_services(processes, here) if here else ()
+        groups = (*groups, *((name,) for name in services if name not in here))
+    sandboxes = describe_sandboxes(scenario, is_one_process=is_one_process)
+
+    if repetition is not None:
+        environment_dir = repetition.environment_dir
+    else:
+        with CompilationReporter(report) as reporter:
+            progress = _PreparationReporter(reporter, loaded, None if is_one_process else fork_server)
+            environment_dir = prepare_environment(scenario, scenario_dir=directory, progress=progress)
+    compile_agent_kernels(
+        scenario,
+        directory,
+        is_one_process=is_one_process,
+        notify=lambda name: _PreparationReporter(report)(f"compiling kernels of {name}", 0.0),
+    )
+
+    plan = RunPlan(
+        scenario=scenario,
+        environment_dir=environment_dir,
+        runs_dir=runs_dir,
+        directory=directory,
+        processes=processes,
+        began=began,
+        origin=repetition and repetition.origin,
+        past=repetition and repetition.past,
+        # What is repeated need not wait for any clock.
+        paced_from_tick=repetition.past.until_tick if repetition is not None else 0,
+        snapshot=repetition and repetition.snapshot,
+        sources=(loaded.path.absolute(), *loaded.included),
+    )
+    with OpenRun(plan, report) as run:
+        setup = run.prepare()
+        if scenario.recording.enabled:
+            note_sandboxes(setup.run_dir.path, sandboxes)
+        if is_one_process:
+            from gslcosim.runtime.in_process import run_in_process
+
+            run.outcome = run_in_process(setup, directory, network, run.report)
+        else:
+            run.outcome = run_distributed(setup, directory, network, run.report, groups, fork_server)
+        run.outcome.sandboxes = sandboxes
+    return run.result
+
+
+class OpenRun:
+    """A run whose folder is made: a context that leaves a result in it, whatever ends the run.
+
+    Inside, `prepare` gives what the run is built from, and the caller sets `outcome`. An exception is the outcome's
+    fault, and goes no further.
+
+    Args:
+        plan: All that decides the run.
+        report: Receives the status of the run.
+
+    Attributes:
+        outcome: That of the run.
+        report: Receives the status from whatever runs it.
+        result: The result, once the context is left.
+    """
+
+    result: RunResult
+
+    def __init__(self, plan: RunPlan, report: StatusHandler) -> None:
+        self.outcome = RunOutcome()
+        self.report = self._caller_report = report
+        self._plan = plan
+        self._environments = [plan.environment_dir]
+        self._compilation: CompilationReporter | None = None
+        self._contexts = ExitStack()
+
+    def __enter__(self) -> Self:
+        """Make the folder.
+
+        Raises:
+            MachineError: it cannot be made.
+        """
+        plan = self._plan
+        self._run_dir = RunDir.create(plan.runs_dir, name=plan.scenario.name, seed=plan.scenario.seed)
+        self._preparation_s = time.perf_counter() - plan.began
+        window = StatusServer(self._run_dir, plan.scenario, plan.processes, self.report)
+        self.report = self._contexts.enter_context(window)
+        return self
+
+    def prepare(self) -> RunSetup:
+        """Write the scenario, the setup and the manifest, with the rooms that events bring."""
+        plan, run_dir = self._plan, self._run_dir
+        run_dir.save_scenario(dump_resolved(plan.scenario))
+        progress = _PreparationReporter(self.report)
+        later_rooms = prepare_variants(plan.scenario, scenario_dir=plan.directory, progress=progress)
+        self._environments += later_rooms.values()
+        setup = RunSetup(
+            run_dir=run_dir,
+            scenario=plan.scenario,
+            environment_dir=plan.environment_dir.resolve(),
+            environment=with_variants(load_environment(plan.environment_dir), later_rooms),
+            later_rooms=later_rooms,
+            sources=plan.sources,
+            directory=plan.directory.absolute(),
+            past=plan.past,
+            paced_from_tick=plan.paced_from_tick,
+            snapshot=plan.snapshot,
+        )
+        setup.save()
+        run_dir.save_manifest(
+            seed=plan.scenario.seed,
+            environment_hash=setup.environment.content_hash,
+            processes=plan.processes,
+            origin=plan.origin,
+            programs=hash_programs(plan.scenario.participants, plan.directory),
+        )
+        self.report(RunStatus(state="starting", run_dir=run_dir.path))
+        for folder in self._environments:
+            mark_used(folder)
+        self._compilation = self._contexts.enter_context(CompilationReporter(self.report))
+        self.report = self._compilation
+        return setup
+
+    # Whatever ends a run that has a directory is in its result: what was wrong, what the machine refused, and our bugs.
+    def __exit__(self, _: type[BaseException] | None, error: BaseException | None, __: TracebackType | None) -> bool:
+        self._contexts.close()
+        if isinstance(error, KeyboardInterrupt) or (isinstance(error, Exception) and is_asked_to_end()):
+            # Before or after the part that ends in order by itself.
+            self.outcome = RunOutcome(is_interrupted=True)
+        elif isinstance(error, Exception):
+            text = format_fault(error, "".join(traceback.format_exception(error)))
+            self.outcome = RunOutcome(fault=ServiceFault(participant="supervisor", tick=0, text=text))
+        elif error is not None:
+            return False
+        else:
+            self.outcome.require_reason()
+            if self._compilation is not None and self._compilation.has_compiled:
+                keep_within_limit()
+        self.outcome.preparation_s = self._preparation_s
+        self._repair_recording()
+        self._save_digest()
+        result = self._save_result()
+        status = RunStatus(state="ended", sim_time_s=result["sim_time_s"], real_time_factor=result["real_time_factor"])
+        self._caller_report(status)
+        self.result = RunResult(exit_code=int(self.outcome.exit_code), run_dir=self._run_dir.path, result=result)
+        return True
+
+    def _repair_recording(self) -> None:
+        recording = self._run_dir.recording
+        if self.outcome.is_valid or not recording.exists():
+            return
+        if recording.stat().st_size == 0:
+            recording.unlink()
+            return
+        try:
+            for kind in list_services(self._plan.scenario):
+                if kind.repair is not None:
+                    kind.repair(recording)
+        except (RecordingError, OSError) as error:
+            # The recorder had not come as far as its first bytes; that must not hide what ended the run.
+            self._add_fault(f"The recording was not made whole: {format_fault(error, '')}")
+
+    def _save_digest(self) -> None:
+        if self.outcome.digest is None:
+            return
+        try:
+            self.outcome.digest.save(self._run_dir.digest)
+        except MachineError as error:
+            self._add_fault(str(error))
+
+    def _save_result(self) -> dict[str, Any]:
+        result = self._build_result()
+        try:
+            self._run_dir.save_result(result)
+        except MachineError as error:
+            self._add_fault(str(error))
+            return self._build_result()
+        return result
+
+    def _build_result(self) -> dict[str, Any]:
+        try:
+            manifest = self._run_dir.load_manifest()
+        except MalformedFileError:
+            manifest = None  # a run that failed early has none
+        return self.outcome.as_result(
+            self._plan.scenario,
+            run_id=self._run_dir.run_id,
+            wall_s=time.perf_counter() - self._plan.began,
+            validity=self.outcome.assess(self._plan.scenario, self._environments, manifest),
+        )
+
+    def _add_fault(self, text: str) -> None:
+        fault = self.outcome.fault
+        if fault is None:
+            self.outcome.fault = ServiceFault(participant="supervisor", tick=self.outcome.ticks_flown, text=text)
+        elif text not in fault.text:
+            self.outcome.fault = replace(fault, text=f"{fault.text}\n{text}")
 
 
 class KernelFolder:
@@ -129,294 +413,22 @@ class CompilationReporter:
         return replace(status, text=", ".join(filter(None, (TEXT, status.text))), is_compiling=True)
 
 
-StatusHandler = Callable[[RunStatus], None]
+@dataclass
+class _PreparationReporter:
+    """Reports progress of what comes before a run as its status.
 
-
-@dataclass(frozen=True, kw_only=True)
-class PriorRun:
-    """Past that a run takes over from another: its environment, its commands, and the origin for the manifest.
-
-    `snapshot` is where it goes on; absent: it begins at tick 0.
+    Where nothing was made before, kernels are compiled for longer than an environment is made: at the first progress a
+    fork of `idle_server`, where there is one, begins to compile those of `loaded` on the other core.
     """
 
-    environment_dir: Path
-    past: RecordedCommands
-    origin: Mapping[str, Any]
-    snapshot: Snapshot | None = None
+    report: StatusHandler
+    loaded: LoadedScenario | None = None
+    idle_server: ForkServer | None = None
 
-
-def run_scenario(
-    loaded: LoadedScenario,
-    *,
-    runs_dir: Path,
-    processes: Processes | None = None,
-    network: Network | None = None,
-    fork_server: ForkServer | None = None,
-    report: StatusHandler = lambda _: None,
-    repetition: PriorRun | None = None,
-) -> RunResult:
-    """Run a scenario and leave a run directory, whatever happens in between.
-
-    Args:
-        loaded: The scenario and where it came from.
-        runs_dir: Where the run directory is made.
-        processes: How the run is spread over processes; absent: as the scenario says.
-        network: How processes reach the run's router; ignored in one process.
-        fork_server: Forks the services; absent: one is started where it is needed.
-        report: Receives the status of the run.
-        repetition: What is taken over from another run; absent: nothing.
-
-    Raises:
-        GslCosimError: the scenario cannot be run at all (its environment or dataflow is wrong).
-        MachineError: no run directory can be made.
-    """
-    began = time.perf_counter()
-    scenario = loaded.scenario
-    network = network or Network()
-    services = list_service_names(scenario)
-    build_dataflow(scenario)
-    processes = scenario.processes if processes is None else processes
-    network.check(services, is_one_process=processes == "one")
-    if scenario.snapshots is not None and network.elsewhere:
-        raise UsageError(
-            "snapshots: expected all services started here, which write them into the run's folder, was --elsewhere "
-            f"{' '.join(network.elsewhere)}. Leave out snapshots, or take them with gslcosim replay."
-        )
-    for agent in scenario.agents:
-        if agent.start.attach and agent.start.door == "tcp":
-            network.check_gateway(agent.name)
-    started_here = [name for name in services if not network.is_remote(name)]
-    groups = group_services(processes, started_here) if started_here else ()
-    groups = (*groups, *((name,) for name in services if network.is_remote(name)))
-    sandboxes = describe_sandboxes(scenario, is_one_process=processes == "one")
-    if repetition is not None:
-        environment_dir = repetition.environment_dir
-    else:
-        ahead = None if processes == "one" else fork_server
-        with CompilationReporter(report) as reporter:
-            environment_dir = _prepare_environment(loaded, reporter, ahead)
-    compile_agent_kernels(
-        scenario,
-        loaded.directory,
-        is_one_process=processes == "one",
-        notify=lambda name: _build_progress_handler(report)(f"compiling kernels of {name}", 0.0),
-    )
-
-    def fly_it(setup: RunSetup, report: StatusHandler) -> RunOutcome:
-        setup = replace(setup, past=repetition and repetition.past)
-        if scenario.recording.enabled:
-            machine = MachineLog(setup.run_dir.path)
-            machine.confined(sandboxes)
-            machine.close()
-        flown = _execute(setup, loaded.directory, network, report, None if processes == "one" else groups, fork_server)
-        return replace(flown, sandboxes=sandboxes)
-
-    _, result = run_into_directory(
-        scenario,
-        environment_dir,
-        fly_it,
-        runs_dir=runs_dir,
-        processes=processes,
-        began=began,
-        report=report,
-        directory=loaded.directory,
-        origin=repetition and repetition.origin,
-        # What is repeated need not wait for any clock.
-        paced_from_tick=repetition.past.until_tick if repetition is not None else 0,
-        snapshot=repetition and repetition.snapshot,
-        sources=(loaded.path.absolute(), *loaded.included),
-    )
-    return result
-
-
-# Where nothing was made before, kernels are compiled for longer than an environment is made: the other core has time.
-def _prepare_environment(loaded: LoadedScenario, report: StatusHandler, fork_server: ForkServer | None) -> Path:
-    idle_server = fork_server
-
-    def progress(text: str, fraction: float) -> None:
-        nonlocal idle_server
-        if idle_server is not None:
+    def __call__(self, text: str, fraction: float) -> None:
+        if self.idle_server is not None and self.loaded is not None:
             from gslcosim.runtime.early_warmup import fork_warmup
 
-            fork_warmup(idle_server, loaded.scenario, loaded.directory)
-            idle_server = None
-        report(RunStatus(state="preparing", text=text, fraction=fraction))
-
-    return prepare_environment(loaded.scenario, scenario_dir=loaded.directory, progress=progress)
-
-
-def run_into_directory(
-    scenario: Scenario,
-    environment_dir: Path,
-    fly_it: Callable[[RunSetup, StatusHandler], RunOutcome],
-    *,
-    runs_dir: Path,
-    processes: Processes,
-    began: float,
-    report: StatusHandler,
-    directory: Path,
-    origin: Mapping[str, Any] | None = None,
-    paced_from_tick: int | None = None,
-    snapshot: Snapshot | None = None,
-    sources: tuple[Path, ...] = (),
-) -> tuple[RunOutcome, RunResult]:
-    """Make the folder of a run with all that decides its result, fly, and write what has come of it, whatever it is.
-
-    Args:
-        scenario: What is run.
-        environment_dir: Where its room is.
-        fly_it: Runs it, and reports to the receiver that it is given.
-        runs_dir: Where the folder is made.
-        processes: How the run is spread over processes.
-        began: When it began, by `time.perf_counter` [s].
-        report: Receives the status of the run.
-        directory: Where relative paths of agents start.
-        origin: What the manifest says of the run that is run again.
-        paced_from_tick: The first tick that keeps the scenario's pace; absent: none.
-        snapshot: Where it goes on; absent: it begins at tick 0.
-        sources: The files from which the scenario was resolved.
-
-    Raises:
-        MachineError: the folder cannot be made.
-    """
-    run_dir = RunDir.create(runs_dir, name=scenario.name, seed=scenario.seed)
-    environments = [environment_dir]
-
-    preparation_s = time.perf_counter() - began
-
-    def outcome_of_flight(report: StatusHandler) -> RunOutcome:
-        run_dir.replace(run_dir.scenario.name, dump_resolved(scenario))
-        later_rooms = prepare_variants(scenario, scenario_dir=directory, progress=_build_progress_handler(report))
-        environments.extend(later_rooms.values())
-        setup = RunSetup(
-            run_dir=run_dir,
-            scenario=scenario,
-            environment_dir=environment_dir.resolve(),
-            environment=with_variants(load_environment(environment_dir), later_rooms),
-            later_rooms=later_rooms,
-            sources=sources,
-            directory=directory.absolute(),
-            paced_from_tick=paced_from_tick,
-            snapshot=snapshot,
-        )
-        setup.save()
-        run_dir.save_manifest(
-            seed=scenario.seed,
-            environment_hash=setup.environment.content_hash,
-            processes=processes,
-            origin=origin,
-            programs=hash_programs(scenario.participants, directory),
-        )
-        report(RunStatus(state="starting", run_dir=run_dir.path))
-        mark_used(environment_dir)
-        for folder in later_rooms.values():
-            mark_used(folder)
-        with CompilationReporter(report) as reporter:
-            flown = fly_it(setup, reporter)
-        if reporter.has_compiled:
-            keep_within_limit()
-        return flown
-
-    with StatusServer(run_dir, scenario, processes, report) as window:
-        outcome = _execute_or_fault(lambda: outcome_of_flight(window))
-    outcome.preparation_s = preparation_s
-    _repair_recording(run_dir, outcome, scenario)
-    _save_digest(run_dir, outcome)
-    result = _save_result(run_dir, outcome, scenario, environments, began)
-    report(RunStatus(state="ended", sim_time_s=result["sim_time_s"], real_time_factor=result["real_time_factor"]))
-    return outcome, RunResult(exit_code=int(outcome.exit_code), run_dir=run_dir.path, result=result)
-
-
-def _build_progress_handler(report: StatusHandler) -> "Progress":
-    return lambda text, fraction: report(RunStatus(state="preparing", text=text, fraction=fraction))
-
-
-def _execute(
-    setup: RunSetup,
-    directory: Path,
-    network: Network,
-    report: StatusHandler,
-    groups: Sequence[ServiceGroup] | None,
-    fork_server: ForkServer | None,
-) -> RunOutcome:
-    if groups is None:
-        from gslcosim.runtime.in_process import run_in_process
-
-        return run_in_process(setup, directory, network, report)
-    return run_distributed(setup, directory, network, report, groups, fork_server)
-
-
-# Whatever ends a run that has a directory is in its result: what was wrong, what the machine refused, and our bugs.
-def _execute_or_fault(fly_it: Callable[[], RunOutcome]) -> RunOutcome:
-    try:
-        outcome = fly_it()
-    except KeyboardInterrupt:
-        # Before or after the part that ends in order by itself.
-        return RunOutcome(is_interrupted=True)
-    except Exception as error:
-        if is_asked_to_end():
-            return RunOutcome(is_interrupted=True)
-        text = format_fault(error, traceback.format_exc())
-        return RunOutcome(fault=ServiceFault(participant="supervisor", tick=0, text=text))
-    outcome.require_reason()
-    return outcome
-
-
-def _save_digest(run_dir: RunDir, outcome: RunOutcome) -> None:
-    if outcome.digest is None:
-        return
-    try:
-        outcome.digest.save(run_dir.digest)
-    except MachineError as error:
-        _add_fault(outcome, str(error))
-
-
-def _save_result(
-    run_dir: RunDir, outcome: RunOutcome, scenario: Scenario, environments: Sequence[Path], began: float
-) -> dict[str, Any]:
-    manifest = _read_manifest(run_dir)
-
-    def result() -> dict[str, Any]:
-        return outcome.as_result(
-            scenario,
-            run_id=run_dir.run_id,
-            wall_s=time.perf_counter() - began,
-            validity=outcome.assess(scenario, environments, manifest),
-        )
-
-    try:
-        run_dir.save_result(saved := result())
-    except MachineError as error:
-        _add_fault(outcome, str(error))
-        return result()
-    return saved
-
-
-# A run that failed early has none.
-def _read_manifest(run_dir: RunDir) -> RunManifest | None:
-    try:
-        return run_dir.load_manifest()
-    except MalformedFileError:
-        return None
-
-
-def _add_fault(outcome: RunOutcome, text: str) -> None:
-    if outcome.fault is None:
-        outcome.fault = ServiceFault(participant="supervisor", tick=outcome.ticks_flown, text=text)
-    elif text not in outcome.fault.text:
-        outcome.fault = replace(outcome.fault, text=f"{outcome.fault.text}\n{text}")
-
-
-def _repair_recording(run_dir: RunDir, outcome: RunOutcome, scenario: Scenario) -> None:
-    if outcome.is_valid or not run_dir.recording.exists():
-        return
-    if run_dir.recording.stat().st_size == 0:
-        run_dir.recording.unlink()
-        return
-    try:
-        for kind in list_services(scenario):
-            if kind.repair is not None:
-                kind.repair(run_dir.recording)
-    except (RecordingError, OSError) as error:
-        # The recorder had not come as far as its first bytes; that must not hide what ended the run.
-        _add_fault(outcome, f"The recording was not made whole: {format_fault(error, '')}")
+            fork_warmup(self.idle_server, self.loaded.scenario, self.loaded.directory)
+            self.idle_server = None
+        self.report(RunStatus(state="preparing", text=text, fraction=fraction))

@@ -128,15 +128,11 @@ class MachineLog:
 
     def decided(self, agent: str, tick: int, taken_s: float) -> None:
         """Note how long an agent has taken for its answer to the observation of a tick, by the clock [s]."""
-        self._write({"agent": agent, "tick": tick, "decided_ms": round(taken_s * 1e3, 4)})
+        self.write({"agent": agent, "tick": tick, "decided_ms": round(taken_s * 1e3, 4)})
 
     def failed(self, participant: str, tick: int, text: str) -> None:
         """Note a fault."""
-        self._write({"participant": participant, "tick": tick, "fault": text})
-
-    def confined(self, sandboxes: Mapping[str, str]) -> None:
-        """Note by agent and participant what its process is confined by."""
-        self._write({"sandboxes": dict(sandboxes)})
+        self.write({"participant": participant, "tick": tick, "fault": text})
 
     def close(self) -> None:
         """Release the file."""
@@ -144,7 +140,8 @@ class MachineLog:
             os.close(self._fd)
         self._fd = self._folder = None
 
-    def _write(self, note: Mapping[str, Any]) -> None:
+    def write(self, note: Mapping[str, Any]) -> None:
+        """Add a note."""
         if self._folder is None:
             return
         try:
@@ -155,6 +152,13 @@ class MachineLog:
             with contextlib.suppress(OSError):
                 self.close()
             self._folder = None
+
+
+def note_sandboxes(folder: Path, sandboxes: Mapping[str, str]) -> None:
+    """Note in the folder of a run what the process of each agent and participant is confined by."""
+    log = MachineLog(folder)
+    log.write({"sandboxes": dict(sandboxes)})
+    log.close()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -460,6 +464,14 @@ class RunDir:
             append_bytes(self.path, INPUTS_FILE, (json.dumps(line, default=codec.encode_base64) + "\n").encode())
         except OSError as error:
             raise self._cannot_write(INPUTS_FILE, error) from error
+
+    def save_scenario(self, text: str) -> None:
+        """Write the scenario as resolved."""
+        self.replace(self.scenario.name, text)
+
+    def save_setup(self, places: Mapping[str, Any]) -> None:
+        """Write the setup for the services of the run."""
+        self.replace(self.setup.name, json.dumps(places) + "\n")
 
     def replace(self, name: str, text: str) -> None:
         """Write a file of the run at once, never half.

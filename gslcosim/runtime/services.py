@@ -8,10 +8,10 @@ participants of a run; each has a session.
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, singledispatch
-from importlib.metadata import EntryPoint, distributions
 from pathlib import Path
 
 from gslcosim.base.errors import DataflowError, UsageError
+from gslcosim.base.extensions import list_registered
 from gslcosim.base.problems import Problem
 from gslcosim.contract import keys
 from gslcosim.contract.messages import Briefing, Command
@@ -94,7 +94,7 @@ class ServiceKind:
     check_host: Callable[[RunSetup], None] | None = None
 
 
-# What this distribution offers; packages of others replace one by a block of its name in a scenario's `services`.
+# What this distribution and extensions offer; a block of its name in a scenario's `services` replaces one.
 DEFAULT_SERVICES_GROUP = "gslcosim.default_services"
 
 
@@ -106,7 +106,7 @@ def default_services() -> tuple[ServiceKind, ...]:
         UsageError: the installation lacks them, or an entry point is no `ServiceKind` of its name.
     """
     found: list[ServiceKind] = []
-    for point in _own_entry_points():
+    for point in list_registered(DEFAULT_SERVICES_GROUP):
         kind: object = point.load()
         if not isinstance(kind, ServiceKind) or kind.name != point.name:
             raise UsageError(
@@ -120,12 +120,6 @@ def default_services() -> tuple[ServiceKind, ...]:
             "pip install --force-reinstall --no-deps gslcosim, or --editable . in a checkout."
         )
     return tuple(sorted(found, key=lambda kind: kind.position))
-
-
-# An older checkout's `*.egg-info`, which comes first in a checkout's own folder, has entry points of its time.
-def _own_entry_points() -> Iterable[EntryPoint]:
-    installed = (own.entry_points.select(group=DEFAULT_SERVICES_GROUP) for own in distributions(name="gslcosim"))
-    return next((points for points in installed if points), ())
 
 
 @singledispatch
@@ -163,16 +157,15 @@ def list_services(scenario: Scenario) -> tuple[ServiceKind, ...]:
     return (*defaults, *others.values(), *own_models)
 
 
-# A program of the user's own, or an FMU, behind a core that speaks with it.
+# A program of the user's own, or what an extension starts, behind a core that speaks with it.
 def _build_external_kind(own: ParticipantProgramSpec) -> ServiceKind:
     def build(setup: RunSetup) -> Core:
-        # their imports are of this module
+        # its imports are of this module
         from gslcosim.runtime.external.core import ExternalCore
-        from gslcosim.runtime.external.fmi.core import FmuCore
 
         types = build_dataflow(setup.scenario).message_types
-        if own.start.fmu is not None:
-            return FmuCore(own, setup, types)
+        if (start := own.start.registered) is not None:
+            return start.build_core(own, setup, types)
         return ExternalCore(own, setup, {port: message_type.__name__ for port, message_type in types.items()})
 
     return ServiceKind(name=own.name, build_spec=lambda scenario: build_external_spec(own, scenario), build=build)

@@ -97,7 +97,7 @@ class StatusServer:
         self._status = RunStatus(state="starting")
         self._began_s = self._moved_at_s = time.monotonic()
         self._facts: dict[str, Any] = {
-            "run_id": run_dir.run_id,
+            "run_id": run_dir.path.name,
             "run_dir": str(run_dir.path.resolve()),
             "scenario": scenario.name,
             "seed": scenario.seed,

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from typing import Any, cast
 
 from gslcosim.base.errors import UsageError
+from gslcosim.base.scenario_keys import list_live_keys
 from gslcosim.base.ticks import seconds_from_ticks, ticks_from_seconds
 from gslcosim.scenario.models.events import EventSpec, SourceStartsSpec, SourceStopsSpec
 from gslcosim.scenario.models.scenario import Scenario
@@ -54,14 +55,8 @@ def _list_sources_closed_at_start(scenario: Scenario) -> set[int]:
 
 # Processes of agents, what they are told and set to, and what is written: none of it is in a message of the past.
 _CHANGEABLE_AGENT_KEYS = "start|parameters|knows|seed|answer_within_s|sandbox|limits|may_read|may_write|environment"
-_CHANGEABLE_PATTERN = re.compile(
-    rf"agents\[\d+\]\.({_CHANGEABLE_AGENT_KEYS})\b.*|(recording|snapshots|restart|processes|ros2)\b.*|pace|name"
-)
+_CHANGEABLE_BLOCKS = ("recording", "snapshots", "restart", "processes")
 _TIME_LIMIT = "referee.stop.time_limit_s"
-_CHANGEABLE_TEXT = (
-    "start, parameters, knows, seed, answer_within_s, sandbox, limits, may_read, may_write and environment of agents, "
-    f"recording, snapshots, restart, processes, ros2, pace, events at times after it, and {_TIME_LIMIT}"
-)
 # By the beginning of a path: why it is part of the past.
 _REASONS = (
     ("seed", "all that was drawn at random follows from it; agents[0].seed gives one agent another"),
@@ -88,6 +83,8 @@ def check_changes(before: Scenario, after: Scenario, *, at_tick: int) -> None:
         UsageError: something that the past depends on is another; all such paths in one error.
     """
     at_s = seconds_from_ticks(at_tick, before.tick_ns)
+    blocks = [*_CHANGEABLE_BLOCKS, *(key.name for key in list_live_keys())]
+    pattern = re.compile(rf"agents\[\d+\]\.({_CHANGEABLE_AGENT_KEYS})\b.*|({'|'.join(blocks)})\b.*|pace|name")
     problems: list[str] = []
     for path in find_changed_paths(plain_values(before), plain_values(after)):
         if path.startswith("events"):
@@ -96,11 +93,16 @@ def check_changes(before: Scenario, after: Scenario, *, at_tick: int) -> None:
             if after.referee.stop.time_limit_s <= at_s:
                 limit_s = after.referee.stop.time_limit_s
                 problems.append(f"{path}: expected a time after the fork at {at_s:g} s, was {limit_s:g} s.")
-        elif not _CHANGEABLE_PATTERN.fullmatch(path):
+        elif not pattern.fullmatch(path):
             problems.append(f"{path}: expected as in the run, was changed: {_find_reason(path)}.")
     problems += find_event_problems(before, after, at_tick=at_tick)
     if problems:
-        raise UsageError("\n".join([*problems, f"A fork may change {_CHANGEABLE_TEXT}."]))
+        *keys, last = _CHANGEABLE_AGENT_KEYS.split("|")
+        changeable = (
+            f"{', '.join(keys)} and {last} of agents, {', '.join(blocks)}, pace, events at times after it, and "
+            f"{_TIME_LIMIT}"
+        )
+        raise UsageError("\n".join([*problems, f"A fork may change {changeable}."]))
 
 
 def find_changed_paths(before: Any, after: Any, at: str = "") -> Iterator[str]:

@@ -13,6 +13,7 @@ from pydantic import BaseModel, StringConstraints, Tag, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticUndefined
 
+from gslcosim.base.extensions import find_remedy
 from gslcosim.base.problems import RULE, Problem
 from gslcosim.base.units_of_measure import number_in_unit_of, read_quantity, unit_name, unit_suffix
 from gslcosim.scenario.models.base import KindedSpec, OneOf
@@ -86,8 +87,8 @@ def list_kinds(annotation: Any) -> list[str]:
 
 
 def list_blocks(annotation: Any) -> dict[str, type[BaseModel]]:
-    """Return the block of each of gslcosim's kinds of which a block that belongs here may be."""
-    return _variants(annotation)
+    """Return the block of each of the installed kinds of which a block that belongs here may be."""
+    return dict(_iterate_variants(annotation))
 
 
 def find_tag_key(annotation: Any) -> str:
@@ -121,8 +122,8 @@ def find_model(annotation: Any) -> type[BaseModel] | None:
 
 
 def kinds_with_key(annotation: Any, key: str) -> list[str]:
-    """Return which of gslcosim's kinds of a block that belongs here have a certain key."""
-    return [kind for kind, model in _variants(annotation).items() if key in list_keys(model)]
+    """Return which of the installed kinds of a block that belongs here have a certain key."""
+    return [kind for kind, model in _iterate_variants(annotation) if key in list_keys(model)]
 
 
 def holds_blocks(annotation: Any) -> bool:
@@ -138,7 +139,9 @@ def _all_blocks(model: type[BaseModel], path: str) -> Iterator[tuple[str, type[B
         whole = _annotation_of(field)
         for annotation, place in ((whole, inner_path), (_item_annotation(whole), f"{inner_path}[]")):
             inner = _model_in(annotation)
-            for each in [inner] if inner else dict.fromkeys(_variants(_split(annotation)[0]).values()):
+            for each in (
+                [inner] if inner else dict.fromkeys(model for _, model in _iterate_variants(_split(annotation)[0]))
+            ):
                 yield from _all_blocks(each, place)
 
 
@@ -153,7 +156,7 @@ def _inner_slot(slot: SchemaNode, segment: Segment) -> SchemaNode | None:
     # Pydantic puts the kind of a block between the block's key and its own.
     if (variant := _variant(slot.annotation, segment)) is not None:
         return SchemaNode(path=slot.path, key=slot.key, annotation=variant)
-    models = [slot.model] if slot.model else list(_variants(slot.annotation).values())
+    models = [slot.model] if slot.model else (model for _, model in _iterate_variants(slot.annotation))
     field = next((field for model in models if (field := _field_of(model, segment))), None)
     if field is None:
         return None
@@ -214,6 +217,12 @@ def _one_of(annotation: Any) -> OneOf | None:
 def _variant(annotation: Any, kind: str) -> type[BaseModel] | None:
     one_of = _one_of(annotation)
     return one_of.block_of(kind) if one_of and kind in one_of.names() else _variants(annotation).get(kind)
+
+
+# Those of other packages last: one is imported when its turn comes.
+def _iterate_variants(annotation: Any) -> Iterator[tuple[str, type[BaseModel]]]:
+    one_of = _one_of(annotation)
+    yield from one_of.blocks() if one_of else _variants(annotation).items()
 
 
 # The models of a union by their tags: a block's `kind` says which of them it is.
@@ -477,12 +486,13 @@ def _wrong_value(slot: SchemaNode, value: Any) -> Problem:
 
 def _unknown_kind(slot: SchemaNode, block: dict[str, Any]) -> Problem:
     kinds, tag_key = list_kinds(slot.annotation), find_tag_key(slot.annotation)
-    kind = block.get(tag_key)
+    kind, where = block.get(tag_key), child_path(slot.path, tag_key)
+    remedy = (find_remedy("keys", f"{where}={kind}") or did_you_mean(kind, kinds)) if isinstance(kind, str) else ""
     return Problem(
-        where=child_path(slot.path, tag_key),
+        where=where,
         expected=f"one of {', '.join(kinds[:-1])} or {kinds[-1]}",
         found=format_value(kind),
-        remedy=did_you_mean(kind, kinds) if isinstance(kind, str) else "",
+        remedy=remedy,
     )
 
 
@@ -493,6 +503,8 @@ def _unknown_key(location: tuple[Segment, ...], key: str, value: Any, root: type
     expected = f"one of the keys {', '.join(keys)}"
     if (remedy := _kinds_that_have(location, key, root)) and key not in keys:
         return Problem(where=path, expected=expected, found=_UNKNOWN_KEY, remedy=remedy)
+    if absent := find_remedy("keys", re.sub(r"\[\d+\]", "[]", path)):
+        return Problem(where=path, expected=expected, found=_UNKNOWN_KEY, remedy=absent)
     match = nearest_key(key, keys)
     homes = [home for home in paths_of_key(key, root=root) if home != block.path]
     if match:

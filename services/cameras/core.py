@@ -28,9 +28,6 @@ from gslcosim_services.cameras.offscreen_renderer import OffscreenRenderer
 from gslcosim_services.cameras.service import cameras_spec
 from gslcosim_services.world.scene import scene_spec
 
-# MuJoCo is compiled and comes without stubs.
-
-
 NEAR_M = 0.02
 FAR_M = 500.0
 MM_PER_M = 1000.0
@@ -206,9 +203,6 @@ def _lamps(environment: Environment) -> tuple[Light, ...]:
 
 def _rotate_sensor(sensor: CameraSensorSpec, sensor_from_camera: NDArray[np.float64]) -> Quaternion:
     return quaternion_from_rotation(rotation_from_rpy(sensor.mount_rpy_rad) @ sensor_from_camera)
-
-
-# MuJoCo is compiled and comes without stubs.
 
 
 _CAMERA_NAME = "onlooker"

@@ -3,7 +3,6 @@
 `python -m gslcosim_services.cameras.offscreen_renderer` tells whether that works here, in a process of its own:
 exit code 0, or 1 with the reason.
 """
-# MuJoCo is compiled and comes without stubs; OpenGL's contexts are chosen while running.
 # pyright: reportAttributeAccessIssue=false, reportMissingImports=false
 
 import importlib

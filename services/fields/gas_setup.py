@@ -6,6 +6,7 @@ from functools import singledispatch
 import numpy as np
 
 from gslcosim.base.errors import ScenarioError
+from gslcosim.base.gases import air_density_mol_m3
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim.environment.grid_kernels import trilinear_wind_at_points
@@ -15,7 +16,6 @@ from gslcosim.scenario.models.gas import GasSpec, SourceSpec
 from gslcosim_services.fields.filament.plume import WindAt, filament_amount_mol
 from gslcosim_services.fields.filament_field import MIN_READINGS_FOR_INDEX
 from gslcosim_services.fields.gas_field import GasField, Visibility
-from gslcosim_services.fields.gases import air_density_mol_m3, find_gas
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,15 +113,8 @@ def gas_seed(scenario: Scenario, seed: int) -> int:
 
 
 def list_gas_names(gas: GasSpec) -> tuple[str, ...]:
-    """Return the names of a scenario's gases, the one that is searched for first.
-
-    Raises:
-        ScenarioError: there is no such gas.
-    """
-    gases = tuple(dict.fromkeys([gas.gas, *(source.gas or gas.gas for source in gas.sources)]))
-    for i, name in enumerate(gases):
-        find_gas(name, place="gas.gas" if i == 0 else "gas.sources[].gas", definitions=gas.define)
-    return gases
+    """Return the names of a scenario's gases, the one that is searched for first."""
+    return tuple(dict.fromkeys([gas.gas, *(source.gas or gas.gas for source in gas.sources)]))
 
 
 def mean_release_m3_s(source: SourceSpec, *, place: str = "release") -> float:

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import ShapeError
+from gslcosim.base.gases import air_density_mol_m3
 from gslcosim.base.quantities import Vec3
 from gslcosim.environment.grid_kernels import is_line_of_sight_free
 from gslcosim.environment.model import Cell, Environment, Grid
 from gslcosim_services.fields.filament.filament_step import cell_index
 from gslcosim_services.fields.filament.plume import Filaments
-from gslcosim_services.fields.gases import air_density_mol_m3
 
 NORMALISATION = (2.0 * math.pi) ** 1.5
 

@@ -47,10 +47,10 @@ _HEAD, _FIRST, _FILAMENTS, _SOURCES = "head.json", "first.npy", "filaments.npy",
 _IRRELEVANT_SETTINGS = {"tape", "seed"}
 _SOURCE_FILES = (
     *(f"gslcosim_services/fields/{name}" for name in (
-        "filament", "models", "turbulence", "gas_setup.py", "gases.py", "tape.py",
+        "filament", "models", "turbulence", "gas_setup.py", "tape.py",
     )),
     *(f"gslcosim/{name}" for name in (
-        "environment/model.py", "environment/grid_kernels.py", "base/rng.py",
+        "environment/model.py", "environment/grid_kernels.py", "base/gases.py", "base/rng.py",
     )),
 )  # fmt: skip
 

@@ -1,7 +1,7 @@
 """Table of a run's streams: name, place in the recording, component, unit, frame and writer of each.
 
-The recorder writes by it, and what reads a recording finds by it what was written: `gslcosim.open_run`, tables, plots,
-messages of ROS and recordings of several runs.
+The recorder writes by it, and what reads a recording finds by it what was written: arrays and tables, plots, messages
+of ROS and recordings of several runs.
 """
 
 from collections.abc import Sequence

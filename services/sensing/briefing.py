@@ -9,6 +9,7 @@ import numpy as np
 from gslcosim.base.bundled import find_bundled_agent
 from gslcosim.base.errors import MethodError
 from gslcosim.base.problems import Problem
+from gslcosim.base.quantities import ESTIMATE_QUANTITY
 from gslcosim.base.rng import stream
 from gslcosim.contract.messages import (
     CONTRACT_VERSION,
@@ -29,7 +30,7 @@ from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.models.sensors import RaySensorSpec, TurnedSensorSpec, real_model
 from gslcosim_services.sensing.models import SensorKind, sensor_kind, sensor_names
 from gslcosim_services.sensing.models.base import estimate_name
-from gslcosim_services.sensing.models.mox import ESTIMATE_QUANTITY, ESTIMATE_UNIT
+from gslcosim_services.sensing.models.mox import ESTIMATE_UNIT
 from gslcosim_services.sensing.models.range_finders import ray_directions_body
 
 

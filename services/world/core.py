@@ -211,9 +211,6 @@ class SimulatedVehicle:
             vehicle_records.set_setpoint(state, reference.setpoint)
 
 
-# MuJoCo is compiled and comes without stubs.
-
-
 # What may touch at the start: vehicles stand on what is below them [m].
 _MIN_GAP_M = 1e-3
 
@@ -279,9 +276,6 @@ def _find_height_problem(
     if is_flying:
         return f"{name}.start_m: expected a start on the floor for a {agent.vehicle.model}, was {z_m:g} m high."
     return None
-
-
-# MuJoCo is compiled and comes without stubs.
 
 
 # Point robots have no fast dynamics: alone, they take this longer step where it fits the tick.

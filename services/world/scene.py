@@ -18,9 +18,6 @@ from gslcosim.environment.variants import DynamicEnvironment, find_door_boxes
 from gslcosim.runtime.replay.object_state import register_external_type
 from gslcosim.vehicles import Vehicle
 
-# MuJoCo is compiled and comes without stubs.
-
-
 # Masses, lengths and places of MJCF and catalogue are equal but for rounding; a radius may be a round number.
 _TOLERANCE = 1e-6
 _REACH_TOLERANCE = 0.05
@@ -149,9 +146,6 @@ def _position_differences(what: str, declared: tuple[float, float, float], compi
         yield f"{what}: expected [{shown}], as the MJCF has it, was [{', '.join(f'{a:g}' for a in declared)}]."
 
 
-# MuJoCo is compiled and comes without stubs.
-
-
 # The part of a vehicle on wheels that must touch nothing; a site and a sensor of touch have its name.
 HULL = "hull"
 # Parts that a vehicle stands and drives on.
@@ -253,9 +247,6 @@ def _add_touch(spec: mujoco.MjSpec, name: str) -> None:
     )
 
 
-# MuJoCo is compiled and comes without stubs.
-
-
 class DoorGeoms:
     """Opens and closes the doors of a scene as the room says; there is nothing to do in a room without.
 
@@ -278,9 +269,6 @@ class DoorGeoms:
         for name, i in self._geoms.items():
             # As all boxes of the room, by MuJoCo's default.
             self._model.geom_contype[i] = self._model.geom_conaffinity[i] = int(name in closed)
-
-
-# MuJoCo is compiled and comes without stubs.
 
 
 # All that integration depends on: time, positions, velocities, forces that are applied, and where the solver starts.

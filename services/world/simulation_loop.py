@@ -145,7 +145,7 @@ def advance_point_inplace(p, v, a_x, a_y, a_z, dt_s):
         dt_s: Length of the step [s].
 
     Held by:
-        tests/integration/training/test_batch_equals_flight.py
+        extensions/training/tests/integration/test_batch_equals_flight.py
     """
     v[0] += dt_s * a_x
     v[1] += dt_s * a_y
@@ -401,9 +401,6 @@ def run_substeps_inplace(
         if not is_state_plausible(qpos[vehicle.i_qpos :], qvel[vehicle.i_qvel :]):
             return n_substeps, k
     return n_substeps, -1
-
-
-# MuJoCo is compiled and comes without stubs.
 
 
 _VEHICLE_NAME = "vehicle"

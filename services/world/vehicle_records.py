@@ -79,9 +79,6 @@ def _feasible_limits(spec: VehicleSpec, model: Vehicle, constants: Any) -> Limit
     return Limits(max_speed_m_s=speed_m_s, max_acceleration_m_s2=acceleration_m_s2)
 
 
-# MuJoCo is compiled and comes without stubs.
-
-
 Setpoint = AttitudeSetpoint | RateSetpoint | DriveSetpoint
 
 # Constants of one vehicle. World frame z up; body frame x forward, y left, z up.

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gslcosim.cli.main import main
-from gslcosim.environment.formats.export import FORMATS, GADEN_WINDS
 from gslcosim.environment.store import HEADER_FILE, OCCUPANCY_FILE, WIND_FILE, load_environment
+from gslcosim_formats.export import FORMATS, GADEN_WINDS
 
 DOCS = Path(__file__).parents[2] / "docs"
 FOLDER_PAGE, EXCHANGE_PAGE = DOCS / "environment-folder.md", DOCS / "exchange.md"

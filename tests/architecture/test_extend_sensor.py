@@ -51,9 +51,9 @@ def test_what_it_does_not_have_is_refused_with_its_place(package, gslcosim_with,
 
 BATCH = """
 import numpy as np
-from gslcosim.training.batch import BatchSearchEnv
-from gslcosim.training.search_env import SearchEnv
-from gslcosim.training.stepped_run import LearningTask
+from gslcosim_training.batch import BatchSearchEnv
+from gslcosim_training.search_env import SearchEnv
+from gslcosim_training.stepped_run import LearningTask
 
 overrides = (
     "agents[0].vehicle.model=holonomic", "agents[0].vehicle.avoidance=none", "gas.model=gaussian_plume",

@@ -11,11 +11,11 @@ from file_schemas import MODELS, build_schema_text
 
 from gslcosim.base.bundled import bundled_agents, bundled_schemas
 from gslcosim.base.yaml_core import EDITOR_HEADER, CoreLoader, without_editor_header
-from gslcosim.bench.cases.models import EntrySpec
-from gslcosim.bench.cases.suite_files import agent_hash
 from gslcosim.cli.main import main
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.models.scenario import StartSpec
+from gslcosim_bench.cases.models import EntrySpec
+from gslcosim_bench.cases.suite_files import agent_hash
 
 ROOT = Path(__file__).parents[2]
 KIND = re.compile(r"^schema: gslcosim/(\w+)/", re.MULTILINE)
@@ -26,7 +26,7 @@ FILES = {
     for path in sorted(ROOT.glob(pattern))
     if (found := KIND.search(path.read_text()))
 }
-TEMPLATE = "gslcosim/conformance/templates/participants/ventilated_room.yaml"
+TEMPLATE = "extensions/conformance/gslcosim_conformance/templates/participants/ventilated_room.yaml"
 
 
 def validator_of(kind):

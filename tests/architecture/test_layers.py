@@ -1,6 +1,8 @@
 """Arrows between packages point only inward, and each rule that says so can fail."""
 
 import ast
+import configparser
+import re
 import shutil
 import subprocess
 import sys
@@ -10,12 +12,15 @@ import grimp
 import pytest
 
 ROOT = Path(__file__).parents[2]
-AGENT_MAY_IMPORT = {"gslcosim.agent_kit", "gslcosim.contract", "gslcosim.search"}
+AGENT_MAY_IMPORT = {"gslcosim.agent_kit", "gslcosim.contract", "gslcosim_search"}
 
 # For each contract of .importlinter one import that breaks it, and where.
 WRONG_ARROWS = {
     "Arrows point only inward": ("gslcosim_services/world/__init__.py", "import gslcosim_services.fields"),
-    "What an agent's author imports": ("gslcosim/search/__init__.py", "import gslcosim.scenario"),
+    "The core imports no extension": ("gslcosim/validity/__init__.py", "import gslcosim_search"),
+    "Extensions import only extensions below them": ("gslcosim_data/__init__.py", "import gslcosim_bench"),
+    "What reads robots' logs stands over": ("gslcosim_data/run.py", "import gslcosim_data.film"),
+    "What an agent's author imports": ("gslcosim_search/__init__.py", "import gslcosim.scenario"),
     "The framework knows no service": ("gslcosim/bus/__init__.py", "import gslcosim_services.radio"),
     "How processes start and end": (
         "gslcosim/runtime/processes/fork_server.py",
@@ -26,6 +31,11 @@ WRONG_ARROWS = {
     "MuJoCo has one home": ("gslcosim/environment/__init__.py", "from mujoco import mjtGeom"),
     "The gateway knows the contract and bytes": ("gslcosim/gateway/__init__.py", "import gslcosim.bus"),
     "Cores and contract know no clock": ("gslcosim_services/sensing/__init__.py", "from time import sleep"),
+    "Figures of the benchmark": ("gslcosim_bench/metrics/__init__.py", "import gslcosim_bench.report"),
+    "Rooms of the environment": ("gslcosim/environment/paths/__init__.py", "import gslcosim.environment.positions"),
+    "Rooms of the fields": ("gslcosim_services/fields/filament/__init__.py", "import gslcosim_services.fields.models"),
+    "The world: the core over": ("gslcosim_services/world/flight_space.py", "import gslcosim_services.world.scene"),
+    "Rooms of search": ("gslcosim_search/motion/__init__.py", "import gslcosim_search.swarms"),
 }
 
 
@@ -39,6 +49,19 @@ def lay_out(folder: Path) -> None:
     ignore = shutil.ignore_patterns("__pycache__")
     shutil.copytree(ROOT / "gslcosim", folder / "gslcosim", ignore=ignore)
     shutil.copytree(ROOT / "services", folder / "gslcosim_services", ignore=ignore)
+    for package in ROOT.glob("extensions/*/gslcosim_*"):
+        shutil.copytree(package, folder / package.name, ignore=ignore)
+
+
+def test_every_contract_is_broken_and_covers_every_extension():
+    config = configparser.ConfigParser()
+    config.read(ROOT / ".importlinter")
+    names = [config[section]["name"] for section in config.sections() if ":contract:" in section]
+    assert [name for name in names if not any(name.startswith(start) for start in WRONG_ARROWS)] == []
+    packages = {path.name for path in ROOT.glob("extensions/*/gslcosim_*") if (path / "__init__.py").is_file()}
+    assert set(config["importlinter"]["root_packages"].split()) == {"gslcosim", "gslcosim_services", *packages}
+    assert set(config["importlinter:contract:core"]["forbidden_modules"].split()) == packages
+    assert set(re.findall(r"\w+", config["importlinter:contract:extensions"]["layers"])) == packages
 
 
 @pytest.mark.slow

@@ -8,10 +8,12 @@ import pytest
 # All is imported once as it is, so that other packages are loaded; then ours once more, on a system that has less.
 SCRIPT = """
 import importlib, pkgutil, sys
-import gslcosim, gslcosim_services
+from gslcosim.base.extension_packages import find_extension_packages
 
-OURS = ("gslcosim", "gslcosim_services")
+OURS = ("gslcosim", "gslcosim_services", *find_extension_packages())
 ALONE = {"gslcosim.runtime.processes.sandbox.launcher"}  # a program of its own, which only Linux runs
+for name in OURS:
+    importlib.import_module(name)
 found = (pkgutil.walk_packages(sys.modules[name].__path__, f"{name}.") for name in OURS)
 names = [each.name for package in found for each in package]
 names = [name for name in names if not name.endswith("__main__") and ".templates" not in name and name not in ALONE]

@@ -116,15 +116,3 @@ def test_the_index_has_every_page():
     index = (ROOT / "docs" / "README.md").read_text()
     pages = [page for page in PAGES if page.parent.name in ("docs", "extend", "benchmark") and page.name != "README.md"]
     assert [name_of(page) for page in pages if f"({page.relative_to(ROOT / 'docs').as_posix()})" not in index] == []
-
-
-def test_the_map_of_the_architecture_names_all_folders_and_no_others():
-    table = (ROOT / "ARCHITECTURE.md").read_text().split("## The map\n\n")[1].split("\n\n")[0]
-    named = set()
-    for row in re.findall(r"^\| (`.+?`) \|", table, re.MULTILINE):
-        first, *others = re.findall(r"`([^`]+)`", row)
-        parent = first.rsplit("/", 1)[0] if "/" in first.rstrip("/") else ""
-        named |= {first.rstrip("/"), *(f"{parent}/{other}" for other in others)}
-    assert [name for name in named if not (ROOT / name).is_dir()] == []
-    packages = {f"gslcosim/{path.parent.name}" for path in (ROOT / "gslcosim").glob("*/__init__.py")}
-    assert {name for name in named if name.startswith("gslcosim/")} == packages

@@ -11,6 +11,7 @@ from gslcosim.environment.generation import prepare_environment
 from gslcosim.scenario import load_scenario
 
 ROOT = Path(__file__).parents[2]
+PROJECTS = (ROOT / "pyproject.toml", *sorted(ROOT.glob("extensions/*/pyproject.toml")))
 # Each is large and belongs to one service.
 # A vehicle in ROS 2 is described with the masses and shapes of its model.
 OWNERS = {"mujoco": {"world", "cameras", "ros2"}, "rerun": {"recorder"}}
@@ -25,7 +26,7 @@ CORES = {
     "sensing": "gslcosim_services.sensing.core",
     "referee": "gslcosim_services.referee.core",
     "recorder": "gslcosim_services.recorder.core",
-    "ros2": "gslcosim_services.ros2.core",
+    "ros2": "gslcosim_ros.live.core",
 }
 # What every service does before it builds its own core, and that core.
 SCRIPT = """
@@ -75,8 +76,9 @@ def quickstart_room():
 
 
 def test_every_service_is_looked_at():
-    declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]
-    assert list(CORES) == list(declared["gslcosim.default_services"])
+    projects = [tomllib.loads(path.read_text())["project"] for path in PROJECTS]
+    declared = [project.get("entry-points", {}).get("gslcosim.default_services", {}) for project in projects]
+    assert list(CORES) == [name for services in declared for name in services]
 
 
 @pytest.mark.slow

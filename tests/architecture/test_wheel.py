@@ -1,64 +1,184 @@
-"""The wheel holds all that a run needs, under unambiguous names."""
+"""Wheels of core and extensions hold all that runs need, under unambiguous names, and a run needs no more than them."""
 
+import json
+import re
 import shutil
 import subprocess
 import sys
+import venv
 import zipfile
+from email.parser import Parser
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from itertools import chain
 from pathlib import Path
 
 import pytest
+from distributions import CORE, ROOT, find_folder, list_needed, read_projects
+from packaging.requirements import Requirement
 
-ROOT = Path(__file__).parents[2]
-IMPORT_NAMES = {
+import gslcosim
+
+PROJECTS = read_projects()
+CORE_FOLDERS = {
     "gslcosim": "gslcosim",
     "services": "gslcosim_services",
     "agents": "gslcosim_agents",
     "scenarios": "gslcosim_scenarios",
 }
 NOT_SHIPPED = {".pyc", ".rrd"}
+# Needs the kit alone.
+HOLDING = ROOT / "tests" / "end_to_end" / "agents" / "holding.py"
 
 
-@pytest.fixture(scope="module")
-def names_in_wheel(tmp_path_factory) -> set[str]:
-    """The files of a wheel that is built from a copy, so that nothing is left behind in the checkout."""
-    copy = tmp_path_factory.mktemp("source")
-    for folder in IMPORT_NAMES:
-        shutil.copytree(
-            ROOT / folder, copy / folder, ignore=shutil.ignore_patterns("__pycache__", "target", "node_modules")
-        )
-    for file in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
-        shutil.copy(ROOT / file, copy / file)
-    command = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(copy / "dist"), str(copy)]
-    outcome = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert outcome.returncode == 0, outcome.stdout + outcome.stderr
-    (wheel,) = (copy / "dist").glob("*.whl")
+def list_folders(name: str) -> dict[Path, str]:
+    """Return the folders of packages of a distribution and their import names."""
+    if name == CORE:
+        return {ROOT / folder: package for folder, package in CORE_FOLDERS.items()}
+    package = name.replace("-", "_")
+    return {find_folder(name) / package: package}
+
+
+@pytest.fixture(scope="session")
+def wheels(tmp_path_factory) -> dict[str, Path]:
+    """Wheels of all distributions, built from copies, so that nothing is left behind in the checkout."""
+    built, out = {}, tmp_path_factory.mktemp("wheels")
+    for name in PROJECTS:
+        folder, copy = find_folder(name), tmp_path_factory.mktemp("source")
+        for package in list_folders(name):
+            ignored = shutil.ignore_patterns("__pycache__", "target", "node_modules")
+            shutil.copytree(package, copy / package.name, ignore=ignored)
+        for file in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
+            if (folder / file).is_file():
+                shutil.copy(folder / file, copy / file)
+        command = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(out), str(copy)]
+        outcome = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert outcome.returncode == 0, outcome.stdout + outcome.stderr
+        (built[name],) = out.glob(f"{name.replace('-', '_')}-{gslcosim.__version__}-*.whl")
+    return built
+
+
+def read_names(wheel: Path) -> set[str]:
     with zipfile.ZipFile(wheel) as archive:
         return set(archive.namelist())
 
 
-def shipped(folder: str) -> set[str]:
-    """The names that the files of a source folder must have in the wheel."""
-    files = (path for path in (ROOT / folder).rglob("*") if path.is_file() and "__pycache__" not in path.parts)
-    return {
-        f"{IMPORT_NAMES[folder]}/{path.relative_to(ROOT / folder).as_posix()}"
-        for path in files
-        if path.suffix not in NOT_SHIPPED
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PROJECTS)
+def test_every_file_of_a_package_is_in_the_wheel(wheels, name):
+    expected = {
+        f"{package}/{path.relative_to(folder).as_posix()}"
+        for folder, package in list_folders(name).items()
+        for path in folder.rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts and path.suffix not in NOT_SHIPPED
     }
+    assert expected - read_names(wheels[name]) == set()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("folder", IMPORT_NAMES)
-def test_every_file_of_a_folder_is_in_the_wheel(names_in_wheel, folder):
-    assert shipped(folder) - names_in_wheel == set()
+@pytest.mark.parametrize("name", PROJECTS)
+def test_a_wheel_brings_no_other_top_level_names(wheels, name):
+    top = {each.split("/")[0] for each in read_names(wheels[name])}
+    assert {each for each in top if not each.endswith(".dist-info")} == set(list_folders(name).values())
 
 
 @pytest.mark.slow
-def test_the_wheel_brings_no_other_top_level_names(names_in_wheel):
-    top = {name.split("/")[0] for name in names_in_wheel}
-    assert {name for name in top if not name.endswith(".dist-info")} == set(IMPORT_NAMES.values())
+@pytest.mark.parametrize("name", PROJECTS)
+def test_a_wheel_has_the_licence(wheels, name):
+    assert any(each.endswith(".dist-info/licenses/LICENSE") for each in read_names(wheels[name]))
 
 
 @pytest.mark.slow
-def test_the_wheel_has_the_command_and_the_licence(names_in_wheel):
-    assert any(name.endswith(".dist-info/entry_points.txt") for name in names_in_wheel)
-    assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names_in_wheel)
+def test_the_wheel_of_the_core_has_the_command(wheels):
+    assert any(name.endswith(".dist-info/entry_points.txt") for name in read_names(wheels[CORE]))
+
+
+@pytest.mark.parametrize("name", PROJECTS)
+def test_distributions_have_one_version(name):
+    """`make version V=VERSION` writes it wherever it stands."""
+    project = PROJECTS[name]
+    required = [*project.get("dependencies", []), *chain.from_iterable(project["optional-dependencies"].values())]
+    ours = [Requirement(each) for each in required if each.startswith(CORE)]
+    named = [each for each in ours if each.name != name]
+    if name != CORE:
+        assert project["version"] == gslcosim.__version__
+        assert CORE in {each.name for each in named}
+    assert {str(each.specifier) for each in named} <= {f"=={gslcosim.__version__}"}
+
+
+@pytest.mark.parametrize("name", [name for name in PROJECTS if name != CORE])
+def test_an_extension_offers_the_extras_that_make_installs(name):
+    assert {"dev", "check", "test-all"} <= PROJECTS[name]["optional-dependencies"].keys()
+
+
+def test_an_extension_is_found_by_the_name_of_its_folder():
+    folders = {path.parent.name for path in ROOT.glob("extensions/*/pyproject.toml")}
+    assert {f"{CORE}-{folder}" for folder in folders} == PROJECTS.keys() - {CORE}
+    needed = list_needed(["gslcosim-archive"])
+    assert {"gslcosim", "gslcosim-archive", *list_needed(["gslcosim-bench"])} == set(needed)
+
+
+def read_required(wheel: Path) -> list[Requirement]:
+    with zipfile.ZipFile(wheel) as archive:
+        (name,) = (each for each in archive.namelist() if each.endswith(".dist-info/METADATA"))
+        lines = Parser().parsestr(archive.read(name).decode()).get_all("Requires-Dist", [])
+    return [Requirement(line) for line in lines]
+
+
+def find_required(requirements: list[Requirement]) -> dict[str, Distribution]:
+    """Return the distributions of others that requirements lead to, as they are installed here."""
+    found: dict[str, Distribution] = {}
+    waiting = [(requirement, "") for requirement in requirements]
+    while waiting:
+        requirement, extra = waiting.pop()
+        if requirement.marker is not None and not requirement.marker.evaluate({"extra": extra}):
+            continue
+        name = re.sub(r"[-_.]+", "-", requirement.name).lower()
+        if name in PROJECTS or name in found:
+            continue
+        try:
+            found[name] = distribution(name)
+        except PackageNotFoundError:
+            pytest.fail(f"{name} is required and not installed")
+        following = [Requirement(line) for line in found[name].requires or ()]
+        waiting += [(each, extra) for each in following for extra in ("", *requirement.extras)]
+    return found
+
+
+def install(wheels: list[Path], folder: Path) -> Path:
+    """Install wheels into a fresh environment that has what they require, and nothing else; return its Python.
+
+    Packages of others are links to those of this environment, and no index is asked.
+    """
+    venv.create(folder, with_pip=False)
+    python = folder / "bin" / "python"
+    (site,) = folder.glob("lib/python*/site-packages")
+    required = find_required([each for wheel in wheels for each in read_required(wheel)])
+    for each in required.values():
+        root = Path(str(each.locate_file("")))
+        for top in {file.parts[0] for file in each.files or () if file.parts[0] not in ("..", "__pycache__")}:
+            if not (site / top).exists():
+                (site / top).symlink_to(root / top)
+    command = [sys.executable, "-m", "pip", "--python", str(python), "install", "--quiet", "--no-index", "--no-deps"]
+    subprocess.run([*command, "--no-compile", *map(str, wheels)], check=True)
+    return python
+
+
+def fly(python: Path, folder: Path, *words: str) -> dict:
+    command = [str(python), "-m", "gslcosim", "up", "tiny_room", "--in-process", "--json", "--runs-dir", str(folder)]
+    outcome = subprocess.run([*command, *words], capture_output=True, text=True, cwd=folder, check=False)
+    assert outcome.stdout, outcome.stderr
+    return json.loads(outcome.stdout)
+
+
+@pytest.mark.slow
+def test_the_wheel_of_the_core_alone_runs_as_the_checkout_does(wheels, tmp_path):
+    python = install([wheels[CORE]], tmp_path / "environment")
+    words = ("--set", f"agents[0].start.python={HOLDING}", "--set", "referee.stop.time_limit_s=3")
+    alone, here = fly(python, tmp_path, *words), fly(Path(sys.executable), tmp_path, *words)
+    assert alone["digest"] == here["digest"]
+
+
+@pytest.mark.slow
+def test_all_wheels_in_a_fresh_environment_run_as_the_checkout_does(wheels, tmp_path):
+    python = install(list(wheels.values()), tmp_path / "environment")
+    assert fly(python, tmp_path)["digest"] == fly(Path(sys.executable), tmp_path)["digest"]

@@ -110,8 +110,9 @@ def base_code(commit: str) -> Iterator[Code]:
             python = home / "bin" / "python"
             packages = next((home / "lib").glob("python*/site-packages"))
             (packages / "base.pth").write_text("\n".join(site.getsitepackages()))
-            install = ["-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "-e", str(folder)]
-            subprocess.run([python, *install], check=True)
+            install = ["-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
+            ours = [folder, *(path.parent for path in sorted(folder.glob("extensions/*/pyproject.toml")))]
+            subprocess.run([python, *install, *(word for each in ours for word in ("-e", str(each)))], check=True)
             yield Code(name=commit, python=python, folder=folder)
         finally:
             subprocess.run(["git", "-C", ROOT, "worktree", "remove", "--force", folder], check=True)

@@ -14,17 +14,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests" / "end_to_end"))
+sys.path.insert(0, str(ROOT / "tests" / "shared"))
 
 from languages import SERIES, LanguageAgent, golden_briefing, golden_observations, language_agents  # noqa: E402
 from real_runs import AGENTS  # noqa: E402 - as the tests of that folder
 
-from gslcosim.conformance.scripted_world import AGENT  # noqa: E402
-from gslcosim.conformance.transports import CheckTransport, ConnectionSpec  # noqa: E402
 from gslcosim.contract import codec  # noqa: E402
 from gslcosim.contract.messages import Briefing, Message, Observation  # noqa: E402
 from gslcosim.gateway.frame_codec import FrameFormat, encode_message  # noqa: E402
 from gslcosim.runtime.agents.validator import CommandValidator  # noqa: E402
+from gslcosim_conformance.scripted_world import AGENT  # noqa: E402
+from gslcosim_conformance.transports import CheckTransport, ConnectionSpec  # noqa: E402
 
 N_WARM = 50
 LIMIT_S = 60.0

@@ -6,9 +6,9 @@ import tempfile
 import time
 from pathlib import Path
 
-import gslcosim
+import gslcosim_data
 from gslcosim.cli.main import main as gslcosim_main
-from gslcosim.data.film import FilmSegment, render_frames, write_film
+from gslcosim_data.film import FilmSegment, render_frames, write_film
 
 SIZE_PX = (1280, 720)
 ASKED_PER_S = 20
@@ -32,7 +32,7 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         words = ["up", "warehouse_empty", "--in-process", "--quiet", "--runs-dir", folder]
         gslcosim_main([*words, "--set", "referee.stop.time_limit_s=60"])
-        run = gslcosim.open_run(next(Path(folder).iterdir()))
+        run = gslcosim_data.open_run(next(Path(folder).iterdir()))
         cut = FilmSegment.of(run, from_s=5, to_s=5 + n_frames / 25 * 4, speed=4)
         n = len(cut.times_s)
         drawn, filmed, loop = [], [], []

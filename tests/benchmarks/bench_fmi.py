@@ -16,7 +16,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "shared"))
 
 from fan_units import build_fan
 
-from gslcosim.conformance.scaffold import PARTICIPANT_TEMPLATES
 from gslcosim.contract.messages import FieldSamples, GasAmount, MountSample
 from gslcosim.contract.participant import Core, Episode
 from gslcosim.environment.generation import prepare_environment
@@ -25,6 +24,7 @@ from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.services import build_core
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import load_scenario
+from gslcosim_conformance.scaffold import PARTICIPANT_TEMPLATES
 
 GAS = "samples[sensor=nose].gases[gas=ethanol].mixing_ratio_ppm"
 IN_TURNS = 100

@@ -6,8 +6,8 @@ import time
 import numpy as np
 
 from gslcosim.base.bundled import bundled_agents
-from gslcosim.search.learned.policy_agent import bundled_policies
-from gslcosim.search.learned.policy_files import load_policy
+from gslcosim_search.learned.policy_agent import bundled_policies
+from gslcosim_search.learned.policy_files import load_policy
 
 LIMIT_US = 100.0
 N_DECISIONS = 2000

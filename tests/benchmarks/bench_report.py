@@ -9,7 +9,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit" / "bench" / 
 
 import synthetic
 
-from gslcosim.bench.report.writer import write_report
+from gslcosim_bench.report.writer import write_report
 
 LIMIT_S = 30.0
 

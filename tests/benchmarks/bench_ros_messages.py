@@ -16,9 +16,9 @@ import time
 from pathlib import Path
 
 from gslcosim.base.ticks import NS_PER_S
-from gslcosim.ros.node import RosSession
-from gslcosim.ros.types import ANEMOMETER, GAS_SENSOR, RosTypes
-from gslcosim_services.ros2.messages import QUEUED, make_gas
+from gslcosim_ros.live.messages import QUEUED, make_gas
+from gslcosim_ros.node import RosSession
+from gslcosim_ros.types import ANEMOMETER, GAS_SENSOR, RosTypes
 
 RATE_HZ = 10
 NOSE, WIND = "/beetle/nose", "/beetle/wind"
@@ -26,9 +26,9 @@ NOSE, WIND = "/beetle/nose", "/beetle/wind"
 # many their writers had sent until the last of these.
 SUBSCRIBER = """
 import json, queue, sys
-from gslcosim.ros import wire
-from gslcosim.ros.node import RosSession
-from gslcosim.ros.types import RosTypes
+from gslcosim_ros import wire
+from gslcosim_ros.node import RosSession
+from gslcosim_ros.types import RosTypes
 
 endpoint, wanted, topics = sys.argv[1], int(sys.argv[2]), dict(zip(sys.argv[3::2], sys.argv[4::2]))
 came, n_came, n_sent = queue.SimpleQueue(), dict.fromkeys(topics, 0), dict.fromkeys(topics, 0)

@@ -7,12 +7,12 @@ import time
 
 import numpy as np
 
-from gslcosim.ros import wire
-from gslcosim.ros.node import RosSession
-from gslcosim.ros.types import RosTypes
-from gslcosim.simulation import ros_interfaces as interfaces
-from gslcosim.simulation.ros_services import SimulationServices
 from gslcosim.simulation.simulation import Simulation
+from gslcosim_ros import simulation_interfaces as interfaces
+from gslcosim_ros import wire
+from gslcosim_ros.node import RosSession
+from gslcosim_ros.simulation_services import SimulationServices
+from gslcosim_ros.types import RosTypes
 
 
 def main() -> None:

@@ -18,8 +18,8 @@ from pydantic import TypeAdapter
 from gslcosim.environment.layouts.layouts import build_layout
 from gslcosim.environment.model import Cell
 from gslcosim.flow import Inlet, Outlet
-from gslcosim.flow.comparison import compare_solvers
 from gslcosim.scenario.models.scenario import Layout, WindSpec
+from gslcosim_formats.solver_comparison import compare_solvers
 
 ROOMS = runpy.run_path(str(Path(__file__).parents[1] / "analytic/flow/test_pimplefoam_rooms.py"))
 LAYOUTS = ("warehouse_simple", "warehouse_complex", "home", "office")

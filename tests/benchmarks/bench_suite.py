@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 import psutil
 
-from gslcosim.bench import Results
-from gslcosim.bench.cases import build_plan, load_suite
-from gslcosim.bench.cases.models import Selection
-from gslcosim.bench.execution.pool import LocalPool
-from gslcosim.bench.execution.runner import Progress, SuiteRun
-from gslcosim.bench.store import ResultsFolder
+from gslcosim_bench import Results
+from gslcosim_bench.cases import build_plan, load_suite
+from gslcosim_bench.cases.models import Selection
+from gslcosim_bench.execution.pool import LocalPool
+from gslcosim_bench.execution.runner import Progress, SuiteRun
+from gslcosim_bench.store import ResultsFolder
 
 SHORT_FLIGHTS = """
 schema: gslcosim/suite/1

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gslcosim.training.batch import BatchSearchEnv
-from gslcosim.training.search_env import SearchEnv
-from gslcosim.training.stepped_run import LearningTask
+from gslcosim_training.batch import BatchSearchEnv
+from gslcosim_training.search_env import SearchEnv
+from gslcosim_training.stepped_run import LearningTask
 
 SCENARIO = "warehouse_racks"
 HOLD_S = 1.0

@@ -19,9 +19,9 @@ import numpy as np
 from gslcosim.base.errors import FlowError
 from gslcosim.flow import Inlet, Outlet, solve_wind_report
 from gslcosim.flow.domain import build_domain
-from gslcosim.flow.openfoam import find_installation, solve_wind_openfoam
 from gslcosim.flow.solver import FlowSolver
 from gslcosim.flow.turbulence import make_model
+from gslcosim_formats.openfoam import find_installation, solve_wind_openfoam
 
 TESTS = Path(__file__).parents[1]
 ANALYTIC = TESTS / "analytic/flow"

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gslcosim.agent_kit import Agent
+from gslcosim.base.quantities import ESTIMATE_QUANTITY
 from gslcosim.contract.messages import (
     CONTRACT_VERSION,
     Bounds,
@@ -29,7 +30,7 @@ from gslcosim.contract.messages import (
     SensorDescription,
 )
 from gslcosim.contract.record import NumericArray
-from gslcosim.methods.card import CAMERA_QUANTITY, ESTIMATE_QUANTITY, RANGE_QUANTITY, WIND_QUANTITY, MethodCard
+from gslcosim.methods.card import CAMERA_QUANTITY, RANGE_QUANTITY, WIND_QUANTITY, MethodCard
 
 Place = tuple[float, float, float]
 

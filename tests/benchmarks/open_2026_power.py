@@ -11,11 +11,11 @@ import sys
 import numpy as np
 
 from gslcosim.base.bundled import bundled_suites
-from gslcosim.bench.cases.models import Case
-from gslcosim.bench.cases.plan import expand_cases
-from gslcosim.bench.cases.suite_files import load_suite
-from gslcosim.bench.statistics.ranking import compare_entries
-from gslcosim.bench.statistics.sampling_units import find_sampling_units
+from gslcosim_bench.cases.models import Case
+from gslcosim_bench.cases.plan import expand_cases
+from gslcosim_bench.cases.suite_files import load_suite
+from gslcosim_bench.statistics.ranking import compare_entries
+from gslcosim_bench.statistics.sampling_units import find_sampling_units
 
 # Five groups of equal entries, ten points apart.
 QUALITY = {

@@ -17,9 +17,9 @@ from collections.abc import Iterator
 import numpy as np
 from scipy import stats
 
-from gslcosim.bench.statistics.estimates import student_quantile
-from gslcosim.bench.statistics.ranking import EntryComparison, compare_entries, estimate_means
-from gslcosim.bench.statistics.sampling_units import SamplingUnits, find_sampling_units
+from gslcosim_bench.statistics.estimates import student_quantile
+from gslcosim_bench.statistics.ranking import EntryComparison, compare_entries, estimate_means
+from gslcosim_bench.statistics.sampling_units import SamplingUnits, find_sampling_units
 
 PLUMES, FLIGHTS = 2, 2
 # Entries, rooms, and how many times as many plumes the first room has.

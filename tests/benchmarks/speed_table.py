@@ -114,7 +114,7 @@ def bare_hop(bench: Bench) -> float:
 # Prints the processors' time of all steps in one process, all threads; opening and closing of files are left out.
 FLIGHT = """
 import json, sys, time
-from gslcosim.runtime.step_loop import StepLoop
+from gslcosim.runtime.stepper import StepLoop
 times_s = []
 step = StepLoop.step
 def timed(self):
@@ -198,7 +198,7 @@ def fields_share(bench: Bench) -> float:
 REPORT = """
 import json, resource, sys, time
 from pathlib import Path
-from gslcosim.bench.report.writer import write_report
+from gslcosim_bench.report.writer import write_report
 began = time.process_time()
 write_report(Path(sys.argv[1]))
 peak_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

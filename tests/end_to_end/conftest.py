@@ -2,24 +2,13 @@ import sys
 from pathlib import Path
 
 import pytest
+from end_to_end_marks import end_runs_left_over as end_runs_left_over
+from end_to_end_marks import mark_tests
 
-# Importlib mode puts no test folder on the path; `flights` is shared by the tests of this folder.
+# Importlib mode puts no test folder on the path; helpers are shared by the tests of this folder.
 sys.path.insert(0, str(Path(__file__).parent))
 
 
 def pytest_collection_modifyitems(items):
     """Every test of this folder starts real processes."""
-    here = Path(__file__).parent
-    for item in items:
-        if here in item.path.parents:
-            item.add_marker(pytest.mark.end_to_end)
-            item.add_marker(pytest.mark.slow)
-
-
-@pytest.fixture(autouse=True)
-def _no_flight_is_left_over():
-    from real_runs import STARTED
-
-    yield
-    while STARTED:
-        STARTED.pop().abandon()
+    mark_tests(items, Path(__file__).parent, pytest.mark.end_to_end, pytest.mark.slow)

@@ -2,7 +2,7 @@
 
 import pytest
 from real_runs import ROOT, fly_here
-from test_fork import assert_same, forked
+from repeated_runs import assert_same, forked
 from test_snapshots import replayed, snapshots_of
 
 VISION, DOOR = (ROOT / "scenarios" / f"{name}.yaml" for name in ("vision_room", "event_door"))

@@ -2,11 +2,11 @@
 
 import pytest
 from real_runs import ROOT, fly, fly_here
+from repeated_runs import forked
 from rerun.chunk import RrdReader
-from test_fork import forked
 from test_participants import with_program
 
-from gslcosim import open_run
+from gslcosim_data import open_run
 
 SCENARIOS = sorted((ROOT / "scenarios").glob("event_*.yaml"))
 HAPPEN = {

@@ -10,7 +10,8 @@ import signal
 import sys
 
 import pytest
-from real_runs import AGENTS, AROUND_A_WALL, ROOT, TINY_ROOM, UNRECORDED, Ended, fly, fly_here, start, with_agent
+from real_runs import AGENTS, AROUND_A_WALL, ROOT, TINY_ROOM, fly, fly_here, start, with_agent
+from repeated_runs import assert_same, compared, forked
 from test_readme import run
 
 from gslcosim.base.checksums import write_checksums
@@ -20,30 +21,6 @@ from gslcosim.cli.run_views import record_runs
 
 SWARM = ROOT / "scenarios" / "swarm_tiny.yaml"
 PAGE = ROOT / "docs" / "fork.md"
-
-
-def forked(run_dir, runs_dir, at_s, *arguments, in_process=True) -> Ended:
-    """Fork a run, by default in this process."""
-    words = ["fork", str(run_dir), "--at", str(at_s), "--json", "--runs-dir", str(runs_dir), *UNRECORDED]
-    output, errors = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
-        exit_code = main([*words, *arguments, *(["--in-process"] if in_process else [])])
-    text = output.getvalue()
-    folders = sorted(runs_dir.glob("*/")) if runs_dir.is_dir() else []
-    return Ended(exit_code, json.loads(text) if text else {}, folders[-1] if folders else None, errors.getvalue())
-
-
-def compared(a, b) -> dict:
-    output = io.StringIO()
-    with contextlib.redirect_stdout(output):
-        main(["compare", str(a), str(b), "--json"])
-    return json.loads(output.getvalue())
-
-
-def assert_same(past, fork):
-    assert fork.exit_code == past.exit_code, (fork.errors, fork.result.get("faults"))
-    assert fork.result["fork_of"]["divergence"] is None
-    assert fork.result["digest"] == past.result["digest"]
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,8 @@ import sys
 
 import pytest
 from real_runs import AGENTS, ROOT, TINY_ROOM, fly, fly_here
-from test_replay import assert_equal, replayed
+from repeated_runs import replayed
+from test_replay import assert_equal
 
 from gslcosim.cli.main import main
 

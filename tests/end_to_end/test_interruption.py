@@ -12,7 +12,7 @@ from deadlines import PROCESS_S
 from real_runs import COMMAND, STARTED, TINY_ROOM, UNRECORDED, Flight, children_of, start, wait_a_moment, with_agent
 
 from gslcosim.environment.generation import prepare_environment
-from gslcosim.runtime.run import run_into_directory
+from gslcosim.runtime.run import OpenRun, RunPlan
 from gslcosim.scenario import load_scenario
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="/proc says which signals are handled")
@@ -85,16 +85,15 @@ def test_a_recording_without_a_byte_is_removed(tmp_path):
     loaded = load_scenario(TINY_ROOM)
     folder = prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
 
-    def fly_it(setup, report):
-        del report
-        setup.run_dir.recording.touch()
-        raise KeyboardInterrupt
-
-    outcome, flight = run_into_directory(
-        loaded.scenario, folder, fly_it, runs_dir=tmp_path, processes="one", began=0.0, report=lambda _: None,
-        directory=loaded.directory,
+    plan = RunPlan(
+        scenario=loaded.scenario, environment_dir=folder, runs_dir=tmp_path, directory=loaded.directory,
+        processes="one", began=0.0,
     )  # fmt: skip
-    assert outcome.is_interrupted
+    with OpenRun(plan, lambda _: None) as run:
+        run.prepare().run_dir.recording.touch()
+        raise KeyboardInterrupt
+    flight = run.result
+    assert run.outcome.is_interrupted
     assert flight.result["end_reason"] == "interrupted"
     assert flight.exit_code == 130
     assert not (flight.run_dir / "recording.rrd").exists()
@@ -105,15 +104,14 @@ def test_a_recording_that_cannot_be_made_whole_is_reported_though_the_run_was_in
     loaded = load_scenario(TINY_ROOM)
     folder = prepare_environment(loaded.scenario, scenario_dir=loaded.directory)
 
-    def fly_it(setup, report):
-        del report
-        setup.run_dir.recording.write_bytes(b"RRF2 and no more")
-        raise KeyboardInterrupt
-
-    _, flight = run_into_directory(
-        loaded.scenario, folder, fly_it, runs_dir=tmp_path, processes="one", began=0.0,
-        report=lambda _: None, directory=loaded.directory,
+    plan = RunPlan(
+        scenario=loaded.scenario, environment_dir=folder, runs_dir=tmp_path, directory=loaded.directory,
+        processes="one", began=0.0,
     )  # fmt: skip
+    with OpenRun(plan, lambda _: None) as run:
+        run.prepare().run_dir.recording.write_bytes(b"RRF2 and no more")
+        raise KeyboardInterrupt
+    flight = run.result
     assert flight.exit_code == 130
     [fault] = flight.result["faults"]
     assert "The recording was not made whole" in fault["text"]

@@ -5,15 +5,14 @@ import json
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
-from real_runs import TINY_ROOM, fly, fly_here
+from real_runs import SHARED, TINY_ROOM, fly, fly_here
 
 from gslcosim.cli.main import main
-from gslcosim.conformance.scaffold import PARTICIPANT_TEMPLATES
+from gslcosim_conformance.scaffold import PARTICIPANT_TEMPLATES
 
-PROGRAM = Path(__file__).parent / "foreign_program.py"
+PROGRAM = SHARED / "foreign_program.py"
 SHORT = ("--set", "referee.stop.time_limit_s=2", "--set", "referee.success.within_m=0.01")
 FAULT = 3
 

@@ -1,31 +1,16 @@
 """A run is its inputs: run again without its agents it is the same to the bit, however it was run."""
 
-import contextlib
-import io
 import json
 import os
 import random
 import signal
 
 import pytest
-from real_runs import AROUND_A_WALL, EVERY_VEHICLE, ROOT, TINY_ROOM, Ended, fly, fly_here, start, with_agent
-
-from gslcosim.cli.main import main
+from real_runs import AROUND_A_WALL, EVERY_VEHICLE, ROOT, TINY_ROOM, fly, fly_here, start, with_agent
+from repeated_runs import replayed
 
 SWARM = ROOT / "scenarios" / "swarm_tiny.yaml"
 BELIEVER = ("--set", "agents[0].start={python: infotaxis}")
-
-
-def replayed(run_dir, runs_dir, *arguments, is_recorded=False) -> Ended:
-    """Replay a run in this process."""
-    output, errors = io.StringIO(), io.StringIO()
-    unrecorded = () if is_recorded else ("--no-recording",)
-    words = ["replay", str(run_dir), "--json", "--runs-dir", str(runs_dir), *unrecorded, *arguments]
-    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
-        exit_code = main(words)
-    text = output.getvalue()
-    folders = sorted(runs_dir.glob("*/")) if runs_dir.is_dir() else []
-    return Ended(exit_code, json.loads(text) if text else {}, folders[-1] if folders else None, errors.getvalue())
 
 
 def assert_equal(past, again):

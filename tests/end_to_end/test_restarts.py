@@ -5,10 +5,9 @@ import os
 import random
 import signal
 import sys
-from pathlib import Path
 
 import pytest
-from real_runs import ROOT, TINY_ROOM, fly_here, start
+from real_runs import ROOT, SHARED, TINY_ROOM, fly_here, start
 
 SWARM, EVENTS = (ROOT / "scenarios" / f"{name}.yaml" for name in ("swarm_tiny", "event_source"))
 # Nobody comes that near: the run lasts long enough to be disturbed.
@@ -102,8 +101,7 @@ def test_one_that_dies_at_the_same_tick_again_and_again_is_a_fault(tmp_path):
 
 def with_program(*words, **more):
     """Return what adds a participant whose program fails: its core raises an error in the midst of a step."""
-    program = Path(__file__).parent / "foreign_program.py"
-    start = {"command": [sys.executable, str(program), *words], "format": "json"}
+    start = {"command": [sys.executable, str(SHARED / "foreign_program.py"), *words], "format": "json"}
     block = {"name": "model", "start": start, "reads": [{"port": "truth/samples"}], "writes": ["state"], **more}
     return ("--set", f"participants=[{json.dumps(block)}]")
 

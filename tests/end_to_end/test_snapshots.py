@@ -12,8 +12,9 @@ import zlib
 import msgpack
 import pytest
 from real_runs import AGENTS, ROOT, TINY_ROOM, fly, fly_here
+from repeated_runs import assert_same, compared, forked
 from snapshot_cases import CASES, write_movie
-from test_fork import SWARM, assert_same, compared, forked
+from test_fork import SWARM
 from test_readme import run
 
 from gslcosim.cli.main import main

@@ -43,8 +43,8 @@ def _sockets(ending):
 def _ros_graph():
     """The address of a graph of ROS 2, and what a node in it sees of what is forged."""
     pytest.importorskip("rosbags", reason="needs the extra ros")
-    from gslcosim.ros.node import RosSession
-    from gslcosim.ros.types import RosTypes
+    from gslcosim_ros.node import RosSession
+    from gslcosim_ros.types import RosTypes
 
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))

@@ -36,10 +36,11 @@ ALIASES = """
 import json
 try:
     from gslcosim.cli.arguments import CommandFamily, iterate_commands
-    from gslcosim.cli.main import GROUPS
+    from gslcosim.cli.main import list_groups
 except ImportError:
     print("{}")
 else:
+    GROUPS = list_groups()
     each = [command for group in GROUPS for command in group.commands]
     aliases = {command.old_name: " ".join(path) for path, command in iterate_commands(GROUPS) if command.old_name}
     aliases |= {it.name: f"{it.name} {it.default}" for it in each if isinstance(it, CommandFamily) and it.default}
@@ -50,7 +51,7 @@ import importlib, sys
 module = importlib.import_module(sys.argv[1])
 print(*getattr(module, "__all__", ()), sep="\\n")
 """
-PUBLIC_PACKAGES = ("gslcosim.agent_kit", "gslcosim.search", "gslcosim.training", "gslcosim.data.run")
+PUBLIC_PACKAGES = ("gslcosim.agent_kit", "gslcosim_search", "gslcosim_training", "gslcosim_data.run")
 _SECTION = re.compile(r"^(\S.*):$", re.MULTILINE)
 
 
@@ -135,12 +136,13 @@ def _properties(name: str, schema: dict[str, Any]) -> Iterator[str]:
 
 
 def _packaging(code: Code) -> Iterator[str]:
-    project = tomllib.loads((code.folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    yield from (f"script {name}" for name in project["scripts"])
-    yield from (f"extra {name}" for name in project["optional-dependencies"])
-    for group, points in project["entry-points"].items():
-        yield from (f"entry point {group} {name}" for name in points)
-    for path in (code.folder / "gslcosim").rglob("*.py"):
+    for file in (code.folder / "pyproject.toml", *code.folder.glob("extensions/*/pyproject.toml")):
+        project = tomllib.loads(file.read_text(encoding="utf-8"))["project"]
+        yield from (f"script {name}" for name in project.get("scripts", ()))
+        yield from (f"extra {name}" for name in project.get("optional-dependencies", ()))
+        for group, points in project.get("entry-points", {}).items():
+            yield from (f"entry point {group} {name}" for name in points)
+    for path in (*code.folder.glob("gslcosim/**/*.py"), *code.folder.glob("extensions/*/gslcosim_*/**/*.py")):
         groups = re.findall(
             r'^\w+(?:_ENTRY_POINTS|_GROUP) = "([\w.]+)"', path.read_text(encoding="utf-8"), re.MULTILINE
         )

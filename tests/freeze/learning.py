@@ -11,10 +11,10 @@ import gymnasium
 import numpy as np
 from commands import hash_of, hash_of_fields
 
-import gslcosim.training  # noqa: F401 - registers the environments
-from gslcosim.training.batch import BatchSearchEnv
-from gslcosim.training.family import load_family
-from gslcosim.training.stepped_run import LearningTask
+import gslcosim_training  # noqa: F401 - registers the environments
+from gslcosim_training.batch import BatchSearchEnv
+from gslcosim_training.family import load_family
+from gslcosim_training.stepped_run import LearningTask
 
 FIGURES = ("distance_to_source_m", "path_length_m", "n_commands", "time_s")
 N_STEPS = 60

@@ -18,7 +18,7 @@ from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.problems import InvalidScenarioError
 
-PROGRAM = Path(__file__).parents[1] / "end_to_end" / "foreign_program.py"
+PROGRAM = Path(__file__).parents[1] / "shared" / "foreign_program.py"
 TYPES = {"truth/samples": "FieldSamples", "participant/model/state": "ParticipantValues"}
 ANSWER = "expected an answer to the inputs of tick 3, "
 

@@ -15,10 +15,12 @@ from gslcosim.runtime.services import build_core, list_service_names
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.scenario.loader import load_scenario
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.scenario.models.sensors import CAMERA_SENSORS, ON_BOARD_SENSORS
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, CameraSensorSpec, OnBoardSensorSpec
 from gslcosim.scenario.serialization import plain_values
 from gslcosim_services.sensing import SENSOR_MODELS
 
+ON_BOARD_SENSORS = [name for name, block in SENSOR_BLOCKS.items() if issubclass(block, OnBoardSensorSpec)]
+CAMERA_SENSORS = [name for name, block in SENSOR_BLOCKS.items() if issubclass(block, CameraSensorSpec)]
 N_TICKS = 21
 TICK_S = 0.1
 # By name in the scenario: how many values, the shape of what is beside them, and the seconds between readings.

@@ -64,6 +64,13 @@ def wait_until(is_true):
         threading.Event().wait(0.01)
 
 
+# A thread that runs on another processor goes on for a moment.
+def is_stopped(pid):
+    """Return whether no thread of a process runs any more."""
+    states = [path.read_text().rpartition(")")[2].split()[0] for path in Path(f"/proc/{pid}/task").glob("*/stat")]
+    return set(states) == {"T"}
+
+
 # Zenoh gives up after 2 s as a peer, and after 10 s as a client.
 @pytest.mark.parametrize(
     "is_in_mesh",
@@ -80,6 +87,7 @@ def test_a_member_that_began_to_join_at_a_stopped_router_joins_when_it_continues
         name="world", endpoint=endpoint, namespace=NAMESPACE, user="service", password="s", is_watched=True, mesh=mesh
     )
     os.kill(process.pid, signal.SIGSTOP)
+    wait_until(lambda: is_stopped(process.pid))
     with ThreadPoolExecutor(1) as pool:
         joining = pool.submit(ZenohBus.open_member, join)
         # The failed attempt's, and that of anyone who waits for an answer.

@@ -68,7 +68,7 @@ def build_fan(folder, version=3, changes=(), *, name="fan.fmu", more=(), binary=
         more: Names and contents of further files in it.
         binary: Its binary; absent: the right one.
     """
-    fmpy = pytest.importorskip("fmpy", reason='needs pip install "gslcosim[fmi]"')
+    fmpy = pytest.importorskip("fmpy", reason="needs pip install gslcosim-fmi")
     description = DESCRIPTIONS[version].format(variables=VARIABLES[version])
     for old, new in changes:
         assert old in description

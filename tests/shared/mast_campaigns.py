@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
-from gslcosim.search.fixed_sensors.puff_response import WindRecord, puff_responses
+from gslcosim_search.fixed_sensors.puff_response import WindRecord, puff_responses
 
 BEGIN = datetime(2030, 5, 1, tzinfo=UTC)
 MASTS_M = {"a": (40.0, 0.0), "b": (0.0, 40.0), "c": (-40.0, 0.0), "d": (0.0, -40.0), "e": (28.0, 28.0)}

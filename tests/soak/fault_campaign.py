@@ -30,7 +30,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(Path(__file__).parent), str(ROOT / "tests" / "end_to_end")]
+sys.path[:0] = [str(Path(__file__).parent), str(ROOT / "tests" / "shared")]
 
 from fault_expectations import (  # noqa: E402 - test folders are no packages
     AGENT_FAILED,

@@ -21,7 +21,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "tests" / "end_to_end")]
+sys.path[:0] = [str(ROOT / "tests" / "end_to_end"), str(ROOT / "tests" / "shared")]
 
 from lossy_link import Quality, Tally  # noqa: E402
 from real_runs import TINY_ROOM, Ended, fly_here, start, wait_a_moment  # noqa: E402 - test folders are no packages

@@ -18,8 +18,10 @@ from gslcosim.base.bundled import bundled_scenarios
 from gslcosim.base.errors import ExitCode
 from gslcosim.base.rng import stream
 from gslcosim.cli.arguments import iterate_commands
-from gslcosim.cli.main import GROUPS, run_command
+from gslcosim.cli.main import list_groups, run_command
 from gslcosim.scenario.serialization import read_yaml
+
+GROUPS = list_groups()
 
 LENGTHS = [pytest.param(3.0, marks=pytest.mark.slow), pytest.param(240.0, marks=pytest.mark.soak)]
 # They change nothing, start no program, and end by themselves.

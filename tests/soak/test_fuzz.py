@@ -15,8 +15,6 @@ import pytest
 
 from gslcosim.base.errors import ContractError
 from gslcosim.base.rng import stream
-from gslcosim.conformance.answers import read_answer
-from gslcosim.conformance.scripted_world import ScriptedWorld, build_briefing
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command, Ending
 from gslcosim.contract.record import get_pydantic_model
@@ -30,6 +28,8 @@ from gslcosim.gateway.frame_codec import (
     decode_payload,
 )
 from gslcosim.runtime.agents.validator import MAX_EARLY_ANSWERS, MAX_FAULTS, CommandValidator
+from gslcosim_conformance.answers import read_answer
+from gslcosim_conformance.scripted_world import ScriptedWorld, build_briefing
 
 MAX_GROWTH_MB = 200
 LENGTHS = [pytest.param(4.0, marks=pytest.mark.slow), pytest.param(300.0, marks=pytest.mark.soak)]

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "end_to_end"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "shared"))
 
 from real_runs import ROOT, UNRECORDED, fly_here
 from snapshot_cases import CASES

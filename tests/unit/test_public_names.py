@@ -10,7 +10,7 @@ import gslcosim
 
 def test_the_package_lists_what_a_person_calls():
     names = {name for name in dir(gslcosim) if not name.startswith("_")}
-    assert names == {"Simulation", "agent_kit", "bench", "open_run", "search", "training"}
+    assert names == {"Simulation", "agent_kit"}
 
 
 @pytest.mark.parametrize("name", [name for name in dir(gslcosim) if not name.startswith("_")])

@@ -7,17 +7,17 @@ import pytest
 from gslcosim.base import kernel_cache
 from gslcosim.base.rng import stream
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, make_sensor_spec
-from gslcosim.search.learned.encoding import CHANNELS
-from gslcosim.training.batch.pcg64 import seed_inplace
-from gslcosim.training.batch.reference_free_kernels import reference_free_njit
-from gslcosim.training.batch.scalar_compilation import (
+from gslcosim_search.learned.encoding import CHANNELS
+from gslcosim_services.sensing import SENSOR_MODELS
+from gslcosim_services.sensing.models.base import KernelSensorKind
+from gslcosim_training.batch.pcg64 import seed_inplace
+from gslcosim_training.batch.reference_free_kernels import reference_free_njit
+from gslcosim_training.batch.scalar_compilation import (
     call_kernel,
     find_advance_address,
     find_encode_address,
     find_estimate_address,
 )
-from gslcosim_services.sensing import SENSOR_MODELS
-from gslcosim_services.sensing.models.base import KernelSensorKind
 
 GASES = ("ethanol", "methane", "neon")
 KINDS = [kind for kind in SENSOR_MODELS.values() if isinstance(kind, KernelSensorKind)]

@@ -9,12 +9,12 @@ from collections import deque
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
+from gslcosim.agent_kit.commands import declaration
+from gslcosim.agent_kit.settings import load_settings
 from gslcosim.contract.messages import Note
-from gslcosim.search.fixed_sensors.events import DetectionSettings
-from gslcosim.search.fixed_sensors.leak_monitor import LeakMonitor, LeakReport
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import declaration
-from gslcosim.search.senses.instruments import find_noses, find_vane
+from gslcosim_search.fixed_sensors.events import DetectionSettings
+from gslcosim_search.fixed_sensors.leak_monitor import LeakMonitor, LeakReport
+from gslcosim_search.senses.instruments import find_noses, find_vane
 
 _ROUNDING_S = 1e-6
 

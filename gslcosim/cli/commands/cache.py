@@ -6,9 +6,11 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from gslcosim.base.disk_cache import FOLDERS
 from gslcosim.base.errors import UsageError
 from gslcosim.cli.arguments import Command, parse_positive_number
 from gslcosim.cli.commands.runs import format_age
+from gslcosim.cli.completion_words import find_named
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
 
 if TYPE_CHECKING:
@@ -182,5 +184,6 @@ COMMAND = Command(
     summary="list the cache (rooms, gas tapes, compiled kernels) by size and last use; free space",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
+    completes={"KIND": [find_named(lambda: FOLDERS)]},
     run=_run,
 )

@@ -108,9 +108,9 @@ def _vehicles() -> list[Row]:
 
 
 def _gases() -> list[Row]:
-    from gslcosim_services.fields.gases import GASES
+    from gslcosim.base.gases import GASES
 
-    return [{"name": gas.name, "density_relative_to_air": f"{gas.specific_gravity:g}"} for gas in GASES.values()]
+    return [{"name": name, "density_relative_to_air": f"{gas.specific_gravity:g}"} for name, gas in GASES.items()]
 
 
 def _layouts() -> list[Row]:

@@ -9,8 +9,10 @@ from typing import Any
 
 from gslcosim.base.checksums import CHECKSUMS_FILE, write_checksums
 from gslcosim.base.errors import MachineError, UsageError, describe_os_error
+from gslcosim.base.extensions import RUN_ROWS_GROUP, load_registered
 from gslcosim.base.files import remove_tree
 from gslcosim.cli.arguments import RECORDING, RUNS_DIR, Command, parse_positive_number
+from gslcosim.cli.completion_words import find_named
 from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import (
     add_json_option,
@@ -19,33 +21,45 @@ from gslcosim.cli.terminal import (
     write_json,
     write_note,
 )
-from gslcosim.data.run_summary import Condition, RunSummary, is_run_folder, read_run_summary, sorted_rows
+from gslcosim.recordings.run_summary import Condition, RunSummary, is_run_folder, read_run_summary, sorted_rows
 
 COLUMNS = tuple(field.name for field in dataclasses.fields(RunSummary))
 TEXTS = ("run", "folder", "state", "outcome", "scenario", "method", "version")
 NUMBERS = tuple(name for name in COLUMNS if name not in TEXTS)
 # As the headings of the table have them.
 SHORT_NAMES = {"time": "time_s", "size": "size_mb", "age": "age_h"}
-# Any of these files makes a folder one of results.
-_TABLES = ("trials.parquet", "rows.jsonl")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RowReader:
+    """Reader of folders that are no runs and have rows like runs: `is_own` says whether a folder is one of its own."""
+
+    is_own: Callable[[Path], bool]
+    read: Callable[[Path], Sequence[RunSummary]]
+
+
+def as_row_reader(offered: object) -> RowReader | None:
+    """Return what an extension registers as a reader of rows, or None where it is something else."""
+    return offered if isinstance(offered, RowReader) else None
 
 
 def collect_rows(folders: Sequence[Path], tell: Callable[[int], None] | None = None) -> list[dict[str, Any]]:
-    """Return the runs in some folders, and the trials of those that are results.
+    """Return the runs in some folders, with the rows of folders that extensions read.
 
     Args:
-        folders: Folders of runs, runs, or results.
+        folders: Folders of runs, runs, or folders that an extension reads, such as results.
         tell: Receives how many have been read, now and then.
 
     Raises:
         UsageError: a folder is none, or cannot be read.
     """
     facts: list[RunSummary] = []
+    readers = tuple(load_registered(RUN_ROWS_GROUP, as_row_reader, "a RowReader"))
     for folder in folders:
         if not folder.is_dir():
             raise UsageError(f"{folder}: expected a folder of runs, found none. Fly one: gslcosim up warehouse_empty")
-        if is_results_folder(folder):
-            facts += _trials_of(folder)
+        if reader := next((reader for reader in readers if reader.is_own(folder)), None):
+            facts += reader.read(folder)
             continue
         for path in _folders_in(folder):
             facts.append(_facts_or_why_not(path))
@@ -56,11 +70,6 @@ def collect_rows(folders: Sequence[Path], tell: Callable[[int], None] | None = N
     if any(row["state"] == "broken" for row in rows):
         _mark_running(rows)
     return rows
-
-
-def is_results_folder(folder: Path) -> bool:
-    """Return whether a folder is one of results of the benchmark."""
-    return (folder / "manifest.json").is_file() and any((folder / name).is_file() for name in _TABLES)
 
 
 def _folders_in(folder: Path) -> list[Path]:
@@ -98,44 +107,6 @@ def _mark_running(rows: Sequence[dict[str, Any]]) -> None:
                 "time_s": flight["sim_time_s"],
                 "speed": flight["real_time_factor"],
             }
-
-
-def _trials_of(folder: Path) -> list[RunSummary]:
-    from gslcosim.bench.results import Results
-
-    try:
-        results = Results.load(folder)
-        version = str(results.manifest.get("versions", {}).get("gslcosim", ""))
-    except UsageError as error:
-        text = str(error).partition("\nFile: ")[0]
-        return [RunSummary(run=folder.name, folder=str(folder), state="broken", outcome=text)]
-    return [_trial(row, folder, version) for row in results.trials.to_pylist()]
-
-
-def _trial(row: dict[str, Any], folder: Path, version: str) -> RunSummary:
-    flew = row["status"] == "flown"
-    end_s, flying_s = row["end_s"], row["wall_flying_s"]
-    return RunSummary(
-        run=row["trial"],
-        folder=str(folder),
-        state="ended" if flew else "broken",
-        outcome=row["outcome"] if flew else row["status"],
-        scenario=row["case"],
-        method=row["entry"],
-        seed=row["seed"],
-        time_s=end_s,
-        speed=round(end_s / flying_s, 1) if end_s and flying_s else None,
-        faults=_n_sentences(row["agent_faults"]) + (1 if row["fault"] else 0),
-        time_to_source_s=row["time_to_source_s"],
-        distance_m=None,
-        path_m=row["total_path_length_m"],
-        agents=row["n_robots"],
-        version=version,
-    )
-
-
-def _n_sentences(text: str | None) -> int:
-    return len([line for line in (text or "").splitlines() if line.strip()])
 
 
 EXAMPLES = """  gslcosim runs
@@ -304,5 +275,6 @@ COMMAND = Command(
     summary=("list runs with scenario, method, outcome, time and size; filter, sort, remove or repair them"),
     examples=EXAMPLES,
     add_arguments=_add_arguments,
+    completes={"COLUMN": [find_named(lambda: COLUMNS)]},
     run=_run,
 )

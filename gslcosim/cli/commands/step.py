@@ -3,17 +3,13 @@
 import argparse
 import json
 import sys
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.ros_graphs import ROS_DISTRIBUTIONS
 from gslcosim.cli.arguments import (
     Command,
-    add_pace_option,
     add_scenario_arguments,
     build_number_parser,
-    load_checked,
 )
 from gslcosim.cli.terminal import add_json_option, finish_output, write, write_note, write_prompt
 
@@ -24,7 +20,6 @@ if TYPE_CHECKING:
 EXAMPLES = """  gslcosim step tiny_room --ticks 100
   gslcosim step tiny_room --seed 3 --ticks 100 --every 20 --truth --json
   gslcosim step tiny_room --json          then lines on standard input: step 50, truth, reset 4, quit
-  gslcosim step tiny_room --ros2 --pace 1
   gslcosim step tiny_room --set 'agents[0].start={attach: true}'"""
 
 LINES = """lines: step [TICKS]            simulate ticks (default: 1; an empty line is one)
@@ -50,18 +45,6 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--every", type=_parse_ticks, metavar="N", help="with --ticks, print the state every N ticks")
     parser.add_argument("--truth", action="store_true", help="print the true state too")
-    ros2 = parser.add_argument_group("ROS 2")
-    ros2.add_argument(
-        "--ros2",
-        action="store_true",
-        help="let ROS 2 nodes step it instead, by the services of simulation_interfaces and GADEN; extra ros",
-    )
-    ros2.add_argument(
-        "--ros-distro",
-        choices=ROS_DISTRIBUTIONS,
-        help="distribution of the nodes (default: from the scenario, else jazzy); implies --ros2",
-    )
-    add_pace_option(parser, default="as fast as it goes; of --ros2 while it plays")
     add_json_option(parser)
 
 
@@ -70,46 +53,12 @@ def _run(arguments: argparse.Namespace) -> int:
 
     if arguments.every is not None and arguments.ticks is None:
         raise UsageError("--every: expected --ticks with it, found none.")
-    if arguments.ros2 or arguments.ros_distro:
-        return _serve_ros2(arguments)
-    if arguments.pace is not None:
-        raise UsageError("--pace: expected --ros2 with it, found none.")
     with Simulation(arguments.scenario, seed=arguments.seed, overrides=arguments.set) as simulation:
         shell = _Shell(simulation, is_json=arguments.json, has_truth=arguments.truth)
         if arguments.ticks is None:
             shell.read_lines()
         else:
             shell.step_all(int(arguments.ticks), int(arguments.every or arguments.ticks))
-    return 0
-
-
-def _serve_ros2(arguments: argparse.Namespace) -> int:
-    from gslcosim.ros.node import RosSession
-    from gslcosim.ros.types import RosTypes, check_installed
-    from gslcosim.scenario.models.scenario import Ros2Spec
-    from gslcosim.simulation.ros_services import PREFIX, SimulationServices
-    from gslcosim.simulation.simulation import Simulation
-
-    if arguments.ticks is not None:
-        raise UsageError("--ticks: expected no --ros2 with it: its clients say how many.")
-    check_installed()
-    arguments.processes = "one"
-    loaded = load_checked(arguments)
-    settings = loaded.scenario.ros2 or Ros2Spec()
-    if arguments.ros_distro:
-        settings = settings.model_copy(update={"distro": arguments.ros_distro})
-    loaded = replace(loaded, scenario=loaded.scenario.model_copy(update={"ros2": settings}))
-    # First, so that it is there while the topics of the run come and go with resets.
-    with (
-        RosSession.open(
-            RosTypes(settings.distro), endpoint=settings.endpoint, domain=settings.domain, report=write_note
-        ) as session,
-        Simulation(loaded) as simulation,
-    ):
-        services = SimulationServices(simulation, session, pace=loaded.scenario.pace)
-        write_note(f"Services {PREFIX}/…, /odor_value and /wind_value at {settings.endpoint}; Ctrl-C ends them.")
-        while not services.wait_until_quit(_WAKE_UP_S):
-            pass
     return 0
 
 

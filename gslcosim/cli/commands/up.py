@@ -3,12 +3,10 @@
 import argparse
 import contextlib
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.ros_graphs import ROS_DISTRIBUTIONS
 from gslcosim.cli.arguments import Command, add_pace_option, add_runs_dir_option, add_scenario_arguments, load_checked
 from gslcosim.cli.commands.view import add_live_options, open_live_view
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
@@ -18,14 +16,12 @@ if TYPE_CHECKING:
     from gslcosim.runtime.network import Network
     from gslcosim.runtime.processes.fork_server import ForkServer
     from gslcosim.runtime.status import RunStatus
-    from gslcosim.scenario.loader import LoadedScenario
 
 Report = Callable[["RunStatus"], None]
 UP_EXAMPLES = """  gslcosim up warehouse_empty
   gslcosim up my_scenario.yaml --seed 8 --set agents[0].vehicle.hold_s=1
   gslcosim up warehouse_empty --processes grouped
   gslcosim up warehouse_empty --live
-  gslcosim up warehouse_empty --ros2 --pace 1
   gslcosim up warehouse_empty --elsewhere fields --listen tcp/127.0.0.1:7447
   gslcosim up warehouse_empty --pace 1
   gslcosim up warehouse_empty --in-process --json | jq .real_time_factor"""
@@ -107,18 +103,6 @@ def _add_up_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help=("maximum lead of a writer over its slowest reader in ticks (default: 256); raise it for distant hosts"),
     )
-    ros2 = parser.add_argument_group("ROS 2")
-    ros2.add_argument(
-        "--ros2", action="store_true", help="publish the run as topics in a ROS 2 graph while it goes on; extra ros"
-    )
-    ros2.add_argument(
-        "--ros-distro",
-        choices=ROS_DISTRIBUTIONS,
-        help="distribution of the nodes that listen (default: from the scenario, else jazzy); implies --ros2",
-    )
-    ros2.add_argument(
-        "--ros2-truth", action="store_true", help="publish the ground truth, too, below /truth; implies --ros2"
-    )
     add_runs_dir_option(parser)
     add_json_option(parser)
 
@@ -139,7 +123,7 @@ def run_scenario(arguments: argparse.Namespace, fork_server: "ForkServer | None"
         arguments: Of `gslcosim up`.
         fork_server: Forks the services, if there is one already.
     """
-    loaded = _with_ros2(load_checked(arguments), arguments)
+    loaded = load_checked(arguments)
 
     from gslcosim.cli.run_output import format_summary, show_run_progress
     from gslcosim.runtime.run import run_scenario
@@ -167,22 +151,6 @@ def run_scenario(arguments: argparse.Namespace, fork_server: "ForkServer | None"
                 write_note(f"{fault['participant']}: {fault['text']}")
         live.stay_open(flight.exit_code)
     return flight.exit_code
-
-
-def _with_ros2(loaded: "LoadedScenario", arguments: argparse.Namespace) -> "LoadedScenario":
-    scenario = loaded.scenario
-    if arguments.ros2 or arguments.ros_distro or arguments.ros2_truth:
-        from gslcosim.scenario.models.scenario import Ros2Spec
-
-        given = {"distro": arguments.ros_distro, "truth": arguments.ros2_truth or None}
-        update = {key: value for key, value in given.items() if value is not None}
-        settings = (scenario.ros2 or Ros2Spec()).model_copy(update=update)
-        loaded = replace(loaded, scenario=scenario.model_copy(update={"ros2": settings}))
-    if loaded.scenario.ros2 is not None:
-        from gslcosim.ros.types import check_installed
-
-        check_installed()
-    return loaded
 
 
 # Who starts the services needs to know where their join files are.

@@ -1,14 +1,13 @@
-"""`gslcosim validate`: all problems of a scenario, suite, method card, family or train file, before anything flies."""
+"""`gslcosim validate`: all problems of a file, of whatever kind, before a run."""
 
 import argparse
-import json
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from dataclasses import asdict
+from typing import TYPE_CHECKING
 
+from gslcosim.base.bundled import bundled_families, bundled_train_files
 from gslcosim.base.errors import ExitCode, UsageError
 from gslcosim.cli.arguments import Command, add_override_options, load_checked
+from gslcosim.cli.completion_words import AGENTS, SCENARIOS, SUITES, YAML_FILES, find_named
 from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 if TYPE_CHECKING:
@@ -20,14 +19,6 @@ EXAMPLES = """  gslcosim validate my_scenario.yaml
   gslcosim validate my_suite.yaml
   gslcosim validate my_agent/method.yaml
   gslcosim validate my_training.train.yaml"""
-
-
-@dataclass(frozen=True, kw_only=True)
-class _ValidFile:
-    """Outcome of the check of a valid file: a sentence, and its content by kind for `--json`."""
-
-    sentence: str
-    content: dict[str, Any]
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,14 +34,15 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     from gslcosim.scenario.checks.file_kinds import find_file_kind
+    from gslcosim.scenario.checks.registry import SCENARIO
     from gslcosim.scenario.problems import InvalidScenarioError
 
     kind, path = find_file_kind(arguments.scenario)
     try:
-        if kind == "scenario":
+        if kind.name == SCENARIO:
             return _validate_scenario(arguments)
         _refuse_options(arguments, kind)
-        valid = _VALIDATORS[kind](path, arguments)
+        valid = kind.validate(path, seed=arguments.seed)
     except InvalidScenarioError as error:
         if not arguments.json:
             raise
@@ -84,76 +76,19 @@ def _validate_scenario(arguments: argparse.Namespace) -> int:
 
 
 def _refuse_options(arguments: argparse.Namespace, kind: "FileKind") -> None:
-    seed = arguments.seed if kind != "suite" else None
+    seed = None if kind.has_seed else arguments.seed
     given = {"--set": arguments.set, "--resolved": arguments.resolved, "--seed": seed is not None}
     for option in (option for option, is_given in given.items() if is_given):
-        raise UsageError(f"{option}: expected a scenario with it, was the file of a {_WORDS[kind]}. Leave it out.")
+        raise UsageError(f"{option}: expected a scenario with it, was the file of a {kind.words}. Leave it out.")
 
 
-def _validate_suite(path: str, arguments: argparse.Namespace) -> _ValidFile:
-    from gslcosim.bench.cases import build_plan, load_suite
-    from gslcosim.bench.execution.verification import check_machine
-
-    loaded = load_suite(path, seed=arguments.seed, is_flown=True)
-    plan = build_plan(loaded)
-    check_machine(plan)
-    names = ", ".join(entry.spec.name for entry in plan.entries)
-    return _ValidFile(
-        sentence=f"Suite {loaded.suite.name}: {len(plan.cases)} cases, {len(plan.trials)} trials, entries: {names}.",
-        content={"suite": json.loads(loaded.suite.model_dump_json(by_alias=True, exclude_none=True))},
-    )
-
-
-def _validate_card(path: str, arguments: argparse.Namespace) -> _ValidFile:
-    from gslcosim.scenario.checks.card_file import check_card_file
-
-    del arguments
-    card = check_card_file(Path(path))
-    return _ValidFile(
-        sentence=f"Method {card.title}, family {card.family}, {len(card.parameters)} parameters.",
-        content={"card": json.loads(card.model_dump_json(by_alias=True))},
-    )
-
-
-def _validate_family(path: str, arguments: argparse.Namespace) -> _ValidFile:
-    from gslcosim.scenario.checks.registry import find_problems
-    from gslcosim.scenario.loader import raise_located
-    from gslcosim.training.family import SPLITS, load_family
-
-    del arguments
-    family = load_family(path)
-    raise_located(find_problems("family", family, family.directory), family.path, shown_path=path)
-    seeds = ", ".join(f"{family.spec.seeds.of(split).count} of {split}" for split in SPLITS)
-    return _ValidFile(
-        sentence=f"Family {family.name}, seeds: {seeds}.",
-        content={"family": json.loads(family.spec.model_dump_json(by_alias=True, exclude_none=True))},
-    )
-
-
-def _validate_train_file(path: str, arguments: argparse.Namespace) -> _ValidFile:
-    from gslcosim.training.train_file import load_train_file
-
-    del arguments
-    file = load_train_file(path, is_flown=True)
-    return _ValidFile(
-        sentence=f"Training {file.spec.name} with {file.spec.trainer.kind} in the family {file.family.name}.",
-        content={"train": json.loads(file.spec.model_dump_json(by_alias=True, exclude_none=True))},
-    )
-
-
-_WORDS: "dict[FileKind, str]" = {
-    "suite": "suite", "card": "method card", "family": "family", "train": "training",
-}  # fmt: skip
-_VALIDATORS: "dict[FileKind, Callable[[str, argparse.Namespace], _ValidFile]]" = {
-    "suite": _validate_suite,
-    "card": _validate_card,
-    "family": _validate_family,
-    "train": _validate_train_file,
-}
 COMMAND = Command(
     name="validate",
     summary="list all problems of a scenario, suite, method card, family or train file",
     examples=EXAMPLES,
     add_arguments=_add_arguments,
+    completes={
+        "FILE": [SCENARIOS, SUITES, *map(find_named, (bundled_families, bundled_train_files)), AGENTS, YAML_FILES]
+    },
     run=_run,
 )

@@ -13,7 +13,7 @@ from gslcosim.cli.arguments import RECORDING, Command, add_runs_dir_option, buil
 from gslcosim.cli.terminal import write, write_note
 
 if TYPE_CHECKING:
-    from gslcosim.data.recording.viewer import LiveViewer, ViewerKind
+    from gslcosim.recordings.viewer import LiveViewer, ViewerKind
     from gslcosim.runtime.status import RunStatus
     from gslcosim.scenario import Scenario
 
@@ -111,7 +111,7 @@ def serve_until_closed(recording: Path) -> None:
 
 def _opened(kind: "ViewerKind") -> "LiveViewer":
     from gslcosim.base.processes import build_parent_death_prefix
-    from gslcosim.data.recording.viewer import LiveViewer
+    from gslcosim.recordings.viewer import LiveViewer
 
     return LiveViewer(kind, lambda address: write_note(f"Watch it at {address}"), prefix=build_parent_death_prefix())
 
@@ -181,7 +181,7 @@ def _size(text: str) -> tuple[int, int]:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.data.recording.viewer import open_viewer, screenshot
+    from gslcosim.recordings.viewer import open_viewer, screenshot
 
     with _recording(arguments) as recording:
         if arguments.screenshot:
@@ -221,8 +221,8 @@ def _recording(arguments: argparse.Namespace) -> Iterator[Path]:
             recordings = [find_in_run(run, runs_dir=arguments.runs_dir, file_name=RECORDING) for run in arguments.runs]
             record_runs(recordings, path, is_by_contact=arguments.align == "first_contact")
         else:
-            from gslcosim.data.recording.environment_view import record_environment
             from gslcosim.environment.store import load_environment
+            from gslcosim.recordings.environment_view import record_environment
 
             record_environment(load_environment(Path(arguments.runs[0]), with_meshes=True), path)
         yield path

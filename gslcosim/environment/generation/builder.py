@@ -14,13 +14,13 @@ from gslcosim.base.errors import FlowError, GslCosimError, MachineError, build_m
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
 from gslcosim.base.worker_process import run_tasks
-from gslcosim.environment.formats.export import build_mjcf
-from gslcosim.environment.formats.picture import top_view_png
 from gslcosim.environment.generation.cache import recipe
 from gslcosim.environment.generation.wind import Progress, no_progress, solve_wind_of_scenario
 from gslcosim.environment.geometry_source import build_geometry
 from gslcosim.environment.model import Cell, Environment, with_wind
+from gslcosim.environment.picture import top_view_png
 from gslcosim.environment.positions import random_free_point_m
+from gslcosim.environment.scene_file import build_mjcf
 from gslcosim.environment.store import HISTORY_FILE, PICTURE_FILE, REPORT_FILE, SCENE_FILE, save_environment
 from gslcosim.environment.variants import fill_still_air
 from gslcosim.scenario.loader import Recipe

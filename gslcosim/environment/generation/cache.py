@@ -18,8 +18,9 @@ from gslcosim.base.code_identity import hash_code, list_package_files
 from gslcosim.base.disk_cache import keep_within_limit, mark_used
 from gslcosim.base.errors import EnvironmentDataError, build_machine_error
 from gslcosim.base.files import list_files
-from gslcosim.base.kernel_cache import get_cache_root
+from gslcosim.base.kernel_cache import get_cache_root, get_code_roots
 from gslcosim.environment.model import Environment, EnvironmentVariant
+from gslcosim.environment.readers import list_reader_packages
 from gslcosim.environment.store import FORMAT, load_environment
 from gslcosim.environment.variants import find_variants, scenario_in_variant
 from gslcosim.scenario.models.scenario import EnvironmentSpec, Scenario, SolverSpec
@@ -46,8 +47,11 @@ def recipe_hash(environment: EnvironmentSpec, wind: SolverSpec, *, scenario_dir:
     """
     digest = hashlib.blake2b(json.dumps(recipe(environment, wind), sort_keys=True).encode(), digest_size=16)
     digest.update(hash_code(sources(environment, wind)).encode())
+    packages = [name for name in list_reader_packages(environment, wind) if name not in get_code_roots()]
     if not isinstance(wind, WindSpec):
-        digest.update(_package_hash(type(wind)).encode())
+        packages.append(type(wind).__module__.partition(".")[0])
+    for package in packages:
+        digest.update(_package_hash(package).encode())
     for path in _files_read(environment, wind, scenario_dir):
         digest.update(path.name.encode())
         _update_with(digest, path)
@@ -75,21 +79,17 @@ def recipe(environment: EnvironmentSpec, wind: SolverSpec) -> dict[str, Any]:
 def sources(environment: EnvironmentSpec, wind: SolverSpec) -> list[Path]:
     """Return the code that decides what an environment holds: when it changes, environments are made again."""
     parts = ["gslcosim/environment/*", "gslcosim/environment/layouts"]
-    if environment.geometry is not None:
-        parts.append("gslcosim/environment/geometry")
-    if environment.folder_key is not None or wind.file is not None:
-        parts.append("gslcosim/environment/formats")
     if not isinstance(wind, WindSpec):
         parts += ["gslcosim/flow", "gslcosim/environment/generation/wind.py"]  # a package may build on them
     elif wind.solves:
-        parts += ["gslcosim/flow"] if wind.solver == "openfoam" else ["gslcosim/flow/*"]
-    # Where something may be put decides nothing about the environment itself.
-    return [path for path in list_package_files(*parts) if path.name != "positions.py"]
+        parts.append("gslcosim/flow")
+    parts += [name for name in list_reader_packages(environment, wind) if name in get_code_roots()]
+    # Where something may be put, and how it is shown, decides nothing about the environment itself.
+    return [path for path in list_package_files(*parts) if path.name not in ("positions.py", "picture.py")]
 
 
-# All code of the package, since nobody knows what of it the wind depends on, and its version for what is compiled.
-def _package_hash(block: type[SolverSpec]) -> str:
-    name = block.__module__.partition(".")[0]
+# All code of the package, since what of it a room or wind depends on is not known, and its version for compiled parts.
+def _package_hash(name: str) -> str:
     digest = hashlib.blake2b(digest_size=16)
     for distribution in sorted(packages_distributions().get(name, ())):
         digest.update(f"{distribution} {version(distribution)}\n".encode())

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from gslcosim import flow
 from gslcosim.base.errors import EnvironmentDataError, FlowError, ScenarioError
+from gslcosim.base.gases import GASES
 from gslcosim.base.quantities import Vec3
-from gslcosim.environment.formats.wind_files import NoWindWarning, load_wind
-from gslcosim.environment.geometry_source import load_imported_environment, wind_file
+from gslcosim.environment.geometry_source import wind_file
 from gslcosim.environment.grid_kernels import find_air_cells
 from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid, Opening, WindFrames
-from gslcosim.flow.buoyancy import HEAT_M2_S, HELIUM_M2_S, BuoyantScalar, FixedWall, Orifice, Release
-from gslcosim.flow.openfoam import solve_wind_openfoam
+from gslcosim.environment.readers import find_openfoam_solver, find_room_reader, find_wind_file_reader
+from gslcosim.flow.buoyancy import HEAT_M2_S, BuoyantScalar, FixedWall, Orifice, Release
 from gslcosim.scenario.models.scenario import EnvironmentSpec
 from gslcosim.scenario.models.wind import BuoyancySpec, InletScheduleSpec, SolverSpec, WindSpec
 
@@ -163,7 +163,7 @@ def build_buoyancy(room: EnvironmentGeometry, spec: BuoyancySpec | None) -> Buoy
         for each in spec.walls
     ]
     if is_gas:
-        diffusivity_m2_s = spec.diffusivity_m2_s or HELIUM_M2_S
+        diffusivity_m2_s = spec.diffusivity_m2_s or GASES["helium"].diffusivity_m2_s
         return BuoyantScalar.of_gas(spec.density_kg_m3, diffusivity_m2_s, releases=releases, orifices=orifices)
     return BuoyantScalar.of_heat(spec.diffusivity_m2_s or HEAT_M2_S, releases=releases, orifices=orifices, walls=walls)
 
@@ -223,17 +223,23 @@ def read_stored_wind(
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        if wind.file is not None:
-            path = wind_file(wind, scenario_dir)
-            frames = load_wind(path, room.grid, occupancy=room.occupancy, period_s=wind.period_s, is_looping=wind.loops)
-        else:
-            frames = load_imported_environment(spec, wind, scenario_dir=scenario_dir).wind
-    if wind.file is None and any(issubclass(warning.category, NoWindWarning) for warning in caught):
+        frames = _read_frames(room, spec, wind, scenario_dir)
+    if frames is None:
         return None
     notices = tuple(str(warning.message) for warning in caught)
     for notice in notices:
         _log.warning(notice)
     return SolvedWind(frames=frames, notices=notices)
+
+
+def _read_frames(
+    room: EnvironmentGeometry, spec: EnvironmentSpec, wind: WindSpec, scenario_dir: Path | None
+) -> WindFrames | None:
+    if wind.file is None:
+        read_wind = find_room_reader(spec).read_wind
+        return None if read_wind is None else read_wind(spec, wind, scenario_dir)
+    load_wind, path = find_wind_file_reader(), wind_file(wind, scenario_dir)
+    return load_wind(path, room.grid, occupancy=room.occupancy, period_s=wind.period_s, is_looping=wind.loops)
 
 
 def _solved(room: EnvironmentGeometry, wind: WindSpec, progress: Progress) -> SolvedWind:
@@ -252,7 +258,7 @@ def _solved(room: EnvironmentGeometry, wind: WindSpec, progress: Progress) -> So
 def _by_openfoam(room: EnvironmentGeometry, wind: WindSpec, progress: Progress) -> SolvedWind:
     assert wind.end_time_s is not None, "the scenario's model asks for it"
     text = "Solving the wind with OpenFOAM"
-    velocity_m_s = _posed(solve_wind_openfoam, room, wind, lambda fraction: progress(text, fraction))()
+    velocity_m_s = _posed(find_openfoam_solver(), room, wind, lambda fraction: progress(text, fraction))()
     return SolvedWind(frames=WindFrames(velocity_m_s=_still_in_solids(velocity_m_s[np.newaxis], room)))
 
 

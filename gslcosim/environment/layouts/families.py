@@ -1,30 +1,13 @@
-"""Families of layouts: warehouses with racks, buildings, plants outdoors and wind tunnels."""
+"""Families of layouts, warehouses, buildings, plants outdoors and wind tunnels, and the pieces they are made of."""
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
-from gslcosim.environment.layouts.pieces import (
-    CONCRETE_RGBA,
-    GOODS_RGBA,
-    SHELF_RGBA,
-    STEEL_RGBA,
-    TANK_RGBA,
-    VEHICLE_RGBA,
-    WOOD_RGBA,
-    Area,
-    Rgba,
-    bounding_area,
-    box_above,
-    circle_corners,
-    free_places,
-    rotated_corners,
-    split_into_strips,
-    wall_with_gaps,
-)
 from gslcosim.environment.model import Box, Grid, Opening
 from gslcosim.scenario.models.geometry import (
     ClutteredRoomsSpec,
@@ -37,12 +20,25 @@ from gslcosim.scenario.models.geometry import (
     WindTunnelSpec,
 )
 
-Gap = tuple[float, float]
-Wall = tuple[Area, list[Gap]]
+Rgba = tuple[float, float, float, float]
+Point = tuple[float, float]
+
+WALL_RGBA: Rgba = (0.86, 0.86, 0.84, 1.0)
+STEEL_RGBA: Rgba = (0.16, 0.27, 0.55, 1.0)
+SHELF_RGBA: Rgba = (0.85, 0.45, 0.15, 1.0)
+GOODS_RGBA: Rgba = (0.68, 0.52, 0.35, 1.0)
+VEHICLE_RGBA: Rgba = (0.90, 0.70, 0.10, 1.0)
+WOOD_RGBA: Rgba = (0.55, 0.38, 0.22, 1.0)
+CONCRETE_RGBA: Rgba = (0.60, 0.60, 0.58, 1.0)
+TANK_RGBA: Rgba = (0.80, 0.83, 0.86, 1.0)
+
+# Turned and round things become strips of this width: as fine as the usual cell, chosen.
+STRIP_M = 0.2
+N_CIRCLE = 24
 
 # Footprint and height of furniture [m], usual sizes.
 DESK = ("desk", (1.6, 0.8), 0.75, WOOD_RGBA)
-FURNITURE: tuple[tuple[str, tuple[float, float], float, Rgba], ...] = (
+FURNITURE: tuple[tuple[str, Point, float, Rgba], ...] = (
     ("bed", (1.6, 2.0), 0.5, GOODS_RGBA),
     ("sofa", (2.0, 0.9), 0.8, STEEL_RGBA),
     ("table", (1.4, 0.8), 0.75, WOOD_RGBA),
@@ -51,6 +47,97 @@ FURNITURE: tuple[tuple[str, tuple[float, float], float, Rgba], ...] = (
 CLUTTER_SIDE_M, CLUTTER_HEIGHT_M = (0.4, 1.0), (0.4, 2.0)
 # Free floor kept around furniture, and on both sides of doors.
 FURNITURE_GAP_M, DOOR_GAP_M = 0.6, 0.9
+
+# Chosen: a small storage tank, a shed; width kept between them and to the boundary.
+TANK_RADIUS_M, TANK_HEIGHT_M = (1.2, 2.4), (3.0, 6.0)
+BUILDING_SIDE_M, BUILDING_HEIGHT_M = (4.0, 8.0), (2.5, 5.0)
+PLANT_GAP_M = 2.0
+
+# What the thesis adds to the wider opening for the aisle between the ends of rows and the wall [m].
+END_AISLE_EXTRA_M = 2.0
+POST_M, SHELF_M = 0.1, 0.1
+# How high each of four bays (lower near, lower far, upper near, upper far) is filled, as a share of the space below
+# the next shelf. Seven loads, as many as the thesis has filled racks; the shares are chosen.
+LOADS = (
+    (0.95, 0.95, 0.95, 0.95),
+    (0.95, 0.95, 0.6, 0.6),
+    (0.6, 0.95, 0.95, 0.35),
+    (0.95, 0.0, 0.6, 0.95),
+    (0.35, 0.6, 0.0, 0.95),
+    (0.95, 0.6, 0.35, 0.0),
+    (0.6, 0.6, 0.95, 0.6),
+)
+# The two empty racks: with both shelves, and with the upper one only.
+EMPTY_SHELVES = ((0, 1), (1,))
+N_TYPES = len(LOADS) + len(EMPTY_SHELVES)
+
+FORKLIFT_M, FORKLIFT_HEIGHTS_M = (1.2, 2.4), (1.1, 2.2)
+PILE_M, PILE_HEIGHT_M = (1.0, 1.8), (0.6, 1.8)
+PALLET_M, PALLET_HEIGHT_M = (0.8, 1.2), 0.15
+# Free width kept between items, and before openings.
+ITEM_GAP_M, OPENING_GAP_M = 0.6, 1.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Area:
+    """A rectangle on the floor, world frame [m]."""
+
+    min_m: Point
+    max_m: Point
+
+    @property
+    def size_m(self) -> Point:
+        """Its sides along x and y [m]."""
+        return self.max_m[0] - self.min_m[0], self.max_m[1] - self.min_m[1]
+
+    def is_apart_from(self, other: "Area", gap_m: float = 0.0) -> bool:
+        """Return whether at least a gap [m] lies between the two, along x or along y."""
+        return any(
+            self.max_m[i] + gap_m <= other.min_m[i] + 1e-9 or other.max_m[i] + gap_m <= self.min_m[i] + 1e-9
+            for i in range(2)
+        )
+
+
+Racks = SimpleWarehouseSpec | ComplexWarehouseSpec
+Gap = tuple[float, float]
+Wall = tuple[Area, list[Gap]]
+
+
+def build_racks(layout: Racks, openings: Sequence[OpeningSpec]) -> tuple[Box, ...]:
+    """Return all racks of a warehouse, those of a column `rack_i_j_k`: row, place in the row, storey."""
+    places = rack_areas(layout, openings)
+    n_storeys = max(1, math.floor(layout.size_m[2] / layout.rack_size_m[2] + 1e-9))
+    types = rack_types(layout, len(places) * n_storeys)
+    return tuple(
+        box
+        for i, (name, area) in enumerate(places)
+        for storey in range(n_storeys)
+        for box in _rack(f"rack_{name}_{storey}", area, layout.rack_size_m[2], storey, types[i * n_storeys + storey])
+    )
+
+
+def build_items(layout: ComplexWarehouseSpec, openings: Sequence[OpeningSpec]) -> tuple[Box, ...]:
+    """Return forklifts, piles and pallets, turned by any angle, in the end aisles and clear of the openings."""
+    rng = stream(layout.seed, "layout.items")
+    x_m, y_m, _ = layout.size_m
+    depth_m = min([end_aisle_m(layout, openings), *(area.min_m[1] for _, area in rack_areas(layout, openings))])
+    zones = (_area(0.0, 0.0, x_m, depth_m), _area(0.0, y_m - depth_m, x_m, depth_m))
+    taken = [_before(opening) for opening in openings]
+    kinds = ["forklift"] * layout.n_forklifts + ["pile"] * layout.n_piles + ["pallet"] * layout.n_pallets
+    boxes: list[Box] = []
+    for i, kind in enumerate(kinds):
+        number = i - kinds.index(kind)
+        first = int(rng.integers(2))
+        corners, bounds = _turned_footprint(rng, kind)
+        for zone in (zones[first], zones[1 - first]):
+            place = next(free_places(rng, bounds.size_m, zone, taken, gap_m=ITEM_GAP_M), None)
+            if place is not None:
+                taken.append(place)
+                shift = (place.min_m[0] - bounds.min_m[0], place.min_m[1] - bounds.min_m[1])
+                moved = tuple((x + shift[0], y + shift[1]) for x, y in corners)
+                boxes += _item(rng, kind, f"{kind}_{number}", moved, layout.size_m[2])
+                break
+    return tuple(boxes)
 
 
 def build_office(layout: OfficeSpec) -> tuple[Box, ...]:
@@ -70,13 +157,6 @@ def build_office(layout: OfficeSpec) -> tuple[Box, ...]:
         doors = [_before_gap(area, gap) for area, gaps in walls for gap in gaps]
         boxes += _desks(rng, kept, [*doors, *(area for area, _ in walls)], z_m)
     return tuple(boxes)
-
-
-def l_shape_from_m(layout: OfficeSpec) -> float:
-    """Return from which x on the upper side of an office is not part of it [m]; its whole length for a rectangle."""
-    if layout.outline == "rectangle" or layout.rooms_per_side < 2:
-        return layout.size_m[0]
-    return layout.size_m[0] * ((layout.rooms_per_side + 1) // 2) / layout.rooms_per_side
 
 
 def build_home(layout: HomeSpec) -> tuple[Box, ...]:
@@ -118,6 +198,226 @@ def build_cluttered_rooms(layout: ClutteredRoomsSpec) -> tuple[Box, ...]:
         height_m = min(float(rng.uniform(*CLUTTER_HEIGHT_M)), z_m)
         boxes += _furnish(rng, f"clutter_{i}", side_m, floor, taken, height_m, GOODS_RGBA)
     return tuple(boxes)
+
+
+def build_plant(layout: PlantSpec) -> tuple[Box, ...]:
+    """Return the buildings and tanks of a plant; those for which there is no place are left out."""
+    rng = stream(layout.seed, "layout.plant")
+    x_m, y_m, z_m = layout.size_m
+    zone = Area(min_m=(PLANT_GAP_M, PLANT_GAP_M), max_m=(x_m - PLANT_GAP_M, y_m - PLANT_GAP_M))
+    taken: list[Area] = []
+    boxes: list[Box] = []
+    for i in range(layout.n_buildings):
+        sides_m = float(rng.uniform(*BUILDING_SIDE_M)), float(rng.uniform(*BUILDING_SIDE_M))
+        height_m = min(float(rng.uniform(*BUILDING_HEIGHT_M)), 0.8 * z_m)
+        for place in list(free_places(rng, sides_m, zone, taken, gap_m=PLANT_GAP_M))[:1]:
+            taken.append(place)
+            boxes.append(box_above(f"building_{i}", place, 0.0, height_m, CONCRETE_RGBA))
+    for i in range(layout.n_tanks):
+        radius_m = float(rng.uniform(*TANK_RADIUS_M))
+        height_m = min(float(rng.uniform(*TANK_HEIGHT_M)), 0.8 * z_m)
+        for place in list(free_places(rng, (2 * radius_m, 2 * radius_m), zone, taken, gap_m=PLANT_GAP_M))[:1]:
+            taken.append(place)
+            centre_m = (place.min_m[0] + radius_m, place.min_m[1] + radius_m)
+            boxes += split_into_strips(f"tank_{i}", circle_corners(centre_m, radius_m), 0.0, height_m, TANK_RGBA)
+    return tuple(boxes)
+
+
+def build_wind_tunnel(layout: WindTunnelSpec) -> tuple[Box, ...]:
+    """Return the blocks of a wind tunnel, in a row along its middle line."""
+    x_m, y_m, z_m = layout.size_m
+    side_m = min(layout.block_m, 0.6 * y_m)
+    first_m = min(2 * layout.block_m, x_m / 4)
+    boxes: list[Box] = []
+    for i in range(layout.n_blocks):
+        low_m = first_m + i * (side_m + layout.gap_m)
+        if low_m + side_m <= x_m:
+            area = Area(min_m=(low_m, (y_m - side_m) / 2), max_m=(low_m + side_m, (y_m + side_m) / 2))
+            boxes.append(box_above(f"block_{i}", area, 0.0, min(side_m, z_m), STEEL_RGBA))
+    return tuple(boxes)
+
+
+def log_profile(inlet: Opening, layout: PlantSpec, grid: Grid) -> tuple[Opening, ...]:
+    """Return an inlet divided into one for each layer of cells, with the wind of a neutral surface layer.
+
+    u(z) = u_ref ln((z + z0) / z0) / ln((z_ref + z0) / z0)      z0 roughness, z the layer's middle above the ground
+    [m/s] = [m/s]: the logarithms' arguments are lengths over lengths.
+
+    Source:
+        Richards and Hoxey 1993, doi:10.1016/0167-6105(93)90124-7, equation 1, whose height is measured from -z0.
+    Held by:
+        tests/unit/environment/layouts/test_outdoors.py
+    """
+    low, high = (round((corner[2] - grid.origin_m[2]) / grid.cell_m) for corner in (inlet.min_m, inlet.max_m))
+    z0 = layout.roughness_m
+    scale = math.log((layout.reference_height_m + z0) / z0)
+    layers: list[Opening] = []
+    for k in range(low, high):
+        share = math.log(((k + 0.5) * grid.cell_m + z0) / z0) / scale
+        bottom_m, top_m = (round(grid.origin_m[2] + i * grid.cell_m, 9) for i in (k, k + 1))
+        u_m_s, v_m_s, w_m_s = inlet.velocity_m_s
+        layers.append(
+            Opening(
+                name=f"{inlet.name}_{k}",
+                kind="inlet",
+                min_m=(inlet.min_m[0], inlet.min_m[1], bottom_m),
+                max_m=(inlet.max_m[0], inlet.max_m[1], top_m),
+                velocity_m_s=(u_m_s * share, v_m_s * share, w_m_s * share),
+            )
+        )
+    return tuple(layers)
+
+
+def l_shape_from_m(layout: OfficeSpec) -> float:
+    """Return from which x on the upper side of an office is not part of it [m]; its whole length for a rectangle."""
+    if layout.outline == "rectangle" or layout.rooms_per_side < 2:
+        return layout.size_m[0]
+    return layout.size_m[0] * ((layout.rooms_per_side + 1) // 2) / layout.rooms_per_side
+
+
+def rack_types(layout: Racks, n_racks: int) -> tuple[int, ...]:
+    """Return the type of each rack at random: below 7 is the load, 7 and 8 are empty; enough of them are filled."""
+    rng = stream(layout.seed, "layout.rack_types")
+    types = rng.integers(N_TYPES, size=n_racks)
+    empty = np.flatnonzero(types >= len(LOADS))
+    n_missing = math.ceil(layout.filled_least_frac * n_racks - 1e-9) - (n_racks - len(empty))
+    if n_missing > 0:
+        chosen = rng.choice(empty, size=n_missing, replace=False)
+        types[chosen] = rng.integers(len(LOADS), size=n_missing)
+    return tuple(int(each) for each in types)
+
+
+def rack_areas(layout: Racks, openings: Sequence[OpeningSpec]) -> tuple[tuple[str, Area], ...]:
+    """Return where racks stand, each with its row and its place in it: `row_place`.
+
+    As many rows as leave the aisles, spread evenly from wall to wall; in complex warehouses those between the outer
+    two are turned and stand along x.
+    """
+    across_m, along_m, _ = layout.rack_size_m
+    x_m, y_m, _ = layout.size_m
+    end_m = end_aisle_m(layout, openings)
+    n_rows = _n_that_fit(x_m, across_m, layout.rack_aisle_m)
+    n_places = max(0, math.floor((y_m - 2 * end_m) / along_m + 1e-9))
+    first_y_m = (y_m - n_places * along_m) / 2
+    pitch_m = (x_m - across_m) / (n_rows - 1) if n_rows > 1 else 0.0
+    is_turned = isinstance(layout, ComplexWarehouseSpec) and n_rows > 2
+    rows = (0, n_rows - 1) if is_turned else range(n_rows)
+    areas = [
+        (f"{row}_{place}", _area(row * pitch_m, first_y_m + place * along_m, across_m, along_m))
+        for row in rows
+        for place in range(n_places)
+    ]
+    if is_turned and isinstance(layout, ComplexWarehouseSpec):
+        areas += _turned_rows(layout, end_m, n_rows - 2)
+    return tuple(areas)
+
+
+def end_aisle_m(layout: Racks, openings: Sequence[OpeningSpec]) -> float:
+    """Return the width of the aisle between the ends of rows and the wall [m], by default the thesis's."""
+    widest_m = max(opening.max_m[1] - opening.min_m[1] for opening in openings)
+    return layout.end_aisle_m or widest_m + END_AISLE_EXTRA_M
+
+
+def _n_that_fit(length_m: float, width_m: float, gap_m: float) -> int:
+    return max(0, math.floor((length_m + gap_m) / (width_m + gap_m) + 1e-9))
+
+
+def _turned_rows(layout: ComplexWarehouseSpec, end_m: float, n_inner: int) -> list[tuple[str, Area]]:
+    across_m, along_m, _ = layout.rack_size_m
+    x_m, y_m, _ = layout.size_m
+    n_rows = min(n_inner, _n_that_fit(y_m - 2 * end_m, across_m, layout.rack_aisle_m))
+    n_places = max(0, math.floor((x_m - 2 * across_m - 2 * layout.side_aisle_m) / along_m + 1e-9))
+    pitch_m = across_m + layout.rack_aisle_m
+    first_y_m = (y_m - (n_rows - 1) * pitch_m - across_m) / 2
+    first_x_m = (x_m - n_places * along_m) / 2
+    return [
+        (f"turned_{row}_{place}", _area(first_x_m + place * along_m, first_y_m + row * pitch_m, along_m, across_m))
+        for row in range(n_rows)
+        for place in range(n_places)
+    ]
+
+
+def _rack(name: str, area: Area, height_m: float, storey: int, rack_type: int) -> list[Box]:
+    bottom_m = storey * height_m
+    is_empty = rack_type >= len(LOADS)
+    (x0, y0), (x1, y1) = area.min_m, area.max_m
+    boxes = [
+        box_above(f"{name}_post_{i}", _area(x, y, POST_M, POST_M), bottom_m, bottom_m + height_m, STEEL_RGBA)
+        for i, (x, y) in enumerate((x, y) for x in (x0, x1 - POST_M) for y in (y0, y1 - POST_M))
+    ]
+    for level in EMPTY_SHELVES[rack_type - len(LOADS)] if is_empty else (0, 1):
+        shelf_m = bottom_m + level * height_m / 2
+        boxes.append(box_above(f"{name}_shelf_{level}", area, shelf_m, shelf_m + SHELF_M, SHELF_RGBA))
+    if not is_empty:
+        boxes += _goods(name, area, bottom_m, height_m, LOADS[rack_type])
+    return boxes
+
+
+def _goods(name: str, area: Area, bottom_m: float, height_m: float, load: Sequence[float]) -> list[Box]:
+    boxes: list[Box] = []
+    (x0, y0), (wide_m, deep_m) = area.min_m, area.size_m
+    is_along_x = wide_m > deep_m
+    for i, share in enumerate(load):
+        level, bay = divmod(i, 2)
+        bay_area = (
+            _area(x0 + bay * wide_m / 2, y0, wide_m / 2, deep_m)
+            if is_along_x
+            else _area(x0, y0 + bay * deep_m / 2, wide_m, deep_m / 2)
+        )
+        low_m = bottom_m + level * height_m / 2 + SHELF_M
+        if share > 0:
+            boxes.append(
+                box_above(f"{name}_goods_{i}", bay_area, low_m, low_m + share * (height_m / 2 - SHELF_M), GOODS_RGBA)
+            )
+    return boxes
+
+
+def _turned_footprint(rng: np.random.Generator, kind: str) -> tuple[tuple[Point, ...], Area]:
+    if kind == "pile":
+        size_m = (float(rng.uniform(*PILE_M)), float(rng.uniform(*PILE_M)))
+    else:
+        size_m = FORKLIFT_M if kind == "forklift" else PALLET_M
+    corners = rotated_corners((0.0, 0.0), size_m, float(rng.uniform(0.0, 2 * math.pi)))
+    return corners, bounding_area(corners)
+
+
+def _item(rng: np.random.Generator, kind: str, name: str, corners: Sequence[Point], ceiling_m: float) -> list[Box]:
+    if kind == "pallet":
+        return _layer(name, "deck", corners, 0.0, PALLET_HEIGHT_M, WOOD_RGBA)
+    if kind == "forklift":
+        body_m, mast_m = FORKLIFT_HEIGHTS_M
+        mast = _shrunk(corners, 0.5)
+        return [
+            *_layer(name, "body", corners, 0.0, min(body_m, ceiling_m), VEHICLE_RGBA),
+            *_layer(name, "cabin", mast, min(body_m, ceiling_m), min(mast_m, ceiling_m), STEEL_RGBA),
+        ]
+    top_m = min(float(rng.uniform(*PILE_HEIGHT_M)), ceiling_m)
+    return [
+        *_layer(name, "base", corners, 0.0, top_m / 2, GOODS_RGBA),
+        *_layer(name, "top", _shrunk(corners, float(rng.uniform(0.5, 0.9))), top_m / 2, top_m, GOODS_RGBA),
+    ]
+
+
+def _layer(name: str, part: str, corners: Sequence[Point], bottom_m: float, top_m: float, rgba: Rgba) -> list[Box]:
+    return list(split_into_strips(f"{name}_{part}", corners, bottom_m, top_m, rgba)) if top_m > bottom_m else []
+
+
+def _shrunk(corners: Sequence[Point], share: float) -> tuple[Point, ...]:
+    x_m, y_m = (sum(corner[i] for corner in corners) / len(corners) for i in range(2))
+    return tuple((x_m + share * (x - x_m), y_m + share * (y - y_m)) for x, y in corners)
+
+
+# The floor before an opening, which stays clear; one on the floor or the ceiling keeps what is under it clear.
+def _before(opening: OpeningSpec) -> Area:
+    (x0, y0, _), (x1, y1, _) = opening.min_m, opening.max_m
+    return Area(
+        min_m=(x0 - OPENING_GAP_M * (x0 == x1), y0 - OPENING_GAP_M * (y0 == y1)),
+        max_m=(x1 + OPENING_GAP_M * (x0 == x1), y1 + OPENING_GAP_M * (y0 == y1)),
+    )
+
+
+def _area(x_m: float, y_m: float, wide_m: float, deep_m: float) -> Area:
+    return Area(min_m=(x_m, y_m), max_m=(x_m + wide_m, y_m + deep_m))
 
 
 def _walls(walls: Sequence[Wall], height_m: float, gap_height_m: float) -> list[Box]:
@@ -186,7 +486,7 @@ def _desks(rng: np.random.Generator, rooms: Sequence[Area], taken: Sequence[Area
 def _furnish(
     rng: np.random.Generator,
     name: str,
-    size_m: tuple[float, float],
+    size_m: Point,
     zone: Area,
     taken: list[Area],
     height_m: float,
@@ -254,295 +554,114 @@ def _wall_between(layout: ClutteredRoomsSpec, room: tuple[int, int], axis: int) 
     return Area(min_m=(low[0], low[1]), max_m=(high[0], high[1]))
 
 
-# Chosen: a small storage tank, a shed; width kept between them and to the boundary.
-TANK_RADIUS_M, TANK_HEIGHT_M = (1.2, 2.4), (3.0, 6.0)
-BUILDING_SIDE_M, BUILDING_HEIGHT_M = (4.0, 8.0), (2.5, 5.0)
-PLANT_GAP_M = 2.0
+def box_above(name: str, area: Area, bottom_m: float, top_m: float, rgba: Rgba, *, is_wall: bool = False) -> Box:
+    """Return the box above an area between two heights [m]."""
+    return Box(
+        name=name,
+        kind="wall" if is_wall else "obstacle",
+        min_m=tuple(_clean(v) for v in (*area.min_m, bottom_m)),  # pyright: ignore[reportArgumentType]
+        max_m=tuple(_clean(v) for v in (*area.max_m, top_m)),  # pyright: ignore[reportArgumentType]
+        rgba=rgba,
+    )
 
 
-def build_plant(layout: PlantSpec) -> tuple[Box, ...]:
-    """Return the buildings and tanks of a plant; those for which there is no place are left out."""
-    rng = stream(layout.seed, "layout.plant")
-    x_m, y_m, z_m = layout.size_m
-    zone = Area(min_m=(PLANT_GAP_M, PLANT_GAP_M), max_m=(x_m - PLANT_GAP_M, y_m - PLANT_GAP_M))
-    taken: list[Area] = []
-    boxes: list[Box] = []
-    for i in range(layout.n_buildings):
-        sides_m = float(rng.uniform(*BUILDING_SIDE_M)), float(rng.uniform(*BUILDING_SIDE_M))
-        height_m = min(float(rng.uniform(*BUILDING_HEIGHT_M)), 0.8 * z_m)
-        for place in list(free_places(rng, sides_m, zone, taken, gap_m=PLANT_GAP_M))[:1]:
-            taken.append(place)
-            boxes.append(box_above(f"building_{i}", place, 0.0, height_m, CONCRETE_RGBA))
-    for i in range(layout.n_tanks):
-        radius_m = float(rng.uniform(*TANK_RADIUS_M))
-        height_m = min(float(rng.uniform(*TANK_HEIGHT_M)), 0.8 * z_m)
-        for place in list(free_places(rng, (2 * radius_m, 2 * radius_m), zone, taken, gap_m=PLANT_GAP_M))[:1]:
-            taken.append(place)
-            centre_m = (place.min_m[0] + radius_m, place.min_m[1] + radius_m)
-            boxes += split_into_strips(f"tank_{i}", circle_corners(centre_m, radius_m), 0.0, height_m, TANK_RGBA)
-    return tuple(boxes)
-
-
-def build_wind_tunnel(layout: WindTunnelSpec) -> tuple[Box, ...]:
-    """Return the blocks of a wind tunnel, in a row along its middle line."""
-    x_m, y_m, z_m = layout.size_m
-    side_m = min(layout.block_m, 0.6 * y_m)
-    first_m = min(2 * layout.block_m, x_m / 4)
-    boxes: list[Box] = []
-    for i in range(layout.n_blocks):
-        low_m = first_m + i * (side_m + layout.gap_m)
-        if low_m + side_m <= x_m:
-            area = Area(min_m=(low_m, (y_m - side_m) / 2), max_m=(low_m + side_m, (y_m + side_m) / 2))
-            boxes.append(box_above(f"block_{i}", area, 0.0, min(side_m, z_m), STEEL_RGBA))
-    return tuple(boxes)
-
-
-def whole_face(size_m: Vec3, axis: int, *, is_upper: bool) -> OpeningSpec:
-    """Return an opening as large as one face of the room; `axis` 0, 1, 2 is x, y, z."""
-    low, high = [0.0, 0.0, 0.0], [*size_m]
-    (low if is_upper else high)[axis] = size_m[axis] if is_upper else 0.0
-    return OpeningSpec(min_m=(low[0], low[1], low[2]), max_m=(high[0], high[1], high[2]))
-
-
-def log_profile(inlet: Opening, layout: PlantSpec, grid: Grid) -> tuple[Opening, ...]:
-    """Return an inlet divided into one for each layer of cells, with the wind of a neutral surface layer.
-
-    u(z) = u_ref ln((z + z0) / z0) / ln((z_ref + z0) / z0)      z0 roughness, z the layer's middle above the ground
-    [m/s] = [m/s]: the logarithms' arguments are lengths over lengths.
-
-    Source:
-        Richards and Hoxey 1993, doi:10.1016/0167-6105(93)90124-7, equation 1, whose height is measured from -z0.
-    Held by:
-        tests/unit/environment/layouts/test_outdoors.py
-    """
-    low, high = (round((corner[2] - grid.origin_m[2]) / grid.cell_m) for corner in (inlet.min_m, inlet.max_m))
-    z0 = layout.roughness_m
-    scale = math.log((layout.reference_height_m + z0) / z0)
-    layers: list[Opening] = []
-    for k in range(low, high):
-        share = math.log(((k + 0.5) * grid.cell_m + z0) / z0) / scale
-        bottom_m, top_m = (round(grid.origin_m[2] + i * grid.cell_m, 9) for i in (k, k + 1))
-        u_m_s, v_m_s, w_m_s = inlet.velocity_m_s
-        layers.append(
-            Opening(
-                name=f"{inlet.name}_{k}",
-                kind="inlet",
-                min_m=(inlet.min_m[0], inlet.min_m[1], bottom_m),
-                max_m=(inlet.max_m[0], inlet.max_m[1], top_m),
-                velocity_m_s=(u_m_s * share, v_m_s * share, w_m_s * share),
-            )
-        )
-    return tuple(layers)
-
-
-Racks = SimpleWarehouseSpec | ComplexWarehouseSpec
-
-# What the thesis adds to the wider opening for the aisle between the ends of rows and the wall [m].
-END_AISLE_EXTRA_M = 2.0
-POST_M, SHELF_M = 0.1, 0.1
-# How high each of four bays (lower near, lower far, upper near, upper far) is filled, as a share of the space below
-# the next shelf. Seven loads, as many as the thesis has filled racks; the shares are chosen.
-LOADS = (
-    (0.95, 0.95, 0.95, 0.95),
-    (0.95, 0.95, 0.6, 0.6),
-    (0.6, 0.95, 0.95, 0.35),
-    (0.95, 0.0, 0.6, 0.95),
-    (0.35, 0.6, 0.0, 0.95),
-    (0.95, 0.6, 0.35, 0.0),
-    (0.6, 0.6, 0.95, 0.6),
-)
-# The two empty racks: with both shelves, and with the upper one only.
-EMPTY_SHELVES = ((0, 1), (1,))
-N_TYPES = len(LOADS) + len(EMPTY_SHELVES)
-
-FORKLIFT_M, FORKLIFT_HEIGHTS_M = (1.2, 2.4), (1.1, 2.2)
-PILE_M, PILE_HEIGHT_M = (1.0, 1.8), (0.6, 1.8)
-PALLET_M, PALLET_HEIGHT_M = (0.8, 1.2), 0.15
-# Free width kept between items, and before openings.
-ITEM_GAP_M, OPENING_GAP_M = 0.6, 1.5
-
-
-def build_racks(layout: Racks, openings: Sequence[OpeningSpec]) -> tuple[Box, ...]:
-    """Return all racks of a warehouse, those of a column `rack_i_j_k`: row, place in the row, storey."""
-    places = rack_areas(layout, openings)
-    n_storeys = max(1, math.floor(layout.size_m[2] / layout.rack_size_m[2] + 1e-9))
-    types = rack_types(layout, len(places) * n_storeys)
+def rotated_corners(centre_m: Point, size_m: Point, angle_rad: float) -> tuple[Point, ...]:
+    """Return the corners, counterclockwise, of a rectangle that is turned about its centre."""
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     return tuple(
-        box
-        for i, (name, area) in enumerate(places)
-        for storey in range(n_storeys)
-        for box in _rack(f"rack_{name}_{storey}", area, layout.rack_size_m[2], storey, types[i * n_storeys + storey])
+        (
+            centre_m[0] + cos * sx * size_m[0] / 2 - sin * sy * size_m[1] / 2,
+            centre_m[1] + sin * sx * size_m[0] / 2 + cos * sy * size_m[1] / 2,
+        )
+        for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))
     )
 
 
-def rack_types(layout: Racks, n_racks: int) -> tuple[int, ...]:
-    """Return the type of each rack at random: below 7 is the load, 7 and 8 are empty; enough of them are filled."""
-    rng = stream(layout.seed, "layout.rack_types")
-    types = rng.integers(N_TYPES, size=n_racks)
-    empty = np.flatnonzero(types >= len(LOADS))
-    n_missing = math.ceil(layout.filled_least_frac * n_racks - 1e-9) - (n_racks - len(empty))
-    if n_missing > 0:
-        chosen = rng.choice(empty, size=n_missing, replace=False)
-        types[chosen] = rng.integers(len(LOADS), size=n_missing)
-    return tuple(int(each) for each in types)
+def circle_corners(centre_m: Point, radius_m: float) -> tuple[Point, ...]:
+    """Return the corners of a regular polygon of the same area as a circle."""
+    step = 2 * math.pi / N_CIRCLE
+    reach_m = radius_m * math.sqrt(step / math.sin(step))
+    return tuple(
+        (centre_m[0] + reach_m * math.cos(i * step), centre_m[1] + reach_m * math.sin(i * step))
+        for i in range(N_CIRCLE)
+    )
 
 
-def rack_areas(layout: Racks, openings: Sequence[OpeningSpec]) -> tuple[tuple[str, Area], ...]:
-    """Return where racks stand, each with its row and its place in it: `row_place`.
+def bounding_area(corners_m: Sequence[Point]) -> Area:
+    """Return the smallest area that holds all corners."""
+    xs, ys = zip(*corners_m, strict=True)
+    return Area(min_m=(min(xs), min(ys)), max_m=(max(xs), max(ys)))
 
-    As many rows as leave the aisles, spread evenly from wall to wall; in complex warehouses those between the outer
-    two are turned and stand along x.
+
+def split_into_strips(
+    name: str, corners_m: Sequence[Point], bottom_m: float, top_m: float, rgba: Rgba
+) -> tuple[Box, ...]:
+    """Return boxes `name_0`, `name_1`, … along x that together stand for a convex prism.
+
+    Each strip is as long as the polygon is at the strip's middle, so that the area is kept to second order.
     """
-    across_m, along_m, _ = layout.rack_size_m
-    x_m, y_m, _ = layout.size_m
-    end_m = end_aisle_m(layout, openings)
-    n_rows = _n_that_fit(x_m, across_m, layout.rack_aisle_m)
-    n_places = max(0, math.floor((y_m - 2 * end_m) / along_m + 1e-9))
-    first_y_m = (y_m - n_places * along_m) / 2
-    pitch_m = (x_m - across_m) / (n_rows - 1) if n_rows > 1 else 0.0
-    is_turned = isinstance(layout, ComplexWarehouseSpec) and n_rows > 2
-    rows = (0, n_rows - 1) if is_turned else range(n_rows)
-    areas = [
-        (f"{row}_{place}", _area(row * pitch_m, first_y_m + place * along_m, across_m, along_m))
-        for row in rows
-        for place in range(n_places)
-    ]
-    if is_turned and isinstance(layout, ComplexWarehouseSpec):
-        areas += _turned_rows(layout, end_m, n_rows - 2)
-    return tuple(areas)
-
-
-def end_aisle_m(layout: Racks, openings: Sequence[OpeningSpec]) -> float:
-    """Return the width of the aisle between the ends of rows and the wall [m], by default the thesis's."""
-    widest_m = max(opening.max_m[1] - opening.min_m[1] for opening in openings)
-    return layout.end_aisle_m or widest_m + END_AISLE_EXTRA_M
-
-
-def build_items(layout: ComplexWarehouseSpec, openings: Sequence[OpeningSpec]) -> tuple[Box, ...]:
-    """Return forklifts, piles and pallets, turned by any angle, in the end aisles and clear of the openings."""
-    rng = stream(layout.seed, "layout.items")
-    x_m, y_m, _ = layout.size_m
-    depth_m = min([end_aisle_m(layout, openings), *(area.min_m[1] for _, area in rack_areas(layout, openings))])
-    zones = (_area(0.0, 0.0, x_m, depth_m), _area(0.0, y_m - depth_m, x_m, depth_m))
-    taken = [_before(opening) for opening in openings]
-    kinds = ["forklift"] * layout.n_forklifts + ["pile"] * layout.n_piles + ["pallet"] * layout.n_pallets
+    bounds = bounding_area(corners_m)
+    n = max(1, round(bounds.size_m[0] / STRIP_M))
+    borders = np.linspace(bounds.min_m[0], bounds.max_m[0], n + 1)
     boxes: list[Box] = []
-    for i, kind in enumerate(kinds):
-        number = i - kinds.index(kind)
-        first = int(rng.integers(2))
-        corners, bounds = _turned_footprint(rng, kind)
-        for zone in (zones[first], zones[1 - first]):
-            place = next(free_places(rng, bounds.size_m, zone, taken, gap_m=ITEM_GAP_M), None)
-            if place is not None:
-                taken.append(place)
-                shift = (place.min_m[0] - bounds.min_m[0], place.min_m[1] - bounds.min_m[1])
-                moved = tuple((x + shift[0], y + shift[1]) for x, y in corners)
-                boxes += _item(rng, kind, f"{kind}_{number}", moved, layout.size_m[2])
-                break
+    for i in range(n):
+        low, high = _span_at((borders[i] + borders[i + 1]) / 2, corners_m)
+        area = Area(min_m=(float(borders[i]), low), max_m=(float(borders[i + 1]), high))
+        if high - low > 1e-6:
+            boxes.append(box_above(f"{name}_{i}", area, bottom_m, top_m, rgba))
     return tuple(boxes)
 
 
-def _n_that_fit(length_m: float, width_m: float, gap_m: float) -> int:
-    return max(0, math.floor((length_m + gap_m) / (width_m + gap_m) + 1e-9))
+def wall_with_gaps(
+    name: str, area: Area, height_m: float, gaps: Sequence[Point], gap_height_m: float
+) -> tuple[Box, ...]:
+    """Return the pieces of a wall along its longer side, and the lintels above its gaps.
 
-
-def _turned_rows(layout: ComplexWarehouseSpec, end_m: float, n_inner: int) -> list[tuple[str, Area]]:
-    across_m, along_m, _ = layout.rack_size_m
-    x_m, y_m, _ = layout.size_m
-    n_rows = min(n_inner, _n_that_fit(y_m - 2 * end_m, across_m, layout.rack_aisle_m))
-    n_places = max(0, math.floor((x_m - 2 * across_m - 2 * layout.side_aisle_m) / along_m + 1e-9))
-    pitch_m = across_m + layout.rack_aisle_m
-    first_y_m = (y_m - (n_rows - 1) * pitch_m - across_m) / 2
-    first_x_m = (x_m - n_places * along_m) / 2
-    return [
-        (f"turned_{row}_{place}", _area(first_x_m + place * along_m, first_y_m + row * pitch_m, along_m, across_m))
-        for row in range(n_rows)
-        for place in range(n_places)
-    ]
-
-
-def _rack(name: str, area: Area, height_m: float, storey: int, rack_type: int) -> list[Box]:
-    bottom_m = storey * height_m
-    is_empty = rack_type >= len(LOADS)
-    (x0, y0), (x1, y1) = area.min_m, area.max_m
-    boxes = [
-        box_above(f"{name}_post_{i}", _area(x, y, POST_M, POST_M), bottom_m, bottom_m + height_m, STEEL_RGBA)
-        for i, (x, y) in enumerate((x, y) for x in (x0, x1 - POST_M) for y in (y0, y1 - POST_M))
-    ]
-    for level in EMPTY_SHELVES[rack_type - len(LOADS)] if is_empty else (0, 1):
-        shelf_m = bottom_m + level * height_m / 2
-        boxes.append(box_above(f"{name}_shelf_{level}", area, shelf_m, shelf_m + SHELF_M, SHELF_RGBA))
-    if not is_empty:
-        boxes += _goods(name, area, bottom_m, height_m, LOADS[rack_type])
-    return boxes
-
-
-def _goods(name: str, area: Area, bottom_m: float, height_m: float, load: Sequence[float]) -> list[Box]:
+    Args:
+        name: Of the wall; pieces are `name_0`, …, lintels `name_lintel_0`, ….
+        area: The wall's footprint.
+        height_m: Of the wall, from the floor.
+        gaps: From and to along the longer side [m], ascending, apart from each other.
+        gap_height_m: Height of the gaps; at least `height_m` means no lintel.
+    """
+    axis = 0 if area.size_m[0] >= area.size_m[1] else 1
+    borders = [area.min_m[axis], *(border for gap in gaps for border in gap), area.max_m[axis]]
     boxes: list[Box] = []
-    (x0, y0), (wide_m, deep_m) = area.min_m, area.size_m
-    is_along_x = wide_m > deep_m
-    for i, share in enumerate(load):
-        level, bay = divmod(i, 2)
-        bay_area = (
-            _area(x0 + bay * wide_m / 2, y0, wide_m / 2, deep_m)
-            if is_along_x
-            else _area(x0, y0 + bay * deep_m / 2, wide_m, deep_m / 2)
-        )
-        low_m = bottom_m + level * height_m / 2 + SHELF_M
-        if share > 0:
-            boxes.append(
-                box_above(f"{name}_goods_{i}", bay_area, low_m, low_m + share * (height_m / 2 - SHELF_M), GOODS_RGBA)
-            )
-    return boxes
+    for i, (low, high) in enumerate(pairwise(borders)):
+        if high - low < 1e-6:
+            continue
+        part = _cut(area, axis, low, high)
+        if i % 2 == 0:
+            boxes.append(box_above(f"{name}_{i // 2}", part, 0.0, height_m, WALL_RGBA, is_wall=True))
+        elif gap_height_m < height_m - 1e-6:
+            boxes.append(box_above(f"{name}_lintel_{i // 2}", part, gap_height_m, height_m, WALL_RGBA, is_wall=True))
+    return tuple(boxes)
 
 
-def _turned_footprint(rng: np.random.Generator, kind: str) -> tuple[tuple[tuple[float, float], ...], Area]:
-    if kind == "pile":
-        size_m = (float(rng.uniform(*PILE_M)), float(rng.uniform(*PILE_M)))
-    else:
-        size_m = FORKLIFT_M if kind == "forklift" else PALLET_M
-    corners = rotated_corners((0.0, 0.0), size_m, float(rng.uniform(0.0, 2 * math.pi)))
-    return corners, bounding_area(corners)
+def free_places(
+    rng: np.random.Generator, size_m: Point, zone: Area, taken: Sequence[Area], *, gap_m: float = 0.0, n_tries: int = 60
+) -> Iterator[Area]:
+    """Yield places for a thing of a size, drawn evenly in a zone, that keep a gap [m] to all that is taken."""
+    room = (zone.size_m[0] - size_m[0], zone.size_m[1] - size_m[1])
+    if min(room) < 0:
+        return
+    for _ in range(n_tries):
+        x_m = zone.min_m[0] + float(rng.random()) * room[0]
+        y_m = zone.min_m[1] + float(rng.random()) * room[1]
+        place = Area(min_m=(x_m, y_m), max_m=(x_m + size_m[0], y_m + size_m[1]))
+        if all(place.is_apart_from(other, gap_m) for other in taken):
+            yield place
 
 
-def _item(
-    rng: np.random.Generator, kind: str, name: str, corners: Sequence[tuple[float, float]], ceiling_m: float
-) -> list[Box]:
-    if kind == "pallet":
-        return _layer(name, "deck", corners, 0.0, PALLET_HEIGHT_M, WOOD_RGBA)
-    if kind == "forklift":
-        body_m, mast_m = FORKLIFT_HEIGHTS_M
-        mast = _shrunk(corners, 0.5)
-        return [
-            *_layer(name, "body", corners, 0.0, min(body_m, ceiling_m), VEHICLE_RGBA),
-            *_layer(name, "cabin", mast, min(body_m, ceiling_m), min(mast_m, ceiling_m), STEEL_RGBA),
-        ]
-    top_m = min(float(rng.uniform(*PILE_HEIGHT_M)), ceiling_m)
-    return [
-        *_layer(name, "base", corners, 0.0, top_m / 2, GOODS_RGBA),
-        *_layer(name, "top", _shrunk(corners, float(rng.uniform(0.5, 0.9))), top_m / 2, top_m, GOODS_RGBA),
+def _span_at(x_m: float, corners_m: Sequence[Point]) -> tuple[float, float]:
+    crossings = [
+        ay + (by - ay) * (x_m - ax) / (bx - ax)
+        for (ax, ay), (bx, by) in zip(corners_m, (*corners_m[1:], corners_m[0]), strict=True)
+        if ax != bx and (ax - x_m) * (bx - x_m) <= 0
     ]
+    return (float(min(crossings)), float(max(crossings))) if crossings else (0.0, 0.0)
 
 
-def _layer(
-    name: str, part: str, corners: Sequence[tuple[float, float]], bottom_m: float, top_m: float, rgba: Rgba
-) -> list[Box]:
-    return list(split_into_strips(f"{name}_{part}", corners, bottom_m, top_m, rgba)) if top_m > bottom_m else []
-
-
-def _shrunk(corners: Sequence[tuple[float, float]], share: float) -> tuple[tuple[float, float], ...]:
-    x_m, y_m = (sum(corner[i] for corner in corners) / len(corners) for i in range(2))
-    return tuple((x_m + share * (x - x_m), y_m + share * (y - y_m)) for x, y in corners)
-
-
-# The floor before an opening, which stays clear; one on the floor or the ceiling keeps what is under it clear.
-def _before(opening: OpeningSpec) -> Area:
-    (x0, y0, _), (x1, y1, _) = opening.min_m, opening.max_m
-    return Area(
-        min_m=(x0 - OPENING_GAP_M * (x0 == x1), y0 - OPENING_GAP_M * (y0 == y1)),
-        max_m=(x1 + OPENING_GAP_M * (x0 == x1), y1 + OPENING_GAP_M * (y0 == y1)),
-    )
-
-
-def _area(x_m: float, y_m: float, wide_m: float, deep_m: float) -> Area:
-    return Area(min_m=(x_m, y_m), max_m=(x_m + wide_m, y_m + deep_m))
+# Free of the last digits of sums, so that edges on borders of cells stay there.
+def _clean(value_m: float) -> float:
+    return round(float(value_m), 6)

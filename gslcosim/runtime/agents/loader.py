@@ -12,9 +12,6 @@ from gslcosim.base.errors import UsageError
 from gslcosim.base.processes import build_python_command
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 
-# Stands between a run and a node of ROS 2; of a service's package, and started as a program of its own.
-ROS_AGENT_MODULE = "gslcosim_services.ros2.agent"
-
 
 def build_start_command(agent: AgentSpec, directory: Path) -> list[str] | None:
     """Return the command line of an agent, or None when it attaches itself.
@@ -25,9 +22,8 @@ def build_start_command(agent: AgentSpec, directory: Path) -> list[str] | None:
     """
     if agent.start.python is not None:
         return build_python_command(str(find_python_agent(agent.start.python, directory)))
-    if (graph := agent.start.ros2) is not None:
-        words = [graph.distro, str(graph.domain), graph.endpoint, *(["free"] if agent.is_free else [])]
-        return build_python_command("-m", ROS_AGENT_MODULE, *words)
+    if (start := agent.start.registered) is not None:
+        return start.build_command(start.get(agent.start), agent)
     if agent.start.command is not None:
         return resolve_command(agent.start.command, directory)
     return None

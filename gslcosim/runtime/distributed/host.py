@@ -21,8 +21,7 @@ from gslcosim.contract.schema import get_contract_hash
 from gslcosim.runtime.dataflow import Dataflow
 from gslcosim.runtime.distributed import protocol
 from gslcosim.runtime.distributed.retransmission import RETRANSMIT_TICKS, RetransmitBuffer
-from gslcosim.runtime.step_loop import SnapshotPolicy, StepLoop
-from gslcosim.runtime.stepper import ClockPace, MissingInput, SentMessage, Stepper
+from gslcosim.runtime.stepper import ClockPace, MissingInput, SentMessage, SnapshotPolicy, StepLoop, Stepper
 
 
 def report_fault(bus: Bus, participant: str, error: Exception, *, tick: int) -> None:

@@ -19,7 +19,7 @@ from gslcosim.runtime.distributed.host import Host, report_fault
 from gslcosim.runtime.processes.current_process import keep_memory_private, set_process_title
 from gslcosim.runtime.processes.fork_server import ForkWork, serve_forks
 from gslcosim.runtime.services import default_services
-from gslcosim.runtime.step_loop import SnapshotPolicy
+from gslcosim.runtime.stepper import SnapshotPolicy
 
 if TYPE_CHECKING:
     from gslcosim.runtime.stepper import ClockPace

@@ -37,7 +37,7 @@ from gslcosim.runtime.processes.stop_detection import PauseDetector, describe_st
 from gslcosim.runtime.services import ServiceGroup, build_dataflow, list_service_names
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunStatus
-from gslcosim.runtime.step_loop import SnapshotPolicy
+from gslcosim.runtime.stepper import SnapshotPolicy
 from gslcosim.scenario.models.scenario import AgentSpec
 
 STATUS_PERIOD_S = 0.1

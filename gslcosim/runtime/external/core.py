@@ -64,8 +64,8 @@ def hash_programs(participants: Iterable[ParticipantProgramSpec], directory: Pat
         each.name: {
             word: hashlib.sha256(path.read_bytes()).hexdigest()
             for i, word in enumerate(each.start.words)
-            # What loads a unit is part of gslcosim.
-            if each.start.fmu is None or word == each.start.fmu
+            # The program of an extension's start is part of the extension.
+            if word in each.start.given_words
             if (path := _find_file(each.start.words, i, directory)) is not None
         }
         for each in participants
@@ -152,7 +152,8 @@ class ParticipantProgram:
         )
         name, log, cwd = self._process, self._setup.run_dir.log(self._process), self._directory
         variables = {PARTICIPANT_VARIABLE: own.name}
-        if own.start.fmu is not None and confinement.policy is None:
+        start = own.start.registered
+        if start is not None and start.unpacks_files and confinement.policy is None:
             # What it has unpacked and leaves there when it is killed goes with the folder.
             variables["TMPDIR"] = str(private_dir)
         if listener is None:

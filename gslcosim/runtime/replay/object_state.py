@@ -738,14 +738,3 @@ class ObjectState:
             StateWriter(self._known, self._packages).write(cast("list[dict[str, Any]]", state["nodes"]))
         except _WRONG_VALUES as error:
             raise SnapshotError(f"expected a state, was something else ({type(error).__name__}: {error}).") from error
-
-
-def are_states_equal(a: Any, b: Any) -> bool:
-    """Return whether two states are the same; NaN is NaN."""
-    if type(a) is not type(b):
-        return False
-    if isinstance(a, dict):
-        return a.keys() == b.keys() and all(are_states_equal(a[key], b[key]) for key in cast("dict[str, Any]", a))
-    if isinstance(a, list):
-        return len(a) == len(b) and all(map(are_states_equal, cast("list[Any]", a), b))
-    return bool(a == b) or (isinstance(a, float) and np.isnan(a) and np.isnan(b))

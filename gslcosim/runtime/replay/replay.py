@@ -28,7 +28,7 @@ from gslcosim.runtime.outcome import RunOutcome
 from gslcosim.runtime.replay.compare import Divergence, find_repeated_divergence
 from gslcosim.runtime.replay.past_run import PastRun, find_environment, find_snapshot_before
 from gslcosim.runtime.replay.snapshot import Snapshot
-from gslcosim.runtime.run import run_into_directory
+from gslcosim.runtime.run import OpenRun, RunPlan
 from gslcosim.runtime.services import build_dataflow
 from gslcosim.runtime.setup import RunSetup
 from gslcosim.runtime.status import RunResult, RunStatus
@@ -129,30 +129,29 @@ def replay_run(
     snapshot, note = find_snapshot_before(past, from_tick) if from_tick else (None, "")
     until_tick = _find_last_tick(past, until_s)
     environment_dir = find_environment(past, report)
-    outcome, flight = run_into_directory(
-        scenario,
-        environment_dir,
-        lambda setup, progress: _execute(past, setup, until_tick, progress),
+    plan = RunPlan(
+        scenario=scenario,
+        environment_dir=environment_dir,
         runs_dir=runs_dir,
+        directory=past.directory,
         processes="one",
         began=began,
-        report=report,
-        directory=past.directory,
         origin={"replay_of": past.run_dir.run_id},
         snapshot=snapshot,
     )
-    divergence, n_ticks = _compare(past, scenario, outcome)
-    return ReplayResult(flight=flight, divergence=divergence, n_ticks=n_ticks, snapshot=snapshot, note=note)
+    with OpenRun(plan, report) as run:
+        run.outcome = _execute(past, run.prepare(), until_tick, run.report)
+    divergence, n_ticks = _compare(past, scenario, run.outcome)
+    return ReplayResult(flight=run.result, divergence=divergence, n_ticks=n_ticks, snapshot=snapshot, note=note)
 
 
 def _change_recording(past: PastRun, changes: Mapping[str, float | bool], snapshots_every_s: float | None) -> Scenario:
     plain = {**past.scenario.recording.model_dump(), **changes}
     try:
-        # Who listens to ROS has heard it once.
-        update: dict[str, object] = {"recording": RecordingSpec.model_validate(plain), "ros2": None}
+        update: dict[str, object] = {"recording": RecordingSpec.model_validate(plain)}
         if snapshots_every_s is not None:
             update["snapshots"] = SnapshotsSpec(every_s=snapshots_every_s)
-        scenario = past.scenario.model_copy(update=update)
+        scenario = past.scenario.without_live_keys().model_copy(update=update)
         build_dataflow(scenario)
     except ValidationError as error:
         raise UsageError("\n".join(f"recording: {problem['msg']}" for problem in error.errors())) from error

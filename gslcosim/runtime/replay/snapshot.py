@@ -17,8 +17,9 @@ from typing import Any
 import msgpack  # pyright: ignore[reportMissingTypeStubs]
 
 import gslcosim
-from gslcosim.base.code_identity import COMPUTING_PACKAGES, hash_code, list_package_files
+from gslcosim.base.code_identity import COMPUTING_PACKAGES, hash_code, list_package_files, list_registered_files
 from gslcosim.base.errors import RunFolderError, SnapshotError, build_machine_error
+from gslcosim.base.extension_packages import find_extension_packages
 from gslcosim.base.files import append_bytes, open_regular_file, read_regular_file, replace_file
 from gslcosim.base.kernel_cache import is_signed, sign
 from gslcosim.contract import codec
@@ -39,7 +40,11 @@ _IMMUTABLE_TYPES = (Environment, Spec, Vehicle)
 
 def build_state_adapter(core: Core) -> SupportsSnapshots:
     """Return the adapter that reads and restores the state of a core that has just been built."""
-    return core if isinstance(core, SupportsSnapshots) else ObjectState(core, fixed=_IMMUTABLE_TYPES)
+    if isinstance(core, SupportsSnapshots):
+        return core
+    # Models of an extension stand within cores of services.
+    packages = frozenset({"gslcosim", *find_extension_packages()})
+    return ObjectState(core, fixed=_IMMUTABLE_TYPES, packages=packages)
 
 
 SCHEMA = "gslcosim/snapshot/1"
@@ -73,7 +78,7 @@ class CodeIdentity:
         processor = f"{platform.machine()} {read_cpu_flags()}".encode()
         return cls(
             contract=get_contract_hash(),
-            code=hash_code(list_package_files(*_STATE_CODE)),
+            code=hash_code([*list_package_files(*_STATE_CODE), *list_registered_files()]),
             processor=hashlib.blake2b(processor, digest_size=8).hexdigest(),
             packages=", ".join(f"{name} {get_package_version(name)}" for name in COMPUTING_PACKAGES),
             version=gslcosim.__version__,

@@ -1,16 +1,35 @@
 """Method cards as files that a user writes: all problems at once, each with its line."""
 
+import json
 from pathlib import Path
 
 from pydantic import ValidationError
 
 from gslcosim.base.problems import Problem
 from gslcosim.methods.card import MethodCard, is_list_of_shared_parameters, list_shared_parameters
-from gslcosim.scenario.checks.registry import find_problems
+from gslcosim.scenario.checks.registry import ValidFile, find_problems
 from gslcosim.scenario.loader import read_text
 from gslcosim.scenario.model_schema import format_value, problems_from_validation
 from gslcosim.scenario.problems import InvalidScenarioError, locate
 from gslcosim.scenario.serialization import read_yaml
+
+
+def validate_card(path: str, seed: int | None) -> ValidFile:
+    """Return the outcome of the check of a card for `gslcosim validate`.
+
+    Args:
+        path: The file.
+        seed: None: a card has no seed.
+
+    Raises:
+        ScenarioError: it has problems.
+    """
+    del seed
+    card = check_card_file(Path(path))
+    return ValidFile(
+        sentence=f"Method {card.title}, family {card.family}, {len(card.parameters)} parameters.",
+        content={"card": json.loads(card.model_dump_json(by_alias=True))},
+    )
 
 
 def check_card_file(path: Path) -> MethodCard:
@@ -41,7 +60,7 @@ def check_card_file(path: Path) -> MethodCard:
         except ValidationError as error:
             problems += problems_from_validation(error, root=MethodCard)
     if card is not None:
-        problems += find_problems("card", card, path.parent)
+        problems += find_problems("method", card, path.parent)
     if card is None or problems or tree.problems:
         raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=str(path))
     return card

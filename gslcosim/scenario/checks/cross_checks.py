@@ -7,14 +7,16 @@ from pathlib import Path
 from typing import Any, cast
 
 from gslcosim.base.errors import VehicleError
+from gslcosim.base.gases import GASES
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import PHYSICS_STEP_MS
+from gslcosim.base.scenario_keys import list_scenario_keys
 from gslcosim.base.ticks import NS_PER_S, seconds_from_ticks
 from gslcosim.contract.participant_messages import find_room_output
 from gslcosim.scenario.checks.program_checks import find_command_problem, find_python_problem
 from gslcosim.scenario.models.base import Spec
 from gslcosim.scenario.models.events import VALUE_PATTERN
-from gslcosim.scenario.models.gas import EVEN_RELEASES, GASES
+from gslcosim.scenario.models.gas import EVEN_RELEASES
 from gslcosim.scenario.models.participants import ParticipantProgramSpec
 from gslcosim.scenario.models.scenario import FOLDER_KEYS, GasSpec, RecordingSpec, Scenario, StopSpec
 from gslcosim.scenario.models.sensors import (
@@ -180,7 +182,7 @@ def _wrong_agents(event: dict[str, Any], values: dict[str, Any], path: str) -> I
             yield _not_there(place, "agent", agent, names)
 
 
-# Which names a program writes is known in the run only; an FMU's are in its block.
+# Which names a program writes is known in the run only, but where its block says so.
 def _wrong_value(trigger: dict[str, Any], values: dict[str, Any], path: str) -> Iterator[Problem]:
     owners = {str(own["name"]): own for _, own in blocks_in(values, "participants") if "name" in own}
     owner, value = trigger.get("participant"), trigger.get("value")
@@ -508,10 +510,16 @@ def _missing_programs(values: dict[str, Any], directory: Path) -> Iterator[Probl
             problem = find_python_problem(python, directory=directory, path=f"{path}.python")
         elif words := words_in(command):
             problem = find_command_problem(words, directory=directory, path=f"{path}.command")
-        elif isinstance(unit := start.get("fmu"), str) and not (file := _place(directory, unit)).is_file():
-            problem = _missing(f"{path}.fmu", "an FMU", unit, f"file {file}")
         if problem:
             yield problem
+        yield from _missing_registered_files(start, f"{key}[].start", path, directory)
+
+
+def _missing_registered_files(block: dict[str, Any], place: str, path: str, directory: Path) -> Iterator[Problem]:
+    for key in list_scenario_keys(place):
+        text = block.get(key.name)
+        if key.file and isinstance(text, str) and not (file := _place(directory, text)).is_file():
+            yield _missing(f"{path}.{key.name}", key.file, text, f"file {file}")
 
 
 def _missing_environment(values: dict[str, Any], directory: Path) -> Iterator[Problem]:

@@ -11,8 +11,10 @@ from pathlib import Path
 from typing import cast
 
 from gslcosim.base.bundled import bundled_agents, find_bundled_agent
+from gslcosim.base.extensions import find_remedy, list_absent_modules
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.problems import Problem
+from gslcosim.base.scenario_keys import list_file_keys
 from gslcosim.methods.card import MethodCard
 from gslcosim.scenario.problems import child_path, did_you_mean
 
@@ -31,7 +33,6 @@ _PATH_KEYS = (
     "gaden",
     "may_read",
     "may_write",
-    "fmu",
 )
 # Linux's limits, with room for the folder that comes before.
 _MAX_NAME_BYTES, _MAX_PATH_LENGTH = 255, 3000
@@ -61,7 +62,7 @@ def find_unusable_paths(values: object, path: str = "") -> Iterator[Problem]:
         return
     for key, value in cast("dict[str, object]", values).items():
         place = child_path(path, key)
-        if key not in _PATH_KEYS:
+        if key not in (*_PATH_KEYS, *list_file_keys()):
             # What an agent's parameters mean is the agent's.
             if key != "parameters":
                 yield from find_unusable_paths(value, place)
@@ -102,9 +103,9 @@ def find_python_problem(name_or_file: str, *, directory: Path, path: str) -> Pro
     """
     file = (directory / name_or_file).resolve()
     if file.is_file():
-        return _find_syntax_problem(file, name_or_file, path)
-    if find_bundled_agent(name_or_file) is not None:
-        return None
+        return _find_syntax_problem(file, name_or_file, path) or _find_absent_import(file, name_or_file, path)
+    if (bundled := find_bundled_agent(name_or_file)) is not None:
+        return _find_absent_import(bundled, name_or_file, path)
     if "/" in name_or_file or name_or_file.endswith(".py"):
         return Problem(where=path, expected="a Python file", found=f"'{name_or_file}'", remedy=f"There is no {file}.")
     beside = f"{name_or_file}.py"
@@ -249,6 +250,34 @@ def _find_syntax_problem(file: Path, written: str, path: str) -> Problem | None:
     if not found:
         return None
     return Problem(where=path, expected="a Python file that can be parsed", found=f"'{written}'", remedy=found)
+
+
+def _find_absent_import(file: Path, written: str, path: str) -> Problem | None:
+    absent = list_absent_modules()
+    if not absent:
+        return None
+    try:
+        imported = _list_imports(file, file.stat().st_mtime_ns)
+    except (OSError, SyntaxError, ValueError):
+        return None  # another check reports it
+    module = next((module for module in absent if module in imported), None)
+    if module is None:
+        return None
+    return Problem(
+        where=path,
+        expected="an agent whose imports are installed",
+        found=f"'{written}', which imports {module}",
+        remedy=find_remedy("modules", module) or "",
+    )
+
+
+@lru_cache(maxsize=256)
+def _list_imports(file: Path, changed_ns: int) -> frozenset[str]:
+    del changed_ns
+    nodes = list(ast.walk(ast.parse(read_regular_file(file), str(file))))
+    names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+    names += [node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module and not node.level]
+    return frozenset(name.partition(".")[0] for name in names)
 
 
 # A suite starts the same few files in thousands of trials.

@@ -1,25 +1,30 @@
-"""Registry of checks: what each is for, when it is needed, and the function that finds the problems.
+"""Registry of checks and kinds of files: what each is for, when it is needed, and the function that finds the problems.
 
-`gslcosim validate`, `up`, `bench` and `train` take their checks from here, so that none of them sees less than another.
+Every command takes its checks from here, so that none of them sees less than another. Extensions add kinds of files
+with their checks, and checks of scenarios, by entry points in `gslcosim.checks`.
 What a check computes belongs to the package that knows about it; it is imported when the check is run, since most
 scenarios need none of what is slow to import.
 Problems of a scenario's plain values, of which no valid scenario can be made, are found by the loader itself
 (`cross_checks`, `program_checks`), whoever loads it.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
+from gslcosim.base.bundled import bundled_agents, bundled_scenarios
+from gslcosim.base.extensions import CHECKS_GROUP, list_registered, load_registered
 from gslcosim.base.problems import Problem
+from gslcosim.methods.card import CARD_FILE
 from gslcosim.scenario.models.gas import FarrellGasSpec, FilamentsSpec
 from gslcosim.scenario.models.scenario import Processes, Scenario
 
-FileKind = Literal["scenario", "suite", "card", "family", "train"]
 Subject = Literal["room", "agents", "services", "machine"]
 SUBJECTS: tuple[Subject, ...] = ("room", "agents", "services", "machine")
+SCENARIO = "scenario"
 
 
 def _is_always_needed(content: Any) -> bool:
@@ -33,11 +38,10 @@ class Check:
 
     Attributes:
         name: What errors of the registry and tests call it.
-        of: The kind of file that it is for.
-        finder: `module:function`; the function takes what the file holds (a `Scenario`, `Suite`, `MethodCard`, `Family`
-            or `TrainFile`) and the file's folder, and returns the problems.
-        subject: Of a scenario: the room with what is in the air, the agents that fly, the services, or this machine.
-            A suite and a training check rooms case by case and agents entry by entry.
+        of: The name of the kind of file that it is for.
+        finder: `module:function`; the function takes what the file holds (a `Scenario`, a `MethodCard`, or what an
+            extension loads) and the file's folder, and returns the problems.
+        subject: Of a scenario: the room with what is in the air, the agents, the services, or this machine.
         is_needed: Whether content needs the check at all; asked before anything is imported.
         is_part_of_preparation: Whether the preparation of a run reads the same files and says the same, so that only
             who prepares nothing runs it.
@@ -46,7 +50,7 @@ class Check:
     """
 
     name: str
-    of: FileKind
+    of: str
     finder: str
     subject: Subject | None = None
     is_needed: Callable[[Any], bool] = _is_always_needed
@@ -62,16 +66,61 @@ class Check:
         """
         if not self.is_needed(content):
             return ()
-        module, _, function = self.finder.partition(":")
-        return getattr(import_module(module), function)(content, directory)
+        return import_function(self.finder)(content, directory)
+
+
+def import_function(place: str) -> Callable[..., Any]:
+    """Return the function at `module:function`."""
+    module, _, function = place.partition(":")
+    return getattr(import_module(module), function)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ValidFile:
+    """Outcome of the check of a valid file: a sentence, and its content by kind for `--json`."""
+
+    sentence: str
+    content: Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileKind:
+    """A kind of file that a user writes.
+
+    Attributes:
+        name: The word in its `schema`: `suite` of `gslcosim/suite/1`.
+        words: What sentences call it: `method card`.
+        ending: Its usual name, or how it ends, such as `.train.yaml`.
+        list_bundled: Returns the bundled ones by name.
+        validator: `module:function`; the function takes a path and a seed or None, and returns a `ValidFile` or raises
+            `ScenarioError`. Empty for scenarios, which `gslcosim validate` loads with the changes of its options.
+        has_seed: Whether the validator takes a seed in place of the file's.
+        checks: Its checks.
+    """
+
+    name: str
+    words: str
+    ending: str
+    list_bundled: Callable[[], Mapping[str, Path]]
+    validator: str = ""
+    has_seed: bool = False
+    checks: tuple[Check, ...] = ()
+
+    def validate(self, path: str, *, seed: int | None) -> ValidFile:
+        """Return the outcome of the check of a file.
+
+        Args:
+            path: The file.
+            seed: A seed in place of the file's, for kinds that have one.
+
+        Raises:
+            ScenarioError: the file has problems.
+        """
+        return import_function(self.validator)(path, seed)
 
 
 def _has_own_services(scenario: Scenario) -> bool:
     return bool(scenario.services or scenario.participants)
-
-
-def _has_fmus(scenario: Scenario) -> bool:
-    return any(own.start.fmu is not None for own in scenario.participants)
 
 
 def _makes_demands(scenario: Scenario) -> bool:
@@ -98,7 +147,7 @@ def _solves_wind(scenario: Scenario) -> bool:
     return scenario.environment.path is None and is_built_in
 
 
-CHECKS = (
+_SCENARIO_CHECKS = (
     Check(
         name="places",
         of="scenario",
@@ -112,13 +161,6 @@ CHECKS = (
         finder="gslcosim.environment.generation.checks:find_stored_wind_problems",
         is_needed=_has_stored_wind,
         is_part_of_preparation=True,
-    ),
-    Check(
-        name="stored gas",
-        of="scenario",
-        subject="room",
-        finder="gslcosim_services.fields.models.formula_fields:find_stored_gas_problems",
-        is_needed=lambda scenario: scenario.gas.stored is not None,
     ),
     Check(
         name="mixed air",
@@ -166,21 +208,6 @@ CHECKS = (
         is_needed=_has_own_services,
     ),
     Check(
-        name="FMUs",
-        of="scenario",
-        subject="services",
-        finder="gslcosim.runtime.external.fmi.checks:find_fmu_problems",
-        is_needed=_has_fmus,
-    ),
-    Check(
-        name="states of FMUs",
-        of="scenario",
-        subject="services",
-        finder="gslcosim.runtime.external.fmi.checks:find_fmu_warnings",
-        is_needed=lambda scenario: scenario.snapshots is not None and _has_fmus(scenario),
-        is_warning=True,
-    ),
-    Check(
         name="sandboxes",
         of="scenario",
         subject="machine",
@@ -194,13 +221,78 @@ CHECKS = (
         finder="gslcosim.runtime.rendering:find_rendering_problems",
         is_needed=lambda scenario: bool(scenario.cameras),
     ),
-    Check(name="scenarios", of="suite", finder="gslcosim.bench.cases.suite_checks:find_scenario_problems"),
-    Check(name="entries", of="suite", finder="gslcosim.bench.cases.suite_checks:find_entry_problems"),
-    Check(name="programs", of="card", finder="gslcosim.scenario.checks.program_checks:find_neighbour_problems"),
-    Check(name="first cases", of="family", finder="gslcosim.training.train_checks:find_case_problems"),
-    Check(name="trainer", of="train", finder="gslcosim.training.train_checks:find_trainer_problems"),
-    Check(name="flights", of="train", finder="gslcosim.training.train_checks:find_flight_problems"),
 )
+
+
+_OWN_KINDS = (
+    FileKind(name=SCENARIO, words="scenario", ending=".yaml", list_bundled=bundled_scenarios, checks=_SCENARIO_CHECKS),
+    FileKind(
+        name="method",
+        words="method card",
+        ending=CARD_FILE,
+        list_bundled=lambda: {name: path.with_name(CARD_FILE) for name, path in bundled_agents().items()},
+        validator="gslcosim.scenario.checks.card_file:validate_card",
+        checks=(
+            Check(
+                name="programs", of="method", finder="gslcosim.scenario.checks.program_checks:find_neighbour_problems"
+            ),
+        ),
+    ),
+)
+# Entry points of checks that an extension adds to those of scenarios are named `scenario.NAME`; those of a kind of file
+# have its name.
+_OF_SCENARIOS = f"{SCENARIO}."
+
+
+def list_file_kinds() -> tuple[FileKind, ...]:
+    """Return all kinds of files: scenarios, those of extensions by name, and method cards."""
+    names = [point.name for point in list_registered(CHECKS_GROUP) if not point.name.startswith(_OF_SCENARIOS)]
+    registered = [kind for name in names if (kind := find_kind(name)) is not None]
+    scenario, card = _OWN_KINDS
+    return (scenario, *registered, card)
+
+
+@cache
+def find_kind(name: str) -> FileKind | None:
+    """Return the kind of file of a name, or None where nothing that is installed has it.
+
+    Raises:
+        UsageError: an extension registers something else under the name, or cannot be imported.
+    """
+    if own := next((kind for kind in _OWN_KINDS if kind.name == name), None):
+        return own
+    if name.startswith(_OF_SCENARIOS):
+        return None
+    return next(load_registered(CHECKS_GROUP, _as_kind, "a FileKind", name=name), None)
+
+
+def _as_kind(offered: object) -> FileKind | None:
+    return offered if isinstance(offered, FileKind) else None
+
+
+@cache
+def list_checks(of: str) -> tuple[Check, ...]:
+    """Return all checks of a kind of file; those of scenarios in the order of their subjects.
+
+    Raises:
+        UsageError: an extension registers something else, or cannot be imported.
+    """
+    if of != SCENARIO:
+        kind = find_kind(of)
+        return () if kind is None else kind.checks
+    names = [point.name for point in list_registered(CHECKS_GROUP) if point.name.startswith(_OF_SCENARIOS)]
+    offered = (
+        some for name in names for some in load_registered(CHECKS_GROUP, _as_checks, "a tuple of Check", name=name)
+    )
+    checks = [*_SCENARIO_CHECKS, *(check for some in offered for check in some)]
+    return tuple(sorted(checks, key=lambda check: SUBJECTS.index(check.subject or "room")))
+
+
+def _as_checks(offered: object) -> tuple[Check, ...] | None:
+    if not isinstance(offered, tuple):
+        return None
+    checks = cast("tuple[object, ...]", offered)
+    return tuple(each for each in checks if isinstance(each, Check)) if len(checks) else None
 
 
 def list_scenario_checks(
@@ -219,9 +311,8 @@ def list_scenario_checks(
     """
     chosen = [
         check
-        for check in CHECKS
-        if check.of == "scenario"
-        and not check.is_warning
+        for check in list_checks(SCENARIO)
+        if not check.is_warning
         and check.subject in (subjects or SUBJECTS)
         and check.name not in without
         and not (prepares_run and check.is_part_of_preparation)
@@ -244,18 +335,18 @@ def find_warnings(scenario: Scenario, directory: Path) -> list[Problem]:
         scenario: What is to be run.
         directory: The scenario's folder, where relative paths start.
     """
-    warnings = (check for check in CHECKS if check.of == "scenario" and check.is_warning)
+    warnings = (check for check in list_checks(SCENARIO) if check.is_warning)
     return [problem for check in warnings for problem in check.find(scenario, directory)]
 
 
-def find_problems(of: FileKind, content: Any, directory: Path) -> Iterator[Problem]:
+def find_problems(of: str, content: Any, directory: Path) -> Iterator[Problem]:
     """Yield the problems that all checks of a kind of file find.
 
     Args:
-        of: The kind of file.
+        of: The name of the kind of file.
         content: What the file holds.
         directory: Its folder, where relative paths start.
     """
-    for check in CHECKS:
-        if check.of == of and not check.is_warning:
+    for check in list_checks(of):
+        if not check.is_warning:
             yield from check.find(content, directory)

@@ -1,29 +1,30 @@
 """Base of all parts of a scenario: frozen, kinds of numbers and names, and blocks that are one of several kinds."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar, Self, cast
+from typing import Annotated, Any, ClassVar, Self, TypeVar, cast
 
 from pydantic import (
     BaseModel,
-    ConfigDict,
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
-    StringConstraints,
     ValidationError,
     ValidationInfo,
     ValidatorFunctionWrapHandler,
     model_validator,
 )
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
 from gslcosim.base.plugins import EntryPoints, PluginError
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scenario_keys import list_scenario_keys
+from gslcosim.base.spec import Name as Name
+from gslcosim.base.spec import Spec as Spec
 
-Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 Positive = Annotated[float, Field(gt=0)]
 RoomEdge = Annotated[float, Field(gt=0, le=10_000)]
 NonNegative = Annotated[float, Field(ge=0)]
@@ -31,10 +32,29 @@ Fraction = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=0, le=1000)]
 
 
-class Spec(BaseModel):
-    """Base of all parts of a scenario: frozen, unknown keys are errors, no NaN or infinity."""
+AnySpec = TypeVar("AnySpec", bound=Spec)
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+def with_registered_keys(place: str) -> Callable[[type[AnySpec]], type[AnySpec]]:
+    """Return a decorator that adds the keys which extensions register for a place to the model of its block."""
+
+    def add_keys(block: type[AnySpec]) -> type[AnySpec]:
+        keys = list_scenario_keys(place)
+        if not keys:
+            return block
+        fields = list(block.model_fields.items())
+        for key in keys:
+            names = [name for name, _ in fields]
+            i = names.index(key.after) + 1 if key.after in names else len(names)
+            field = Field(default=key.default, description=key.description)
+            fields.insert(i, (key.name, FieldInfo.from_annotated_attribute(key.annotation, field)))
+            block.__annotations__[key.name] = key.annotation
+        block.model_fields.clear()
+        block.model_fields.update(fields)
+        block.model_rebuild(force=True)
+        return block
+
+    return add_keys
 
 
 def format_point(numbers: Vec3) -> str:
@@ -96,6 +116,20 @@ class OneOf:
             what = f"an object for {kind!r} whose {self.part} derive from {self.base.__name__}"
         return self.offers.loaded(kind, lambda offered: self._block_in(offered, kind), what)
 
+    def blocks(self) -> Iterator[tuple[str, type[Spec]]]:
+        """Yield each kind with its block, those of other packages last; a package is imported when its turn comes.
+
+        Packages that cannot be used are left out: who names their kinds learns why.
+        """
+        yield from self.own.items()
+        for kind in self.offers.names() if self.offers else ():
+            try:
+                block = None if kind in self.own else self.block_of(kind)
+            except PluginError:
+                continue
+            if block is not None:
+                yield kind, block
+
     def _block_in(self, offered: object, kind: str) -> type[Spec] | None:
         block = getattr(offered, self.part, None) if self.part is not None else offered
         if not (isinstance(block, type) and issubclass(block, self.base)):
@@ -109,8 +143,8 @@ class OneOf:
         return core_schema.with_info_wrap_validator_function(self._validated, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """Return the JSON schema of any of gslcosim's kinds; pydantic calls it."""
-        blocks = list(dict.fromkeys(self.own.values()))
+        """Return the JSON schema of any of the installed kinds; pydantic calls it."""
+        blocks = list(dict.fromkeys(block for _, block in self.blocks()))
         if not blocks:
             return handler(schema)
         return {"anyOf": [handler(block.__pydantic_core_schema__) for block in blocks]}

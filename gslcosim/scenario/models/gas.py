@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, SerializeAsAny, model_validator
 
+from gslcosim.base import gases
 from gslcosim.base.plugins import EntryPoints
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
@@ -119,12 +120,17 @@ class GasDefinition(Spec):
     )
 
 
-# Density relative to air of the gases that there are, after GADEN's player and in its order.
-GASES = {
-    "ethanol": 1.0378, "methane": 0.5537, "hydrogen": 0.0696, "propanol": 1.23, "chlorine": 2.48, "fluorine": 1.31,
-    "acetone": 1.4529, "neon": 0.7, "helium": 0.138, "biogas": 0.8, "butane": 2.0061, "carbon_dioxide": 1.52,
-    "carbon_monoxide": 0.967, "smoke": 0.89,
-}  # fmt: skip
+def list_gases(definitions: tuple[GasDefinition, ...]) -> dict[str, gases.Gas]:
+    """Return all gases by name: those of the table, and those that a scenario defines."""
+    defined = {
+        gas.name: gases.Gas(
+            specific_gravity=gas.specific_gravity,
+            pid={} if gas.pid_correction is None else dict.fromkeys(gases.PID_LAMPS_EV, gas.pid_correction),
+            mox={law.sensor: (law.a, law.b) for law in gas.mox},
+        )
+        for gas in definitions
+    }
+    return {**gases.GASES, **defined}
 
 
 # Third parties add theirs under this name; each entry point is a class that derives from `GasSpec`.
@@ -266,10 +272,6 @@ class GasSpec(KindedSpec):
             )
         return self
 
-    def gas_names(self) -> tuple[str, ...]:
-        """Return the names of the gases that there are: gslcosim's and those defined here."""
-        return (*GASES, *(gas.name for gas in self.define))
-
 
 class FilamentsSpec(GasSpec):
     """Base of gas models that move filaments.
@@ -356,34 +358,9 @@ class MeanderingPlumeGasSpec(FormulaGasSpec):
     )
 
 
-class PlaybackGasSpec(GasSpec):
-    """Stored gas of other programs, played back."""
-
-    has_releases: ClassVar[bool] = False
-
-    model: Literal["playback"] = Field(default="playback", description="gas model")  # pyright: ignore
-    playback: PlaybackSpec | None = Field(default=None, description="stored gas")
-
-    @property
-    def stored(self) -> PlaybackSpec | None:
-        """The stored gas that is played."""
-        return self.playback
-
-    @model_validator(mode="after")
-    def _check_playback(self) -> Self:
-        if self.playback is None:
-            raise broken_rule_error(
-                key="playback",
-                expected="a folder of frames with model: playback",
-                found="none",
-                remedy="For example model: playback, playback: {folder: my_frames}.",
-            )
-        return self
-
-
 GAS_MODELS: dict[str, type[GasSpec]] = {
     str(block.model_fields["model"].default): block
-    for block in (FilamentGasSpec, GaussianPlumeGasSpec, MeanderingPlumeGasSpec, FarrellGasSpec, PlaybackGasSpec)
+    for block in (FilamentGasSpec, GaussianPlumeGasSpec, MeanderingPlumeGasSpec, FarrellGasSpec)
 }
 """The block of each of gslcosim's own gas models."""
 

@@ -1,17 +1,23 @@
 """Participants of the user, services of other packages, and the sandbox of an agent's processes."""
 
 import re
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, Field, SerializeAsAny, StringConstraints, model_validator
 
 from gslcosim.base.plugins import EntryPoints
 from gslcosim.base.problems import broken_rule_error
-from gslcosim.base.processes import build_python_command
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scenario_keys import (
+    PARTICIPANT,
+    PARTICIPANT_READ,
+    PARTICIPANT_START,
+    ParticipantStart,
+    list_participant_starts,
+)
 from gslcosim.contract.messages import ParameterValue
 from gslcosim.contract.participant_messages import VENTILATION, build_own_port, find_driven_source, find_room_output
-from gslcosim.scenario.models.base import Name, OneOf, Positive, Spec
+from gslcosim.scenario.models.base import Name, OneOf, Positive, Spec, with_registered_keys
 
 # The names that a briefing can hold.
 _PARAMETER_NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
@@ -65,31 +71,21 @@ class AgentLimitsSpec(Spec):
         return any(value is not None for value in (self.cpu_s, self.memory_mb, self.n_files, self.n_processes))
 
 
-# FMI allows any text as the name of a variable.
-VariableName = Annotated[str, StringConstraints(min_length=1, max_length=200)]
-ValuePath = Annotated[str, StringConstraints(min_length=1, max_length=400)]
+# Of a participant that an extension starts; those of programs are `_PARAMETER_NAME`.
+ParameterName = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 
 # A service that is silent for 30 s is taken for one that hangs; the program's own limit says more.
 MAX_ANSWER_S = 25.0
 
 
-# What loads a unit in its own process.
-FMU_HOST = "gslcosim.runtime.external.fmi.host"
-
-
+@with_registered_keys(PARTICIPANT_START)
 class ProgramStartSpec(Spec):
-    """Start of a participant's program: command, connection to the gateway, and format; or an FMU.
-
-    `fmu` is an FMU for co-simulation, FMI 2 or 3, which gslcosim loads in a process of its own.
-    """
+    """Start of a participant's program: command, connection to the gateway, and format; or a key of an extension."""
 
     command: Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
         default=None,
         description="program and arguments; a name with a slash is relative to the scenario's folder, others "
         "are found on the PATH",
-    )
-    fmu: Annotated[str, Field(min_length=1)] | None = Field(
-        default=None, description="FMU, a file relative to the scenario's folder"
     )
     door: Literal["stdio", "tcp", "unix"] = Field(
         default="stdio", description="transport: standard streams or a connection"
@@ -98,35 +94,39 @@ class ProgramStartSpec(Spec):
 
     @model_validator(mode="after")
     def _check_one(self) -> Self:
-        given = [key for key in ("command", "fmu") if getattr(self, key) is not None]
+        keys = ["command", *(start.name for start in list_participant_starts())]
+        given = [key for key in keys if getattr(self, key) is not None]
         if len(given) != 1:
             raise broken_rule_error(
-                expected="exactly one of command and fmu",
+                expected=f"exactly one of {', '.join(keys[:-1])} and {keys[-1]}" if keys[1:] else "a command",
                 found=" and ".join(given) or "none",
                 remedy="For example start: {command: [./my_model]}.",
             )
-        if self.fmu is not None and (self.door, self.format) != ("stdio", "msgpack"):
-            raise broken_rule_error(
-                key="door" if self.door != "stdio" else "format",
-                expected="neither door nor format beside fmu",
-                found=self.door if self.door != "stdio" else self.format,
-                remedy="Leave it out.",
-            )
+        if (start := self.registered) is not None:
+            start.check_start(self)
         return self
+
+    @property
+    def registered(self) -> ParticipantStart[Any] | None:
+        """The start of an extension that the block has, if it has one."""
+        return next((start for start in list_participant_starts() if start.get(self) is not None), None)
 
     @property
     def words(self) -> tuple[str, ...]:
         """Program and arguments of the process."""
-        if self.command is not None:
-            return self.command
-        return (*build_python_command("-m", FMU_HOST), str(self.fmu))
+        start = self.registered
+        return self.given_words if start is None else start.build_words(start.get(self))
+
+    @property
+    def given_words(self) -> tuple[str, ...]:
+        """The words that the scenario gives: the command, or the text of an extension's key."""
+        start = self.registered
+        return (self.command or ()) if start is None else (str(start.get(self)),)
 
 
+@with_registered_keys(PARTICIPANT_READ)
 class PortReadSpec(Spec):
-    """A port that a participant reads, true values included, `delay` ticks late.
-
-    `inputs`, for an FMU: by variable the place of its value in the message of the port.
-    """
+    """A port that a participant reads, true values included, `delay` ticks late."""
 
     port: Annotated[str, StringConstraints(min_length=1, max_length=200)] = Field(
         description="port, such as truth/samples (docs/messages.md) or participant/NAME/PORT"
@@ -134,13 +134,9 @@ class PortReadSpec(Spec):
     delay: Annotated[int, Field(ge=0, le=1000)] = Field(
         default=0, description="delay in ticks between a message and the step that reads it"
     )
-    inputs: dict[VariableName, ValuePath] = Field(
-        default={},
-        description="for a unit: by input variable the place of its value in the message, such as "
-        "samples[sensor=nose].gases[gas=ethanol].mixing_ratio_ppm",
-    )
 
 
+@with_registered_keys(PARTICIPANT)
 class ParticipantProgramSpec(Spec):
     """Your own model: a program that reads its inputs once per period and answers.
 
@@ -148,7 +144,6 @@ class ParticipantProgramSpec(Spec):
     - `writes`: its outputs. `ventilation` changes the wind of the room, `source_0` the rate of the first source and so
       on; any other name is a port of its own, `participant/<name>/<output>`, whose numbers become curves in the
       recording.
-    - `outputs`: of an FMU, by output and name the variable with its value.
     - `parameters`: passed to the program unchanged; of a unit, by variable.
     """
 
@@ -163,10 +158,7 @@ class ParticipantProgramSpec(Spec):
     answer_within_s: Annotated[float, Field(gt=0, le=MAX_ANSWER_S)] = Field(
         default=10.0, description="wall-clock timeout for an answer"
     )
-    outputs: dict[Name, dict[Name, VariableName]] = Field(
-        default={}, description="for a unit: by output and name the variable with its value"
-    )
-    parameters: dict[VariableName, ParameterValue] = Field(
+    parameters: dict[ParameterName, ParameterValue] = Field(
         default={}, description="settings of the model, passed unchanged; for a unit: by variable"
     )
     sandbox: SandboxChoice = Field(
@@ -220,36 +212,15 @@ class ParticipantProgramSpec(Spec):
 
     @model_validator(mode="after")
     def _check_variables(self) -> Self:
-        if self.start.fmu is not None:
-            self._check_fmu_outputs()
+        for start in list_participant_starts():
+            start.check_participant(self)
+        if self.start.registered is not None:
             return self
-        found = "reads[].inputs" if any(read.inputs for read in self.reads) else "outputs" if self.outputs else ""
-        if found:
-            expected = "start.fmu beside variables of a unit"
-            raise broken_rule_error(expected=expected, found=f"{found} of a program", remedy="Leave them out.")
         wrong = next((name for name in self.parameters if _PARAMETER_NAME.fullmatch(name) is None), None)
         if wrong is not None:
             expected = "names of at most 40 lower-case letters, digits and _, for a program"
             raise broken_rule_error(key="parameters", expected=expected, found=f"'{wrong}'")
         return self
-
-    def _check_fmu_outputs(self) -> None:
-        words = list(self.writes)
-        if sorted(self.outputs) != sorted(words):
-            raise broken_rule_error(
-                key="outputs",
-                expected=f"variables of the unit for each of its writes ({', '.join(sorted(words))})",
-                found=", ".join(sorted(self.outputs)) or "none",
-                remedy=f"For example outputs: {{{words[0]}: {{share: VARIABLE}}}}.",
-            )
-        for word, values in self.outputs.items():
-            room = find_room_output(word)
-            if room is not None and [*values] != [room.value]:
-                raise broken_rule_error(
-                    key=f"outputs.{word}",
-                    expected=f"{room.value}, and nothing else",
-                    found=", ".join(values) or "nothing",
-                )
 
 
 # Third parties add theirs under this name; each entry point is a class that derives from `ServiceSpec`.

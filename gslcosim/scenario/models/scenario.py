@@ -9,11 +9,11 @@ from gslcosim.base.errors import VehicleError
 from gslcosim.base.method_names import name_method
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
-from gslcosim.base.ros_graphs import ROS_ENDPOINT, RosDistribution
+from gslcosim.base.scenario_keys import AGENT_START, AgentStart, list_agent_starts, list_live_keys
 from gslcosim.contract.environment_messages import EVENTS, PROBES, EventsBeginning, build_source_port
 from gslcosim.contract.messages import ParameterValue
 from gslcosim.contract.participant import Inbox, Read
-from gslcosim.scenario.models.base import Name, NonNegative, Positive
+from gslcosim.scenario.models.base import Name, NonNegative, Positive, with_registered_keys
 from gslcosim.scenario.models.base import Spec as Spec
 from gslcosim.scenario.models.events import Event, EventSpec, SourceRateSpec
 from gslcosim.scenario.models.gas import EVEN_RELEASES, Gas
@@ -80,48 +80,7 @@ class EnvironmentSpec(Spec):
         return self
 
 
-_ROS_HOSTS = ("tcp/localhost", "tcp/127.0.0.1", "tcp/[::1]")
-_LAST_PORT = 65_535
-
-
-class RosGraphSpec(Spec):
-    """A ROS 2 graph over Zenoh: distribution, domain and router."""
-
-    distro: RosDistribution = Field(
-        default="jazzy", description="ROS distribution of the other nodes: hashes of types differ"
-    )
-    domain: Annotated[int, Field(ge=0, le=232)] = Field(default=0, description="domain, `ROS_DOMAIN_ID` of the nodes")
-    endpoint: Annotated[str, Field(pattern=r"^tcp/(localhost|127\.0\.0\.1|\[::1\]):\d{1,5}$")] = Field(
-        default=ROS_ENDPOINT,
-        description="address of the graph's router on this machine: the run is it, unless one is there already",
-    )
-
-    @field_validator("endpoint", mode="before")
-    @classmethod
-    def _check_endpoint(cls, endpoint: object) -> object:
-        if isinstance(endpoint, str):
-            host, _, port = endpoint.rpartition(":")
-            if host not in _ROS_HOSTS or not (port.isascii() and port.isdigit() and 0 < int(port[:6]) <= _LAST_PORT):
-                raise broken_rule_error(
-                    expected="an address of this machine with a port from 1 to 65535",
-                    found=f"{endpoint[:80]!r}",
-                    remedy=f"For example {ROS_ENDPOINT}.",
-                )
-        return endpoint
-
-
-class Ros2Spec(RosGraphSpec):
-    """Live topics of a run in a ROS 2 graph over Zenoh, without ROS; no influence on results.
-
-    Anyone on this machine can read the graph. Without `truth` it has only what agents are given, and the map.
-    """
-
-    truth: bool = Field(default=False, description="publish the ground truth below /truth, and the sources")
-    clock_hz: Annotated[float, Field(ge=1, le=10_000)] = Field(
-        default=100.0, description="messages on /clock per second of the wall clock, at most"
-    )
-
-
+@with_registered_keys(AGENT_START)
 class StartSpec(Spec):
     """Start of an agent: a Python agent by name or file, a command line, or an agent that attaches itself.
 
@@ -130,7 +89,6 @@ class StartSpec(Spec):
     - `format`: encoding of the gateway's frames.
     - `observations: asked`: the gateway sends only observations that require a command.
     - `process_of`: another agent whose process, and door, also serves this agent.
-    - `ros2`: a node of ROS 2 that the user starts decides; a program of gslcosim's stands between.
     - `method`: method name in lists and tables for an agent that attaches itself.
     """
 
@@ -141,9 +99,6 @@ class StartSpec(Spec):
         default=None,
         description="program and arguments; a name with a slash is relative to the scenario's folder, others "
         "are found on the PATH",
-    )
-    ros2: RosGraphSpec | None = Field(
-        default=None, description="the graph of a ROS 2 node that decides, as topics below /AGENT/agent; extra ros"
     )
     attach: bool = Field(default=False, description="wait for an agent that the user starts and that attaches itself")
     door: Literal["zenoh", "stdio", "tcp", "unix"] = Field(
@@ -163,12 +118,18 @@ class StartSpec(Spec):
         """True if the agent speaks frames with the supervisor instead of joining the bus."""
         return self.door != "zenoh"
 
+    @property
+    def registered(self) -> AgentStart[Any] | None:
+        """The start of an extension that the block has, if it has one."""
+        return next((start for start in list_agent_starts() if start.get(self) is not None), None)
+
     @model_validator(mode="after")
     def _check_one(self) -> Self:
-        given = [key for key in ("python", "command", "ros2", "attach", "process_of") if getattr(self, key)]
+        registered = [start.name for start in list_agent_starts()]
+        given = [key for key in ("python", "command", *registered, "attach", "process_of") if getattr(self, key)]
         if len(given) != 1:
             raise broken_rule_error(
-                expected="exactly one of python, command, ros2, attach: true and process_of",
+                expected=f"exactly one of {', '.join(['python', 'command', *registered])}, attach: true and process_of",
                 found=" and ".join(given) or "none",
                 remedy="For example start: {python: dung_beetle}.",
             )
@@ -197,13 +158,8 @@ class StartSpec(Spec):
                 found=self.door,
                 remedy="Standard input and output belong to a program that is started here, with command.",
             )
-        if self.ros2 is not None and self.is_behind_gateway:
-            raise broken_rule_error(
-                key="door",
-                expected="none for a node of ROS 2, which has the graph",
-                found=self.door,
-                remedy="Leave it out.",
-            )
+        if (start := self.registered) is not None:
+            start.check_start(self)
         return self
 
     @model_validator(mode="after")
@@ -397,14 +353,9 @@ class AgentSpec(Spec):
     )
 
     @model_validator(mode="after")
-    def _check_ros2(self) -> Self:
-        if self.start.ros2 is not None and self.sandbox not in ("auto", "none"):
-            raise broken_rule_error(
-                key="sandbox",
-                expected="none for a node of ROS 2, which needs the network",
-                found=self.sandbox,
-                remedy="Leave it out.",
-            )
+    def _check_start(self) -> Self:
+        if (start := self.start.registered) is not None:
+            start.check_agent(self)
         return self
 
     @model_validator(mode="after")
@@ -531,6 +482,7 @@ class RestartSpec(Spec):
 Processes = Literal["separate", "grouped", "one"] | tuple[tuple[Name, ...], ...]
 
 
+@with_registered_keys("")
 class Scenario(Spec):
     """A scenario file. `tick_ms` is the exchange step; the world takes physics sub-steps within it.
 
@@ -579,7 +531,6 @@ class Scenario(Spec):
     processes: Processes = Field(
         default="separate", description="services that share a process, without influence on results"
     )
-    ros2: Ros2Spec | None = Field(default=None, description="live topics in a ROS 2 graph (absent: none); extra ros")
 
     @model_validator(mode="after")
     def _check_restart(self) -> Self:
@@ -653,6 +604,10 @@ class Scenario(Spec):
                     remedy="Leave it out, or source_starts and source_stops in its place.",
                 )
 
+    def without_live_keys(self) -> "Scenario":
+        """Return the scenario without what shows a run while it goes on."""
+        return self.model_copy(update={key.name: key.default for key in list_live_keys()})
+
     @property
     def tick_ns(self) -> int:
         """Length of a tick [ns]."""
@@ -711,7 +666,7 @@ class Scenario(Spec):
             name: name_method(
                 python=start.python,
                 command=start.command or (),
-                method=start.method if start.ros2 is None else "ros2",
+                method=start.method if start.registered is None else start.registered.name,
             )
             for name, start in starts.items()
         }

@@ -6,6 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, SerializeAsAny, TypeAdapter, create_model, model_validator
 
+from gslcosim.base.gases import PID_LAMPS_EV
 from gslcosim.base.plugins import EntryPoints, PluginError
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
@@ -105,10 +106,6 @@ class MoxSensorSpec(MeasuringSensorSpec):
     baseline_walk: NonNegative = Field(
         default=0.0004, description="random walk of the logarithm of its resistance [1/sqrt(s)]"
     )
-
-
-# Lamps that are sold: krypton, and argon behind a lithium fluoride window.
-PID_LAMPS_EV = (10.6, 11.7)
 
 
 class PidSensorSpec(MeasuringSensorSpec):
@@ -445,9 +442,6 @@ SENSOR_BLOCKS: dict[str, type[SensorSpec]] = {
     "anemometer_3d_ideal": IdealAnemometer3dSpec,
 }
 SENSORS = tuple(SENSOR_BLOCKS)
-ON_BOARD_SENSORS = tuple(name for name, block in SENSOR_BLOCKS.items() if issubclass(block, OnBoardSensorSpec))
-# Cameras, which a core of their own renders.
-CAMERA_SENSORS = tuple(name for name, block in SENSOR_BLOCKS.items() if issubclass(block, CameraSensorSpec))
 # Third parties add theirs under this name; each entry point is a `gslcosim_services.sensing.models.SensorKind`.
 SENSOR_ENTRY_POINTS = "gslcosim.sensors"
 

@@ -10,6 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 from pydantic import Field, SerializeAsAny, model_validator
 
+from gslcosim.base.gases import GASES
 from gslcosim.base.plugins import EntryPoints
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
@@ -95,7 +96,9 @@ class BuoyancySpec(KindedSpec):
 
     kind: Literal["gas", "heat"] = Field(default="gas", description="what drives the wind")
     density_kg_m3: Annotated[float, Field(gt=0, lt=100)] = Field(
-        default=0.166, description="density of the pure gas; helium 0.166, hydrogen 0.084, methane 0.668"
+        default=GASES["helium"].density_kg_m3,
+        description="density of the pure gas; "
+        + ", ".join(f"{name} {GASES[name].density_kg_m3:g}" for name in ("helium", "hydrogen", "methane")),
     )
     diffusivity_m2_s: Positive | None = Field(
         default=None, description="molecular diffusivity (absent: helium's 7.0e-5, heat's 2.1e-5)"

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import ModelError, ScenarioError
+from gslcosim.base.gases import air_density_mol_m3
 from gslcosim.base.quantities import GRAVITY_M_S2, Vec3
 from gslcosim.base.rng import stream
 from gslcosim.environment.model import AT_START, Cell, Closed, Environment
@@ -17,7 +18,6 @@ from gslcosim_services.fields.filament.downwash import Jets, blow_filaments_inpl
 from gslcosim_services.fields.filament.filament_step import NOT_FINITE, move_filaments_inplace, trace_displacement
 from gslcosim_services.fields.filament.release import POINT, ReleasePlan, SourceChange, SourceShape, SourceValve
 from gslcosim_services.fields.filament.turbulent_step import move_turbulent_filaments_inplace
-from gslcosim_services.fields.gases import air_density_mol_m3
 from gslcosim_services.fields.turbulence.air import TurbulentAir
 from gslcosim_services.fields.turbulence.eddies import LargeEddies
 

@@ -1,1 +1,1 @@
-"""Gas models of a scenario: filaments, Farrell's open field, Gaussian plumes, and playback of stored gas."""
+"""Gas models of a scenario: filaments, Farrell's open field and Gaussian plumes."""

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from gslcosim.base.errors import ScenarioError
+from gslcosim.base.gases import air_density_mol_m3
 from gslcosim.environment.model import AT_START, Closed, Environment
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.events import SourceEventSpec
-from gslcosim.scenario.models.gas import FilamentGasSpec, FilamentsSpec, SourceSpec
+from gslcosim.scenario.models.gas import FilamentGasSpec, FilamentsSpec, SourceSpec, list_gases
 from gslcosim_services.fields.filament.plume import (
     NEUTRAL,
     Buoyancy,
@@ -37,7 +38,6 @@ from gslcosim_services.fields.gas_setup import (
     gas_timing,
     list_gas_names,
 )
-from gslcosim_services.fields.gases import air_density_mol_m3, find_gas
 from gslcosim_services.fields.mixing_ratio import CUTOFF_SIGMA, Walls
 from gslcosim_services.fields.tape import MAX_SOURCES, CachedPlume
 from gslcosim_services.fields.turbulence.air import (
@@ -250,7 +250,7 @@ def _build_release(source: SourceSpec) -> ReleasePlan:
 
 
 def _build_buoyancy(source: SourceSpec, gas: FilamentsSpec) -> Buoyancy:
-    specific_gravity = find_gas(source.gas or gas.gas, definitions=gas.define).specific_gravity
+    specific_gravity = list_gases(gas.define)[source.gas or gas.gas].specific_gravity
     if gas.compatibility == "gaden_3":
         return gaden_3_buoyancy(specific_gravity, source.ppm, source.sigma_m)
     if gas.compatibility == "gaden_2" or gas.buoyancy == "none":

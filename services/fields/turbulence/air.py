@@ -18,6 +18,7 @@ from gslcosim.environment.positions import read_room
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.gas import FarrellGasSpec, FilamentsSpec
 from gslcosim_services.fields.turbulence.eddies import EddyScales, largest_spacing_m, potential_amplitude_m2_s
+from gslcosim_services.fields.turbulence.grid_filters import distance_to, find_nearest, smooth_gaussian
 
 LAGRANGIAN_C0 = 6.0
 """Kolmogorov's constant C0 of the Lagrangian structure function: Lien and D'Asaro 2002, Physics of Fluids 14, 4456."""
@@ -306,13 +307,10 @@ def build_turbulent_air(
 
 # The mean of the cells of air around each corner; corners within solids have that of the nearest air.
 def _at_corners(values: NDArray[np.floating], air: NDArray[np.bool_]) -> NDArray[np.float64]:
-    from scipy import ndimage
-
     sums, counts = (_sum_around_corners(np.where(air, each, 0.0)) for each in (values, np.ones(air.shape)))
     mean = sums / np.maximum(counts, 1.0)
     if (counts == 0).any():
-        nearest: Any = ndimage.distance_transform_edt(counts == 0, return_distances=False, return_indices=True)
-        mean = mean[tuple(nearest)]
+        mean = mean[tuple(find_nearest(counts != 0))]
     return mean
 
 
@@ -325,8 +323,6 @@ def _sum_around_corners(values: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def _distance_to_walls_m(environment: Environment, walls: Walled, *, reach_m: float) -> NDArray[np.float64]:
-    from scipy import ndimage
-
     # Beyond the border there is wall, save on a side that is open and beside an outlet.
     solid = np.pad(environment.occupancy == Cell.SOLID, 1, constant_values=False)
     outlet = np.pad(environment.occupancy == Cell.OUTLET, 1, constant_values=False)
@@ -344,8 +340,7 @@ def _distance_to_walls_m(environment: Environment, walls: Walled, *, reach_m: fl
                 is_wall |= solid[di : di + nx, dj : dj + ny, dk : dk + nz]
     if not is_wall.any():
         return np.full(is_wall.shape, reach_m)
-    distance: Any = ndimage.distance_transform_edt(~is_wall)
-    return distance * environment.grid.cell_m
+    return distance_to(is_wall) * environment.grid.cell_m
 
 
 # Zero at a wall, one from a spacing on, smooth between: Bridson's ramp.
@@ -355,14 +350,8 @@ def _fade_at_walls(distance: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _smooth_wind(environment: Environment, air: NDArray[np.bool_], length_m: float) -> NDArray[np.float64]:
-    from scipy import ndimage
-
     mean = np.asarray(environment.wind.velocity_m_s).mean(axis=0, dtype=np.float64)
     width = 0.5 * length_m / environment.grid.cell_m
-    share = ndimage.gaussian_filter(air.astype(np.float64), width, mode="constant", truncate=3.0)
-    smooth = [
-        ndimage.gaussian_filter(np.where(air, mean[..., i], 0.0), width, mode="constant", truncate=3.0)
-        / np.maximum(share, 1e-3)
-        for i in range(3)
-    ]
+    weight = np.maximum(smooth_gaussian(air.astype(np.float64), width), 1e-3)
+    smooth = [smooth_gaussian(np.where(air, mean[..., i], 0.0), width) / weight for i in range(3)]
     return np.stack(smooth, axis=-1)

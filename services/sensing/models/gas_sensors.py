@@ -5,17 +5,15 @@ All respond to the sum of all gases, except for the PID, which weighs them.
 
 import math
 from collections.abc import MutableSequence, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from gslcosim.base.quantities import Vec3
+from gslcosim.base.quantities import BEAM_QUANTITY, GAS_QUANTITIES, Vec3
 from gslcosim.base.scalar_kernels import exact_sum, next_normal, next_poisson, scalar_kernel
 from gslcosim.contract.messages import MountSample, Reading
-from gslcosim.scenario.models.gas import GasDefinition
+from gslcosim.scenario.models.gas import GasDefinition, list_gases
 from gslcosim.scenario.models.sensors import (
-    PID_LAMPS_EV,
     SENSOR_BLOCKS,
     AveragingSensorSpec,
     HitCounterSpec,
@@ -36,34 +34,6 @@ from gslcosim_services.sensing.models.base import (
     push_count,
     push_value,
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class PidGas:
-    """A gas that lamps ionise: its ionisation energy, and its correction factor CF with each lamp, if it answers."""
-
-    ionisation_ev: float
-    cf_10_6_ev: float | None
-    cf_11_7_ev: float | None
-
-    def correction(self, lamp_ev: float) -> float:
-        """Return what the true mixing ratio is divided by with that lamp; 0 if it does not ionise the gas."""
-        return (self.cf_10_6_ev if lamp_ev == PID_LAMPS_EV[0] else self.cf_11_7_ev) or 0.0
-
-
-# True mixing ratio over the reading of an instrument that was calibrated with isobutylene, after RAE Systems' Technical
-# Note TN-106 (revision of 08/2010); remembered, not read again: uncertain by a quarter, and with makers (Ion Science
-# and others print 8.7 to 10 for ethanol at 10.6 eV). Energies are in eV. Propanol is 2-propanol; 1-propanol has 5 and
-# 1.7. What is not in the table has more than 11.7 eV: hydrogen 15.43, fluorine 15.7, methane 12.61, carbon dioxide
-# 13.77, carbon monoxide 14.01, helium 24.6, neon 21.6. Smoke is no one gas.
-PID_GASES = {
-    "ethanol": PidGas(ionisation_ev=10.47, cf_10_6_ev=7.9, cf_11_7_ev=3.1),
-    "propanol": PidGas(ionisation_ev=10.12, cf_10_6_ev=6.0, cf_11_7_ev=2.7),
-    "chlorine": PidGas(ionisation_ev=11.48, cf_10_6_ev=None, cf_11_7_ev=1.0),
-    "acetone": PidGas(ionisation_ev=9.71, cf_10_6_ev=1.1, cf_11_7_ev=1.4),
-    # n-butane; isobutane, barely below 10.6 eV, has 100 and 1.2.
-    "butane": PidGas(ionisation_ev=10.53, cf_10_6_ev=67.0, cf_11_7_ev=1.2),
-}
 
 
 @scalar_kernel
@@ -87,7 +57,7 @@ def measure_pid(
     y follows the sum over gases of c / CF [ppm] by `lag_frac` of the gap in each tick, from 0 at the start;
     parameters = (lag_frac, CF correction factor of each gas, 0 of those not seen)
 
-    State: y. See `SensorKernel` for the arguments. Source: RAE Systems, Technical Note TN-106; see `PID_GASES`.
+    State: y. See `SensorKernel` for the arguments. Source: RAE Systems, Technical Note TN-106; see `GASES`.
     Deviation: GADEN has 10.47 for ethanol, which is its ionisation energy [eV] and not a factor.
     Held by: tests/unit/services/sensing/test_ppm_sensors.py
     """
@@ -235,19 +205,18 @@ def two_lag_remainder(a_s: float, b_s: float, t: float) -> tuple[float, float, f
 
 
 def _build_pid_kind(definitions: tuple[GasDefinition, ...]) -> KernelSensorKind:
-    defined = {gas.name: gas.pid_correction for gas in definitions if gas.pid_correction is not None}
+    known = list_gases(definitions)
 
     def kernel(spec: PidSensorSpec, gases: tuple[str, ...], tick_s: float) -> SensorKernel:
-        known = {name: gas.correction(spec.lamp_ev) for name, gas in PID_GASES.items()}
-        corrections = {**known, **defined}
-        numbers = (lag_frac(spec.t90_s, tick_s), *(corrections.get(gas, 0.0) for gas in gases))
+        corrections = (known[gas].pid.get(spec.lamp_ev, 0.0) for gas in gases)
+        numbers = (lag_frac(spec.t90_s, tick_s), *corrections)
         return SensorKernel(advance=measure_pid, parameters=numbers, state=(0.0,))
 
     return KernelSensorKind(
         name="pid",
         settings=SENSOR_BLOCKS["pid"],
         quantity="mixing_ratio",
-        unit="ppm",
+        unit=GAS_QUANTITIES["mixing_ratio"],
         description="Photo-ionisation detector: values = (ppm,), each gas over its correction factor.",
         kernel=kernel,
         least_value=0.0,
@@ -289,7 +258,7 @@ PPM_KINDS = (
         name="threshold",
         settings=SENSOR_BLOCKS["threshold"],
         quantity="mixing_ratio",
-        unit="ppm",
+        unit=GAS_QUANTITIES["mixing_ratio"],
         description="Threshold sensor: values = (ppm,) with noise above threshold_ppm, 0 below.",
         kernel=_threshold_kernel,
         has_own_noise=True,
@@ -298,7 +267,7 @@ PPM_KINDS = (
         name="binary",
         settings=SENSOR_BLOCKS["binary"],
         quantity="gas_detected",
-        unit="1",
+        unit=GAS_QUANTITIES["gas_detected"],
         description="Binary detector: values = (1 or 0,), 1 where the mixing ratio, with noise, exceeds threshold_ppm.",
         kernel=_binary_kernel,
         has_own_noise=True,
@@ -307,7 +276,7 @@ PPM_KINDS = (
         name="hit_counter",
         settings=SENSOR_BLOCKS["hit_counter"],
         quantity="hits",
-        unit="1",
+        unit=GAS_QUANTITIES["hits"],
         description="Hit counter of infotaxis: values = (hits,) in the last period_s, or tick; Poisson with "
         "hits_per_s_per_ppm.",
         kernel=_hit_counter_kernel,
@@ -316,7 +285,7 @@ PPM_KINDS = (
         name="averaging",
         settings=SENSOR_BLOCKS["averaging"],
         quantity="mixing_ratio",
-        unit="ppm",
+        unit=GAS_QUANTITIES["mixing_ratio"],
         description="Averaging sensor: values = (mean ppm of the last averaging_s,).",
         kernel=_averaging_kernel,
     ),
@@ -324,15 +293,11 @@ PPM_KINDS = (
         name="second_order",
         settings=SENSOR_BLOCKS["second_order"],
         quantity="mixing_ratio",
-        unit="ppm",
+        unit=GAS_QUANTITIES["mixing_ratio"],
         description="Slow gas sensor: values = (ppm,) behind two lags, response_s up and recovery_s down.",
         kernel=_second_order_kernel,
     ),
 )
-
-
-TDLAS_QUANTITY = "path_integrated_mixing_ratio"
-TDLAS_UNIT = "ppm m"
 
 
 class TdlasSensor:
@@ -367,8 +332,8 @@ class TdlasSensor:
         self._shown_ppm_m = follow(self._shown_ppm_m, ppm * beam_m, self._frac)
         return Reading(
             sensor=self._sensor,
-            quantity=TDLAS_QUANTITY,
-            unit=TDLAS_UNIT,
+            quantity=BEAM_QUANTITY,
+            unit=GAS_QUANTITIES[BEAM_QUANTITY],
             values=(self._shown_ppm_m,),
             is_saturated=beam_m == 0.0,
         )
@@ -382,8 +347,8 @@ def _build_tdlas(spec: TdlasSensorSpec, tick_s: float, rng: np.random.Generator)
 TDLAS = SensorKind(
     name="tdlas",
     settings=SENSOR_BLOCKS["tdlas"],
-    quantity=TDLAS_QUANTITY,
-    unit=TDLAS_UNIT,
+    quantity=BEAM_QUANTITY,
+    unit=GAS_QUANTITIES[BEAM_QUANTITY],
     description="Open-path laser: values = (ppm m,), the target gas integrated along the beam to the wall.",
     build=_build_tdlas,
 )

@@ -2,19 +2,31 @@
 
 import math
 from collections.abc import MutableSequence, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
+from gslcosim.base.quantities import ESTIMATE_QUANTITY, GAS_QUANTITIES
 from gslcosim.base.scalar_kernels import next_normal, scalar_kernel
-from gslcosim.scenario.models.gas import GasDefinition
+from gslcosim.scenario.models.gas import GasDefinition, list_gases
 from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, MoxSensorSpec
 from gslcosim_services.sensing.models.base import KernelEstimator, KernelSensorKind, SensorKernel
 
 MIN_RATIO = 0.01
 QUANTITY = "resistance"
-UNIT = "ohm"
-ESTIMATE_QUANTITY = "estimated_mixing_ratio"
 ESTIMATE_UNIT = "ppm"
+
+# Model, R0 [ohm], Rs/R0 in clean air, rise and decay [s], as in GADEN; the gases' power laws are in `GASES`.
+# TGS2602: Figaro's sheet "TGS 2602 - for the detection of Air Contaminants" has 10 to 100 kilo-ohms in
+# clean air (their geometric mean, rounded), no times (TGS2600's are taken), and curves of toluene, ammonia, hydrogen
+# sulfide and hydrogen that are not digitised here.
+_TABLE = (
+    ("tgs2600", 50000.0, 1.0, 4.8, 18.75),
+    ("tgs2602", 30000.0, 1.0, 4.8, 18.75),
+    ("tgs2610", 3740.0, 10.3, 3.44, 6.35),
+    ("tgs2611", 3740.0, 8.8, 3.44, 6.35),
+    ("tgs2612", 4500.0, 19.5, 3.44, 6.35),
+    ("tgs2620", 3000.0, 21.0, 2.96, 15.71),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,66 +52,23 @@ class MoxParameters:
         return (self.air_ratio / a) ** (1.0 / b)
 
 
-# GADEN gives these four methane's figures and marks them as still to review.
-_AS_METHANE = ("propanol", "chlorine", "fluorine", "acetone")
+def build_mox_parameters(definitions: tuple[GasDefinition, ...] = ()) -> dict[str, MoxParameters]:
+    """Return the figures of all sensors by model, with power laws of all gases, also those that a scenario defines."""
+    gases = list_gases(definitions)
+    return {
+        model: MoxParameters(
+            model=model,
+            r0_ohm=r0_ohm,
+            air_ratio=air_ratio,
+            rise_s=rise_s,
+            decay_s=decay_s,
+            power_law={name: gas.mox[model] for name, gas in gases.items() if model in gas.mox},
+        )
+        for model, r0_ohm, air_ratio, rise_s, decay_s in _TABLE
+    }
 
 
-def _build_parameters(
-    model: str,
-    r0_ohm: float,
-    air_ratio: float,
-    times_s: tuple[float, float],
-    *,
-    ethanol: tuple[float, float],
-    methane: tuple[float, float],
-    hydrogen: tuple[float, float],
-) -> MoxParameters:
-    power_law = {"ethanol": ethanol, "methane": methane, "hydrogen": hydrogen, **dict.fromkeys(_AS_METHANE, methane)}
-    rise_s, decay_s = times_s
-    return MoxParameters(
-        model=model, r0_ohm=r0_ohm, air_ratio=air_ratio, rise_s=rise_s, decay_s=decay_s, power_law=power_law
-    )
-
-
-# Not in GADEN. From Figaro's sheet "TGS 2602 - for the detection of Air Contaminants": 10 to 100 kilo-ohms in clean air
-# (their geometric mean, rounded), and the ethanol curve through about 0.75 at 1 ppm, 0.3 at 10 ppm and 0.17 at 30 ppm,
-# the sheet's range, where one sensor may differ from another by a factor of two. Uncertain: the sheet gives no times
-# (TGS2600's are taken), and its curves of toluene, ammonia, hydrogen sulfide and hydrogen are not digitised here; a
-# scenario may `define` such gases with a power law of its own.
-_TGS2602 = MoxParameters(
-    model="tgs2602",
-    r0_ohm=30000.0,
-    air_ratio=1.0,
-    rise_s=4.8,
-    decay_s=18.75,
-    power_law={"ethanol": (0.77, -0.43)},
-)
-
-_TABLE = (
-    _build_parameters(
-        "tgs2600", 50000.0, 1.0, (4.8, 18.75), ethanol=(0.6796, -0.3196), methane=(1.018, -0.07284),
-        hydrogen=(0.6821, -0.3532),
-    ),
-    _TGS2602,
-    _build_parameters(
-        "tgs2610", 3740.0, 10.3, (3.44, 6.35), ethanol=(106.1, -0.5008), methane=(63.91, -0.5372),
-        hydrogen=(66.78, -0.4888),
-    ),
-    _build_parameters(
-        "tgs2611", 3740.0, 8.8, (3.44, 6.35), ethanol=(51.11, -0.3658), methane=(38.46, -0.4289),
-        hydrogen=(41.3, -0.3614),
-    ),
-    _build_parameters(
-        "tgs2612", 4500.0, 19.5, (3.44, 6.35), ethanol=(31.35, -0.09115), methane=(146.2, -0.5916),
-        hydrogen=(19.5, 0.0),
-    ),
-    _build_parameters(
-        "tgs2620", 3000.0, 21.0, (2.96, 15.71), ethanol=(62.32, -0.7155), methane=(120.6, -0.4877),
-        hydrogen=(24.45, -0.5546),
-    ),
-)  # fmt: skip
-
-MOX_PARAMETERS = {parameters.model: parameters for parameters in _TABLE}
+MOX_PARAMETERS = build_mox_parameters()
 
 
 # Where a sensor's numbers stand among the parameters of its kernel: then come A and B of each gas, 0 and 0 where it has
@@ -245,12 +214,6 @@ def _build_estimator(parameters: MoxParameters, gas: str) -> KernelEstimator | N
     return KernelEstimator(estimate_ppm, numbers, ESTIMATE_QUANTITY, ESTIMATE_UNIT)
 
 
-def add_gases(parameters: MoxParameters, definitions: tuple[GasDefinition, ...]) -> MoxParameters:
-    """Return a sensor's figures with those that a scenario gives for gases of its own."""
-    laws = {gas.name: (law.a, law.b) for gas in definitions for law in gas.mox if law.sensor == parameters.model}
-    return replace(parameters, power_law={**parameters.power_law, **laws})
-
-
 def build_mox_kind(parameters: MoxParameters) -> KernelSensorKind:
     """Return the row of the table of sensor models for one MOX sensor."""
 
@@ -262,11 +225,11 @@ def build_mox_kind(parameters: MoxParameters) -> KernelSensorKind:
         name=parameters.model,
         settings=SENSOR_BLOCKS[parameters.model],
         quantity=QUANTITY,
-        unit=UNIT,
+        unit=GAS_QUANTITIES[QUANTITY],
         description=f"MOX gas sensor {parameters.model.upper()}: values = (resistance_ohm,), lower in gas; "
         f"{parameters.r0_ohm * parameters.air_ratio:g} ohm in clean air.",
         kernel=kernel,
         least_value=MIN_RATIO * parameters.r0_ohm,
-        for_gases=lambda definitions: build_mox_kind(add_gases(parameters, definitions)),
+        for_gases=lambda definitions: build_mox_kind(build_mox_parameters(definitions)[parameters.model]),
         estimator=lambda gas: _build_estimator(parameters, gas),
     )

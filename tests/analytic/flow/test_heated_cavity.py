@@ -2,7 +2,7 @@
 
 import pytest
 
-from gslcosim.validation.cases.heated_cavity import solve_heated_cavity
+from gslcosim_validation.cases.heated_cavity import solve_heated_cavity
 
 NUSSELT = {1e3: 1.118, 1e4: 2.243, 1e5: 4.519, 1e6: 8.800}
 W_MAX = {1e3: 3.697, 1e4: 19.617, 1e5: 68.59, 1e6: 219.36}

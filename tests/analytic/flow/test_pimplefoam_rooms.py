@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gslcosim.flow import Inlet, Outlet, Patch, solve_wind
-from gslcosim.flow.comparison import compare_winds
+from gslcosim_formats.solver_comparison import compare_winds
 
 DATA = Path(__file__).parent / "pimplefoam"
 END_TIME_S = 5.0

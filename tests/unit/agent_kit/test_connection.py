@@ -7,8 +7,8 @@ import pytest
 
 from gslcosim.agent_kit import Agent, Command
 from gslcosim.agent_kit.agent import answer_frames
-from gslcosim.conformance.scripted_world import ScriptedWorld, build_briefing
 from gslcosim.contract import codec
+from gslcosim_conformance.scripted_world import ScriptedWorld, build_briefing
 
 
 class Holder(Agent):

@@ -9,9 +9,9 @@ from deadlines import EVENT_S
 from gslcosim.agent_kit import Agent, Command
 from gslcosim.agent_kit.agent import answer_observations
 from gslcosim.bus.interface import InMemoryHub
-from gslcosim.conformance.scripted_world import AGENT, ScriptedWorld, build_briefing
 from gslcosim.contract import codec, keys
 from gslcosim.contract.messages import Ending
+from gslcosim_conformance.scripted_world import AGENT, ScriptedWorld, build_briefing
 
 
 class Asked(Agent):

@@ -1,32 +1,17 @@
 """What is shown while a run goes on."""
 
-import argparse
 import io
-from pathlib import Path
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, cast
 
 import pytest
 from rich.console import Console
 
-from gslcosim.base.errors import UsageError
-from gslcosim.bench.execution.runner import Progress, StaleRows
-from gslcosim.bench.merge import MergeSummary
-from gslcosim.bench.report.writer import WrittenReport
-from gslcosim.cli.bench_workers import confirm_put_aside
 from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.run_output import (
     format_agents_table,
-    format_merge,
-    format_progress,
-    format_ranking,
     format_status,
     show_run_progress,
 )
 from gslcosim.runtime.status import RunStatus
-
-if TYPE_CHECKING:
-    from gslcosim.bench.submissions import Ranking
 
 
 class TerminalText(io.StringIO):
@@ -137,58 +122,3 @@ def test_figures_that_have_no_meaning_are_dashes():
     row = format_agents_table([{**agent, "name": "moth", "outcome": "time_limit"}], {"moth": "none"}).splitlines()[1]
     assert row.split("   ")[0] == "moth"
     assert row.count("-") == 6
-
-
-def test_progress_has_the_time_left_and_that_of_processors():
-    rooms = Progress(phase="rooms", done=1, total=3, elapsed_s=40, cpu_s=75)
-    assert format_progress(rooms) == "rooms 1/3, 40 s, 80 s left, 75 s of processor time"
-    some = Progress(
-        phase="trials", done=30, total=90, elapsed_s=60, cpu_s=118, flown={"moth": 30}, successes={"moth": 7}
-    )
-    assert format_progress(some) == "30/90 trials, 30.0/min, 2 min left, 2 min of processor time | found: moth 7/30"
-    counts = {f"m_{i}": 2 for i in range(20)}
-    many = Progress(phase="trials", done=0, total=9, elapsed_s=0, flown=counts, successes={"m_1": 2})
-    assert format_progress(many) == "0/9 trials, 0.0/min | found: 2 of 40"
-
-
-def test_who_has_nobody_to_ask_refuses_to_move_rows_of_another_version():
-    stale = StaleRows(folder=Path("results/mine"), n_stale=8, n_rows=12, changes=("program of mine",))
-    with pytest.raises(UsageError, match=r"^results/mine: expected .* 8 of 12 .*\(program of mine changed\). .* --yes"):
-        confirm_put_aside(argparse.Namespace(yes=False))(stale)
-    assert confirm_put_aside(argparse.Namespace(yes=True))(stale)
-
-
-def test_a_long_leaderboard_is_cut_to_what_a_terminal_shows():
-    summary = MergeSummary(folder=Path("out"), n_shards=1, missing=(), n_trials=4, n_chosen=4)
-    rows = [[str(i), f"m_{i}", "0.5", "0.4", "9"] for i in range(30)]
-    report = WrittenReport(page=Path("out/report.html"), leaderboard=(["#", "Entry", "Score", "SPL", "n"], rows))
-    lines = format_merge(summary, report).splitlines()
-    assert lines[2].split() == ["#", "Entry", "Score", "n"]
-    assert lines[22:24] == ["19   m_19    0.5     9", "10 more entries are in out/summary.md."]
-
-
-def test_a_merge_ends_with_the_leaderboard_of_its_report():
-    summary = MergeSummary(folder=Path("out"), n_shards=1, missing=(), n_trials=4, n_chosen=4)
-    rows = [["1", "oracle", "0.85", "2"], ["2", "dung_beetle", "0.55", "2"]]
-    report = WrittenReport(page=Path("out/report.html"), leaderboard=(["#", "Entry", "Score", "n"], rows))
-    assert format_merge(summary, report).splitlines()[1:] == [
-        "",
-        "#   Entry         Score   n",
-        "1   oracle        0.85    2",
-        "2   dung_beetle   0.55    2",
-        "",
-        "Results: out",
-        "Report: out/report.html",
-    ]
-    nothing = WrittenReport(page=Path("out/report.html"), leaderboard=(["#", "Entry", "n"], []))
-    assert format_merge(summary, nothing).splitlines()[1:] == ["Results: out", "Report: out/report.html"]
-    assert format_merge(summary, None).splitlines()[1:] == ["Results: out"]
-
-
-def test_a_ranking_heads_what_follows_from_it_and_what_does_not() -> None:
-    said = {"holds": ["a beats b."], "limits": ["Rooms are too few."]}
-    ranking = SimpleNamespace(leaderboard={"views": [{"rows": []}], "conclusions": said})
-    lines = format_ranking(cast("Ranking", ranking)).splitlines()
-    assert lines[-5:] == [
-        "What may be concluded:", "- a beats b.", "", "What may not be concluded:", "- Rooms are too few.",
-    ]  # fmt: skip

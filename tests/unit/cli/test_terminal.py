@@ -19,14 +19,14 @@ from rich.console import Console
 
 import gslcosim
 from gslcosim.base.errors import MachineError
-from gslcosim.cli.commands import generate
 from gslcosim.cli.main import main
 from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.run_output import format_agents_table, format_summary
 from gslcosim.cli.terminal import drawn_table, open_console, table, write, write_json, write_note, write_prompt
-from gslcosim.data.recording import viewer
+from gslcosim.recordings import viewer
 from gslcosim.runtime.status import RunResult, get_status_folder
-from gslcosim.teleop import Terminal
+from gslcosim_conformance.teleop import Terminal
+from gslcosim_formats.commands import generate
 
 PACKAGE = Path(gslcosim.__file__).parent
 TITLE = "\x1b]0;owned\x07"

@@ -4,10 +4,10 @@ import msgpack
 import pytest
 
 from gslcosim.base.errors import ContractError
-from gslcosim.conformance.answers import read_answer
 from gslcosim.contract import codec
 from gslcosim.contract.messages import Command
 from gslcosim.runtime.agents.validator import CommandValidator
+from gslcosim_conformance.answers import read_answer
 
 DEPTHS = (10, 100, 300, 500, 700, 900, 1000, 1020, 1100, 5000, 200_000)
 

@@ -3,10 +3,10 @@
 import mujoco
 import pytest
 
-from gslcosim.environment.formats.export import build_mjcf
 from gslcosim.environment.generation.wind import build_patches
-from gslcosim.environment.layouts.layouts import build_layout, find_layout_problems, plan_layout
+from gslcosim.environment.layouts.layouts import build_layout, find_room_problems
 from gslcosim.environment.model import Cell
+from gslcosim.environment.scene_file import build_mjcf
 from gslcosim.scenario.models.geometry import FurtherOpeningSpec, LayoutSpec, PlantSpec
 from gslcosim.scenario.models.scenario import WindSpec
 
@@ -24,7 +24,7 @@ VENT = {"name": "vent", "kind": "inlet", "min_m": (4.0, 2.0, 3.0), "max_m": (5.0
 
 def test_further_openings_are_there_with_their_own_wind_or_the_scenario_s():
     fan = {**VENT, "name": "fan", "velocity_m_s": (0.0, 0.0, 0.4), "min_m": (1.0, 2.0, 3.0), "max_m": (2.0, 3.0, 3.0)}
-    openings = {o.name: o for o in plan_layout(layout(DOOR, VENT, fan), WIND).openings}
+    openings = {o.name: o for o in build_layout(layout(DOOR, VENT, fan), WIND).openings}
     assert list(openings) == ["inlet", "outlet", "door", "vent", "fan"]
     assert openings["vent"].velocity_m_s == WIND.inlet_velocity_m_s
     assert openings["fan"].velocity_m_s == (0.0, 0.0, 0.4)
@@ -54,7 +54,7 @@ def test_solvers_get_a_patch_for_each_opening():
     ],
 )
 def test_openings_that_cannot_be_are_refused(opening, path, found):
-    (problem,) = find_layout_problems(layout(opening), WIND)
+    (problem,) = find_room_problems(layout(opening), WIND)
     assert problem.where == f"environment.layout.{path}"
     assert found in problem.found
 
@@ -75,5 +75,5 @@ def test_lamps_hang_in_rows_below_the_ceiling_and_are_named_in_the_scene():
 
 
 def test_outdoors_there_is_daylight_only():
-    assert plan_layout(PlantSpec(), WIND).lights == ()
-    assert len(plan_layout(LayoutSpec(), WIND).lights) == 4
+    assert build_layout(PlantSpec(), WIND).lights == ()
+    assert len(build_layout(LayoutSpec(), WIND).lights) == 4

@@ -1,18 +1,7 @@
 """Rooms from what a scenario says: where folders are, and imported rooms with the scenario's wind at their inlets."""
 
-import os
-from pathlib import Path
-
-import pytest
-
-from gslcosim.environment.geometry_source import build_geometry, find_folder, find_source_problems
+from gslcosim.environment.geometry_source import build_geometry, find_folder
 from gslcosim.scenario.models.scenario import EnvironmentSpec, LayoutSpec, WindSpec
-
-REFERENCE_DIR = Path(os.environ.get("GSLCOSIM_REFERENCE", Path(__file__).parents[5] / "shared" / "reference"))
-ROOM_1 = REFERENCE_DIR / "gsl-bench" / "environments" / "001"
-needs_reference = pytest.mark.skipif(
-    not ROOM_1.is_dir(), reason=f"GSLCOSIM_REFERENCE: no GSL-Bench environments in {REFERENCE_DIR}"
-)
 
 
 def test_relative_folders_start_at_the_scenario(tmp_path):
@@ -24,42 +13,3 @@ def test_relative_folders_start_at_the_scenario(tmp_path):
 def test_a_layout_becomes_its_room():
     spec = EnvironmentSpec(layout=LayoutSpec(size_m=(4.0, 3.0, 2.0)))
     assert build_geometry(spec, WindSpec(cell_m=0.5)).grid.shape == (8, 6, 4)
-
-
-@needs_reference
-def test_inlets_of_an_imported_room_have_the_scenario_s_wind():
-    spec = EnvironmentSpec(gsl_bench=str(ROOM_1))
-    room = build_geometry(spec, WindSpec(inlet_velocity_m_s=(0.7, 0.0, 0.0)))
-    velocities = {opening.kind: opening.velocity_m_s for opening in room.openings}
-    assert velocities == {"inlet": (0.7, 0.0, 0.0), "outlet": (0.0, 0.0, 0.0)}
-
-
-@needs_reference
-def test_wind_that_does_not_enter_an_imported_room_is_a_problem():
-    spec = EnvironmentSpec(gsl_bench=str(ROOM_1))
-    (problem,) = find_source_problems(spec, WindSpec(inlet_velocity_m_s=(-1.0, 0.0, 0.0)))
-    assert problem.where == "wind.inlet_velocity_m_s"
-    assert "x_min" in problem.expected
-
-
-def test_a_folder_that_is_no_environment_is_a_problem_of_its_key(tmp_path):
-    (problem,) = find_source_problems(EnvironmentSpec(gsl_bench=str(tmp_path)), WindSpec())
-    assert problem.where == "environment.gsl_bench"
-    assert "head.txt" in problem.remedy
-
-
-def test_what_is_wrong_with_geometry_is_reported_with_its_place_in_the_scenario(tmp_path):
-    (tmp_path / "half.stl").write_text("solid x\nfacet normal 0 0")
-    (tmp_path / "lid.stl").write_text(
-        "solid lid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 4 0 0\nvertex 0 4 0\nendloop\nendfacet\n"
-        "endsolid lid\n"
-    )
-
-    def problems_with(file):
-        spec = EnvironmentSpec.model_validate({"geometry": {"files": (file,)}})
-        return find_source_problems(spec, WindSpec(), scenario_dir=tmp_path)
-
-    (damaged,) = problems_with("half.stl")
-    assert damaged.where == "environment.geometry.files"
-    assert "half.stl: expected a whole stl file" in damaged.remedy
-    assert {problem.where for problem in problems_with("lid.stl")} == {"environment.geometry.openings"}

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gslcosim.environment.grid_kernels import find_occupancy_problems, reachable_cells
-from gslcosim.environment.layouts.layouts import plan_layout
+from gslcosim.environment.grid_kernels import reachable_cells
+from gslcosim.environment.layouts.layouts import build_layout, find_room_problems
 from gslcosim.environment.model import Box, Cell, Grid
 from gslcosim.environment.openings import voxelize
 from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, WindSpec
@@ -17,9 +17,13 @@ def solid_cells(min_m, max_m):
     return [tuple(map(int, cell)) for cell in np.argwhere(voxelize([box], GRID))]
 
 
-def room(*obstacles, size_m=(4.0, 3.0, 2.0), cell_m=0.2):
+def layout(*obstacles, size_m=(4.0, 3.0, 2.0)):
     specs = tuple(BoxSpec(name=f"box_{i}", min_m=low, max_m=high) for i, (low, high) in enumerate(obstacles))
-    return plan_layout(LayoutSpec(size_m=size_m, obstacles=specs), WindSpec(cell_m=cell_m))
+    return LayoutSpec(size_m=size_m, obstacles=specs)
+
+
+def room(*obstacles, size_m=(4.0, 3.0, 2.0), cell_m=0.2):
+    return build_layout(layout(*obstacles, size_m=size_m), WindSpec(cell_m=cell_m))
 
 
 def test_a_cell_is_solid_when_its_centre_lies_in_a_box():
@@ -98,16 +102,16 @@ def test_flood_fill_from_a_solid_seed_reaches_nothing():
 
 
 def test_an_opening_behind_an_obstacle_is_refused():
-    (problem,) = find_occupancy_problems(room(((0.0, 0.0, 0.0), (0.2, 2.0, 2.0))))
+    (problem,) = find_room_problems(layout(((0.0, 0.0, 0.0), (0.2, 2.0, 2.0))), WindSpec(cell_m=0.2))
     assert problem.where == "environment.layout.obstacles"
     assert "inlet" in problem.expected
 
 
 def test_a_room_divided_between_inlet_and_outlet_is_refused_with_the_count_of_cells():
-    (problem,) = find_occupancy_problems(room(((2.0, 0.0, 0.0), (2.05, 3.0, 2.0))))
+    (problem,) = find_room_problems(layout(((2.0, 0.0, 0.0), (2.05, 3.0, 2.0))), WindSpec(cell_m=0.2))
     assert problem.where == "environment.layout.obstacles"
     assert "the inlet's part has 1500 of 2850 free cells" in problem.found
 
 
 def test_a_gap_of_one_cell_lets_the_air_through():
-    assert find_occupancy_problems(room(((2.0, 0.0, 0.0), (2.05, 2.8, 2.0)))) == []
+    assert find_room_problems(layout(((2.0, 0.0, 0.0), (2.05, 2.8, 2.0))), WindSpec(cell_m=0.2)) == []

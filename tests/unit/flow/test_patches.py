@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import FlowError
-from gslcosim.flow import Inlet, Outlet, Schedule, log_profile, parabolic_profile, solve_wind_report
+from gslcosim.flow import Inlet, Outlet, Schedule, log_profile, solve_wind_report
 from gslcosim.flow.domain import build_domain
 from gslcosim.flow.solver import FlowSolver, mass_balance
 from gslcosim.flow.turbulence import Laminar
@@ -50,17 +50,6 @@ def test_a_function_sees_the_centres_of_the_boundary_faces(axis, is_high):
     expected = [0.125, 0.375, 0.625, 0.875]
     for other in range(3):
         assert sorted(set(seen[0][:, other])) == ([low[axis]] if other == axis else expected)
-
-
-def test_a_parabola_brings_its_mean_and_rests_at_its_walls():
-    profile = parabolic_profile((0, 2, 0), across="z", low_m=0.0, high_m=1.0)
-    points_m = np.zeros((1002, 3))
-    points_m[:1000, 2] = (np.arange(1000) + 0.5) / 1000
-    points_m[1000:, 2] = (-0.1, 1.2)
-    speed = profile(points_m)
-    assert speed[:1000].mean(axis=0) == pytest.approx((0, 2, 0), rel=1e-5)
-    assert speed[:, 1].max() == pytest.approx(3, rel=1e-5)
-    assert np.all(speed[1000:] == 0)
 
 
 def test_a_logarithmic_profile_has_its_reference_and_equal_gains_per_doubling_of_height():
@@ -162,4 +151,3 @@ def test_schedules_and_profiles_that_make_no_sense_are_refused():
     assert "two times" in refusal(lambda: Schedule(times_s=(0,), values=(1,), is_repeating=True))
     assert "expected x, y or z" in refusal(lambda: log_profile((1, 0, 0), height_m=1, roughness_m=0.1, up="h"))
     assert "above 0 m" in refusal(lambda: log_profile((1, 0, 0), height_m=1, roughness_m=0))
-    assert "above low_m" in refusal(lambda: parabolic_profile((1, 0, 0), across="z", low_m=1, high_m=1))

@@ -104,5 +104,5 @@ def test_without_matplotlib_a_plot_says_what_to_install(tmp_path, monkeypatch):
         return real(name, *args)
 
     monkeypatch.setattr(importlib, "import_module", refuse)
-    with pytest.raises(FlowError, match=r"pip install 'gslcosim\[report\]'"):
+    with pytest.raises(FlowError, match=r"pip install matplotlib"):
         plot_history(solved(end_time_s=0.1), tmp_path / "history.png")

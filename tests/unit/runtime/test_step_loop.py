@@ -6,7 +6,7 @@ from toy_cores import COMMAND, toy_cores, toy_dataflow
 from gslcosim.contract.messages import Command, Observation
 from gslcosim.contract.participant import Episode
 from gslcosim.runtime.agents.validator import get_agent_participant
-from gslcosim.runtime.step_loop import StepLoop
+from gslcosim.runtime.stepper import StepLoop
 
 FINAL_TICK = 100
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gslcosim.environment.layouts.layouts import plan_layout
+from gslcosim.environment.layouts.layouts import build_layout
 from gslcosim.environment.positions import find_position_problems
 from gslcosim.scenario import load_scenario
 
@@ -15,7 +15,7 @@ def test_an_environment_of_the_thesis_is_bundled_with_its_boundary_data(number):
     layout = scenario.environment.layout
     assert layout is not None
     assert (layout.kind, layout.size_m) == (f"warehouse_{KINDS[number]}", (15.0, 15.0, 8.0))
-    inlet, outlet = plan_layout(layout, scenario.wind).openings
+    inlet, outlet = build_layout(layout, scenario.wind).openings
     assert (inlet.velocity_m_s, inlet.min_m, inlet.max_m) == ((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 1.6, 2.4))
     assert (outlet.min_m, outlet.max_m) == ((15.0, 13.4, 0.0), (15.0, 15.0, 2.4))
     assert (scenario.wind.cell_m, scenario.wind.end_time_s, scenario.gas.gas) == (0.2, 5.0, "ethanol")

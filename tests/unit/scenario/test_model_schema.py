@@ -2,8 +2,8 @@
 
 import pytest
 
-from gslcosim.bench.cases.models import Suite
 from gslcosim.scenario.model_schema import find_schema_node, paths_of_key
+from gslcosim_bench.cases.models import Suite
 
 A_NAME = "a name: a small letter, then small letters, digits and _, at most 40 in all"
 

@@ -2,9 +2,9 @@
 
 import pytest
 
+from gslcosim.base.gases import GASES
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.model_schema import format_value, list_keys
-from gslcosim.scenario.models.gas import GASES
 from gslcosim.scenario.models.scenario import VehicleSpec
 from gslcosim.scenario.models.sensors import SENSORS
 from gslcosim.vehicles import list_vehicle_names

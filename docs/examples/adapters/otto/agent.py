@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
-from gslcosim.search.beliefs import BeliefPublisher, CellGrid, entropy_bits, normalised
-from gslcosim.search.information.pomdp import PlumeTable, RunningWind, offsets_m
-from gslcosim.search.method_settings import load_settings
-from gslcosim.search.motion.commands import declaration, waypoint
-from gslcosim.search.motion.declaration import DeclarationGuard, by_mass
-from gslcosim.search.motion.legs import LegSpace
-from gslcosim.search.random_stream import RandomStream
-from gslcosim.search.senses.instruments import find_noses, find_vane
-from gslcosim.search.senses.stop_and_measure import StopAndMeasure
+from gslcosim.agent_kit.commands import declaration, waypoint
+from gslcosim.agent_kit.settings import load_settings
+from gslcosim_search.beliefs import BeliefPublisher, CellGrid, entropy_bits, normalised
+from gslcosim_search.information.pomdp import PlumeTable, RunningWind, offsets_m
+from gslcosim_search.motion.declaration import DeclarationGuard, by_mass
+from gslcosim_search.motion.legs import LegSpace
+from gslcosim_search.random_stream import RandomStream
+from gslcosim_search.senses.instruments import find_noses, find_vane
+from gslcosim_search.senses.stop_and_measure import StopAndMeasure
 
 
 class RoomAsGrid:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import gslcosim
 from gslcosim.base.bundled import bundled_agents, bundled_folder
+from gslcosim.base.extension_packages import find_extension_packages
 from gslcosim.base.files import user_state_folder
 from gslcosim.base.kernel_cache import NUMBA_VARIABLE, get_cache_root, get_key_path
 from gslcosim.runtime.status import get_status_folder
@@ -86,7 +87,7 @@ def find_own_folders(command: Sequence[str], directory: Path) -> list[Path]:
 
 
 def list_python_folders() -> list[Path]:
-    """Return the folders from which this Python imports, and gslcosim's own."""
+    """Return the folders from which this Python imports, gslcosim's own and those of its extensions."""
     paths = sysconfig.get_paths()
     named = [sys.prefix, sys.base_prefix, *(paths[key] for key in ("stdlib", "platstdlib", "purelib", "platlib"))]
     named += [*site.getsitepackages(), site.getusersitepackages()]
@@ -94,7 +95,8 @@ def list_python_folders() -> list[Path]:
     # Beside packages stand folders that a .pth file has added; the working directory is none of them.
     named += [entry for entry in sys.path if Path(entry).name in ("site-packages", "dist-packages")]
     folders = [Path(name) for name in named]
-    folders += [Path(gslcosim.__file__).parent, *(path.parent.parent for path in bundled_agents().values())]
+    folders += [Path(gslcosim.__file__).parent, *find_extension_packages().values()]
+    folders += [path.parent.parent for path in bundled_agents().values()]
     for folder in (Path(sys.prefix), Path(sys.base_prefix)):
         folders += [place.parent.parent for place in _add_link_target(folder / "bin" / "python3") if place.exists()]
     return [folder for folder in dict.fromkeys(folders) if folder.is_dir() and not is_system_path(folder)]
@@ -164,7 +166,9 @@ def split_readable_paths(cell: SandboxPolicy) -> tuple[list[Path], list[Path]]:
     hidden = {path.resolve() for path in cell.hidden}
     for folder in dict.fromkeys(path.resolve() for path in cell.reads):
         _add_readable_paths(folder, [path for path in hidden if path.is_relative_to(folder)], reads, lists)
-    return reads, lists
+    # Python finds a package by the names in the folder that has it; packages of an editable installation stand alone.
+    packages = [package for package in find_extension_packages().values() if package in reads]
+    return reads, [*lists, *dict.fromkeys(package.parent for package in packages)]
 
 
 def _add_readable_paths(folder: Path, hidden: list[Path], reads: list[Path], lists: list[Path]) -> None:

@@ -393,8 +393,8 @@ def choose_sandbox(agent: ConfinementSpec) -> SandboxKind:
         UsageError: the one that the scenario demands does not work here.
     """
     _raise_problem(agent, _find_missing_sandbox(agent))
-    if isinstance(agent, AgentSpec) and agent.start.ros2 is not None:
-        # Its program is ours, and speaks with a node by TCP.
+    start = agent.start.registered if isinstance(agent, AgentSpec) else None
+    if start is not None and not start.is_confinable:
         return "none"
     return find_strongest_sandbox() if agent.sandbox in ("auto", "required") else agent.sandbox
 

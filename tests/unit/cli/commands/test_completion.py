@@ -12,9 +12,12 @@ import pytest
 
 from gslcosim.base.bundled import bundled_agents, bundled_scenarios, bundled_suites, bundled_train_files
 from gslcosim.cli.arguments import build_parser, command_parsers
-from gslcosim.cli.commands.completion import COMPLETIONS, SHELLS
+from gslcosim.cli.commands.completion import SHELLS
 from gslcosim.cli.commands.list_ import KINDS
-from gslcosim.cli.main import GROUPS, main
+from gslcosim.cli.completion_words import COMPLETIONS
+from gslcosim.cli.main import list_groups, main
+
+GROUPS = list_groups()
 
 # Asks for the words of each line as bash does at the Tab key, and prints them in a line.
 ASK = """
@@ -135,15 +138,20 @@ def test_fish_completes_with_what_a_command_does(folder):
     assert told.splitlines() == ["run\trun a suite; repeat the command to resume", "warehouse_empty"]
 
 
-def test_every_completion_is_of_an_argument_that_there_is():
-    def keys_of(parser):
-        command = parser.prog.removeprefix("gslcosim ")
-        own = {
-            key for each in parser._actions for key in (*each.option_strings, each.metavar, f"{command} {each.metavar}")
-        }
-        return own.union(*(keys_of(below) for below in command_parsers(parser).values()))
+def parsers_below(parser):
+    yield parser
+    for below in command_parsers(parser).values():
+        yield from parsers_below(below)
 
-    assert sorted(set(COMPLETIONS) - keys_of(PARSER)) == []
+
+def keys_of(parser):
+    return {key for action in parser._actions for key in (*action.option_strings, action.metavar)}
+
+
+def test_every_completion_is_of_an_argument_that_there_is():
+    every = [*parsers_below(PARSER)]
+    assert sorted(set(COMPLETIONS).difference(*map(keys_of, every))) == []
+    assert {parser.prog: wrong for parser in every if (wrong := {*parser.completes} - keys_of(parser))} == {}
 
 
 def test_a_shell_that_there_is_not_is_refused_with_those_that_there_are(capsys):

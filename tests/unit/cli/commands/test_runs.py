@@ -175,16 +175,3 @@ def test_one_damaged_folder_hides_no_other(runs, capsys, name):
         assert set(output.values()) == {"result.json cannot be read"}
     assert main(["runs", str(runs), "--sort", "-seed"]) == 0
     assert "run_1" in capsys.readouterr().out
-
-
-def test_damaged_results_are_a_row_beside_others(runs, capsys, tmp_path_factory):
-    results = tmp_path_factory.mktemp("results")
-    (results / "manifest.json").write_text("[" * 5000)
-    (results / "rows.jsonl").write_text('{"row": {"trial": "a"}, "tracks": null}\n')
-    rows = listed(capsys, results, runs)
-    (broken,) = [row for row in rows if row["folder"] == str(results)]
-    assert broken["state"] == "broken"
-    assert "rows.jsonl:1: row: expected the key" in broken["outcome"]
-    assert len(rows) == 6
-    assert main(["runs", "remove", str(results), str(runs), "--where", "state=broken"]) == 0
-    assert f"kept       {results}" in capsys.readouterr().out

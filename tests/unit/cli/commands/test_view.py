@@ -11,11 +11,11 @@ from gslcosim.cli.main import main
 @pytest.fixture
 def viewer(monkeypatch):
     """The viewer replaced by one that keeps what it is asked for."""
-    module = ModuleType("gslcosim.data.recording.viewer")
+    module = ModuleType("gslcosim.recordings.viewer")
     asked = []
     module.open_viewer = lambda path: asked.append(("open", path))
     module.screenshot = lambda path, png, *, window_size: asked.append(("screenshot", path, png, window_size))
-    monkeypatch.setitem(sys.modules, "gslcosim.data.recording.viewer", module)
+    monkeypatch.setitem(sys.modules, "gslcosim.recordings.viewer", module)
     return asked
 
 
@@ -55,7 +55,7 @@ def test_the_folder_of_an_environment_is_shown_without_a_run(viewer, tmp_path, m
     assert main(["environment", "generate", "tiny_room", "--out", str(tmp_path / "room")]) == 0
     sizes = []
     monkeypatch.setattr(
-        sys.modules["gslcosim.data.recording.viewer"],
+        sys.modules["gslcosim.recordings.viewer"],
         "open_viewer",
         lambda path: sizes.append((path, path.stat().st_size)),
     )

@@ -3,8 +3,7 @@
 import pytest
 from pydantic import TypeAdapter
 
-from gslcosim.environment.grid_kernels import find_occupancy_problems
-from gslcosim.environment.layouts.layouts import build_furniture, find_layout_problems, opening_specs, plan_layout
+from gslcosim.environment.layouts.layouts import build_furniture, build_layout, find_room_problems, opening_specs
 from gslcosim.scenario.model_schema import find_schema_node, list_kinds
 from gslcosim.scenario.models.geometry import HomeSpec, Layout, OfficeSpec, OpeningSpec, WindTunnelSpec
 from gslcosim.scenario.models.scenario import BoxSpec, WindSpec
@@ -32,10 +31,7 @@ def test_what_stands_in_a_room_is_in_it_and_has_a_name_of_its_own(kind, seed):
 @pytest.mark.parametrize("seed", range(1, 4))
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "plant"])
 def test_the_air_finds_its_way_from_inlet_to_outlet(kind, seed):
-    wind = WindSpec(cell_m=0.2)
-    layout = layout_of(kind, seed=seed)
-    assert find_layout_problems(layout, wind) == []
-    assert find_occupancy_problems(plan_layout(layout, wind)) == []
+    assert find_room_problems(layout_of(kind, seed=seed), WindSpec(cell_m=0.2)) == []
 
 
 @pytest.mark.parametrize("kind", BY_LOT)
@@ -58,7 +54,7 @@ def test_an_l_shaped_office_lets_the_air_out_at_the_corridors_end():
     assert (outlet.min_m[1] + outlet.max_m[1]) / 2 == pytest.approx(6.0)
     outside = next(box for box in build_furniture(layout) if box.name == "outside")
     assert outside.max_m == (16.0, 12.0, 3.0)
-    assert find_occupancy_problems(plan_layout(layout, WindSpec())) == []
+    assert find_room_problems(layout, WindSpec()) == []
 
 
 @pytest.mark.parametrize("seed", range(1, 8))
@@ -68,7 +64,7 @@ def test_every_room_of_a_flat_can_be_reached(seed):
     wind = WindSpec(cell_m=0.2)
     from gslcosim.environment.openings import voxelize
 
-    plan = plan_layout(layout, wind)
+    plan = build_layout(layout, wind)
     assert int((plan.occupancy == 1).sum()) == int(voxelize(plan.boxes, plan.grid).sum())
 
 
@@ -81,7 +77,7 @@ def test_openings_have_the_size_that_was_asked_for_or_that_of_the_face():
 
 
 def test_white_yellow_walls_are_whole_and_yellow_above_three_metres():
-    plan = plan_layout(layout_of("warehouse_empty", walls="white_yellow"), COARSE)
+    plan = build_layout(layout_of("warehouse_empty", walls="white_yellow"), COARSE)
     upper = [box for box in plan.boxes if box.name.endswith("_upper")]
     assert len(upper) == 4
     assert all(box.min_m[2] == 3.0 and box.max_m[2] == 8.0 for box in upper)
@@ -90,5 +86,5 @@ def test_white_yellow_walls_are_whole_and_yellow_above_three_metres():
 def test_an_obstacle_may_not_have_the_name_of_a_rack():
     taken = build_furniture(layout_of("warehouse_simple"))[0].name
     box = BoxSpec(name=taken, min_m=(7.0, 1.0, 0.0), max_m=(8.0, 2.0, 1.0))
-    (problem,) = find_layout_problems(layout_of("warehouse_simple", obstacles=(box,)), WindSpec())
+    (problem,) = find_room_problems(layout_of("warehouse_simple", obstacles=(box,)), WindSpec())
     assert (problem.where, problem.found) == ("environment.layout.obstacles[0].name", taken)

@@ -3,7 +3,7 @@
 import pytest
 
 from gslcosim.base.errors import ScenarioError
-from gslcosim.environment.layouts.layouts import find_layout_problems, plan_layout
+from gslcosim.environment.layouts.layouts import build_layout, find_room_problems
 from gslcosim.environment.model import WALL_NAMES
 from gslcosim.scenario.models.scenario import BoxSpec, LayoutSpec, OpeningSpec, WindSpec
 
@@ -15,12 +15,12 @@ def opening(min_m, max_m):
 
 
 def only_problem(layout, wind=BUILT_IN):
-    (problem,) = find_layout_problems(layout, wind)
+    (problem,) = find_room_problems(layout, wind)
     return problem
 
 
 def test_walls_close_the_box_of_air_on_all_sides_without_reaching_into_it():
-    plan = plan_layout(LayoutSpec(size_m=(6.0, 5.0, 3.0), wall_m=0.25), UNIFORM)
+    plan = build_layout(LayoutSpec(size_m=(6.0, 5.0, 3.0), wall_m=0.25), UNIFORM)
     assert tuple(box.name for box in plan.boxes) == WALL_NAMES
     outer = {"min": (-0.25, -0.25, -0.25), "max": (6.25, 5.25, 3.25)}
     assert tuple(min(box.min_m[axis] for box in plan.boxes) for axis in range(3)) == outer["min"]
@@ -36,14 +36,14 @@ def test_walls_close_the_box_of_air_on_all_sides_without_reaching_into_it():
 
 
 def test_the_grid_covers_exactly_the_air():
-    plan = plan_layout(LayoutSpec(size_m=(6.0, 5.0, 3.0)), UNIFORM)
+    plan = build_layout(LayoutSpec(size_m=(6.0, 5.0, 3.0)), UNIFORM)
     assert plan.grid.origin_m == (0.0, 0.0, 0.0)
     assert plan.grid.shape == (30, 25, 15)
     assert plan.grid.max_m == pytest.approx((6.0, 5.0, 3.0))
 
 
 def test_the_thesis_room_has_its_openings_in_opposite_corners_in_whole_cells():
-    plan = plan_layout(LayoutSpec(), WindSpec())
+    plan = build_layout(LayoutSpec(), WindSpec())
     inlet, outlet = plan.openings
     assert (inlet.kind, inlet.min_m, inlet.max_m) == ("inlet", (0.0, 0.0, 0.0), (0.0, 1.6, 2.4))
     assert inlet.velocity_m_s == (1.0, 0.0, 0.0)
@@ -58,7 +58,7 @@ def test_openings_of_whole_cells_stay_and_are_not_mentioned():
     layout = LayoutSpec(
         inlet=opening((0.0, 0.4, 0.2), (0.0, 1.4, 2.0)), outlet=opening((3.0, 2.0, 8.0), (5.0, 4.0, 8.0))
     )
-    plan = plan_layout(layout, WindSpec())
+    plan = build_layout(layout, WindSpec())
     assert [(o.min_m, o.max_m) for o in plan.openings] == [
         ((0.0, 0.4, 0.2), (0.0, 1.4, 2.0)),
         ((3.0, 2.0, 8.0), (5.0, 4.0, 8.0)),
@@ -67,13 +67,13 @@ def test_openings_of_whole_cells_stay_and_are_not_mentioned():
 
 
 def test_an_opening_smaller_than_a_cell_becomes_one_cell():
-    plan = plan_layout(LayoutSpec(inlet=opening((0.0, 1.04, 1.01), (0.0, 1.06, 1.05))), WindSpec())
+    plan = build_layout(LayoutSpec(inlet=opening((0.0, 1.04, 1.01), (0.0, 1.06, 1.05))), WindSpec())
     assert plan.openings[0].min_m == pytest.approx((0.0, 1.0, 1.0))
     assert plan.openings[0].max_m == pytest.approx((0.0, 1.2, 1.2))
 
 
 def test_default_openings_shrink_with_the_room():
-    inlet, outlet = plan_layout(LayoutSpec(size_m=(3.0, 2.0, 2.0)), WindSpec()).openings
+    inlet, outlet = build_layout(LayoutSpec(size_m=(3.0, 2.0, 2.0)), WindSpec()).openings
     assert inlet.max_m == pytest.approx((0.0, 0.8, 1.2))
     assert outlet.min_m == pytest.approx((3.0, 1.2, 0.0))
 
@@ -122,7 +122,7 @@ def test_openings_that_share_an_edge_are_allowed():
     layout = LayoutSpec(
         inlet=opening((0.0, 0.0, 0.0), (0.0, 2.0, 2.0)), outlet=opening((0.0, 2.0, 0.0), (0.0, 4.0, 2.0))
     )
-    assert find_layout_problems(layout, WindSpec()) == []
+    assert find_room_problems(layout, WindSpec()) == []
 
 
 @pytest.mark.parametrize("velocity_m_s", [(-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)])
@@ -134,8 +134,8 @@ def test_a_wind_that_does_not_enter_through_the_inlet_is_refused(velocity_m_s):
 
 
 def test_still_air_and_uniform_wind_may_have_any_direction():
-    assert find_layout_problems(LayoutSpec(), WindSpec(inlet_velocity_m_s=(0.0, 0.0, 0.0))) == []
-    assert find_layout_problems(LayoutSpec(), WindSpec(solver="uniform", inlet_velocity_m_s=(-1.0, 0.0, 0.0))) == []
+    assert find_room_problems(LayoutSpec(), WindSpec(inlet_velocity_m_s=(0.0, 0.0, 0.0))) == []
+    assert find_room_problems(LayoutSpec(), WindSpec(solver="uniform", inlet_velocity_m_s=(-1.0, 0.0, 0.0))) == []
 
 
 def test_an_obstacle_outside_the_room_is_refused():
@@ -156,5 +156,5 @@ def test_a_name_taken_twice_is_refused(name):
 def test_all_problems_come_in_one_error():
     box = BoxSpec(name="floor", min_m=(-1.0, 3.0, 0.0), max_m=(2.0, 4.0, 20.0))
     with pytest.raises(ScenarioError) as error:
-        plan_layout(LayoutSpec(size_m=(15.1, 15.0, 8.0), obstacles=(box,)), WindSpec())
+        build_layout(LayoutSpec(size_m=(15.1, 15.0, 8.0), obstacles=(box,)), WindSpec())
     assert len(str(error.value).splitlines()) == 4

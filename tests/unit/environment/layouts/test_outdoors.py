@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from gslcosim.environment.layouts.layouts import plan_layout
+from gslcosim.environment.layouts.layouts import build_layout
 from gslcosim.scenario.models.geometry import PlantSpec
 from gslcosim.scenario.models.scenario import WindSpec
 
@@ -13,7 +13,7 @@ PLANT = PlantSpec(size_m=(12.0, 8.0, 12.0), n_tanks=0, n_buildings=0)
 
 
 def inlets_of(layout, wind):
-    return [opening for opening in plan_layout(layout, wind).openings if opening.kind == "inlet"]
+    return [opening for opening in build_layout(layout, wind).openings if opening.kind == "inlet"]
 
 
 def test_the_wind_at_the_inlet_is_that_of_the_scenario_at_the_reference_height():
@@ -43,5 +43,5 @@ def test_layers_of_the_inlet_cover_its_face_once():
 
 
 def test_a_plant_is_open_on_all_sides_but_the_ground():
-    kinds = {o.name: o.kind for o in plan_layout(PLANT, WindSpec(cell_m=0.25)).openings if o.kind != "inlet"}
+    kinds = {o.name: o.kind for o in build_layout(PLANT, WindSpec(cell_m=0.25)).openings if o.kind != "inlet"}
     assert kinds == {"outlet": "outlet", "open_y_min": "open", "open_y_max": "open", "open_top": "open"}

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from gslcosim.environment.layouts.pieces import (
+from gslcosim.environment.layouts.families import (
     Area,
     circle_corners,
     free_places,

@@ -5,9 +5,16 @@ from itertools import combinations
 
 import pytest
 
-from gslcosim.environment.layouts.families import LOADS, N_TYPES, build_items, build_racks, rack_areas, rack_types
+from gslcosim.environment.layouts.families import (
+    LOADS,
+    N_TYPES,
+    bounding_area,
+    build_items,
+    build_racks,
+    rack_areas,
+    rack_types,
+)
 from gslcosim.environment.layouts.layouts import opening_specs
-from gslcosim.environment.layouts.pieces import bounding_area
 from gslcosim.scenario.models.geometry import ComplexWarehouseSpec, SimpleWarehouseSpec
 
 

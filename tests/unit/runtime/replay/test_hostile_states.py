@@ -222,7 +222,7 @@ def test_each_kind_of_node_demands_a_class_of_its_kind(state):
 
 
 @pytest.mark.parametrize(
-    "name", ["this:antigravity", "antigravity:x", "gslcosim.cli.commands.up:run", "gslcosim.training:X"]
+    "name", ["this:antigravity", "antigravity:x", "gslcosim.cli.commands.up:run", "gslcosim_training:X"]
 )
 def test_no_module_is_imported_because_a_state_names_it(state, name):
     sys.modules.pop(name.partition(":")[0], None)

@@ -6,7 +6,9 @@ import inspect
 import pytest
 
 from gslcosim.scenario import load_scenario
-from gslcosim.scenario.checks.registry import CHECKS, SUBJECTS, list_scenario_checks
+from gslcosim.scenario.checks.registry import SUBJECTS, list_checks, list_file_kinds, list_scenario_checks
+
+CHECKS = [check for kind in list_file_kinds() for check in list_checks(kind.name)]
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.name)

@@ -1,5 +1,4 @@
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -7,15 +6,6 @@ import pytest
 from gslcosim.environment.model import Environment, Grid, WindFrames
 from gslcosim_services.fields.filament.plume import FilamentPlume, GasSource, filament_amount_mol
 from gslcosim_services.fields.filament.release import ConstantRelease
-
-
-@pytest.fixture
-def gsl_bench_folder(tmp_path) -> Path:
-    """Return a folder with one frame in GSL-Bench's layout."""
-    import gsl_bench_writers as gsl_bench
-
-    gsl_bench.write_frame(tmp_path)
-    return tmp_path
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from gslcosim.base.errors import GslCosimError, ModelError, ScenarioError
+from gslcosim.base.errors import GslCosimError, ModelError
 from gslcosim.contract import codec, keys
 from gslcosim.contract.environment_messages import PROBES
 from gslcosim.contract.messages import BodyPoses, BodyState
@@ -225,13 +225,6 @@ def test_wind_that_is_not_finite_stops_the_run(scenario_with, room):
     room.wind.velocity_m_s[..., 2] = math.nan
     with pytest.raises(ModelError, match="not finite in tick 0"):
         core.step(0, bodies(0))
-
-
-def test_an_unknown_gas_is_refused(scenario_with, room):
-    scenario = scenario_with()
-    strange = scenario.model_copy(update={"gas": scenario.gas.model_copy(update={"gas": "xenon"})})
-    with pytest.raises(ScenarioError, match="expected one of ethanol"):
-        FieldsCore(strange, room)
 
 
 def test_a_snapshot_period_that_is_no_whole_number_of_ticks_is_refused(scenario_with, room):

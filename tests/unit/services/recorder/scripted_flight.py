@@ -31,9 +31,11 @@ from gslcosim.contract.messages import (
 )
 from gslcosim.contract.record import NumericArray
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim.scenario.models.sensors import CAMERA_SENSORS, ON_BOARD_SENSORS
+from gslcosim.scenario.models.sensors import SENSOR_BLOCKS, CameraSensorSpec, OnBoardSensorSpec
 from gslcosim_services.sensing.models import sensor_kind
 
+ON_BOARD_SENSORS = [name for name, block in SENSOR_BLOCKS.items() if issubclass(block, OnBoardSensorSpec)]
+CAMERA_SENSORS = [name for name, block in SENSOR_BLOCKS.items() if issubclass(block, CameraSensorSpec)]
 CLOUD_EVERY_TICKS = 10
 WAYPOINT_EVERY_TICKS = 30
 SOURCE_M = (5.0, 1.0, 2.0)

@@ -8,8 +8,8 @@ from gslcosim.base.errors import RecordingError
 from gslcosim.contract import keys
 from gslcosim.contract.messages import RefereeEvent
 from gslcosim.contract.participant import Episode
-from gslcosim.data.recording.derived_recordings import RecordedRun, record_from_tick, record_side_by_side
-from gslcosim.data.recording.reader import RecordingReader
+from gslcosim.recordings.derived_recordings import RecordedRun, record_from_tick, record_side_by_side
+from gslcosim.recordings.reader import RecordingReader
 from gslcosim_services.recorder.core import RecorderCore
 
 N_TICKS = 60

@@ -5,13 +5,13 @@ from rerun.chunk import RrdReader
 from scripted_flight import ScriptedFlight
 
 from gslcosim.contract.participant import Episode
-from gslcosim.runtime.run_dir import NAME, MachineLog, MachineNotes, read_machine_notes
+from gslcosim.runtime.run_dir import NAME, MachineLog, MachineNotes, note_sandboxes, read_machine_notes
 from gslcosim_services.recorder.core import RecorderCore
 
 
 def _noted(folder):
+    note_sandboxes(folder, {"agent_0": "landlock"})
     log = MachineLog(folder)
-    log.confined({"agent_0": "landlock"})
     log.decided("agent_0", 3, 0.0125)
     log.failed("agent agent_0", 4, "expected a command, was 'teleport'.")
     log.decided("agent_0", 5, 0.5)

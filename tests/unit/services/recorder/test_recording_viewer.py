@@ -13,8 +13,8 @@ from PIL import Image
 
 from gslcosim.base.errors import RecordingError
 from gslcosim.base.processes import build_parent_death_prefix
-from gslcosim.data.recording import viewer
-from gslcosim.data.recording.viewer import open_viewer, screenshot
+from gslcosim.recordings import viewer
+from gslcosim.recordings.viewer import open_viewer, screenshot
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,9 @@ from recording_content import still
 from scripted_flight import scenario
 
 from gslcosim.contract.participant import Episode
-from gslcosim.data.recording.environment_view import record_environment
 from gslcosim.environment.model import VisualMesh
 from gslcosim.environment.store import MESHES_FILE, load_environment, save_environment
+from gslcosim.recordings.environment_view import record_environment
 from gslcosim.runtime.run_dir import RunDir
 from gslcosim.runtime.services import build_core
 from gslcosim.runtime.setup import RunSetup

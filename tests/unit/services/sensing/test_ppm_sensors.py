@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from gslcosim.base.gases import GASES, PID_LAMPS_EV
 from gslcosim.base.rng import stream
 from gslcosim.contract.messages import GasAmount, MountSample
-from gslcosim.scenario.models.gas import GASES
 from gslcosim.scenario.models.sensors import make_sensor_spec
 from gslcosim_services.sensing import SENSOR_MODELS
-from gslcosim_services.sensing.models.gas_sensors import PID_GASES
 
 STILL = (0.0, 0.0, 0.0)
 
@@ -47,12 +46,9 @@ def test_a_pid_divides_by_the_correction_factor_of_its_lamp(gas, at_10_6_ev, at_
 
 def test_a_pid_answers_to_the_gases_below_the_energy_of_its_lamp_and_to_no_others():
     """A factor is none of the energies; 10.47 eV stood for ethanol's factor once."""
-    assert set(PID_GASES) <= set(GASES)
-    for gas in PID_GASES.values():
-        for lamp_ev in (10.6, 11.7):
-            factor = gas.correction(lamp_ev)
-            assert (factor > 0.0) == (gas.ionisation_ev < lamp_ev)
-            assert factor != gas.ionisation_ev
+    for gas in GASES.values():
+        assert {lamp_ev for lamp_ev in PID_LAMPS_EV if gas.ionisation_ev < lamp_ev} == set(gas.pid)
+        assert gas.ionisation_ev not in gas.pid.values()
 
 
 def test_a_pid_has_one_of_two_lamps():

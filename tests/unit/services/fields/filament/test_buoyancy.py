@@ -2,9 +2,9 @@ import math
 
 import pytest
 
+from gslcosim.base.gases import GASES
 from gslcosim.base.quantities import GRAVITY_M_S2
 from gslcosim_services.fields.filament.plume import NEUTRAL, gaden_3_buoyancy, terminal_velocity_buoyancy
-from gslcosim_services.fields.gases import GASES
 
 VOLUME_M3 = 10e-6 * (2 * math.pi) ** 1.5 * 0.1**3
 

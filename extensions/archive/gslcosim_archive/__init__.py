@@ -1,0 +1,1 @@
+"""Archive of results: signatures, the submission log, audits, sealed cases, bundles, sites and datasets."""

@@ -1,0 +1,601 @@
+"""Tuning: a search for good parameters on training seeds within a budget, and validation of what it found."""
+
+import hashlib
+import math
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from gslcosim.base.errors import ScenarioError, UsageError
+from gslcosim_bench.cases.models import Case, Selection, derive_seed
+from gslcosim_bench.cases.plan import Plan, build_plan, expand_cases
+from gslcosim_bench.execution.pool import Pool
+from gslcosim_bench.execution.runner import Progress, StaleRows, SuiteRun
+from gslcosim_bench.statistics.estimates import Estimate
+from gslcosim_bench.statistics.settings import (
+    SettingFigures,
+    SettingRuns,
+    compute_difference,
+    compute_figures,
+    group_runs,
+    paired_p_value,
+)
+from gslcosim_bench.store import ResultsFolder
+from gslcosim_bench.studies.target import (
+    DEFAULT,
+    ParameterRange,
+    Setting,
+    StudyTarget,
+    build_study_suite,
+    collect_seeds,
+    collect_test_seeds,
+    restrict_cases,
+    with_changed_fields,
+    with_disjoint_seeds,
+)
+
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluationPlan:
+    """Cases and repetitions that every setting flies, with seeds of their own.
+
+    Attributes:
+        subject: The method, in a suite with these seeds.
+        name: What the suite is called.
+        slots: Case and repetition of each run.
+        seeds: All seeds of it, see `disjoint_seeds.collect_seeds`.
+    """
+
+    subject: StudyTarget
+    name: str
+    slots: tuple[tuple[str, int], ...]
+
+    @property
+    def seed(self) -> int:
+        """The seed that all others come from."""
+        return self.subject.loaded.suite.seed
+
+    def plan(self, settings: Sequence[Setting], *, after: Plan | None = None) -> Plan:
+        """Return the runs of some settings behind those of an earlier plan, in the order of a suite of them all."""
+        plan = build_plan(
+            build_study_suite(self.subject, [each.entry(self.subject) for each in settings], name=self.name)
+        )
+        slots = set(self.slots)
+        trials = [trial for trial in plan.trials if (trial.case, trial.repetition) in slots]
+        if after is None:
+            return replace(plan, trials=tuple(trials))
+        entries = (*after.entries, *plan.entries)
+        all_settings = tuple(entry.spec for entry in entries)
+        place = {case.name: i for i, case in enumerate(plan.cases)}
+        turn = {spec.name: i for i, spec in enumerate(all_settings)}
+        trials = sorted(
+            [*after.trials, *trials], key=lambda each: (place[each.case], each.repetition, turn[each.entry])
+        )
+        return replace(
+            plan,
+            loaded=with_changed_fields(plan.loaded, entries=all_settings),
+            entries=entries,
+            trials=tuple(replace(trial, index=i) for i, trial in enumerate(trials)),
+        )
+
+
+def build_evaluation_plan(
+    subject: StudyTarget, purpose: str, number: int, *, n: int, taken: frozenset[int]
+) -> EvaluationPlan:
+    """Return a plan of n runs.
+
+    All cases are run equally often. What is left over goes to cases of all scenarios in turn, at random within each.
+
+    Args:
+        subject: The method and its cases.
+        purpose: `training` or `validation`; part of the seeds.
+        number: Seed of the tuning; part of the seeds, and of the lot.
+        n: Runs of each setting.
+        taken: Seeds that may not occur.
+    """
+    rounds = 1
+    while True:
+        loaded = with_disjoint_seeds(subject, purpose, number, repetitions=rounds, taken=taken)
+        lot = _draw_cases([case for _, case in expand_cases(loaded)], loaded.suite.seed)
+        cases = _first_that_fly(replace(subject, loaded=loaded), lot, n=n)
+        if len(cases) * rounds >= n:
+            break
+        rounds = max(rounds + 1, math.ceil(n / len(cases)))
+    slots = [(case, i) for i in range(rounds) for case in cases][:n]
+    chosen = replace(subject, loaded=restrict_cases(loaded, {case for case, _ in slots}))
+    return EvaluationPlan(subject=chosen, name=f"{purpose}_{subject.entry.name}", slots=tuple(slots))
+
+
+# One case of each scenario, then a second one of each, and so on.
+def _draw_cases(cases: Sequence[Case], seed: int) -> list[str]:
+    drawn = sorted(cases, key=lambda case: hashlib.blake2b(f"{seed}/{case.name}".encode()).digest())
+    rank: dict[str, int] = {}
+    seen: dict[str, int] = {}
+    for case in drawn:
+        rank[case.name] = seen.get(case.scenario, 0)
+        seen[case.scenario] = rank[case.name] + 1
+    return sorted(rank, key=lambda name: rank[name])
+
+
+# Some combinations are no case: their places are not free.
+def _first_that_fly(subject: StudyTarget, lot: Sequence[str], *, n: int) -> list[str]:
+    once = Setting(name=subject.entry.name, parameters={}).entry(subject)
+    n_tried = n
+    while True:
+        some = lot[:n_tried]
+        loaded = restrict_cases(subject.loaded, some)
+        try:
+            plan = build_plan(build_study_suite(replace(subject, loaded=loaded), [once], name="cases"))
+            flown = {case.name for case in plan.cases}
+        except ScenarioError:
+            # Of those tried none may be a case; of all of them some has to be.
+            if n_tried >= len(lot):
+                raise
+            flown = set[str]()
+        found = [name for name in some if name in flown]
+        if len(found) >= n or n_tried >= len(lot):
+            return found[:n]
+        n_tried = 2 * n_tried
+
+
+class SettingRunner:
+    """Runs settings of an evaluation plan into a folder; runs that are there are not repeated."""
+
+    def __init__(
+        self,
+        evaluation: EvaluationPlan,
+        folder: ResultsFolder,
+        start_pool: Callable[[], Pool],
+        report: Callable[[Progress], None],
+        confirm_put_aside: Callable[[StaleRows], bool],
+    ) -> None:
+        """Take an evaluation plan, the folder of its rows, what starts the workers, and the receiver of progress.
+
+        `confirm_put_aside` is as of `SuiteRun`.
+
+        Workers that `start_pool` returns are not ended here: others go on with them.
+        """
+        self.evaluation = evaluation
+        self._folder = folder
+        self._start_pool = start_pool
+        self._report = report
+        self._confirm_put_aside = confirm_put_aside
+        self._plan: Plan | None = None
+        self._rows = {row["trial"]: row for row in folder.rows()}
+        self.n_flown_now = 0
+
+    def fly(self, settings: Sequence[Setting]) -> dict[str, list[Row]]:
+        """Return the rows of each setting by its name, flying what is missing.
+
+        Raises:
+            KeyboardInterrupt: it was interrupted; what was run is kept.
+            GslCosimError: see `SuiteRun.fly`.
+        """
+        self._plan = self.evaluation.plan(settings, after=self._plan)
+        names = {setting.name for setting in settings}
+        wanted = [trial for trial in self._plan.trials if trial.entry in names]
+        if any(trial.id not in self._rows for trial in wanted):
+            self._run(self._plan)
+        found: dict[str, list[Row]] = {setting.name: [] for setting in settings}
+        for trial in wanted:
+            found[trial.entry].append(self._rows[trial.id])
+        return found
+
+    def finish(self) -> None:
+        """Leave whole tables, also where a call before this one was killed after its last run."""
+        if self._plan is not None and self._folder.journal.is_file():
+            self._run(self._plan)
+
+    def _run(self, plan: Plan) -> None:
+        run = SuiteRun(
+            plan, self._folder, self._start_pool, selection=Selection(), keeps_pool=True, report=self._report,
+            confirm_put_aside=self._confirm_put_aside,
+        )  # fmt: skip
+        summary = run.fly()
+        self.n_flown_now += summary.n_flown
+        if summary.is_interrupted:
+            raise KeyboardInterrupt
+        self._rows = {row["trial"]: row for row in self._folder.rows()}
+
+
+STUDY_NAME = "tuning"
+
+
+class OptunaSearch:
+    """A study that asks for settings in batches and gets their scores in order: equal calls, equal settings.
+
+    Nothing of it depends on who flew, or when: settings are drawn by the seed and by the scores given so far.
+    The study is kept in a file that Optuna's own tools read; it is written again each time, from runs that are
+    there.
+
+    Source:
+        Bergstra et al. 2011, Algorithms for Hyper-Parameter Optimization (TPE); Optuna: Akiba et al. 2019,
+        doi:10.1145/3292500.3330701. Of a batch, settings without a score yet count as bad ones ("constant liar").
+    """
+
+    def __init__(self, ranges: Sequence[ParameterRange], *, seed: int, log: Path) -> None:
+        """Begin a study.
+
+        Args:
+            ranges: What is searched.
+            seed: Of all that is drawn.
+            log: Where the study is kept; what stands there is replaced.
+
+        Raises:
+            UsageError: Optuna is not installed.
+        """
+        self._optuna = load_optuna()
+        from optuna.storages import JournalStorage
+        from optuna.storages.journal import JournalFileBackend
+
+        self._ranges = tuple(ranges)
+        self._distributions = {each.name: self._distribution(each) for each in ranges}
+        self._waiting: list[Any] = []
+        log.unlink(missing_ok=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", self._optuna.exceptions.ExperimentalWarning)
+            sampler = self._optuna.samplers.TPESampler(seed=seed, constant_liar=True)
+        self._study = self._optuna.create_study(
+            storage=JournalStorage(JournalFileBackend(str(log))),
+            sampler=sampler,
+            study_name=STUDY_NAME,
+            direction="maximize",
+        )
+
+    def ask(self, n: int) -> list[dict[str, int | float]]:
+        """Return the next settings; their scores are given before the next ones are asked for."""
+        assert not self._waiting, "scores are told before more is asked for"
+        self._waiting = [self._study.ask(self._distributions) for _ in range(n)]
+        return [{each.name: each.rounded(trial.params[each.name]) for each in self._ranges} for trial in self._waiting]
+
+    def tell(self, scores: Sequence[float]) -> None:
+        """Take the scores of the settings that were asked for, in their order."""
+        for trial, score in zip(self._waiting, scores, strict=True):
+            self._study.tell(trial, score)
+        self._waiting = []
+
+    def add(self, values: Mapping[str, int | float], score: float) -> None:
+        """Take a setting that was not asked for, and its score."""
+        self._study.add_trial(
+            self._optuna.trial.create_trial(params=dict(values), distributions=self._distributions, value=score)
+        )
+
+    def _distribution(self, each: ParameterRange) -> Any:
+        if each.is_whole:
+            return self._optuna.distributions.IntDistribution(int(each.low), int(each.high), log=each.is_log)
+        return self._optuna.distributions.FloatDistribution(float(each.low), float(each.high), log=each.is_log)
+
+
+def load_optuna() -> Any:
+    """Return Optuna, which then prints nothing by itself.
+
+    Raises:
+        UsageError: it is not installed.
+    """
+    try:
+        import optuna
+    except ModuleNotFoundError as error:
+        raise UsageError(
+            "tune: expected Optuna to be installed, was not. Install it: pip install 'gslcosim-bench[tune]'"
+        ) from error
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    return optuna
+
+
+@dataclass(frozen=True, kw_only=True)
+class Budget:
+    """Runs in all, for each setting in training, and for each of the two that are run in validation."""
+
+    flights: int
+    per_setting: int
+    per_validation: int
+
+    @property
+    def n_settings(self) -> int:
+        """Number of settings that the search can run, the default among them."""
+        return (self.flights - self.validation) // self.per_setting
+
+    @property
+    def validation(self) -> int:
+        """Runs that are kept for the validation of the best setting and the default."""
+        return 2 * self.per_validation
+
+    @property
+    def search(self) -> int:
+        """Runs of the search."""
+        return self.n_settings * self.per_setting
+
+
+def split_budget(flights: int, per_setting: int | None = None) -> Budget:
+    """Return the shares of a budget.
+
+    A setting flies half the square root of the budget, 2 at least: as the budget grows, settings get more in number
+    and better known at the same rate. A fifth of it is kept for validation, where best and default fly as often as a
+    setting at least.
+
+    Args:
+        runs: All runs.
+        per_setting: Runs of each setting, if given.
+
+    Raises:
+        UsageError: it is too small for the default, one other setting, and their validation.
+    """
+    k = per_setting if per_setting is not None else max(2, round(math.sqrt(flights) / 2))
+    budget = Budget(flights=flights, per_setting=k, per_validation=max(k, flights // 10))
+    if budget.n_settings < 2:
+        raise UsageError(
+            f"--budget: expected at least {4 * k} flights, for the default, another setting and the validation of "
+            f"both with {k} flights each; was {flights}. Give more, or fewer --flights-per-setting."
+        )
+    return budget
+
+
+BATCH = 4
+"""Settings that are asked for at once, whatever the number of workers: it is part of the result."""
+
+SIGNIFICANT = 0.05
+"""p below which the best setting is said to differ from the default."""
+
+TRAINING, VALIDATION, STUDY_LOG = "training", "validation", "study.log"
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluatedSetting:
+    """A setting and what its runs came to."""
+
+    setting: Setting
+    figures: SettingFigures
+
+
+@dataclass(frozen=True, kw_only=True)
+class Validation:
+    """The best setting and the default on seeds that neither the search nor a test suite has.
+
+    `difference` is of mean scores over the same runs, `p` of the paired permutation test that there is none.
+    """
+
+    seed: int
+    best: SettingFigures
+    default: SettingFigures
+    difference: Estimate
+    p: float
+
+    @property
+    def is_shown(self) -> bool:
+        """True where interval and test both show a difference: few runs give narrow intervals."""
+        return not self.difference.holds_zero and self.p < SIGNIFICANT
+
+
+@dataclass(frozen=True, kw_only=True)
+class TuningResult:
+    """Result of a search.
+
+    Attributes:
+        suite: Name of the suite or scenario.
+        entry: Name of the method.
+        parameters: Those of the entry as it was entered.
+        ranges: What was searched.
+        seed: Of the search.
+        budget: How the runs were shared.
+        training_seed: Of the runs of the search.
+        tried: All settings that were run, the default first, then in the order in which they were asked for.
+        n_asked: How many settings were asked for; of equal ones only the first was run.
+        best: The one with the highest mean score in training; of equal ones the first.
+        difference: Its mean score over the default's in training; None where it is the default.
+        validation: None where the best is the default.
+        n_flown_before: Runs that were there already.
+    """
+
+    suite: str
+    entry: str
+    parameters: Mapping[str, object]
+    ranges: tuple[ParameterRange, ...]
+    seed: int
+    budget: Budget
+    training_seed: int
+    tried: tuple[EvaluatedSetting, ...]
+    n_asked: int
+    best: EvaluatedSetting
+    difference: Estimate | None
+    validation: Validation | None
+    n_flown_before: int
+
+    @property
+    def default(self) -> EvaluatedSetting:
+        """The method as it was entered."""
+        return self.tried[0]
+
+    @property
+    def n_search(self) -> int:
+        """Runs of the search."""
+        return len(self.tried) * self.budget.per_setting
+
+    @property
+    def n_validation(self) -> int:
+        """Runs of the validation."""
+        return self.budget.validation if self.validation is not None else 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class TuningProgress:
+    """Progress of a tuning after a batch."""
+
+    n_settings: int
+    most_settings: int
+    n_flights: int
+    budget: int
+    best: EvaluatedSetting
+
+
+class Tuner:
+    """One call of `gslcosim bench tune`: asks, runs, reports; then validates.
+
+    It always begins at the first batch. The search is drawn again by its seed, and runs that are in the folder are
+    not run again, so that an interrupted call goes on where it stopped and ends as if it had not been interrupted.
+    """
+
+    def __init__(
+        self,
+        subject: StudyTarget,
+        ranges: Sequence[ParameterRange],
+        budget: Budget,
+        *,
+        seed: int,
+        folder: Path,
+        start_pool: Callable[[], Pool],
+        confirm_put_aside: Callable[[StaleRows], bool] = lambda _: True,
+        report: Callable[[Progress], None] = lambda _: None,
+        tell: Callable[[TuningProgress], None] = lambda _: None,
+    ) -> None:
+        """Prepare to tune.
+
+        Args:
+            subject: The method and its cases.
+            ranges: What is searched.
+            budget: How many runs.
+            seed: Of the search, and part of the seeds of all its runs.
+            folder: Where everything is kept.
+            start_pool: Starts the workers; not called when there is nothing to fly.
+            confirm_put_aside: As of `SuiteRun`.
+            report: Receives the status of the run.
+            tell: Receives how the search stands, after each batch.
+        """
+        self._subject = subject
+        self._ranges = tuple(ranges)
+        self._budget = budget
+        self._seed = seed
+        self._folder = folder
+        self._start_pool = start_pool
+        self._confirm_put_aside = confirm_put_aside
+        self._report = report
+        self._tell = tell
+        self._flights: dict[str, SettingRuns] = {}
+        self._tried: list[EvaluatedSetting] = []
+
+    def tune(self) -> TuningResult:
+        """Search, validate, and return what came of it.
+
+        Raises:
+            KeyboardInterrupt: it was interrupted; the same call goes on.
+            GslCosimError: Optuna is not there, the folder cannot be used, or nothing can be run.
+        """
+        load_optuna()
+        with ResultsFolder(self._folder).locked():
+            search = OptunaSearch(self._ranges, seed=derive_seed(self._seed, "search"), log=self._folder / STUDY_LOG)
+            training, validation = self.evaluations()
+            # Workers start at the first run that flies, and serve all others.
+            start_pool = cache(self._start_pool)
+            try:
+                runner = self._runner(training, TRAINING, start_pool)
+                n_asked = self._search(search, runner)
+                runner.finish()
+                best = max(self._tried, key=lambda tried: tried.figures.score.value)
+                n_now = runner.n_flown_now
+                validated = None
+                if best is not self._tried[0]:
+                    runner = self._runner(validation, VALIDATION, start_pool)
+                    validated = self._validate(runner, best.setting)
+                    n_now += runner.n_flown_now
+            finally:
+                if start_pool.cache_info().currsize:
+                    start_pool().close()
+        n_used = len(self._tried) * self._budget.per_setting + (self._budget.validation if validated else 0)
+        return TuningResult(
+            suite=self._subject.loaded.suite.name,
+            entry=self._subject.entry.name,
+            parameters=dict(self._subject.entry.parameters),
+            ranges=self._ranges,
+            seed=self._seed,
+            budget=self._budget,
+            training_seed=training.seed,
+            tried=tuple(self._tried),
+            n_asked=n_asked,
+            best=best,
+            difference=self._over_default(best.setting.name),
+            validation=validated,
+            n_flown_before=n_used - n_now,
+        )
+
+    def evaluations(self) -> tuple[EvaluationPlan, EvaluationPlan]:
+        """Return the runs of training and of validation: no seed is one of the other's or of a suite's."""
+        self._report(Progress(phase="planning", done=0, total=2, elapsed_s=0.0))
+        tests = collect_test_seeds(self._subject.loaded)
+        training = build_evaluation_plan(self._subject, TRAINING, self._seed, n=self._budget.per_setting, taken=tests)
+        self._report(Progress(phase="planning", done=1, total=2, elapsed_s=0.0))
+        taken = tests | collect_seeds(training.subject.loaded)
+        validation = build_evaluation_plan(
+            self._subject, VALIDATION, self._seed, n=self._budget.per_validation, taken=taken
+        )
+        return training, validation
+
+    def _runner(self, plan: EvaluationPlan, name: str, start_pool: Callable[[], Pool]) -> SettingRunner:
+        return SettingRunner(
+            plan, ResultsFolder(self._folder / name), start_pool, self._report, self._confirm_put_aside
+        )
+
+    # Batches are of one size and given in order, so that nothing depends on which run was over first.
+    def _search(self, search: OptunaSearch, runner: SettingRunner) -> int:
+        new = [Setting(name=DEFAULT, parameters={})]
+        names = {self._default_values(): DEFAULT}
+        n_left = self._budget.n_settings - 1
+        n_asked = 0
+        while n_left:
+            asked = search.ask(min(BATCH, n_left))
+            n_left -= len(asked)
+            for values in asked:
+                n_asked += 1
+                key = tuple(values.items())
+                if key not in names:
+                    names[key] = f"s_{n_asked:03d}"
+                    new.append(Setting(name=names[key], parameters=values))
+            self._take(new, runner.fly(new))
+            search.tell([float(self._flights[names[tuple(values.items())]].score.mean()) for values in asked])
+            if n_asked == len(asked):
+                self._add_default(search)
+            new = []
+            self._tell(self._stage())
+        return n_asked
+
+    def _take(self, settings: Sequence[Setting], rows: Mapping[str, Sequence[Row]]) -> None:
+        for setting in settings:
+            self._flights[setting.name] = group_runs(rows[setting.name])
+            self._tried.append(EvaluatedSetting(setting=setting, figures=compute_figures(self._flights[setting.name])))
+
+    def _default_values(self) -> tuple[tuple[str, object], ...]:
+        return tuple((each.name, self._subject.default_of(each.name)) for each in self._ranges)
+
+    # A default outside the ranges is compared with, and tells the search nothing.
+    def _add_default(self, search: OptunaSearch) -> None:
+        values = dict(self._default_values())
+        if all(each.holds(values[each.name]) for each in self._ranges):
+            numbers = {name: value for name, value in values.items() if isinstance(value, int | float)}
+            search.add(numbers, float(self._flights[DEFAULT].score.mean()))
+
+    def _stage(self) -> TuningProgress:
+        return TuningProgress(
+            n_settings=len(self._tried),
+            most_settings=self._budget.n_settings,
+            n_flights=len(self._tried) * self._budget.per_setting,
+            budget=self._budget.flights,
+            best=max(self._tried, key=lambda tried: tried.figures.score.value),
+        )
+
+    def _over_default(self, name: str) -> Estimate | None:
+        return None if name == DEFAULT else compute_difference(self._flights[name], self._flights[DEFAULT])
+
+    def _validate(self, runner: SettingRunner, best: Setting) -> Validation:
+        rows = runner.fly([Setting(name=DEFAULT, parameters={}), best])
+        runner.finish()
+        a, b = group_runs(rows[best.name]), group_runs(rows[DEFAULT])
+        return Validation(
+            seed=runner.evaluation.seed,
+            best=compute_figures(a),
+            default=compute_figures(b),
+            difference=compute_difference(a, b),
+            p=paired_p_value(a, b),
+        )

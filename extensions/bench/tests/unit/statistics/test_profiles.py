@@ -1,0 +1,61 @@
+import math
+
+import numpy as np
+import pytest
+
+from gslcosim.base.errors import ShapeError
+from gslcosim_bench.statistics.rates import wilson
+from gslcosim_bench.statistics.times import performance_profile, runtime_distribution
+
+
+def test_profile_of_a_hand_computed_example():
+    """Four scenarios, once as fast as the oracle, once twice as slow, once eight times, once never."""
+    ours = performance_profile(np.array([10.0, 40.0, 80.0, math.inf]), np.array([10.0, 20.0, 10.0, 5.0]))
+    assert list(ours.tau) == [1, 2, 5, 10]
+    assert ours.value == pytest.approx([0.25, 0.5, 0.5, 0.75])
+    assert (ours.low[1], ours.high[1]) == pytest.approx((wilson(2, 4).low, wilson(2, 4).high))
+    assert ours.n == 4
+
+
+def test_a_profile_tends_to_the_rate_of_success():
+    rng = np.random.default_rng(0)
+    reference = rng.uniform(10, 20, 50)
+    times = np.where(rng.random(50) < 0.6, reference * rng.uniform(1, 30, 50), math.inf)
+    ours = performance_profile(times, reference, np.array([1.0, 3.0, 1e6]))
+    assert np.all(np.diff(ours.value) >= 0)
+    assert ours.value[-1] == pytest.approx(np.mean(np.isfinite(times)))
+
+
+def test_an_oracle_without_time_is_refused():
+    with pytest.raises(ShapeError, match="above 0 s, the least is 0"):
+        performance_profile(np.array([1.0]), np.array([0.0]))
+    with pytest.raises(ShapeError, match="finite"):
+        performance_profile(np.array([1.0]), np.array([math.inf]))
+
+
+def test_a_profile_of_no_scenario_is_undefined():
+    assert np.all(np.isnan(performance_profile(np.array([]), np.array([])).value))
+
+
+def test_runtime_distribution_of_a_hand_computed_example():
+    """Two trials, targets of 5 m and 1 m: three of four were met, at 10, 20 and 30 s."""
+    times_s = np.array([[10.0, 30.0], [20.0, math.inf]])
+    ours = runtime_distribution(times_s, np.array([5.0, 10.0, 25.0, 300.0]))
+    assert ours.value == pytest.approx([0.0, 0.25, 0.5, 0.75])
+    assert (ours.low[-1], ours.high[-1]) == (0.5, 1.0)
+    assert ours.n == 2
+
+
+def test_runtime_distribution_does_not_take_targets_of_a_trial_for_trials():
+    """The same column four times gives the same band."""
+    times_s = np.random.default_rng(1).exponential(100.0, (40, 1))
+    at_s = np.array([50.0, 100.0])
+    one, four = runtime_distribution(times_s, at_s), runtime_distribution(np.repeat(times_s, 4, axis=1), at_s)
+    assert four.low == pytest.approx(one.low)
+    assert four.high == pytest.approx(one.high)
+
+
+def test_runtime_distribution_of_nothing():
+    assert np.isnan(runtime_distribution(np.empty((0, 3)), np.array([1.0])).value[0])
+    with pytest.raises(ShapeError, match="trials in rows"):
+        runtime_distribution(np.zeros(3), np.array([1.0]))

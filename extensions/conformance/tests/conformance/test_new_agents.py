@@ -1,0 +1,39 @@
+"""The commands in the README of a new agent work in each language.
+
+They start processes, which a check in the same process would take for what its agent has left behind: the checks of
+agents are in a file of their own.
+"""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from deadlines import BUILD_S, PROCESS_S
+from languages import stub_of
+
+from gslcosim_conformance.scaffold import create_agent, list_languages
+
+pytestmark = [pytest.mark.slow, pytest.mark.end_to_end, pytest.mark.timeout(BUILD_S + PROCESS_S)]
+
+
+@pytest.mark.parametrize(
+    "language",
+    [pytest.param(language, marks=pytest.mark.debian) for language in list_languages() if language != "python"]
+    + ["python"],
+)
+def test_the_readme_of_a_new_agent_builds_checks_and_flies_it(language, tmp_path):
+    if lacks := stub_of(language).lacks:
+        pytest.skip(f"a new agent in {language} is not tried: this machine has no {lacks}")
+    created = create_agent(language, "gas_finder", tmp_path / "new folder")
+    (commands,) = re.findall(r"```sh\n(.*?)```", (created.folder / "README.md").read_text(), re.DOTALL)
+    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+    ended = subprocess.run(
+        ["sh", "-ec", commands], cwd=created.folder, env=environment, capture_output=True, text=True, timeout=BUILD_S,
+        check=False,
+    )  # fmt: skip
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    assert "0 failed." in ended.stdout
+    assert "The source was found" in ended.stdout

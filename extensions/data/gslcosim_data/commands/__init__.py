@@ -1,0 +1,16 @@
+"""Commands that read runs back, and the command that makes a run of a robot's log."""
+
+from gslcosim.cli.arguments import CommandFamily, CommandGroup
+from gslcosim_data.commands import extract, film, import_log, plot
+
+GROUPS = (
+    CommandGroup(
+        title="look",
+        commands=(
+            plot.COMMAND,
+            film.COMMAND,
+            extract.COMMAND,
+            CommandFamily(name="runs", summary="", examples="", parts=(import_log.COMMAND,)),
+        ),
+    ),
+)

@@ -1,0 +1,635 @@
+"""Declaration rules of each family of methods, and a guard against repeated declarations."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.agent_kit.commands import declaration
+from gslcosim.contract.messages import Bounds, Briefing, Command, Observation
+from gslcosim.contract.missions import asks_for_declaration
+from gslcosim_search import beliefs
+from gslcosim_search.beliefs import CellGrid
+from gslcosim_search.motion.legs import to_millimetre
+from gslcosim_search.plume_fit import PlumeFit
+from gslcosim_search.senses.hit_detection import GasHits, GasLevel
+from gslcosim_search.senses.instruments import Nose, find_vanes
+
+Point = tuple[float, ...]
+Array = NDArray[np.float64]
+# And a bit, for three stops exactly that far apart.
+_THIRD_TURN_RAD = math.tau / 3.0 + 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """A place where the source may be, world frame [m], and how sure that is, from 0 to 1."""
+
+    position_m: Point
+    confidence: float
+
+
+class DeclarationGuard:
+    """Lets an estimate pass once: again only when it has moved, or when it is surer.
+
+    State: the last estimate that passed.
+
+    Held by:
+        extensions/search/tests/unit/motion/test_declaration.py
+    """
+
+    def __init__(self, *, moved_m: float = 0.5, surer_by: float = 0.1) -> None:
+        """Begin with nothing declared."""
+        self.last: Estimate | None = None
+        self._moved_m, self._surer_by = moved_m, surer_by
+
+    def passes(self, estimate: Estimate | None) -> Estimate | None:
+        """Return the estimate if it is to be declared now, and remember it; absent otherwise."""
+        if estimate is None or not self._is_new(estimate):
+            return None
+        self.last = estimate
+        return estimate
+
+    def _is_new(self, estimate: Estimate) -> bool:
+        if self.last is None or math.dist(estimate.position_m, self.last.position_m) > self._moved_m:
+            return True
+        return estimate.confidence >= self.last.confidence + self._surer_by
+
+
+# What a reactive method remembers of a leg: where it ended and how much gas was there.
+@dataclass(frozen=True, kw_only=True)
+class _Stop:
+    position_m: Point
+    gas: float
+
+
+class ReactiveRule:
+    """Declares when the last legs stayed together in much gas whose upwind edge was crossed.
+
+    1. the last `n_legs` stops lie within `radius_m` of their mean
+    2. their mean gas is above `factor` times `threshold`
+    3. an upwind edge: there is a stop at least `edge_m` farther upwind than the stop with the most gas, and all such
+       stops have less than `edge_share` of that gas, or none (at most `threshold`)
+
+    The estimate is the mean of the stops with gas (above `threshold`), weighted by it; its confidence is their share.
+    Without a wind (`upwind_rad` absent) the gas must end all around: rule 3 then takes every stop that far away, and
+    seen from the stop with the most gas they leave no third of a circle empty.
+
+    State: the last stops.
+
+    Source:
+        Our rule; no reactive method of the literature but that of Li, Farrell et al. 2006 defines one. The edge is
+        virtual: it is read off the stops, no leg is flown for it.
+    Held by:
+        extensions/search/tests/unit/motion/test_declaration.py
+    """
+
+    def __init__(
+        self,
+        *,
+        threshold: float,
+        n_legs: int = 12,
+        radius_m: float = 1.5,
+        factor: float = 5.0,
+        edge_m: float = 1.0,
+        edge_share: float = 0.5,
+    ) -> None:
+        """Begin without stops.
+
+        Args:
+            threshold: The least gas that counts, in the unit in which gas is added.
+            n_legs: How many legs must agree, K.
+            radius_m: How close together they are [m].
+            factor: How many times the threshold their mean gas is.
+            edge_m: How far upwind of the most gas it must be lost [m].
+            edge_share: Which share of the most gas counts as lost.
+        """
+        self._threshold, self._radius_m, self._factor = threshold, radius_m, factor
+        self._edge_m, self._edge_share = edge_m, edge_share
+        self._stops: deque[_Stop] = deque(maxlen=n_legs)
+
+    def add(self, position_m: Sequence[float], gas: float) -> None:
+        """Take note of a stop: its place (two or three coordinates) and what grows with the gas."""
+        self._stops.append(_Stop(position_m=tuple(position_m), gas=gas))
+
+    def estimate(self, upwind_rad: float | None) -> Estimate | None:
+        """Return the estimate of the source, if all conditions hold now.
+
+        Args:
+            upwind_rad: The direction the wind comes from [rad]; absent in calm air.
+        """
+        stops = tuple(self._stops)
+        if len(stops) < (self._stops.maxlen or 0) or not self._are_together(stops):
+            return None
+        if not sum(stop.gas for stop in stops) / len(stops) > self._factor * self._threshold:
+            return None
+        if not self._has_edge(stops, upwind_rad):
+            return None
+        with_gas = [stop for stop in stops if stop.gas > self._threshold]
+        return Estimate(position_m=_centre(with_gas), confidence=len(with_gas) / len(stops))
+
+    def _are_together(self, stops: Sequence[_Stop]) -> bool:
+        n = len(stops)
+        mean_m = [sum(column) / n for column in zip(*(stop.position_m for stop in stops))]
+        return all(math.dist(stop.position_m, mean_m) <= self._radius_m for stop in stops)
+
+    def _has_edge(self, stops: Sequence[_Stop], upwind_rad: float | None) -> bool:
+        best = max(stops, key=lambda stop: stop.gas)
+        beyond = [stop for stop in stops if _ahead_m(best, stop, upwind_rad) >= self._edge_m]
+        lost = max(self._threshold, self._edge_share * best.gas)
+        if not beyond or any(stop.gas > lost for stop in beyond):
+            return False
+        return upwind_rad is not None or _widest_gap_rad(best, beyond) <= _THIRD_TURN_RAD
+
+
+# A reading on the way, and the wind then.
+@dataclass(frozen=True, kw_only=True)
+class _Whiff(_Stop):
+    upwind_rad: float | None
+
+
+class PlumeEndRule:
+    """Declares the upwind end of the gas that was met, with clean air upwind of it, or when time runs out.
+
+    1. strong readings: at least `share` of the greatest one, at most `reach_m` from it, in a wind within 60 degrees of
+       the one there
+    2. the end: the strong reading farthest upwind; without a wind the greatest reading
+    3. the estimate: the mean place of the strong readings within `near_m` of the end, weighted by their gas
+    4. clean air: of the readings in that wind from `edge_m` to `reach_m` upwind of the end and at most `near_m` beside
+       it, at least `n_clean` are without gas, and more than half; or the bounds end before `edge_m`. Without a wind
+       nothing is asked
+    5. it is declared when the greatest reading is above `factor` thresholds, and the estimate has stayed within
+       `still_m` for `wait_s` with clean air upwind of it, or it is later than `latest_s`
+
+    The confidence is the share of the strong readings' gas that lies within `near_m` of the end, times the share of
+    clean readings upwind of it: 0 where time runs out and nobody was there. Gas is met downwind of a source and not
+    upwind of it, so the end is a better estimate than the greatest reading: where the source is higher or lower than
+    the nose, the most gas is metres downwind. In air that turns in a room, gas goes on upwind of such an end.
+
+    State: the readings, one a period, the greatest of them, and for how long the estimate has stayed.
+
+    Source:
+        The upwind end of what was detected as the source, noted where tracking upwind loses the plume, and a stop of
+        its own for declaring: Li, Farrell, Pang, Arrieta 2006, doi:10.1109/TRO.2006.870627 (remembered, unverified).
+        That declaration is a stage of its own after finding and tracking a plume: Macedo, Marques, Costa 2019,
+        doi:10.3390/s19102231. How much clean air is asked for is ours.
+    Deviation:
+        One pass up the plume and out of it is enough, readings on the way count, and it is judged after a time: Li's
+        rule (`reactive_searcher.LossPoints`) waits for losses of the plume that agree, and often for longer than a run.
+    Held by:
+        extensions/search/tests/unit/motion/test_plume_end.py
+    """
+
+    def __init__(
+        self,
+        *,
+        threshold: float,
+        wait_s: float,
+        latest_s: float,
+        factor: float = 5.0,
+        share: float = 0.1,
+        reach_m: float = 4.0,
+        near_m: float = 1.5,
+        still_m: float = 0.5,
+        period_s: float = 1.0,
+        edge_m: float = 1.0,
+        n_clean: int = 3,
+        bounds: Bounds | None = None,
+    ) -> None:
+        """Begin without gas.
+
+        Args:
+            threshold: The least gas that counts, in the unit in which gas is added.
+            wait_s: For how long the estimate must stay [s].
+            latest_s: When it is declared even if it has not stayed [s].
+            factor: How many thresholds the greatest reading must have.
+            share: Which share of the greatest reading is strong.
+            reach_m: How far from the greatest reading the end may be, in the plane [m].
+            near_m: How far from the end readings belong to it, in the plane [m].
+            still_m: How far the estimate may move and count as the same [m].
+            period_s: Time from one reading to the next that counts, with gas and without [s].
+            edge_m: From how far upwind of the end clean air counts [m].
+            n_clean: How many readings of clean air are enough; three take as long as a PID needs to respond.
+            bounds: Of the room; absent: there are none near.
+        """
+        self._threshold, self._factor, self._share = threshold, factor, share
+        self._reach_m, self._near_m = reach_m, near_m
+        self._latest_s, self._period_s = latest_s, period_s
+        self._unchanged = UnchangedRule(radius_m=still_m, n_legs=1, for_s=wait_s)
+        self._edge_m, self._n_clean, self._bounds = edge_m, n_clean, bounds
+        self._whiffs: list[_Whiff] = []
+        self._clean: list[_Whiff] = []
+        self._peak: _Whiff | None = None
+        self._last_s = self._last_clean_s = -math.inf
+
+    def add(self, time_s: float, position_m: Sequence[float], gas: float, upwind_rad: float | None) -> None:
+        """Take note of a reading: its place, what grows with the gas, and where the wind comes from [rad]."""
+        whiff = _Whiff(position_m=tuple(position_m), gas=gas, upwind_rad=upwind_rad)
+        if gas <= self._threshold and time_s >= self._last_clean_s + self._period_s:
+            self._last_clean_s = time_s
+            self._clean.append(whiff)
+        if not (self._threshold < gas < math.inf) or time_s < self._last_s + self._period_s:
+            return
+        self._last_s = time_s
+        self._whiffs.append(whiff)
+        if self._peak is None or gas > self._peak.gas:
+            self._peak = whiff
+
+    def estimate(self, time_s: float) -> Estimate | None:
+        """Return the estimate of the source, if all conditions hold now."""
+        if self._peak is None or not self._peak.gas > self._factor * self._threshold:
+            return None
+        strong = [whiff for whiff in self._whiffs if self._is_strong(whiff, self._peak)]
+        end = self._find_end(strong, self._peak)
+        found = self._estimate_at(end, strong)
+        is_still = self._unchanged.add(found.position_m, time_s=time_s)
+        is_clean, share = self._look_upwind(end, self._peak.upwind_rad)
+        if not (is_still and is_clean) and time_s < self._latest_s:
+            return None
+        return replace(found, confidence=found.confidence * share)
+
+    def _find_end(self, strong: Sequence[_Whiff], peak: _Whiff) -> _Whiff:
+        if peak.upwind_rad is None:
+            return peak
+        return max(strong, key=lambda one: _ahead_m(peak, one, peak.upwind_rad))
+
+    # Whether the air upwind of the end is clean, and which share of the readings there say so.
+    def _look_upwind(self, end: _Whiff, upwind_rad: float | None) -> tuple[bool, float]:
+        if upwind_rad is None:
+            return True, 1.0
+        n_clean, n_gas = (
+            sum(self._is_upwind(one, end, upwind_rad) for one in readings) for readings in (self._clean, self._whiffs)
+        )
+        if not n_clean + n_gas and self._ends_before_edge(end, upwind_rad):
+            return True, 1.0
+        share = n_clean / max(1, n_clean + n_gas)
+        return n_clean >= self._n_clean and share > 0.5, share
+
+    def _is_upwind(self, one: _Whiff, end: _Whiff, upwind_rad: float) -> bool:
+        ahead_m, beside_m = _ahead_m(end, one, upwind_rad), _ahead_m(end, one, upwind_rad + math.pi / 2.0)
+        is_in_strip = self._edge_m <= ahead_m <= self._reach_m and abs(beside_m) <= self._near_m
+        return is_in_strip and _agree(one.upwind_rad, upwind_rad)
+
+    def _ends_before_edge(self, end: _Whiff, upwind_rad: float) -> bool:
+        if self._bounds is None:
+            return False
+        steps_m = (self._edge_m * math.cos(upwind_rad), self._edge_m * math.sin(upwind_rad))
+        edge_m = [x + step for x, step in zip(end.position_m, steps_m)]
+        return any(not low <= x <= high for low, x, high in zip(self._bounds.min_m, edge_m, self._bounds.max_m))
+
+    def _estimate_at(self, end: _Whiff, strong: Sequence[_Whiff]) -> Estimate:
+        near = [whiff for whiff in strong if math.dist(whiff.position_m[:2], end.position_m[:2]) <= self._near_m]
+        confidence = sum(whiff.gas for whiff in near) / sum(whiff.gas for whiff in strong)
+        return Estimate(position_m=_centre(near), confidence=min(1.0, confidence))
+
+    def _is_strong(self, whiff: _Whiff, peak: _Whiff) -> bool:
+        if whiff.gas < self._share * peak.gas or not _agree(whiff.upwind_rad, peak.upwind_rad):
+            return False
+        return math.dist(whiff.position_m[:2], peak.position_m[:2]) <= self._reach_m
+
+
+# Directions no more than 60 degrees apart; one that is not known agrees with all.
+def _agree(upwind_rad: float | None, other_rad: float | None) -> bool:
+    return upwind_rad is None or other_rad is None or math.cos(upwind_rad - other_rad) >= 0.5
+
+
+class PlumeFitRule:
+    """Declares the source of a straight plume (`plume_fit.PlumeFit`), where such a plume explains the readings.
+
+    1. at least `n_gas` readings with gas, one reading a period, and an advantage of the fit above 0
+    2. the advantage is at least `least_nats`, the share within a metre at least `least_share`, and the place has stayed
+       within `still_m` for `wait_s`; or it is later than `latest_s`
+
+    The confidence is share (1 - exp(-advantage)): the probability that the fit gives, times a trust in its plume.
+    The wind of a reading is the running mean over `smooth_s`; while there is none nothing is noted.
+
+    State: the fit, the running mean of the wind, for how long the place has stayed, and `explains`: whether a straight
+    plume explained the readings better than gas that may be met anywhere when the estimate was asked for.
+
+    Source:
+        The fit's; when it is declared is ours, chosen on training flights of `open_2026_quick`.
+    Held by:
+        extensions/search/tests/unit/test_plume_fit.py
+    """
+
+    def __init__(
+        self,
+        fit: PlumeFit,
+        *,
+        wait_s: float,
+        latest_s: float,
+        n_gas: int = 10,
+        least_nats: float = 1.0,
+        least_share: float = 0.8,
+        still_m: float = 0.5,
+        smooth_s: float = 20.0,
+        period_s: float = 1.0,
+    ) -> None:
+        """Begin without readings.
+
+        Args:
+            fit: New, without readings.
+            wait_s: For how long the place must stay [s].
+            latest_s: When it is declared even if it has not stayed [s].
+            n_gas: How many readings with gas are enough.
+            least_nats: Which advantage of the fit is enough early [nat].
+            least_share: Which share within a metre is enough early.
+            still_m: How far the place may move and count as the same [m].
+            smooth_s: Time constant of the mean of the wind [s].
+            period_s: Time from one reading to the next that counts [s].
+        """
+        self._fit, self._latest_s, self._n_gas = fit, latest_s, n_gas
+        self._least_nats, self._least_share = least_nats, least_share
+        self._unchanged = UnchangedRule(radius_m=still_m, n_legs=1, for_s=wait_s)
+        self._smooth_s, self._period_s = smooth_s, period_s
+        self.explains = False
+        self._wind_m_s = (0.0, 0.0)
+        self._last_wind_s: float | None = None
+        self._last_s = -math.inf
+
+    def add(self, time_s: float, position_m: Sequence[float], level: float, wind_m_s: Sequence[float]) -> None:
+        """Take note of a reading: its place, its level above clean air, and the wind there, world frame [m/s]."""
+        u, v = self._wind_m_s
+        share = 1.0 if self._last_wind_s is None else min(1.0, (time_s - self._last_wind_s) / self._smooth_s)
+        self._wind_m_s = (u + share * (wind_m_s[0] - u), v + share * (wind_m_s[1] - v))
+        self._last_wind_s = time_s
+        if time_s < self._last_s + self._period_s or not math.hypot(*self._wind_m_s) > 0.0:
+            return
+        self._last_s = time_s
+        self._fit.add(position_m, level, math.atan2(self._wind_m_s[1], self._wind_m_s[0]))
+
+    def estimate(self, time_s: float, height_m: float) -> Estimate | None:
+        """Return the estimate of the source at a height, if all conditions hold now."""
+        found = self._fit.best()
+        self.explains = found is not None and found.n_gas >= self._n_gas and found.advantage_nats > 0.0
+        if found is None or not self.explains:
+            return None
+        is_still = self._unchanged.add(found.position_m, time_s=time_s)
+        is_sure = found.advantage_nats >= self._least_nats and found.share >= self._least_share
+        if not (is_still and is_sure) and time_s < self._latest_s:
+            return None
+        confidence = found.share * -math.expm1(-found.advantage_nats)
+        return Estimate(position_m=(*map(to_millimetre, found.position_m), height_m), confidence=confidence)
+
+
+class MissionDeclarer:
+    """Gives the declaration of a method that follows a plume, where the mission asks for one.
+
+    By `PlumeFitRule` where a straight plume explains what was met, else by `PlumeEndRule`. The fit waits for a tenth of
+    the time limit without a change, the plume's end for a third of it; nine tenths of it are late for both. A MOX
+    sensor that recovers shows gas of before: its readings are of gas while it has a hit, and otherwise of clean air.
+
+    State: that of the rules, the cleanest air, and the rule of the hits.
+
+    Held by:
+        extensions/search/tests/unit/motion/test_plume_end.py, extensions/search/tests/unit/test_plume_fit.py
+    """
+
+    def __init__(
+        self, briefing: Briefing, nose: Nose, *, plume_end: str = "by_mission", plume_fit: str = "never"
+    ) -> None:
+        """Begin without gas; `plume_end` and `plume_fit` say when each rule is applied: `by_mission`, or `never`."""
+        self._nose, self._level, self._hits = nose, GasLevel(nose), GasHits(nose)
+        self._end: PlumeEndRule | None = None
+        self._fit: PlumeFitRule | None = None
+        self._vane = next(iter(find_vanes(briefing)), None)
+        if not asks_for_declaration(briefing.mission):
+            return
+        limit_s, threshold = briefing.time_limit_s, self._level.threshold
+        if plume_end == "by_mission":
+            self._end = PlumeEndRule(
+                threshold=threshold, wait_s=limit_s / 3.0, latest_s=0.9 * limit_s, bounds=briefing.bounds
+            )
+        if plume_fit == "by_mission" and self._vane is not None:
+            fit = PlumeFit(briefing.bounds, threshold=threshold)
+            self._fit = PlumeFitRule(fit, wait_s=limit_s / 10.0, latest_s=0.9 * limit_s)
+
+    def add(self, observation: Observation, upwind_rad: float | None = None) -> None:
+        """Take note of an observation, from `Agent.observe`; without a wind that is trusted there is no direction."""
+        if (self._end is None and self._fit is None) or not self._nose.is_ready(observation):
+            return
+        value = self._nose.value(observation)
+        level, is_hit = self._level.of(value), self._hits.add(observation)
+        # A broken reading is no clean air.
+        if not math.isfinite(value):
+            return
+        time_s, here_m, level = observation.time_s, observation.position_world_m, level if is_hit else 0.0
+        if self._end is not None:
+            self._end.add(time_s, here_m, level, upwind_rad)
+        if self._fit is not None and self._vane is not None and self._vane.is_ready(observation):
+            wind_m_s = self._vane.wind_world_m_s(observation)
+            if all(map(math.isfinite, (*wind_m_s, level))):
+                self._fit.add(time_s, here_m, level, wind_m_s)
+
+    def estimate(self, observation: Observation) -> Estimate | None:
+        """Return the estimate of the source, if it is to be declared now."""
+        time_s = observation.time_s
+        if self._fit is not None:
+            found = self._fit.estimate(time_s, observation.position_world_m[2])
+            if found is not None or self._fit.explains:
+                return found
+        return None if self._end is None else self._end.estimate(time_s)
+
+
+class ReactiveDeclarer:
+    """Gives the declarations of a reactive method with one nose: by `ReactiveRule`, and where the mission asks for one.
+
+    State: the rule's stops, the cleanest air that was met, and what was declared.
+
+    Held by:
+        extensions/search/tests/unit/motion/test_declaration.py
+    """
+
+    def __init__(
+        self,
+        nose: Nose,
+        *,
+        height_m: float,
+        is_on: bool = True,
+        apart_m: float = 0.1,
+        mission_declarer: MissionDeclarer | None = None,
+    ) -> None:
+        """Begin with nothing declared.
+
+        Args:
+            nose: Whose readings.
+            height_m: Where the source is said to be, for a method in the plane [m].
+            is_on: Whether to declare at all.
+            apart_m: Questions no farther apart than this are asked at one stop [m].
+            mission_declarer: The rules for missions that ask for a declaration; absent: none.
+        """
+        self._mission_declarer = mission_declarer
+        self._apart_m = apart_m
+        self._level, self._height_m, self._is_on = GasLevel(nose), height_m, is_on
+        self._rule = ReactiveRule(threshold=self._level.threshold)
+        self._declared = DeclarationGuard()
+        self._stop_m: Point | None = None
+
+    def observe(self, observation: Observation) -> None:
+        """Take note of gas on the way, from `Agent.observe`; these methods know no wind."""
+        if self._mission_declarer is not None:
+            self._mission_declarer.add(observation)
+
+    def command(
+        self, observation: Observation, value: float | None, *, upwind_rad: float | None = None, is_planar: bool = True
+    ) -> Command | None:
+        """Take note of a stop; return the declaration that answers the question, if there is one.
+
+        Args:
+            observation: The question.
+            value: The reading of this stop, in the nose's unit; absent while the sensor warms up.
+            upwind_rad: The direction the wind comes from [rad]; absent without a vane or in calm air.
+            is_planar: Whether the method searches at one height.
+        """
+        if value is None or not self._is_on:
+            return None
+        stop_m = observation.position_world_m[: 2 if is_planar else 3]
+        level = self._level.of(value)
+        # After a declaration the vehicle is asked again where it is.
+        if self._stop_m is None or math.dist(stop_m, self._stop_m) > self._apart_m:
+            self._stop_m = stop_m
+            self._rule.add(stop_m, level)
+        found = self._rule.estimate(upwind_rad)
+        if found is None and self._mission_declarer is not None:
+            found = self._mission_declarer.estimate(observation)
+        estimate = self._declared.passes(found)
+        if estimate is None:
+            return None
+        place_m = (*estimate.position_m, self._height_m)[:3]
+        return declaration(observation, place_m, estimate.confidence)
+
+
+class UnchangedRule:
+    """Declares a peak that has stayed where it is: of a map, a gradient, or a swarm's best.
+
+    State: where the peak was when it moved last, and for how many legs and since when it has been there.
+
+    Source:
+        10 legs within 0.5 m for peaks of gas maps, ours; 60 s for a swarm's best, remembered, unverified [M].
+    Held by:
+        extensions/search/tests/unit/motion/test_declaration.py
+    """
+
+    def __init__(self, *, radius_m: float = 0.5, n_legs: int = 10, for_s: float = 0.0) -> None:
+        """Begin without a peak: it must stay within `radius_m` for `n_legs` additions and for `for_s`."""
+        self._radius_m, self._n_legs, self._for_s = radius_m, n_legs, for_s
+        self._place_m: Point | None = None
+        self._n_same, self._since_s = 0, 0.0
+
+    def add(self, peak_m: Sequence[float], *, time_s: float = 0.0) -> bool:
+        """Take note of a peak; return whether it has been unchanged for long enough."""
+        if self._place_m is None or math.dist(peak_m, self._place_m) > self._radius_m:
+            self._place_m, self._n_same, self._since_s = tuple(peak_m), 0, time_s
+        self._n_same += 1
+        return self._n_same >= self._n_legs and time_s - self._since_s >= self._for_s
+
+
+class SwarmRule:
+    """Declares a swarm's best place when all members are near it for a time, or when it is the best for long.
+
+    State: since when all are near, and the rule about an unchanged best.
+
+    Source:
+        20 s within 1.5 m and 60 s unchanged: remembered, unverified [M].
+    Held by:
+        extensions/search/tests/unit/motion/test_declaration.py
+    """
+
+    def __init__(self, *, radius_m: float = 1.5, near_s: float = 20.0, unchanged_s: float = 60.0) -> None:
+        """Begin with nobody near."""
+        self._radius_m, self._near_s = radius_m, near_s
+        self._near_since_s: float | None = None
+        self._unchanged = UnchangedRule(radius_m=0.0, n_legs=1, for_s=unchanged_s)
+
+    def add(self, time_s: float, best_m: Sequence[float], members_m: Sequence[Sequence[float]]) -> Estimate | None:
+        """Take note of the best place and of where the members are; return the estimate if the rule holds.
+
+        Its confidence is the share of members that are near.
+        """
+        n_near = sum(math.dist(best_m, member_m) <= self._radius_m for member_m in members_m)
+        if n_near < len(members_m) or not members_m:
+            self._near_since_s = None
+        elif self._near_since_s is None:
+            self._near_since_s = time_s
+        is_unchanged = self._unchanged.add(best_m, time_s=time_s)
+        are_near = self._near_since_s is not None and time_s - self._near_since_s >= self._near_s
+        if not (are_near or is_unchanged):
+            return None
+        return Estimate(position_m=tuple(best_m), confidence=n_near / max(1, len(members_m)))
+
+
+def by_variance(p: Array, grid: CellGrid, *, limit_m2: float = 0.5, radius_m: float = 1.0) -> Estimate | None:
+    """Return the mean of the best cells when a belief has drawn together: var x + var y < limit.
+
+    The confidence is the probability within `radius_m` of it.
+
+    Source:
+        GrGSL and PMFS: 0.5 m^2 by default, 1.0 and 1.5 in their launch files [C]; the estimate over the best 5 %, [C].
+    """
+    return _estimate_of(p, grid, radius_m) if beliefs.variance_m2(p, grid) < limit_m2 else None
+
+
+def by_mass(p: Array, grid: CellGrid, *, radius_m: float = 1.0, least: float = 0.9) -> Estimate | None:
+    """Return the mean place inside the best ball when that holds enough of a belief; confidence is what it holds."""
+    centre_m, mass = beliefs.best_ball(p, grid, radius_m)
+    if not mass > least:
+        return None
+    inside = np.where(beliefs.distances_m(grid, centre_m) <= radius_m, p, 0.0)
+    return Estimate(position_m=beliefs.mean_m(beliefs.normalised(inside), grid), confidence=mass)
+
+
+def by_entropy(p: Array, grid: CellGrid, *, limit_bits: float = 1.0, radius_m: float = 1.0) -> Estimate | None:
+    """Return the mean of the best cells when a belief's entropy is below a limit [bit]; confidence as `by_variance`."""
+    return _estimate_of(p, grid, radius_m) if beliefs.entropy_bits(p) < limit_bits else None
+
+
+def by_spread(positions_m: Array, weights: Array, *, limit_m: float = 0.5, radius_m: float = 1.0) -> Estimate | None:
+    """Return the mean of weighted particles when they have drawn together: sqrt(sum of variances) < limit.
+
+    The confidence is the weight within `radius_m` of it.
+
+    Args:
+        positions_m: (n_particles, d) places, world frame [m].
+        weights: (n_particles,) none negative; need not sum to 1.
+        limit_m: 0.4 m in AutoSTE, 0.5 m in the MAPIR group's particle filter [C].
+        radius_m: For the confidence [m].
+    """
+    share = beliefs.normalised(weights)
+    mean_m = share @ positions_m
+    squares_m2 = ((positions_m - mean_m) ** 2).sum(axis=1)
+    if not math.sqrt(float(share @ squares_m2)) < limit_m:
+        return None
+    near = float(share[squares_m2 <= radius_m**2].sum())
+    return Estimate(position_m=tuple(float(x) for x in mean_m), confidence=min(1.0, near))
+
+
+def _estimate_of(p: Array, grid: CellGrid, radius_m: float) -> Estimate:
+    position_m = beliefs.mean_of_best_m(p, grid)
+    return Estimate(position_m=position_m, confidence=min(1.0, beliefs.mass_within(p, grid, position_m, radius_m)))
+
+
+# The widest angle between neighbouring stops, seen from another one.
+def _widest_gap_rad(origin: _Stop, stops: Sequence[_Stop]) -> float:
+    x_m, y_m = origin.position_m[:2]
+    bearings_rad = sorted(math.atan2(stop.position_m[1] - y_m, stop.position_m[0] - x_m) for stop in stops)
+    return max(b - a for a, b in pairwise([*bearings_rad, bearings_rad[0] + math.tau]))
+
+
+# How far a stop lies upwind of another; without a wind, how far away.
+def _ahead_m(origin: _Stop, stop: _Stop, upwind_rad: float | None) -> float:
+    dx_m, dy_m = stop.position_m[0] - origin.position_m[0], stop.position_m[1] - origin.position_m[1]
+    if upwind_rad is None:
+        return math.hypot(dx_m, dy_m)
+    return dx_m * math.cos(upwind_rad) + dy_m * math.sin(upwind_rad)
+
+
+def _centre(stops: Sequence[_Stop]) -> Point:
+    total = sum(stop.gas for stop in stops)
+    return tuple(
+        sum(stop.gas * x for stop, x in zip(stops, column)) / total
+        for column in zip(*(stop.position_m for stop in stops))
+    )

@@ -1,0 +1,124 @@
+"""Random walks that are blind, or nearly so: run and tumble, and Levy walks."""
+
+import math
+from collections.abc import Sequence
+
+from gslcosim_search.motion.legs import N_TRIES, LegSpace, Point, leg_end
+from gslcosim_search.random_stream import RandomStream
+
+
+class RunAndTumble:
+    """Legs of one length: a leg keeps the direction of the one before (run) or draws a new one (tumble).
+
+    heading ~ U[0, 2 pi), climb ~ U[-most_climb_m, most_climb_m); a leg that may not be flown draws again, also where it
+    was to keep its direction. After 100 draws without success it leads to the nearest place inside the margin.
+
+    With runs never kept it is the random walk, with a chance p of keeping them the persistent walk, with runs kept
+    while there is more gas the search of E. coli.
+
+    State: the direction of the last leg. Draws for each try: heading, then, in space, climb.
+
+    Source:
+        The walker and the E. coli of GSL-Bench [C].
+    Held by:
+        extensions/search/tests/unit/reactive/test_random_walks.py; extensions/search/tests/analytic/test_blind_walks.py
+        (success without gas)
+    """
+
+    def __init__(self, room: LegSpace, draws: RandomStream, *, leg_m: float, most_climb_m: float | None = None) -> None:
+        """Begin without a direction.
+
+        Args:
+            room: Where legs may end.
+            draws: Where directions come from.
+            leg_m: Horizontal length of a leg [m].
+            most_climb_m: How much higher or lower a leg may end [m]; absent: legs stay in the plane.
+        """
+        self._room, self._draws = room, draws
+        self._leg_m, self._most_climb_m = leg_m, most_climb_m
+        self._direction: tuple[float, float | None] | None = None
+
+    def next_end_m(self, start_m: Sequence[float], *, keeps: bool, turn_rad: float = 0.0) -> Point:
+        """Return the end of the next leg, world frame [m]: x and y, and z for a walk in 3-D.
+
+        Args:
+            start_m: Where the vehicle is [m].
+            keeps: Whether to keep the direction, if that is possible.
+            turn_rad: By how much to turn where it is kept [rad].
+        """
+        if keeps and self._direction is not None:
+            self._direction = (self._direction[0] + turn_rad, self._direction[1])
+            end_m = self._end_m(start_m, self._direction)
+            if end_m is not None:
+                return end_m
+        for _ in range(N_TRIES):
+            self._direction = self._drawn()
+            end_m = self._end_m(start_m, self._direction)
+            if end_m is not None:
+                return end_m
+        self._direction = None
+        return self._room.nearest(start_m[: 2 if self._most_climb_m is None else 3])
+
+    def _end_m(self, start_m: Sequence[float], direction: tuple[float, float | None]) -> Point | None:
+        heading_rad, climb_m = direction
+        return leg_end(start_m, heading_rad, self._leg_m, self._room, climb_m=climb_m)
+
+    def _drawn(self) -> tuple[float, float | None]:
+        heading_rad = self._draws.angle_rad()
+        if self._most_climb_m is None:
+            return heading_rad, None
+        return heading_rad, self._draws.uniform(-self._most_climb_m, self._most_climb_m)
+
+
+def power_law_length_m(fraction: float, *, exponent: float, least_m: float, most_m: float) -> float:
+    """Return a length of a truncated power law, from a number uniform in [0, 1).
+
+    p(l) ~ l^-mu for a <= l <= b;  l = (a^q + u (b^q - a^q))^(1/q), q = 1 - mu;  for mu = 1: l = a (b / a)^u
+    [m] = ([m]^q)^(1/q)
+
+    Args:
+        fraction: u.
+        exponent: mu; 2 is the best for blind search of rare targets, remembered, unverified [M].
+        least_m: a [m], > 0.
+        most_m: b [m], >= a.
+
+    Source:
+        Inverse of the distribution function; Levy walks after Viswanathan et al. 1999, doi:10.1038/44831.
+    Held by:
+        extensions/search/tests/unit/reactive/test_random_walks.py
+    """
+    q = 1.0 - exponent
+    if abs(q) < 1e-9:
+        return least_m * (most_m / least_m) ** fraction
+    return (least_m**q + fraction * (most_m**q - least_m**q)) ** (1.0 / q)
+
+
+class LevyWalk:
+    """Legs in random directions whose lengths follow a truncated power law; walls and obstacles cut them short.
+
+    The longest length is the diagonal of the room. A leg that meets the margin ends there; where what is left is less
+    than half of the least length, another direction is drawn.
+
+    State: none but the draws. Draws for each leg: length, then headings until one leads anywhere.
+
+    Source:
+        Levy walk with exponent 2, truncated at the room's size, remembered, unverified [M].
+    Held by:
+        extensions/search/tests/unit/reactive/test_random_walks.py
+    """
+
+    def __init__(self, room: LegSpace, draws: RandomStream, *, exponent: float, least_m: float) -> None:
+        """Begin a walk with lengths from `least_m`, with the power law's exponent."""
+        self._room, self._draws, self._exponent, self._least_m = room, draws, exponent, least_m
+        self._most_m = max(least_m, math.dist(room.min_m[:2], room.max_m[:2]))
+
+    def next_end_m(self, start_m: Sequence[float]) -> Point:
+        """Return the end of the next leg, x and y, world frame [m]."""
+        length_m = power_law_length_m(
+            self._draws.fraction(), exponent=self._exponent, least_m=self._least_m, most_m=self._most_m
+        )
+        for _ in range(N_TRIES):
+            end_m = self._room.farthest(start_m[:2], self._draws.angle_rad(), length_m)
+            if math.dist(start_m[:2], end_m) >= self._least_m / 2.0:
+                return end_m
+        return self._room.nearest(start_m[:2])

@@ -1,0 +1,129 @@
+import math
+
+import numpy as np
+import pytest
+from briefings import briefing, observation
+from toy_swarm import ToySwarm, hill
+
+from gslcosim_agents.gso.agent import Gso
+from gslcosim_search.swarms.rounds import parse
+
+MEMBERS = ("first", "searcher", "third")
+SENSORS = (("pid", "nose"), ("anemometer", "vane"))
+FROM_WEST = (0.5, math.pi)
+
+
+def made(**parameters) -> Gso:
+    return Gso(briefing(sensors=SENSORS, members=MEMBERS, parameters={"declares": False, **parameters}))
+
+
+def leg(agent, *, ppm=0.0, heard=(), wind=FROM_WEST, tick=40, place_m=(7.0, 5.0)):
+    """The commanded leg [m], measured after another one, and the luciferin that is sent."""
+    question = observation(tick=tick, position_m=(*place_m, 2.0), readings={"nose": ppm, "vane": wind}, heard=heard)
+    agent.observe(question.model_copy(update={"tick": tick - 1, "status": "flying", "incoming": ()}))
+    agent.observe(question)
+    command = agent.decide(question)
+    return np.array(command.position_world_m[:2]) - place_m, parse(command.outgoing[0].text).numbers[0]
+
+
+def test_the_brightest_flies_upwind():
+    step, luciferin = leg(made(), ppm=3.0, heard=[("first", "g 39 900 500 200 1 n1")])
+    assert step == pytest.approx([-1.0, 0.0], abs=2e-3)
+    assert luciferin == 3.0
+
+
+def test_one_who_glows_more_is_followed():
+    step, _ = leg(made(), ppm=3.0, heard=[("first", "g 39 700 900 200 1 n7")])
+    assert step == pytest.approx([0.0, 1.0], abs=2e-3)
+
+
+def test_of_two_the_brighter_is_followed_more_often():
+    agent, north = made(memory_s=0.5), 0
+    for i in range(200):
+        tick = 40 + 20 * i
+        heard = [("first", f"g {tick - 1} 700 900 200 1 n4"), ("third", f"g {tick - 1} 1100 500 200 1 n10")]
+        north += leg(agent, ppm=1.0, heard=heard, tick=tick)[0][1] > 0.5
+    # (4 - 1) / (4 - 1 + 10 - 1) = 1/4 of 200, four standard deviations of 6.1 either way.
+    assert 25 <= north <= 75
+
+
+def test_a_follower_does_not_pass_the_one_it_follows():
+    step, _ = leg(made(avoid_m=0.1), ppm=3.0, heard=[("first", "g 39 740 500 200 1 n7")])
+    assert step == pytest.approx([0.4, 0.0], abs=2e-3)
+
+
+def test_who_is_too_near_is_circled():
+    """From 0.8 m to the west of the other one: to the circle of 1.5 m about it, and along it."""
+    step, _ = leg(made(), ppm=3.0, heard=[("first", "g 39 780 500 200 1 n7")])
+    place = np.array([7.0, 5.0]) + step
+    assert np.hypot(*step) == pytest.approx(1.0, abs=2e-3)
+    assert math.dist(place, (7.8, 5.0)) > 0.8
+    assert abs(step[1]) > 0.5
+
+
+def test_the_glow_lasts_for_the_memory_and_not_longer():
+    agent = made(memory_s=5.0)
+    reports = [leg(agent, ppm=ppm, tick=40 + 20 * i)[1] for i, ppm in enumerate((4.0, 1.0, 0.0, 0.0, 0.0))]
+    assert reports == [4.0, 4.0, 4.0, 1.0, 0.0]
+
+
+def test_the_basic_rule_decays_and_its_brightest_stays():
+    agent = made(version="basic")
+    step, luciferin = leg(agent, ppm=10.0)
+    assert luciferin == pytest.approx(0.6 * 5.0 + 0.6 * 10.0)
+    assert step == pytest.approx([0.0, 0.0], abs=2e-3)
+
+
+def test_who_is_out_of_sight_is_not_followed_and_sight_stays_in_its_bounds():
+    agent = made(sight_m=3.0, radius_gain_m=2.0, wanted=0)
+    far = [("first", "g 39 700 900 200 1 n7")]
+    assert leg(agent, ppm=3.0, heard=far)[0] == pytest.approx([-1.0, 0.0], abs=2e-3)
+    for i in range(6):
+        near = [("first", f"g {59 + 20 * i} 700 650 200 1 n7"), ("third", f"g {59 + 20 * i} 700 660 200 1 n7")]
+        leg(agent, ppm=3.0, heard=near, tick=60 + 20 * i)
+        assert 0.0 <= agent.radius_m <= 3.0
+
+
+def test_in_calm_air_the_brightest_spirals_on():
+    agent, place, steps = made(), (7.0, 5.0), []
+    for i in range(12):
+        step, _ = leg(agent, ppm=3.0, wind=(0.0, 0.0), tick=40 + 20 * i, place_m=place)
+        place = (place[0] + step[0], place[1] + step[1])
+        steps.append(math.dist(place, (7.0, 5.0)))
+    assert steps[-1] > 1.5
+
+
+def test_without_gas_it_spirals_over_the_room():
+    swarm = ToySwarm(Gso, [(7.0, 7.0)], lambda x, y: 0.0, parameters={"leg_m": 1.5}, hold_s=0.1)
+    swarm.fly(120.0)
+    track = np.array(swarm.robots[0].track_m)
+    assert np.ptp(track, axis=0).min() > 9.0
+    assert np.hypot(*(track[:50] - (7.0, 7.0)).T).max() < 4.0
+
+
+@pytest.mark.slow
+def test_five_gather_about_the_source_of_a_plume():
+    """Gas that grows towards the source upwind: all come near, by following or upwind."""
+
+    def plume(x, y):
+        along = x - 3.0
+        return 50.0 * math.exp(-((y - 7.0) ** 2) / 4.0) / (1.0 + along) if along > 0.0 else 0.0
+
+    starts = [(12.0, 3.0), (12.0, 7.5), (12.0, 12.0), (7.0, 2.0), (7.0, 12.0)]
+    swarm = ToySwarm(Gso, starts, plume, seed=1, parameters={"declares": False})
+    best = {robot.name: math.inf for robot in swarm.robots}
+
+    def note(swarm):
+        for robot in swarm.robots:
+            best[robot.name] = min(best[robot.name], math.dist(robot.place_m, (3.0, 7.0)))
+        return max(best.values()) < 2.5
+
+    assert swarm.fly(200.0, note)
+
+
+def test_a_hill_in_calm_air_draws_the_swarm_together():
+    starts = [(2.0, 2.0), (6.0, 2.0), (2.0, 7.0)]
+    swarm = ToySwarm(Gso, starts, hill(6.0, 6.0), wind_m_s=(0.0, 0.0), parameters={"declares": False})
+    swarm.fly(40.0)
+    places = np.array([robot.place_m for robot in swarm.robots])
+    assert np.ptp(places, axis=0).max() < 5.0

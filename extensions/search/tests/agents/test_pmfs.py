@@ -1,0 +1,95 @@
+import math
+
+import pytest
+from briefings import briefing, observation, open_map
+
+from gslcosim.base.errors import MethodError
+from gslcosim_agents.pmfs.agent import PmfsAgent
+from gslcosim_search.beliefs import mass_within
+
+SENSORS = (("pid", "nose"), ("anemometer", "vane"))
+START_M = (7.0, 5.0, 2.0)
+
+
+def searcher(*, seed: int = 1, walls=(), sensors=SENSORS, **parameters) -> PmfsAgent:
+    return PmfsAgent(briefing(sensors=sensors, seed=seed, known_map=open_map(walls=walls), parameters=parameters))
+
+
+def stop_at(agent: PmfsAgent, tick: int, position_m, *, ppm: float, notice=None, nose="nose", wind=(0.4, math.pi)):
+    """Hold at a place for 2 s and be asked."""
+    for step in range(20):
+        seen = observation(
+            tick=tick + step,
+            position_m=position_m,
+            readings={nose: ppm, "vane": wind},
+            asked=step == 19,
+            notice=notice if step == 19 else None,
+        )
+        agent.observe(seen)
+    agent.flights.goal_m = None if notice is None else agent.flights.goal_m
+    return agent.decide(seen)
+
+
+def test_gas_raises_the_hit_map_where_it_was_met_and_clean_air_lowers_it():
+    agent, grid = searcher(), searcher().flights.grid
+    with_gas, clean = (28, 20), (36, 32)
+    for tick, cell, ppm in ((40, with_gas, 5.0), (60, clean, 0.0)):
+        stop_at(agent, tick, (*grid.centre_m(cell), 2.0), ppm=ppm)
+    hits = agent.method.hit_probability
+    assert hits[with_gas] > 0.9
+    assert hits[clean] < 0.05
+    assert hits[5, 5] == pytest.approx(agent.settings.prior, abs=1e-3)
+
+
+def test_gas_downwind_and_clean_air_around_move_the_belief_upwind_of_the_gas():
+    agent = searcher(temper=1.0)
+    tick = 40
+    for x_m, y_m, ppm in ((9, 5, 5), (7, 5, 5), (5, 5, 5), (2, 5, 0), (7, 7, 0), (7, 3, 0), (4, 7, 0), (4, 3, 0)):
+        stop_at(agent, tick, (float(x_m), float(y_m), 2.0), ppm=float(ppm))
+        tick += 20
+    assert mass_within(agent.method.p, agent.flights.grid, (3.5, 5.0), 1.75) > 0.6
+
+
+def test_a_place_where_the_sensor_was_not_ready_shows_nothing():
+    agent = searcher()
+    seen = observation(tick=40, readings={"nose": 5.0, "vane": (0.4, math.pi)}, warming=("nose",))
+    agent.observe(seen)
+    assert agent.decide(seen).kind == "waypoint"
+    assert (agent.method.confidence == 0.0).all()
+
+
+def test_a_refused_goal_is_given_up():
+    agent = searcher()
+    first = stop_at(agent, 40, START_M, ppm=0.0)
+    second = stop_at(agent, 60, START_M, ppm=0.0, notice="expected a free place")
+    third = stop_at(agent, 80, START_M, ppm=0.0, notice="expected a free place")
+    assert len({command.position_world_m for command in (first, second, third)}) == 3
+
+
+def test_goals_of_equal_seeds_are_equal():
+    first, second = (stop_at(searcher(seed=4), 40, START_M, ppm=1.0) for _ in range(2))
+    assert first == second
+
+
+def test_what_it_publishes_is_its_belief_at_search_height():
+    belief = stop_at(searcher(), 40, START_M, ppm=5.0).belief
+    assert belief is not None
+    assert belief.origin_m[2] == 2.0
+    assert belief.probability.to_array().sum() == pytest.approx(1.0, abs=1e-3)
+
+
+def test_solid_cells_hold_no_source():
+    agent = searcher(walls=[(3.0, 3.0, 5.0, 5.0)])
+    stop_at(agent, 40, START_M, ppm=5.0)
+    assert agent.method.p[agent.flights.grid.nearest_cell((4.0, 4.0))] == 0.0
+
+
+def test_it_declares_once_when_the_belief_is_narrow_and_searches_on():
+    agent = searcher(declare_variance_m2=100.0, explore_first=0)
+    commands = [stop_at(agent, 40 + 20 * i, START_M, ppm=0.0) for i in range(2)]
+    assert [command.kind for command in commands] == ["declare_source", "waypoint"]
+
+
+def test_without_a_map_it_says_what_to_do():
+    with pytest.raises(MethodError, match="map: true"):
+        PmfsAgent(briefing(sensors=SENSORS))

@@ -1,0 +1,247 @@
+"""The hidden Markov model of a plume against all paths of a tiny grid, one by one, and against moments."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from gslcosim_search.bayes.hidden_markov import (
+    PlumePath,
+    axis_chances,
+    build_chain_in_uniform_wind,
+    build_chain_in_wind_field,
+    compute_arrival_probabilities,
+    compute_finding_likelihoods,
+    count_hops_per_step,
+    hop_chances,
+    likeliest_path,
+    marginals,
+    place_along_m,
+)
+from gslcosim_search.bayes.puff_tracing import PuffModel, partial_sums_m, trace_puffs
+from gslcosim_search.beliefs import CellGrid, normalised
+
+TINY = CellGrid((0.0, 0.0), 1.0, (3, 2))
+WALL = np.array([[False, False], [True, False], [False, False]])
+OPEN = np.zeros((3, 2), bool)
+WINDS_M_S = np.array([[0.3, 0.2], [-0.4, 0.1], [0.5, 0.0]])
+SPREAD = 0.5
+
+
+def matrix(plume, m):
+    """The chain's transition matrix of one hop, from its rules: 9 moves, walls keep, borders lose."""
+    n_x, n_y = plume.grid.shape
+    chances = plume.chances[min(m, len(plume.chances) - 1)]
+    table = np.zeros((n_x * n_y, n_x * n_y))
+    for i, j in itertools.product(range(n_x), range(n_y)):
+        if plume.is_solid[i, j]:
+            continue
+        here = chances[i if chances.shape[0] > 1 else 0, j if chances.shape[1] > 1 else 0]
+        for di, dj in itertools.product((-1, 0, 1), repeat=2):
+            x, y = i + di, j + dj
+            if not (0 <= x < n_x and 0 <= y < n_y):
+                continue
+            is_kept = plume.is_solid[x, y] or (plume.is_solid[x, j] and plume.is_solid[i, y])
+            to = (i, j) if is_kept else (x, y)
+            table[i * n_y + j, to[0] * n_y + to[1]] += here[0, di + 1] * here[1, dj + 1]
+    return table
+
+
+def paths(plume):
+    """Every path through the cells, with its chance given where it begins."""
+    tables = [matrix(plume, m) for m in range(plume.n_hops)]
+    for path in itertools.product(range(plume.grid.n_cells), repeat=plume.n_hops + 1):
+        chance = math.prod(tables[m][path[m], path[m + 1]] for m in range(plume.n_hops))
+        if chance > 0.0:
+            yield path, chance
+
+
+def tiny_plumes():
+    in_wind = build_chain_in_uniform_wind(TINY, WALL, WINDS_M_S, step_s=1.0, spread_m_sqrt_s=SPREAD)
+    field = np.random.default_rng(3).uniform(-0.5, 0.5, (3, 2, 2))
+    return [in_wind, build_chain_in_wind_field(TINY, OPEN, field, window_s=3.0, spread_m_sqrt_s=SPREAD)]
+
+
+@pytest.fixture(params=[0, 1], ids=["wind", "field"])
+def plume(request):
+    made = tiny_plumes()[request.param]
+    assert made.n_hops == 3
+    return made
+
+
+@pytest.mark.parametrize(("shift", "variance"), [(0.0, 0.3), (0.4, 0.5), (-0.7, 0.3), (0.0, 0.0), (1.0, 0.0)])
+def test_hops_have_the_mean_and_the_variance_of_the_parcel(shift, variance):
+    back, stay, ahead = axis_chances(shift, variance)
+    assert min(back, stay, ahead) >= -1e-15
+    assert back + stay + ahead == pytest.approx(1.0)
+    assert ahead - back == pytest.approx(shift)
+    assert ahead + back - shift**2 == pytest.approx(variance)
+
+
+def test_a_variance_that_three_cells_cannot_have_is_raised_to_the_least_they_can():
+    back, stay, ahead = axis_chances(0.3, 0.0)
+    assert back == pytest.approx(0.0)
+    assert (stay, ahead) == pytest.approx((0.7, 0.3))
+
+
+@pytest.mark.parametrize(
+    ("fastest", "cell", "spread"), [(0.0, 0.5, 0.2), (1.0, 0.5, 0.2), (3.0, 0.2, 0.5), (0.1, 1.0, 3.0)]
+)
+def test_a_step_is_divided_so_that_hops_fit_into_three_cells_and_not_finer(fastest, cell, spread):
+    n = count_hops_per_step(1.0, fastest, cell, spread)
+
+    def fits(k):
+        shift, variance = fastest / (k * cell), spread**2 / (k * cell**2)
+        return shift <= 0.7 + 1e-12 and shift**2 + variance <= 1.0
+
+    assert fits(n)
+    assert n == 1 or not fits(n - 1)
+
+
+def test_arrivals_are_the_sum_over_all_paths(plume):
+    n_y = plume.grid.shape[1]
+    for sensor in ((0, 0), (2, 1)):
+        expected = np.zeros((plume.n_hops + 1, plume.grid.n_cells))
+        tables = [matrix(plume, m) for m in range(plume.n_hops)]
+        expected[-1, sensor[0] * n_y + sensor[1]] = 1.0
+        for m in range(plume.n_hops):
+            for path in itertools.product(range(plume.grid.n_cells), repeat=plume.n_hops - m + 1):
+                if path[-1] == sensor[0] * n_y + sensor[1]:
+                    chances = (tables[m + k][path[k], path[k + 1]] for k in range(plume.n_hops - m))
+                    expected[m, path[0]] += math.prod(chances)
+        assert compute_arrival_probabilities(plume, sensor).reshape(expected.shape) == pytest.approx(
+            expected, abs=1e-12
+        )
+
+
+def test_marginals_are_those_of_all_paths(plume):
+    rng = np.random.default_rng(5)
+    first = normalised(rng.uniform(size=plume.grid.shape) * ~plume.is_solid)
+    evidence = rng.uniform(size=(plume.n_hops + 1, *plume.grid.shape))
+    expected, total = np.zeros((plume.n_hops + 1, plume.grid.n_cells)), 0.0
+    for path, chance in paths(plume):
+        seen = math.prod(evidence[m].reshape(-1)[cell] for m, cell in enumerate(path))
+        weight = first.reshape(-1)[path[0]] * chance * seen
+        total += weight
+        for m, cell in enumerate(path):
+            expected[m, cell] += weight
+    where, log_likelihood = marginals(plume, first, evidence)
+    assert where.reshape(expected.shape) == pytest.approx(expected / total, abs=1e-12)
+    assert log_likelihood == pytest.approx(math.log(total))
+
+
+def test_the_likeliest_path_is_the_best_of_all(plume):
+    n_y = plume.grid.shape[1]
+    source = normalised(np.random.default_rng(9).uniform(size=plume.grid.shape) * ~plume.is_solid)
+    for sensor in ((0, 0), (2, 1), (0, 1)):
+        tables = [matrix(plume, m) for m in range(plume.n_hops)]
+        best, best_cells = -1.0, ()
+        for m in range(plume.n_hops):
+            for path in itertools.product(range(plume.grid.n_cells), repeat=plume.n_hops - m + 1):
+                if path[-1] != sensor[0] * n_y + sensor[1]:
+                    continue
+                chance = math.prod(tables[m + k][path[k], path[k + 1]] for k in range(plume.n_hops - m))
+                if source.reshape(-1)[path[0]] * chance > best:
+                    best, best_cells = source.reshape(-1)[path[0]] * chance, path
+        found = likeliest_path(plume, sensor, source)
+        assert found.log_likelihood == pytest.approx(math.log(best))
+        assert found.cells == tuple((cell // n_y, cell % n_y) for cell in best_cells)
+
+
+def test_observations_that_exclude_each_other_leave_no_parcel():
+    plume = tiny_plumes()[0]
+    evidence = np.ones((plume.n_hops + 1, *TINY.shape))
+    evidence[2] = 0.0
+    where, log_likelihood = marginals(plume, np.full(TINY.shape, 1 / 6), evidence)
+    assert log_likelihood == -math.inf
+    assert where[2:].max() == 0.0
+
+
+def test_many_hops_move_a_parcel_with_the_wind_and_spread_it_by_the_root_of_time():
+    grid, wind = CellGrid((0.0, 0.0), 0.5, (81, 61)), np.array([[0.2, -0.1]])
+    plume = build_chain_in_uniform_wind(
+        grid, np.zeros(grid.shape, bool), np.tile(wind, (20, 1)), step_s=1.0, spread_m_sqrt_s=0.4
+    )
+    start = np.zeros(grid.shape)
+    start[40, 30] = 1.0
+    where, _ = marginals(plume, start, np.ones((plume.n_hops + 1, *grid.shape)))
+    offsets_m = grid.centres_m() - grid.centre_m((40, 30))
+    mean_m = where[-1].reshape(-1) @ offsets_m
+    assert mean_m == pytest.approx([4.0, -2.0], abs=1e-9)
+    assert where[-1].reshape(-1) @ (offsets_m - mean_m) ** 2 == pytest.approx([3.2, 3.2], rel=1e-9)
+
+
+def test_in_uniform_wind_the_chain_says_what_puff_tracing_says():
+    grid, winds = CellGrid((0.0, 0.0), 0.5, (41, 31)), np.tile([[0.4, 0.1]], (15, 1))
+    plume = build_chain_in_uniform_wind(grid, np.zeros(grid.shape, bool), winds, step_s=1.0, spread_m_sqrt_s=0.5)
+    chance = compute_arrival_probabilities(plume, (30, 15))[:-1].reshape(15, plume.n_hops // 15, *grid.shape)[:, 0][
+        ::-1
+    ]
+    variance = PuffModel(step_s=1.0, spread_m_sqrt_s=0.5).variances_m2(16)[1:]
+    for age in (5, 10, 15):
+        travelled_m = partial_sums_m(winds, 1.0)[age : age + 1]
+        sensor = np.array(grid.centre_m((30, 15)))
+        share, _ = trace_puffs(np.zeros(2), 0.5, 41, 31, sensor, travelled_m, variance[age - 1 : age], 0.9, 0.25)
+        assert 0.5 * np.abs(share - chance[age - 1]).sum() < 0.04
+
+
+def test_gas_does_not_pass_a_wall_nor_the_corner_between_two_solid_cells():
+    grid = CellGrid((0.0, 0.0), 1.0, (7, 6))
+    wall = np.zeros(grid.shape, bool)
+    wall[3, :] = True
+    plume = build_chain_in_uniform_wind(grid, wall, np.tile([[0.4, 0.0]], (30, 1)), step_s=1.0, spread_m_sqrt_s=0.6)
+    chance = compute_arrival_probabilities(plume, (6, 2))
+    assert chance[:, :3].max() == 0.0
+    assert chance[0, 4:].max() > 0.0
+    corner = np.zeros(grid.shape, bool)
+    corner[[0, 1, 2, 3], [3, 2, 1, 0]] = True
+    plume = build_chain_in_uniform_wind(grid, corner, np.tile([[0.3, 0.3]], (30, 1)), step_s=1.0, spread_m_sqrt_s=0.6)
+    assert compute_arrival_probabilities(plume, (4, 4))[:, 0, 0].max() == 0.0
+
+
+def test_a_wall_keeps_parcels_and_a_border_loses_them():
+    wall = np.zeros((5, 5), bool)
+    wall[0], wall[-1], wall[:, 0], wall[:, -1] = True, True, True, True
+    grid, start = CellGrid((0.0, 0.0), 1.0, (5, 5)), np.zeros((5, 5))
+    start[2, 2] = 1.0
+    for is_solid, kept in ((wall, True), (np.zeros((5, 5), bool), False)):
+        plume = build_chain_in_uniform_wind(
+            grid, is_solid, np.tile([[0.5, 0.2]], (20, 1)), step_s=1.0, spread_m_sqrt_s=0.3
+        )
+        _, log_likelihood = marginals(plume, start, np.ones((plume.n_hops + 1, 5, 5)))
+        assert math.exp(log_likelihood) == (pytest.approx(1.0) if kept else pytest.approx(0.0, abs=0.05))
+
+
+def test_shares_are_the_mean_and_the_product_over_release_times(plume):
+    chance = compute_arrival_probabilities(plume, (2, 1))
+    mean_share, log_share = compute_finding_likelihoods(chance, detection_probability=0.8, puffs_per_hop=0.5)
+    assert mean_share == pytest.approx(chance.sum(axis=0) / len(chance))
+    assert np.exp(log_share) == pytest.approx(np.sqrt(np.prod(1.0 - 0.8 * chance, axis=0)))
+
+
+def test_where_no_path_leads_there_is_none():
+    grid, wall = CellGrid((0.0, 0.0), 1.0, (5, 3)), np.zeros((5, 3), bool)
+    wall[2] = True
+    plume = build_chain_in_uniform_wind(grid, wall, np.zeros((4, 2)), step_s=1.0, spread_m_sqrt_s=0.5)
+    source = np.zeros(grid.shape)
+    source[0, 1] = 1.0
+    assert likeliest_path(plume, (4, 1), source) is None
+    nowhere = build_chain_in_uniform_wind(grid, wall, np.zeros((0, 2)), step_s=1.0, spread_m_sqrt_s=0.5)
+    assert likeliest_path(nowhere, (4, 1), source) is None
+    assert compute_arrival_probabilities(nowhere, (4, 1)).sum() == 1.0
+
+
+def test_hop_chances_are_those_of_the_axes():
+    chances = hop_chances(np.array([[[0.3, -0.2]]]), 0.5, 0.4, 0.3)
+    assert chances[0, 0, 0] == pytest.approx(axis_chances(0.375, 0.28125))
+    assert chances[0, 0, 1] == pytest.approx(axis_chances(-0.25, 0.28125))
+
+
+def test_a_place_along_a_path_is_as_far_back_as_asked_or_its_start():
+    path = PlumePath(cells=((0, 0), (1, 0), (1, 0), (2, 1)), log_likelihood=0.0)
+    grid = CellGrid((0.0, 0.0), 2.0, (3, 2))
+    assert place_along_m(path, grid, 1.0) == (3.0, 1.0)
+    assert place_along_m(path, grid, 3.0) == (1.0, 1.0)
+    assert place_along_m(path, grid, 30.0) == (1.0, 1.0)
+    assert place_along_m(path, grid, 0.0) == (5.0, 3.0)

@@ -1,0 +1,144 @@
+"""Planning against problems that are solved by hand: a corridor, and the tiger behind one of two doors."""
+
+import numpy as np
+import pytest
+
+from gslcosim_search.information.pomdp import (
+    Pomdp,
+    backup_at_belief,
+    improve_by_perseus,
+    predict_belief,
+    sample_beliefs,
+    solve_by_value_iteration,
+    update_belief,
+)
+
+LISTEN, OPEN_LEFT, OPEN_RIGHT = range(3)
+G = 0.9
+
+
+def corridor(n: int = 5, discount: float = G) -> Pomdp:
+    """Cells in a row; actions go down and up; stepping on the last one is worth 1 and ends the search."""
+    cells = np.arange(n)
+    successor = np.array([np.maximum(cells - 1, 0), np.minimum(cells + 1, n - 1)])
+    return Pomdp(
+        successor=successor,
+        observed=np.array([np.full(n, 0.5), np.full(n, 0.5)]),
+        reward=(successor == n - 1) * 1.0,
+        is_terminal=cells == n - 1,
+        discount=discount,
+    )
+
+
+def tiger(discount: float = 1.0) -> Pomdp:
+    """The tiger is behind the left (0) or the right door (1); opening one ends it in state 2; listening costs 1."""
+    return Pomdp(
+        successor=np.array([[0, 1, 2], [2, 2, 2], [2, 2, 2]]),
+        observed=np.array([[0.85, 0.15, 0.5], [0.15, 0.85, 0.5]]),
+        reward=np.array([[-1.0, -1.0, 0.0], [-100.0, 10.0, 0.0], [10.0, -100.0, 0.0]]),
+        is_terminal=np.array([False, False, True]),
+        discount=discount,
+    )
+
+
+def test_a_corridor_is_worth_the_discount_to_the_power_of_the_steps_still_to_go():
+    q = solve_by_value_iteration(corridor())
+    assert q[1, :4] == pytest.approx([G**3, G**2, G, 1.0])
+    assert q[0, :4] == pytest.approx([G**4, G**4, G**3, G**2])
+    assert q[:, 4] == pytest.approx([0.0, 0.0])
+
+
+def test_who_sees_the_tiger_opens_the_other_door_at_once():
+    q = solve_by_value_iteration(tiger(discount=0.5))
+    assert q[:, 0] == pytest.approx([-1.0 + 0.5 * 10.0, -100.0, 10.0])
+    assert q[:, 1] == pytest.approx([-1.0 + 0.5 * 10.0, 10.0, -100.0])
+
+
+def test_a_growl_moves_the_belief_as_bayes_says_and_opening_ends_it():
+    even = np.array([0.5, 0.5, 0.0])
+    after, probability = update_belief(even, tiger(), LISTEN, 0)
+    assert after == pytest.approx([0.85, 0.15, 0.0])
+    assert probability == pytest.approx(0.5)
+    assert predict_belief(even, tiger(), OPEN_LEFT) == pytest.approx([0.0, 0.0, 1.0])
+    nothing, never = update_belief(even, tiger(), OPEN_LEFT, 0)
+    assert never == 0.0
+    assert not nothing.any()
+
+
+def test_beliefs_stay_distributions_whatever_is_observed():
+    rng = np.random.default_rng(3)
+    problem = corridor(6)
+    belief = np.append(rng.dirichlet(np.ones(5)), 0.0)
+    for _ in range(20):
+        action = int(rng.integers(2))
+        each = [update_belief(belief, problem, action, level) for level in (0, 1)]
+        ended = predict_belief(belief, problem, action)[-1]
+        assert sum(probability for _, probability in each) == pytest.approx(1.0 - ended)
+        belief, probability = each[int(rng.integers(2))]
+        if probability == 0.0:
+            break
+        assert belief.sum() == pytest.approx(1.0)
+        assert belief[-1] == 0.0
+        assert (belief >= 0.0).all()
+
+
+def test_three_backups_of_the_tiger_are_those_done_by_hand():
+    """Without discount: one step, two, and three from not knowing; and after one growl.
+
+    With one step left listening loses 1. With two, one growl does not suffice to open: 0.85 * 10 - 0.15 * 100 = -6.5.
+    With three, two equal growls come with 0.85^2 + 0.15^2 = 0.745 and leave 0.7225 / 0.745 = 0.9698: opening is then
+    worth 10 - 110 * 0.0302 = 6.678; two unequal ones leave listening, -1. From not knowing that is
+    -2 + 0.745 * 6.678 - 0.255 = 2.72.
+    """
+    problem = tiger()
+    beliefs = np.array([[0.5, 0.5, 0.0], [0.85, 0.15, 0.0], [0.15, 0.85, 0.0],
+                        [0.7225 / 0.745, 0.0225 / 0.745, 0.0], [0.0225 / 0.745, 0.7225 / 0.745, 0.0]])  # fmt: skip
+    vectors, values, actions = np.zeros((1, 3)), [], []
+    for _ in range(3):
+        each = [backup_at_belief(belief, problem, vectors) for belief in beliefs]
+        vectors = np.array([vector for vector, _ in each])
+        values.append(vectors[0] @ beliefs[0])
+        actions.append([action for _, action in each])
+    assert values == pytest.approx([-1.0, -2.0, -2.0 + 0.7225 * 10 + 0.0225 * -100 - 0.255])
+    assert actions[0] == [LISTEN, LISTEN, LISTEN, OPEN_RIGHT, OPEN_LEFT]
+    assert actions[2][0] == LISTEN
+
+
+def test_stages_of_perseus_never_lower_a_value_and_stay_below_what_a_seeing_searcher_gets():
+    problem, rng = tiger(discount=0.95), np.random.default_rng(1)
+    share = np.linspace(0.0, 1.0, 41)
+    beliefs = np.stack([share, 1.0 - share, 0.0 * share], axis=1)
+    vectors, actions = np.array([[-100.0, -100.0, 0.0]]), np.array([LISTEN])
+    seeing = solve_by_value_iteration(problem).max(axis=0)
+    last = (beliefs @ vectors.T).max(axis=1)
+    for _ in range(30):
+        vectors, actions = improve_by_perseus(problem, beliefs, vectors, actions, rng)
+        now = (beliefs @ vectors.T).max(axis=1)
+        assert (now >= last - 1e-9).all()
+        last = now
+    assert (last <= beliefs @ seeing + 1e-9).all()
+    sure, even = vectors @ beliefs[0], vectors @ beliefs[20]
+    assert actions[int(np.argmax(sure))] == OPEN_LEFT
+    assert actions[int(np.argmax(even))] == LISTEN
+    assert sure.max() == pytest.approx(10.0)
+
+
+def test_a_converged_value_repeats_itself_when_it_is_backed_up():
+    problem, rng = tiger(discount=0.8), np.random.default_rng(2)
+    share = np.linspace(0.0, 1.0, 101)
+    beliefs = np.stack([share, 1.0 - share, 0.0 * share], axis=1)
+    vectors, actions = np.array([[-100.0, -100.0, 0.0]]), np.array([LISTEN])
+    for _ in range(120):
+        vectors, actions = improve_by_perseus(problem, beliefs, vectors, actions, rng)
+    for belief in beliefs[::10]:
+        vector, _ = backup_at_belief(belief, problem, vectors)
+        assert vector @ belief == pytest.approx((vectors @ belief).max(), abs=1e-4)
+
+
+def test_beliefs_that_a_searcher_meets_are_distributions_over_places_where_it_goes_on():
+    problem, rng = corridor(6), np.random.default_rng(4)
+    q = solve_by_value_iteration(problem)
+    met = sample_beliefs(problem, lambda _: np.array([0.2] * 5 + [0.0]), q, rng, n_beliefs=50, n_steps=8)
+    assert met.shape == (50, 6)
+    assert met.sum(axis=1) == pytest.approx(np.ones(50))
+    assert not met[:, -1].any()

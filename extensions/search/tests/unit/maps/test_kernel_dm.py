@@ -1,0 +1,153 @@
+import math
+
+import numpy as np
+import pytest
+
+from gslcosim_search.beliefs import CellGrid
+from gslcosim_search.maps.kernel_dm import GasMaps, KernelMap, KernelWidths
+
+PLANE = CellGrid((1.0, -2.0), 0.25, (16, 12))
+SPACE = CellGrid((1.0, -2.0, 0.5), 0.25, (9, 8, 6))
+
+
+def readings(n: int = 12, seed: int = 1) -> list[tuple]:
+    """Rows of place, value, time and wind."""
+    draws = np.random.default_rng(seed)
+    places = draws.uniform((1.0, -2.0, 0.5), (5.0, 1.0, 2.0), (n, 3))
+    return [
+        (tuple(place), float(value), float(i), tuple(wind))
+        for i, (place, value, wind) in enumerate(zip(places, draws.exponential(size=n), draws.normal(size=(n, 2))))
+    ]
+
+
+def mapped(rows: list[tuple], grid: CellGrid = PLANE, **widths) -> GasMaps:
+    gas = KernelMap(grid, KernelWidths(**widths))
+    for place_m, value, time_s, wind_m_s in rows:
+        gas.add(place_m, value, time_s=time_s, wind_m_s=wind_m_s)
+    return gas.maps()
+
+
+def by_definition(rows: list[tuple], grid: CellGrid, widths: KernelWidths) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean, variance and confidence, cell by cell and reading by reading."""
+
+    def weight(centre, row):
+        place_m, _, time_s, wind = row
+        speed = math.hypot(*wind)
+        u = (wind[0] / speed, wind[1] / speed)
+        a = widths.sigma_m + widths.stretch_s * speed
+        b = widths.sigma_m * (widths.sigma_m / a) ** (1.0 / (grid.dimensions - 1))
+        offset = np.subtract(centre, place_m[: grid.dimensions])
+        p = offset[0] * u[0] + offset[1] * u[1]
+        q_squared = float(offset @ offset) - p * p
+        age_s = rows[-1][2] - time_s
+        return math.exp(-0.5 * (p * p / a**2 + q_squared / b**2) - widths.decay_per_s * age_s)
+
+    def blended(values):
+        result = np.zeros(grid.n_cells)
+        confidence = np.zeros(grid.n_cells)
+        for k, centre in enumerate(grid.centres_m()):
+            weights = np.array([weight(centre, row) for row in rows])
+            confidence[k] = 1.0 - math.exp(-((weights.sum() / widths.confidence_scale) ** 2))
+            local = float(weights @ values) / weights.sum()
+            result[k] = confidence[k] * local + (1.0 - confidence[k]) * np.mean(values)
+        return result.reshape(grid.shape), confidence.reshape(grid.shape)
+
+    values = np.array([row[1] for row in rows])
+    mean, confidence = blended(values)
+    squares = np.array([(row[1] - mean[grid.nearest_cell(row[0])]) ** 2 for row in rows])
+    return mean, blended(squares)[0], confidence
+
+
+@pytest.mark.parametrize("grid", [PLANE, SPACE], ids=["plane", "space"])
+@pytest.mark.parametrize(
+    "widths",
+    [
+        KernelWidths(sigma_m=0.6),
+        KernelWidths(sigma_m=0.6, stretch_s=0.33, confidence_scale=2.0),
+        KernelWidths(sigma_m=0.6, decay_per_s=0.1),
+    ],
+    ids=["round", "wind", "decay"],
+)
+def test_the_maps_are_those_of_the_definition(grid, widths):
+    rows = readings()
+    maps = mapped(rows, grid, **vars(widths))
+    mean, variance, confidence = by_definition(rows, grid, widths)
+    assert maps.mean == pytest.approx(mean, rel=1e-7)
+    assert maps.variance == pytest.approx(variance, rel=1e-7)
+    assert maps.confidence == pytest.approx(confidence, abs=1e-9)
+
+
+def test_one_reading_makes_a_map_of_that_reading_without_variance():
+    maps = mapped(readings(1))
+    assert maps.mean == pytest.approx(readings(1)[0][1])
+    assert maps.variance == pytest.approx(0.0, abs=1e-12)
+    assert maps.peak() is None
+
+
+def test_far_from_all_readings_the_maps_are_their_mean_and_nothing_is_known():
+    rows = [((1.5, -1.5), value, 0.0, (0.0, 0.0)) for value in (1.0, 3.0)]
+    maps = mapped(rows, sigma_m=0.2)
+    assert maps.mean[-1, -1] == pytest.approx(2.0)
+    assert maps.confidence[-1, -1] == pytest.approx(0.0, abs=1e-9)
+    assert maps.variance[-1, -1] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_mirrored_readings_make_mirrored_maps(axis):
+    sums_m = [2.0 * PLANE.origin_m[a] + PLANE.shape[a] * PLANE.cell_m for a in (0, 1)]
+
+    def mirrored(row):
+        place_m, value, time_s, wind = list(row[0]), row[1], row[2], list(row[3])
+        place_m[axis] = sums_m[axis] - place_m[axis]
+        wind[axis] = -wind[axis]
+        return tuple(place_m), value, time_s, tuple(wind)
+
+    maps, other = (mapped(rows, stretch_s=0.33) for rows in (readings(), [mirrored(row) for row in readings()]))
+    assert other.mean == pytest.approx(np.flip(maps.mean, axis), rel=1e-9)
+    assert other.variance == pytest.approx(np.flip(maps.variance, axis), rel=1e-9)
+
+
+def test_the_wind_stretches_a_reading_along_itself_over_the_same_area():
+    centre = PLANE.centre_m((8, 6))
+    rows = [(centre, 1.0, 0.0, (0.0, 1.0))]
+    maps = mapped(rows, sigma_m=0.3, stretch_s=0.3, confidence_scale=1.0)
+    along, across = 0.6, 0.15
+    weights = {(8, 8): math.exp(-0.5 * (0.5 / along) ** 2), (9, 6): math.exp(-0.5 * (0.25 / across) ** 2)}
+    for cell, weight in weights.items():
+        assert maps.confidence[cell] == pytest.approx(1.0 - math.exp(-(weight**2)), rel=1e-9)
+
+
+def test_old_readings_fade():
+    place_m = PLANE.centre_m((8, 6))
+    rows = [(place_m, 4.0, 0.0, (0.0, 0.0)), (place_m, 0.0, 100.0, (0.0, 0.0))]
+    assert mapped(rows).mean[8, 6] == pytest.approx(2.0)
+    faded = mapped(rows, decay_per_s=0.05)
+    share = math.exp(-5.0)
+    alpha = 1.0 - math.exp(-((1.0 + share) ** 2))
+    assert faded.mean[8, 6] == pytest.approx(alpha * 4.0 * share / (1.0 + share) + (1.0 - alpha) * 2.0)
+
+
+def test_the_oldest_readings_are_dropped_where_there_are_too_many():
+    gas = KernelMap(PLANE, max_readings=5)
+    for place_m, value, time_s, _ in readings(12):
+        gas.add(place_m, value, time_s=time_s)
+    rows = [(place_m, value, time_s, (0.0, 0.0)) for place_m, value, time_s, _ in readings(12)]
+    assert gas.n_readings == 5
+    assert gas.maps().mean == pytest.approx(mapped(rows[-5:]).mean)
+
+
+def test_the_peak_is_where_the_gas_varies_among_known_places():
+    rows = [((2.0, 0.0), value, 0.0, (0.0, 0.0)) for value in (0.0, 8.0, 0.0, 8.0)]
+    rows += [((4.5, -1.5), 1.0, 0.0, (0.0, 0.0))] * 4
+    peak = mapped(rows).peak()
+    assert peak is not None
+    assert math.dist(PLANE.centre_m(peak), (2.0, 0.0)) < 0.3
+
+
+def test_broken_readings_are_ignored_and_without_a_reading_the_maps_are_empty():
+    gas = KernelMap(PLANE)
+    gas.add((2.0, 0.0), math.inf)
+    gas.add((2.0, 0.0), math.nan)
+    assert gas.n_readings == 0
+    assert not gas.maps().mean.any()
+    assert gas.maps().peak() is None

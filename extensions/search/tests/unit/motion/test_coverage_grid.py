@@ -1,0 +1,73 @@
+import itertools
+import math
+
+import pytest
+
+from gslcosim_search.motion.coverage import CoverageGrid
+from gslcosim_search.motion.legs import LegSpace
+
+ROOM = LegSpace(min_m=(0.5, 0.5, 0.5), max_m=(9.5, 6.5, 3.5))
+
+
+def tour(squares, start_m, upwind_rad, n):
+    here_m, places = start_m, []
+    for _ in range(n):
+        here_m = squares.next_place_m(here_m, upwind_rad)
+        squares.note(here_m)
+        places.append(here_m)
+    return places
+
+
+def test_a_tour_comes_near_to_every_place_of_the_room():
+    squares = CoverageGrid(ROOM, edge_m=1.5)
+    places = tour(squares, (5.0, 3.0), 0.0, squares.n_unseen)
+    assert squares.n_unseen == 0
+    grid = [(0.5 + 0.25 * i, 0.5 + 0.25 * j) for i in range(37) for j in range(25)]
+    assert max(min(math.dist(a, b) for b in places) for a in grid) <= 1.5 / math.sqrt(2) + 1e-9
+
+
+@pytest.mark.parametrize(("upwind_rad", "axis"), [(0.0, 1), (math.pi, 1), (math.pi / 2, 0), (-math.pi / 2, 0)])
+def test_lanes_lie_across_the_wind(upwind_rad, axis):
+    squares = CoverageGrid(ROOM, edge_m=1.5)
+    places = tour(squares, (0.5, 0.5), upwind_rad, squares.n_unseen)
+    steps = [(abs(b[0] - a[0]), abs(b[1] - a[1])) for a, b in itertools.pairwise(places)]
+    n_across = sum(step[axis] > step[1 - axis] for step in steps)
+    assert n_across > 0.7 * len(steps)
+
+
+def test_a_tour_in_a_corner_first_is_hardly_longer_than_it_must_be():
+    squares = CoverageGrid(ROOM, edge_m=1.5)
+    places = tour(squares, (0.5, 0.5), 0.0, squares.n_unseen)
+    length_m = sum(math.dist(a, b) for a, b in itertools.pairwise(places))
+    assert length_m <= 1.3 * 1.5 * (len(places) - 1)
+
+
+def test_what_was_passed_is_left_out_and_what_is_skipped_too():
+    squares = CoverageGrid(ROOM, edge_m=1.5)
+    n = squares.n_unseen
+    first_m = squares.next_place_m((0.5, 0.5), 0.0)
+    squares.note((first_m[0] + 0.3, first_m[1] - 0.3, 2.0))
+    second_m = squares.next_place_m((0.5, 0.5), 0.0)
+    assert second_m != first_m
+    squares.skip(second_m)
+    assert squares.next_place_m((0.5, 0.5), 0.0) not in (first_m, second_m)
+    assert squares.n_unseen == n - 2
+
+
+def test_a_place_in_the_corner_of_a_square_does_not_count_for_it():
+    squares = CoverageGrid(ROOM, edge_m=1.5)
+    n = squares.n_unseen
+    squares.note((0.5, 0.5))
+    assert squares.n_unseen == n
+
+
+def test_when_all_is_seen_the_tour_begins_again():
+    squares = CoverageGrid(ROOM, edge_m=3.0)
+    n = squares.n_unseen
+    tour(squares, (0.5, 0.5), None, n)
+    squares.next_place_m((0.5, 0.5), None)
+    assert squares.n_unseen == n
+
+
+def test_a_room_smaller_than_a_square_has_one():
+    assert CoverageGrid(LegSpace(min_m=(1.0, 1.0, 1.0), max_m=(1.0, 1.0, 1.0)), edge_m=1.8).n_unseen == 1

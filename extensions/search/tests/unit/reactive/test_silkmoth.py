@@ -1,0 +1,77 @@
+import math
+
+import pytest
+from briefings import observation
+
+from gslcosim_search.reactive.silkmoth import TrueWind, heading_after, phase_at
+from gslcosim_search.senses.instruments import Vane
+
+TIMELINE = [
+    (0.0, "surge", 19.0, 0.062),
+    (0.49, "surge", 19.0, 0.062),
+    (0.5, "turn 1", 0.8, 1.3),
+    (1.19, "turn 1", 0.8, 1.3),
+    (1.2, "turn 2", 0.8, -1.3),
+    (1.89, "turn 2", 0.8, -1.3),
+    (1.9, "turn 3", 0.8, 1.3),
+    (2.09, "turn 3", 0.8, 1.3),
+    (2.1, "loop", 0.8, -1.3),
+    (60.0, "loop", 0.8, -1.3),
+    (math.inf, "loop", 0.8, -1.3),
+]
+
+
+@pytest.mark.parametrize(("since_hit_s", "name", "speed_mm_s", "turn_rad_s"), TIMELINE)
+def test_the_timeline_is_that_of_the_moth(since_hit_s, name, speed_mm_s, turn_rad_s):
+    phase = phase_at(since_hit_s)
+    assert phase.name == name
+    assert phase.speed_frac * 19.0 == pytest.approx(speed_mm_s)
+    assert phase.turn_rad_s == turn_rad_s
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_the_turns_leave_the_moth_as_far_towards_the_whiff_as_the_last_turn(side):
+    """Turn 1 and turn 2 are equally long and undo each other: what stays is the surge's and turn 3's."""
+    heading_rad = 0.0
+    for i in range(21):
+        heading_rad = heading_after(heading_rad, side, phase_at(0.1 * i), 0.1)
+    assert heading_rad == pytest.approx(side * (0.5 * 0.062 + 0.2 * 1.3))
+
+
+def test_the_loop_is_a_circle_in_about_five_seconds():
+    assert math.tau / abs(phase_at(5.0).turn_rad_s) == pytest.approx(4.83, abs=0.01)
+
+
+def seen(tick, apparent_m_s, velocity_m_s=(0.0, 0.0, 0.0), warming=()):
+    speed, upwind = math.hypot(*apparent_m_s), math.atan2(-apparent_m_s[1], -apparent_m_s[0])
+    return observation(tick=tick, readings={"vane": (speed, upwind)}, velocity_m_s=velocity_m_s, warming=warming)
+
+
+def test_a_moving_vehicle_distinguishes_the_wind_from_its_own_motion():
+    wind = TrueWind(Vane(name="vane"), smoothing_s=1.0, threshold_m_s=0.1)
+    wind.add(seen(1, (0.5 - 1.0, 0.0 - 0.7), velocity_m_s=(1.0, 0.7, 0.0)))
+    assert math.remainder(wind.upwind_rad - math.pi, math.tau) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_wind_is_smoothed_with_its_time_constant_whatever_the_step():
+    def after(step_ticks):
+        wind = TrueWind(Vane(name="vane"), smoothing_s=1.0, threshold_m_s=0.1)
+        wind.add(seen(0, (0.5, 0.0)))
+        for tick in range(step_ticks, 11, step_ticks):
+            wind.add(seen(tick, (0.0, 0.5)))
+        return wind.upwind_rad
+
+    assert after(1) == pytest.approx(after(5))
+    share = 1.0 - math.exp(-1.0)
+    assert after(1) == pytest.approx(math.atan2(-share, -(1.0 - share)))
+
+
+def test_calm_air_and_a_vane_that_warms_up_give_no_direction():
+    wind = TrueWind(Vane(name="vane"), smoothing_s=0.1, threshold_m_s=0.1)
+    wind.add(seen(1, (0.01, 0.01)))
+    wind.add(seen(2, (5.0, 0.0), warming=("vane",)))
+    assert wind.upwind_rad is None
+    wind.add(seen(10, (0.5, 0.0)))
+    known_rad = wind.upwind_rad
+    wind.add(seen(200, (0.0, 0.0)))
+    assert wind.upwind_rad == known_rad

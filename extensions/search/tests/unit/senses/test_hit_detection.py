@@ -1,0 +1,197 @@
+import math
+
+import numpy as np
+import pytest
+from built_messages import build_observation
+
+from gslcosim.contract.messages import Observation, Reading
+from gslcosim_search.senses.hit_detection import (
+    BoutDetector,
+    GasHits,
+    GasLevel,
+    OnsetDetector,
+    RunningRange,
+    is_more_gas,
+)
+from gslcosim_search.senses.instruments import Nose
+
+STEP_S = 0.1
+
+
+def observation(tick: int, value: float, *, is_warming_up=False) -> Observation:
+    reading = Reading(sensor="nose", quantity="any", unit="any", values=(value,), is_warming_up=is_warming_up)
+    return build_observation(
+        tick,
+        agent="a",
+        time_s=tick * STEP_S,
+        position_world_m=(0.0, 0.0, 1.0),
+        awaiting_command=False,
+        readings=(reading,),
+    )
+
+
+def nose(unit: str) -> Nose:
+    return Nose(name="nose", unit=unit, mount_body_m=(0.0, 0.0, 0.0))
+
+
+def fed(detector, values, *, step_s=STEP_S):
+    """What a detector says to each of a series of values."""
+    return [detector.add(i * step_s, value) for i, value in enumerate(values)]
+
+
+@pytest.mark.parametrize("ohm", [50_000.0, 49_760.0, 49_740.0, 40_000.0, 60_000.0])
+@pytest.mark.parametrize("eps", [0.0, 0.005])
+def test_more_gas_by_conductance_is_the_rule_for_resistances(ohm, eps):
+    assert is_more_gas(1 / ohm, 1 / 50_000.0, eps=eps) == (ohm < 50_000.0 * (1 - eps))
+
+
+def test_below_the_floor_nothing_is_more_gas():
+    assert is_more_gas(0.3, 0.0)
+    assert not is_more_gas(0.3, 0.0, floor=0.3)
+
+
+def test_a_running_range_scales_to_what_was_seen():
+    seen = RunningRange()
+    assert seen.fraction(3.0) == 0.0
+    for value in (2.0, 4.0, math.inf, math.nan):
+        seen.add(value)
+    assert [seen.fraction(value) for value in (1.0, 2.0, 3.0, 4.0, 9.0)] == [0.0, 0.0, 0.5, 1.0, 1.0]
+
+
+def test_the_level_of_a_mox_sensor_is_above_the_cleanest_air_it_has_met():
+    level = GasLevel(nose("ohm"))
+    assert [level.of(ohm) for ohm in (4e4, 5e4, 2.5e4, 5e4)] == pytest.approx([0.0, 0.0, 1.0, 0.0])
+    assert level.of(0.0) == pytest.approx(999.0)
+    assert GasLevel(nose("ohm")).of(0.0) == 0.0
+
+
+def test_the_level_of_a_direct_sensor_is_its_reading():
+    assert GasLevel(nose("ppm")).of(0.3) == 0.3
+
+
+def test_five_thresholds_are_half_a_ppm_for_either_kind():
+    """Of ethanol, for a TGS2600: Rs/R0 = 0.6796 c^-0.3196, and 1 in clean air."""
+    level = GasLevel(nose("ohm"))
+    level.of(5e4)
+    assert level.of(5e4 * 0.6796 * 0.5**-0.3196) == pytest.approx(5 * level.threshold, rel=0.15)
+    assert 5 * GasLevel(nose("ppm")).threshold == 0.5
+
+
+@pytest.mark.parametrize("step_s", [0.02, 0.1, 0.5])
+def test_the_slope_of_an_exponential_is_its_rate_whatever_the_step(step_s):
+    detector = OnsetDetector(smoothing_s=1.0)
+    fed(detector, 5e4 * np.exp(-0.07 * np.arange(0.0, 20.0, step_s)), step_s=step_s)
+    assert detector.slope_per_s == pytest.approx(-0.07, rel=1e-6)
+    assert detector.is_onset
+    assert not detector.is_offset
+
+
+def test_the_onset_detector_distinguishes_gas_that_comes_from_gas_that_goes():
+    """A first-order sensor: 10 s of clean air, 8 s of gas, 20 s of clean air."""
+    target = np.repeat([1.0, 0.4, 1.0], [100, 80, 200])
+    ratio, ratios = 1.0, []
+    for goal in target:
+        ratio += (1 - math.exp(-STEP_S / (4.8 if goal < ratio else 18.75))) * (goal - ratio)
+        ratios.append(ratio)
+    detector = OnsetDetector()
+    onsets, offsets = [], []
+    for i, value in enumerate(ratios):
+        onsets.append(detector.add(i * STEP_S, 5e4 * value))
+        offsets.append(detector.is_offset)
+    assert not any(onsets[:100]) and not any(offsets[:100])  # noqa: PT018
+    assert all(onsets[105:175])
+    assert not any(onsets[190:])
+    assert all(offsets[200:300])
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_in_clean_air_is_seldom_an_onset_whatever_its_size(seed):
+    rng = np.random.default_rng(seed)
+    for noise in (1e-4, 1e-3, 1e-2):
+        onsets = fed(OnsetDetector(), 5e4 * (1 + noise * rng.standard_normal(3000)))
+        assert np.mean(onsets) < 0.01
+
+
+@pytest.mark.parametrize("n_repeats", [1, 3])
+def test_the_noise_that_is_learnt_is_that_of_the_slope(n_repeats):
+    """Also where a slow sensor repeats its values, within the approximation of the formula for that case."""
+    rng = np.random.default_rng(3)
+    ohms = np.repeat(5e4 * np.exp(0.01 * rng.standard_normal(4000)), n_repeats)
+    detector, slopes, thresholds = OnsetDetector(k=1.0, least_slope_per_s=0.0), [], []
+    for i, ohm in enumerate(ohms):
+        detector.add(i * STEP_S, ohm)
+        slopes.append(detector.slope_per_s)
+        thresholds.append(detector.threshold_per_s)
+    assert np.mean(thresholds[500:]) == pytest.approx(np.std(slopes[500:]), rel=0.1 * n_repeats)
+
+
+def test_a_first_sample_in_gas_is_no_onset_and_broken_samples_change_nothing():
+    detector = OnsetDetector(learn_s=0.0)
+    assert not detector.add(0.0, 100.0)
+    for ohm in (0.0, -1.0, math.nan, math.inf):
+        assert not detector.add(1.0, ohm)
+    assert not detector.add(0.0, 10.0)  # no time has gone by
+    assert detector.slope_per_s == 0.0
+
+
+def test_a_bout_is_what_three_averages_by_hand_say():
+    """With a sample a `sample_s` the weights are 2 / (n + 1) for 3, 8 and 5 samples."""
+    amounts = [0.0, 1.0, 3.0, 2.0, 0.0, 0.0, 1.0]
+    detector = BoutDetector(sample_s=0.5, least_rise=-math.inf)
+    fast = slow = amounts[0]
+    signal, expected = 0.0, [False]
+    for amount in amounts[1:]:
+        fast, slow = fast + (amount - fast) / 2, slow + (amount - slow) * 2 / 9
+        signal += (fast - slow - signal) / 3
+        expected.append(fast - slow > signal)
+    assert fed(detector, amounts, step_s=0.5) == expected
+    assert detector.rise == pytest.approx(fast - slow)
+    assert detector.signal == pytest.approx(signal)
+
+
+def test_two_half_steps_of_equal_amount_weigh_as_much_as_one_step_in_each_average():
+    whole, halves = BoutDetector(), BoutDetector()
+    whole.add(0.0, 0.0), halves.add(0.0, 0.0)
+    whole.add(1.0, 5.0), halves.add(0.5, 5.0), halves.add(1.0, 5.0)
+    assert halves.rise == pytest.approx(whole.rise)
+
+
+def test_recovery_is_a_bout_by_the_published_rule_only():
+    pulse = [0.0] * 5 + [5.0] * 10 + [0.0] * 40
+    published, ours = BoutDetector(least_rise=-math.inf), BoutDetector()
+    after = slice(20, None)
+    assert any(fed(published, pulse, step_s=1.0)[after])
+    said = fed(ours, pulse, step_s=1.0)
+    assert not any(said[after])
+    assert said[5]
+
+
+def test_constant_gas_is_no_bout():
+    assert not any(fed(BoutDetector(), [7.0] * 50))
+
+
+@pytest.mark.parametrize(("unit", "clean", "gas"), [("ppm", 0.05, 0.2), ("1", 0.0, 1.0)])
+def test_hits_of_a_direct_sensor_are_above_a_threshold(unit, clean, gas):
+    hits = GasHits(nose(unit))
+    assert [hits.add(observation(i, value)) for i, value in enumerate([clean, gas, clean])] == [False, True, False]
+    assert hits.take()
+    assert not hits.take()
+    assert hits.since_hit_s(1.1) == pytest.approx(1.0)
+
+
+def test_hits_of_a_mox_sensor_are_onsets():
+    hits = GasHits(nose("ohm"))
+    ohms = [5e4] * 100 + [5e4 * math.exp(-0.05 * i * STEP_S) for i in range(100)]
+    said = [hits.add(observation(i, ohm)) for i, ohm in enumerate(ohms)]
+    assert not any(said[:100])
+    assert all(said[110:])
+
+
+def test_a_sensor_that_warms_up_and_a_tick_sent_twice_give_no_hit():
+    hits = GasHits(nose("ppm"))
+    assert hits.since_hit_s(5.0) == math.inf
+    assert not hits.add(observation(1, 9.0, is_warming_up=True))
+    assert hits.add(observation(2, 9.0))
+    assert hits.take()
+    assert hits.add(observation(2, 9.0))
+    assert not hits.take()

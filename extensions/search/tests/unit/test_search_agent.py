@@ -1,0 +1,75 @@
+"""The order in which every search agent decides: a leg under way, then belief, declaration, and the next leg."""
+
+from types import SimpleNamespace
+
+import numpy as np
+from briefings import briefing, observation
+
+from gslcosim.agent_kit import Command, RadioMessage
+from gslcosim.agent_kit.commands import waypoint
+from gslcosim_search.beliefs import CellGrid
+from gslcosim_search.motion.declaration import Estimate
+from gslcosim_search.search_agent import SearchAgent
+
+
+class Searcher(SearchAgent):
+    """Notes which of its parts was asked; the source is found at the third stop, and on the way at tick 1."""
+
+    def __init__(self, **settings) -> None:
+        super().__init__(briefing(), SimpleNamespace(**settings))
+        self.grid = CellGrid((0.0, 0.0), 1.0, (2, 2))
+        self.asked: list[str] = []
+        self.n_stops = 0
+
+    @property
+    def p(self):
+        return np.full((2, 2), 0.25)
+
+    def observe(self, observation):
+        self.asked.append("observe")
+
+    def continue_leg(self, observation):
+        return Command(tick=observation.tick, kind="noop") if observation.tick == 1 else None
+
+    def learn(self, observation):
+        self.asked.append("learn")
+        self.n_stops += 1
+
+    def estimate(self, observation):
+        return Estimate(position_m=(3.0, 4.0), confidence=0.8) if self.n_stops > 2 else None
+
+    def next_leg(self, observation):
+        self.asked.append("next_leg")
+        return waypoint(observation, 1.0, 2.0, 2.0)
+
+    def outgoing(self, observation):
+        return (RadioMessage(channel="radio", text=str(self.n_stops)),)
+
+
+def test_a_leg_under_way_goes_on_before_anything_is_decided():
+    agent = Searcher()
+    command = agent.decide(observation(tick=1))
+    assert (command.kind, command.belief, command.outgoing) == ("noop", None, ())
+    assert agent.asked == ["observe"]
+
+
+def test_at_a_stop_it_learns_then_goes_on_and_says_what_it_believes():
+    agent = Searcher()
+    command = agent.decide(observation(tick=10))
+    assert agent.asked == ["observe", "learn", "next_leg"]
+    assert command.position_world_m == (1.0, 2.0, 2.0)
+    assert command.belief.probability.to_array().tolist() == [[0.25, 0.25], [0.25, 0.25]]
+    assert command.outgoing[0].text == "1"
+
+
+def test_what_is_found_is_declared_once_at_the_search_height():
+    agent = Searcher()
+    commands = [agent.decide(observation(tick=10 * i)) for i in range(1, 6)]
+    assert [command.kind for command in commands] == ["waypoint", "waypoint", "declare_source", "waypoint", "waypoint"]
+    assert commands[2].declaration.position_world_m == (3.0, 4.0, 2.0)
+    assert commands[2].outgoing[0].text == "3"
+
+
+def test_a_method_that_declares_nothing_goes_on():
+    agent = Searcher(declares=False)
+    assert {agent.decide(observation(tick=10 * i)).kind for i in range(1, 6)} == {"waypoint"}

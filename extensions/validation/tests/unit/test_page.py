@@ -1,0 +1,84 @@
+"""The page of `make reality`: rows, goals, misses; the checked-in one is that of its stored results."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from gslcosim.base.errors import UsageError
+from gslcosim_bench.statistics.estimates import Estimate
+from gslcosim_validation.cases import CASE_MODULES, load_case, load_cases
+from gslcosim_validation.page import RESULTS, make_storable, render_page, store_result, write_page
+from gslcosim_validation.results import CaseResult, Comparison, Drawing, Goal, plain_estimate
+
+STUDIES = Path(__file__).parents[4] / "docs" / "studies"
+
+
+def make_row(value, goal, **kwargs):
+    """Return a row with an interval of one tenth."""
+    ours = Estimate(value, value - 0.1, value + 0.1, 5)
+    return Comparison(measured_set="yard", quantity="FAC2", ours=ours, goal=goal, anchor="theirs 0.4", **kwargs)
+
+
+def test_goals_are_met_at_their_ends():
+    assert Goal.at_least(0.5).is_met(0.5)
+    assert not Goal.at_most(0.5).is_met(0.51)
+    assert Goal.between(-0.3, 0.3).is_met(-0.3)
+    assert Goal.at_least(7, of=8).text == "≥ 7 of 8"
+
+
+def test_the_page_has_each_row_and_a_paragraph_for_each_miss():
+    case = load_case("laser-forward")
+    rows = [
+        make_row(0.7, Goal.at_least(0.5), if_missed="never shown"),
+        make_row(0.4, Goal.at_least(0.5), if_missed="The wind turns."),
+        make_row(0.4, None),
+    ]
+    page = render_page([make_storable(case, "quick", CaseResult(rows=rows, remarks=["A remark."]))])
+    assert "**1 of 2 goals are met.**" in page
+    assert "| yard | FAC2 | theirs 0.4 | 0.4 [0.3, 0.5] | ≥ 0.5 | **no** |" in page
+    assert "**Missed: yard, FAC2** (0.4 [0.3, 0.5], goal ≥ 0.5). The wind turns." in page
+    assert "never shown" not in page
+    assert "A remark." in page
+    assert "Made with `--quick`" in page
+
+
+def test_misses_for_one_reason_share_a_paragraph():
+    rows = [make_row(value, Goal.at_least(0.5), if_missed="The wind turns.") for value in (0.3, 0.4)]
+    page = render_page([make_storable(load_case("laser-forward"), "full", CaseResult(rows=rows))])
+    assert page.count("The wind turns.") == 1
+    assert (
+        "**Missed: yard, FAC2** (0.3 [0.2, 0.4], goal ≥ 0.5); **yard, FAC2** (0.4 [0.3, 0.5], goal ≥ 0.5). The" in page
+    )
+
+
+def test_results_are_stored_with_their_figures_and_others_stay(tmp_path):
+    case = load_case("laser-forward")
+    drawing = Drawing(name="line", caption="A line.", draw=lambda figure: figure.subplots().plot([0, 1]))
+    result = CaseResult(rows=[make_row(0.7, Goal.at_least(0.5))], drawings=[drawing])
+    store_result(tmp_path, case, "full", result)
+    assert (tmp_path / RESULTS / "laser-forward-line.png").read_bytes().startswith(b"\x89PNG")
+    page = write_page(tmp_path).read_text(encoding="utf-8")
+    assert "![A line.](reality/laser-forward-line.png)" in page
+
+
+def test_figures_without_an_interval_have_none():
+    row = Comparison(measured_set="yard", quantity="exact", ours=plain_estimate(7), goal=Goal.at_least(7, of=8))
+    page = render_page([make_storable(load_case("laser-forward"), "full", CaseResult(rows=[row]))])
+    assert "| yard | exact |  | 7 | ≥ 7 of 8 | yes |" in page
+
+
+def test_the_checked_in_page_is_that_of_its_results(tmp_path):
+    shutil.copytree(STUDIES / RESULTS, tmp_path / RESULTS)
+    assert write_page(tmp_path).read_text(encoding="utf-8") == (STUDIES / "reality.md").read_text(encoding="utf-8")
+
+
+def test_every_case_has_its_name_and_results_on_the_page():
+    for name in CASE_MODULES:
+        assert load_case(name).name == name
+        assert (STUDIES / RESULTS / f"{name}.json").is_file(), "make reality"
+
+
+def test_an_unknown_case_is_told_with_the_known_ones():
+    with pytest.raises(UsageError, match=r"--only: expected cases among .*laser-forward.*, was windmill"):
+        load_cases(["windmill"])

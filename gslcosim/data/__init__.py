@@ -1,1 +1,0 @@
-"""Data that runs have left: read back as arrays, summarised, filtered, exported, drawn and filmed."""

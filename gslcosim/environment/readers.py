@@ -1,0 +1,125 @@
+"""Readers that extensions register: rooms from files and folders of other programs, and wind from elsewhere.
+
+The entry points of `gslcosim.geometry` have the keys of scenario files as their names: `environment.KEY` is a
+`RoomReader`, `wind.solver.file` a `WindFileReader`, `wind.solver.openfoam` a `WindSolver`.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslcosim.base.errors import EnvironmentDataError
+from gslcosim.base.extensions import GEOMETRY_GROUP, find_remedy, list_registered
+from gslcosim.base.plugins import EntryPoints
+from gslcosim.base.problems import Problem
+from gslcosim.environment.model import EnvironmentGeometry, Grid, WindFrames
+from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
+from gslcosim.scenario.models.wind import WindSpec
+
+Registered = TypeVar("Registered")
+WIND_FILE, OPENFOAM = "wind.solver.file", "wind.solver.openfoam"
+_READERS = EntryPoints(group=GEOMETRY_GROUP, what="reader")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoomReader:
+    """Reader of the rooms that a key of `environment` names.
+
+    Attributes:
+        read: Returns the room of an environment, a wind's inlets and the scenario's folder. Raises `ScenarioError` for
+            an impossible room, `EnvironmentDataError` for files that are not what they should be.
+        find_problems: Returns all that keeps the room from being read, with the places in the scenario.
+        read_wind: Returns the wind that the environment brings, None where it brings none; absent for formats without
+            wind. Warnings are for the user.
+    """
+
+    read: Callable[[EnvironmentSpec, SolverSpec, Path | None], EnvironmentGeometry]
+    find_problems: Callable[[EnvironmentSpec, SolverSpec, Path | None], list[Problem]]
+    read_wind: Callable[[EnvironmentSpec, WindSpec, Path | None], WindFrames | None] | None = None
+
+
+class WindFileReader(Protocol):
+    """Reader of wind from a file, a folder, or a series of files."""
+
+    def __call__(
+        self, path: Path, grid: Grid, *, occupancy: NDArray[np.uint8], period_s: float | None, is_looping: bool
+    ) -> WindFrames:
+        """Return the wind in the cells of a grid; raise `EnvironmentDataError` where there is none that fits."""
+        ...
+
+
+def find_room_reader(spec: EnvironmentSpec) -> RoomReader:
+    """Return the reader of an environment that is neither a layout nor a path.
+
+    Raises:
+        EnvironmentDataError: no installed extension has it.
+    """
+    return _load(name_room_key(spec), lambda offered: offered if isinstance(offered, RoomReader) else None)
+
+
+def find_wind_file_reader() -> WindFileReader:
+    """Return the reader of wind from files.
+
+    Raises:
+        EnvironmentDataError: no installed extension has it.
+    """
+    return _load(WIND_FILE, as_callable)
+
+
+def find_openfoam_solver() -> Callable[..., NDArray[np.float32]]:
+    """Return the function that solves a wind by OpenFOAM; it takes what `solve_wind_report` takes of both solvers.
+
+    Raises:
+        EnvironmentDataError: no installed extension has it.
+    """
+    return _load(OPENFOAM, as_callable)
+
+
+def as_callable(offered: object) -> Callable[..., Any] | None:
+    """Return a function of an extension, None where it is something else."""
+    return offered if callable(offered) else None
+
+
+def name_room_key(spec: EnvironmentSpec) -> str:
+    """Return the key of a scenario that an environment comes from: `environment.gaden`."""
+    return f"environment.{next(key for key in type(spec).model_fields if getattr(spec, key) is not None)}"
+
+
+def list_reader_keys(spec: EnvironmentSpec, wind: SolverSpec) -> list[str]:
+    """Return the keys of all readers that an environment with its wind needs."""
+    keys = [] if spec.layout is not None or spec.path is not None else [name_room_key(spec)]
+    if spec.path is None and wind.file is not None:
+        keys.append(WIND_FILE)
+    if spec.path is None and isinstance(wind, WindSpec) and wind.solver == "openfoam":
+        keys.append(OPENFOAM)
+    return keys
+
+
+def list_reader_packages(spec: EnvironmentSpec, wind: SolverSpec) -> list[str]:
+    """Return the import names of the packages with the readers that an environment with its wind needs."""
+    keys = list_reader_keys(spec, wind)
+    points = list_registered(GEOMETRY_GROUP) if keys else []
+    return sorted({re.split(r"[.:]", point.value)[0] for point in points if point.name in keys})
+
+
+def find_missing_readers(spec: EnvironmentSpec, wind: SolverSpec) -> list[Problem]:
+    """Return a problem for each reader that an environment with its wind needs and no installed extension has."""
+    keys = list_reader_keys(spec, wind)
+    offered = _READERS.names() if keys else ()
+    return [_missing(key) for key in keys if key not in offered]
+
+
+def _load(key: str, accept: Callable[[object], Registered | None]) -> Registered:
+    if key not in _READERS.names():
+        raise EnvironmentDataError(str(_missing(key)))
+    return _READERS.loaded(key, accept, f"a reader for {key}")
+
+
+def _missing(key: str) -> Problem:
+    remedy = find_remedy("keys", key) or "Install the package that has it."
+    return Problem(where=key, expected="an installed extension that has it", found="none", remedy=remedy)

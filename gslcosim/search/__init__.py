@@ -1,7 +1,0 @@
-"""Building blocks of search methods, for any Python agent: pure functions and small states, seeded, without the truth.
-
-Import from the modules: `random_stream` (random numbers), `senses.instruments` (gas sensors, anemometers, range
-finders), `method_settings` (settings of a method card), `motion.commands` (commands), `grids` and `beliefs`
-(probabilities over cells), and one module for each idea of the literature. They know the contract's messages and
-nothing else of a run.
-"""

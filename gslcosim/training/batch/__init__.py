@@ -1,5 +1,0 @@
-"""Thousands of searches at a time, stepped by compiled code: `BatchSearchEnv`."""
-
-from gslcosim.training.batch.batch_env import BatchSearchEnv
-
-__all__ = ["BatchSearchEnv"]

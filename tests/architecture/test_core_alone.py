@@ -1,0 +1,210 @@
+"""The core runs without extensions, with the same digest, and answers for each that is missing."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+import yaml
+from fresh_environments import (
+    ROOT,
+    FreshEnvironment,
+    copy_checkout,
+    create_environment,
+    install_into,
+    list_required,
+)
+
+from gslcosim.base.extensions import read_known
+
+EXTENSIONS = sorted(path.parent.name for path in ROOT.glob("extensions/*/pyproject.toml"))
+SCENARIO = "tiny_room"
+# Blocks that the core reads and that only a reader, solver or model of an extension can serve.
+READ_BY_CORE = {
+    "environment.gaden": {"environment": {"gaden": "."}},
+    "environment.geometry": {"environment": {"geometry": {"files": ["environment_geometry.yaml"]}}},
+    "environment.gsl_bench": {"environment": {"gsl_bench": "."}},
+    "gas.model=playback": {
+        "gas": {"model": "playback", "sources": [{"position_m": [1.5, 2, 1]}], "playback": {"folder": "."}}
+    },
+    "wind.solver.file": {"wind": {"solver": {"file": "wind.csv"}}},
+    "wind.solver.openfoam": {"wind": {"solver": "openfoam", "end_time_s": 5}},
+}
+
+
+def list_dependents(extension: str) -> set[str]:
+    """An extension, and all that cannot be installed without it."""
+    found = {extension}
+    while True:
+        more = {name for name in EXTENSIONS if _list_needed(name) & found} - found
+        if not more:
+            return found
+        found |= more
+
+
+def _list_needed(extension: str) -> set[str]:
+    project = tomllib.loads((ROOT / "extensions" / extension / "pyproject.toml").read_text())["project"]
+    needs = (text.partition("==")[0] for text in project["dependencies"])
+    return {name.removeprefix("gslcosim-") for name in needs if name.startswith("gslcosim-")}
+
+
+@pytest.fixture(scope="session")
+def core(tmp_path_factory) -> Path:
+    """The core as it is installed from a checkout without extensions."""
+    checkout, installed = tmp_path_factory.mktemp("checkout"), tmp_path_factory.mktemp("core")
+    copy_checkout(checkout, without=["extensions", "tests", "docs"])
+    install_into(installed, checkout)
+    return installed
+
+
+@pytest.fixture(scope="session")
+def installed(core, tmp_path_factory) -> dict[str, Path]:
+    """All extensions, each installed into a folder of its own."""
+    folders: dict[str, Path] = {}
+    for name in EXTENSIONS:
+        checkout, folders[name] = tmp_path_factory.mktemp(f"checkout_{name}"), tmp_path_factory.mktemp(name)
+        shutil.copytree(ROOT / "extensions" / name, checkout, dirs_exist_ok=True, ignore=_ignore_built)
+        install_into(folders[name], checkout)
+    return folders
+
+
+def _ignore_built(folder: str, names: list[str]) -> list[str]:
+    del folder
+    return [name for name in names if name in ("tests", "build", "__pycache__") or name.endswith(".egg-info")]
+
+
+@pytest.fixture(scope="session")
+def alone(core, tmp_path_factory) -> FreshEnvironment:
+    """An environment with the core, and what it declares to need."""
+    return create_environment(tmp_path_factory.mktemp("alone") / "venv", [core], list_required(ROOT))
+
+
+def run_whole_tree(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-P", "-m", "gslcosim", *words]
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd, timeout=500)
+
+
+def read_digest(outcome: subprocess.CompletedProcess[str]) -> str:
+    result = json.loads(outcome.stdout or "{}")
+    assert outcome.returncode == 0, (result.get("faults"), outcome.stderr)
+    return result["digest"]
+
+
+def assert_answered(text: str, extension: str) -> None:
+    remedy = f"It is in the extension {extension}, which is not installed: pip install gslcosim-{extension}"
+    assert remedy in " ".join(text.split()), text
+    assert "Traceback" not in text
+
+
+@pytest.mark.slow
+@pytest.mark.tour
+def test_the_core_alone_runs_with_the_digest_of_the_whole_tree(alone, tmp_path):
+    absent = alone.evaluate("import gslcosim_bench", cwd=tmp_path)
+    assert "ModuleNotFoundError" in absent.stderr
+    for words in (["--help"], ["list"], ["validate", SCENARIO]):
+        outcome = alone.call(*words, cwd=tmp_path)
+        assert outcome.returncode == 0, outcome.stderr
+    words = ["up", SCENARIO, "--in-process", "--json"]
+    assert read_digest(alone.call(*words, cwd=tmp_path)) == read_digest(run_whole_tree(*words, cwd=tmp_path))
+
+
+@pytest.mark.slow
+@pytest.mark.tour
+def test_the_core_alone_answers_for_each_extension(alone, tmp_path):
+    for extension in read_known():
+        for text in list_answers(alone, extension, tmp_path):
+            assert_answered(text, extension)
+
+
+@pytest.mark.slow
+@pytest.mark.end_to_end
+def test_the_core_alone_runs_in_many_processes(alone, tmp_path):
+    words = ["up", SCENARIO, "--json"]
+    assert read_digest(alone.call(*words, cwd=tmp_path)) == read_digest(run_whole_tree(*words, cwd=tmp_path))
+
+
+@pytest.mark.slow
+@pytest.mark.end_to_end
+@pytest.mark.debian
+@pytest.mark.skipif(
+    shutil.which("cc") is None
+    or shutil.which("pkg-config") is None
+    or subprocess.run(["pkg-config", "--exists", "jansson"], check=False).returncode != 0,
+    reason="no compiler of C, or no jansson",
+)
+def test_the_core_alone_runs_an_agent_in_c(alone, tmp_path):
+    build = tmp_path / "build"
+    subprocess.run(["make", "--silent", f"BUILD={build}"], cwd=ROOT / "agents" / "dung_beetle_c", check=True)
+    start = f"agents[0].start={{command: [{build}/agent], door: stdio, format: json}}"
+    words = ["up", SCENARIO, "--json", "--set", start]
+    assert read_digest(alone.call(*words, cwd=tmp_path)) == read_digest(run_whole_tree(*words, cwd=tmp_path))
+
+
+@pytest.mark.slow
+@pytest.mark.end_to_end
+@pytest.mark.parametrize("missing", EXTENSIONS)
+def test_all_but_one_extension_run_and_answer_for_it(core, installed, tmp_path, missing):
+    left = [name for name in EXTENSIONS if name not in list_dependents(missing)]
+    projects = [ROOT, *(ROOT / "extensions" / name for name in left)]
+    folders = [core, *(installed[name] for name in left)]
+    environment = create_environment(tmp_path / "venv", folders, list_required(*projects))
+    for text in list_answers(environment, missing, tmp_path, left):
+        assert_answered(text, missing)
+    helped = environment.call("--help", cwd=tmp_path)
+    assert helped.returncode == 0, helped.stderr
+    words = ["up", SCENARIO, "--in-process", "--json"]
+    assert read_digest(environment.call(*words, cwd=tmp_path)) == read_digest(run_whole_tree(*words, cwd=tmp_path))
+
+
+def list_answers(environment: FreshEnvironment, extension: str, folder: Path, present: Sequence[str] = ()) -> list[str]:
+    """What each command, key, kind of file and public name of an extension is answered with.
+
+    A command of another extension that is not `present` either is answered with that one, whatever follows it.
+    """
+    offers = read_known()[extension]
+    others = [name for name in read_known() if name not in (extension, *present)]
+    of_others = {word for name in others for word in read_known()[name].get("commands", ())}
+    files = {kind: folder / f"{kind}_of_{extension}.yaml" for kind in offers.get("files", ())}
+    for kind, file in files.items():
+        file.write_text(f"schema: gslcosim/{kind}/1\n")
+    asked = [
+        *(word.split() for word in offers.get("commands", ()) if "--" not in word and word.split()[0] not in of_others),
+        *(["validate", str(file)] for file in files.values()),
+        *(["validate", str(write_scenario(folder, key))] for key in offers.get("keys", ())),
+    ]
+    names = [name for name in offers.get("names", ()) if name != extension]
+    lookups = (f"import gslcosim; gslcosim.{name}" for name in names[:1])
+    return [
+        *(environment.call(*words, cwd=folder).stderr for words in asked),
+        *(environment.evaluate(text, cwd=folder).stderr.splitlines()[-1] for text in lookups),
+    ]
+
+
+def write_scenario(folder: Path, key: str) -> Path:
+    """A scenario with a key of an extension, in JSON."""
+    values = yaml.safe_load((ROOT / "scenarios" / f"{SCENARIO}.yaml").read_text())
+    file = folder / f"{re.sub(r'[^a-z0-9]', '_', key)}.yaml"
+    if key in READ_BY_CORE:
+        file.write_text(json.dumps(values | READ_BY_CORE[key]))
+        return file
+    values.setdefault("participants", [{"name": "fan", "reads": [{"port": "truth/bodies"}], "writes": ["x"]}])
+    block = values
+    *path, last = key.split(".")
+    for part in path:
+        inner = block.setdefault(part.removesuffix("[]"), {})
+        block = inner[0] if part.endswith("[]") else inner
+    block[last] = {}
+    file.write_text(json.dumps(values))
+    return file
+
+
+@pytest.mark.slow
+def test_an_agent_that_needs_an_extension_names_it(alone, tmp_path):
+    outcome = alone.call("up", SCENARIO, "--in-process", "--set", "agents[0].start.python=infotaxis", cwd=tmp_path)
+    assert outcome.returncode == 2
+    assert_answered(outcome.stderr, "search")
