@@ -32,9 +32,6 @@ def write_checksums(folder: Path, *names: str, place: str = "", written: Mapping
         names: The files.
         place: The folder's name once it is complete, where it has another one now.
         written: Files that are about to take the place of those of `names`, where they do not stand there yet.
-
-    Raises:
-        OSError: they cannot be written.
     """
     path, files, place = folder / CHECKSUMS_FILE, dict[str, str](), place or folder.name
     is_ours = True
@@ -66,9 +63,6 @@ def check_files(folder: Path, *names: str) -> bool:
 
     Returns:
         Whether all have a checksum, and these are signed with the key of the cache.
-
-    Raises:
-        MalformedFileError: a file or the checksums are not as they were written.
     """
     path = folder / CHECKSUMS_FILE
     if not path.is_file():

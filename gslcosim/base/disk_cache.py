@@ -72,11 +72,7 @@ def mark_used(folder: Path) -> None:
 
 
 def list_entries(root: Path | None = None) -> list[CacheEntry]:
-    """Return the entries of the cache, those that were used last first.
-
-    Raises:
-        MachineError: it cannot be read.
-    """
+    """Return the entries of the cache, those that were used last first."""
     root = root or get_cache_root()
     used = _folders_in_use(root)
     found = [entry for kind, name in FOLDERS.items() for entry in _entries_in(root / name, kind, used)]
@@ -91,9 +87,6 @@ def remove_entries(
     Args:
         choose: Returns those to be removed, of all that there are; of these, ones in use stay.
         root: The folder of the cache.
-
-    Raises:
-        MachineError: the cache cannot be read or written.
     """
     root = root or get_cache_root()
     if not root.is_dir():
@@ -120,9 +113,6 @@ def keep_within_limit() -> list[CacheEntry]:
     """Remove what was unused for longest until the cache is within its limit, and kernels of versions that are gone.
 
     It is called when something was added. Where the cache cannot be written, nothing happens.
-
-    Raises:
-        UsageError: the limit is none.
     """
     limit_bytes = limit_from_environment()
     with contextlib.suppress(GslCosimError):
@@ -149,11 +139,7 @@ def choose_unused(entries: Sequence[CacheEntry], limit_bytes: float, now_s: floa
 
 
 def limit_from_environment() -> float:
-    """Return the size limit of the cache [bytes], as `GSLCOSIM_CACHE_LIMIT` says; infinite where that is `none`.
-
-    Raises:
-        UsageError: it is no size.
-    """
+    """Return the size limit of the cache [bytes], as `GSLCOSIM_CACHE_LIMIT` says; infinite where that is `none`."""
     text = os.environ.get(LIMIT_VARIABLE, "").strip()
     if not text:
         return DEFAULT_LIMIT_BYTES
@@ -166,9 +152,6 @@ def parse_size_bytes(text: str, *, place: str) -> float:
     Args:
         text: What was said.
         place: Where, for errors.
-
-    Raises:
-        UsageError: it is no size.
     """
     found = _SIZE.fullmatch(text.strip())
     if found is None:
@@ -188,11 +171,7 @@ class _Lease:
         self._names: set[Path] = set()
 
     def add(self, root: Path, name: Path) -> None:
-        """Add an entry.
-
-        Raises:
-            OSError: the cache cannot be written.
-        """
+        """Add an entry."""
         if sys.platform == "win32":
             return
         with self._guard:

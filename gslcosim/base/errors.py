@@ -158,11 +158,7 @@ MIN_ADDRESS_SPACE_MB = 1200
 
 
 def check_address_space() -> None:
-    """Refuse a limit on addresses below which no run works.
-
-    Raises:
-        MachineError: it is as low.
-    """
+    """Refuse a limit on addresses below which no run works."""
     limit = _read_address_limit()
     if limit is not None and limit < MIN_ADDRESS_SPACE_MB * 1e6:
         raise MachineError(
@@ -179,11 +175,7 @@ def _read_address_limit() -> int | None:
 
 
 def check_working_directory() -> None:
-    """Refuse a working directory that was removed, in which no relative path means anything.
-
-    Raises:
-        UsageError: it is gone.
-    """
+    """Refuse a working directory that was removed, in which no relative path means anything."""
     try:
         Path.cwd()
     except FileNotFoundError as error:

@@ -24,11 +24,7 @@ _SUPPORTS_DIR_FD = os.open in os.supports_dir_fd
 
 
 def write_all(fd: int, data: bytes | memoryview) -> None:
-    """Write all of the bytes.
-
-    Raises:
-        OSError: the machine refuses some of them.
-    """
+    """Write all of the bytes."""
     left = memoryview(data)
     while left:
         left = left[os.write(fd, left) :]
@@ -41,9 +37,6 @@ def open_for_writing(root: Path, name: str, *, is_appended: bool = False) -> int
         root: The folder.
         name: The file's path below it, with `/`; neither it nor a folder on the way may be a link.
         is_appended: Whether to write behind what is there, in place of it.
-
-    Raises:
-        OSError: it cannot be opened, is a link, or is no plain file.
     """
     flags = os.O_WRONLY | os.O_CREAT | (os.O_APPEND if is_appended else 0)
     with _open_folder(root, name) as (folder, last):
@@ -62,11 +55,7 @@ def open_for_writing(root: Path, name: str, *, is_appended: bool = False) -> int
 
 
 def open_regular_file(path: Path) -> BinaryIO:
-    """Open a file for reading; what is no file, such as a pipe or a device, is never waited for.
-
-    Raises:
-        OSError: it cannot be opened, or is no file.
-    """
+    """Open a file for reading; what is no file, such as a pipe or a device, is never waited for."""
     check_regular_file(path)
     fd = os.open(path, os.O_RDONLY | _NONBLOCK | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0))
     try:
@@ -79,11 +68,7 @@ def open_regular_file(path: Path) -> BinaryIO:
 
 
 def check_regular_file(path: Path) -> None:
-    """Check what a library opens itself by its path; see `open_regular_file`.
-
-    Raises:
-        OSError: it is missing, or no file.
-    """
+    """Check what a library opens itself by its path; see `open_regular_file`."""
     _check_kind(path.stat().st_mode, path)
 
 
@@ -95,11 +80,7 @@ def _check_kind(mode: int, path: Path) -> None:
 
 
 def read_regular_file(path: Path, *, max_bytes: int | None = None) -> bytes:
-    """Return the content of a file; what is no file, such as a pipe or a device, is never waited for.
-
-    Raises:
-        OSError: it cannot be read, is no file, or is larger than `max_bytes`.
-    """
+    """Return the content of a file; what is no file, such as a pipe or a device, is never waited for."""
     with open_regular_file(path) as file:
         content = file.read(-1 if max_bytes is None else max_bytes + 1)
     if max_bytes is not None and len(content) > max_bytes:
@@ -108,11 +89,7 @@ def read_regular_file(path: Path, *, max_bytes: int | None = None) -> bytes:
 
 
 def append_bytes(root: Path, name: str, data: bytes) -> None:
-    """Write bytes behind what a file below a folder holds.
-
-    Raises:
-        OSError: as `open_for_writing` and `write_all`.
-    """
+    """Write bytes behind what a file below a folder holds."""
     fd = open_for_writing(root, name, is_appended=True)
     try:
         write_all(fd, data)
@@ -121,11 +98,7 @@ def append_bytes(root: Path, name: str, data: bytes) -> None:
 
 
 def replace_file(root: Path, name: str, data: bytes) -> None:
-    """Write a file below a folder at once: a reader sees the old one or the new one, never a part.
-
-    Raises:
-        OSError: it cannot be written; then nothing is changed.
-    """
+    """Write a file below a folder at once: a reader sees the old one or the new one, never a part."""
     with _open_folder(root, name) as (folder, last):
         beside = str(PurePath(last).with_name(f".{PurePath(last).name}.{secrets.token_hex(4)}"))
         fd = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NOFOLLOW, 0o644, dir_fd=folder)
@@ -191,9 +164,6 @@ class ScratchFolder:
     Args:
         kind: Part of its name.
         parent: Where it is; by default the temporary directory.
-
-    Raises:
-        MachineError: it cannot be made.
     """
 
     def __init__(self, kind: str = "", *, parent: Path | None = None) -> None:
@@ -211,9 +181,6 @@ class ScratchFolder:
 
         It is in the temporary directory, and where that has too long a name in the user's folder for such things, or in
         /tmp.
-
-        Raises:
-            MachineError: it cannot be made.
         """
         usual = Path(tempfile.gettempdir())
         others = [Path(os.environ[_USER_DIRECTORY_VARIABLE])] if os.environ.get(_USER_DIRECTORY_VARIABLE) else []
@@ -310,9 +277,6 @@ def remove_tree(path: Path, *, ignore_errors: bool = False, last: str = "") -> N
         path: The folder.
         ignore_errors: Whether something may stay.
         last: Name of an entry that is removed after all others, and only once they are gone.
-
-    Raises:
-        OSError: something stays, and may not.
     """
     if not _SUPPORTS_DIR_FD:
         shutil.rmtree(path, ignore_errors=ignore_errors)
@@ -409,9 +373,6 @@ def iterate_tree(folder: Path, *, is_entered: Callable[[Path], bool] = lambda _:
     Args:
         folder: A folder that others have made.
         is_entered: Whether a folder in it is looked into; others are yielded.
-
-    Raises:
-        UsageError: it is nested too deep, or a folder in it cannot be read.
     """
     waiting = [(folder, 0)]
     while waiting:
@@ -433,11 +394,7 @@ def iterate_tree(folder: Path, *, is_entered: Callable[[Path], bool] = lambda _:
 
 
 def list_files(folder: Path) -> list[Path]:
-    """Return the files below a folder, sorted; links to files count, other links, pipes and devices do not.
-
-    Raises:
-        UsageError: as `iterate_tree`.
-    """
+    """Return the files below a folder, sorted; links to files count, other links, pipes and devices do not."""
     return sorted(path for path in iterate_tree(folder) if path.is_file())
 
 

@@ -24,9 +24,6 @@ def short_socket_address(path: Path) -> Iterator[str]:
     """Give the address to bind or connect a unix socket at a path with, however long the path is.
 
     An address has room for 107 bytes on Linux, where it leads here through the open folder. Elsewhere it is the path.
-
-    Raises:
-        OSError: the folder cannot be opened.
     """
     if sys.platform != "linux":
         yield str(path)
@@ -92,9 +89,6 @@ def check_peer(connection: socket.socket, *, place: str) -> None:
     Args:
         connection: The connected socket.
         place: Which socket it is, for the error.
-
-    Raises:
-        UsageError: the peer is refused.
     """
     if sys.platform != "linux":
         return

@@ -82,10 +82,6 @@ def spawn(
         streams: Absent: no input, and its output is dropped.
         inherited: Descriptors that it gets; they are closed here, whatever happens.
         ends_with_parent: Whether Linux kills it when the thread that has called this ends.
-
-    Raises:
-        UsageError: the command cannot be started.
-        MachineError: there is no room for a process more.
     """
     streams = streams or Streams()
     try:
@@ -110,11 +106,7 @@ def spawn(
 
 
 def check_program(name: str, command: Sequence[str], cwd: Path | None) -> None:
-    """Refuse a command line whose program is not there.
-
-    Raises:
-        UsageError: it cannot be found, or not be executed.
-    """
+    """Refuse a command line whose program is not there."""
     program = Path(cwd or ".") / command[0] if "/" in command[0] else shutil.which(command[0])
     if program is None or not os.access(program, os.X_OK) or Path(program).is_dir():
         reason = "no such program" if program is None or not Path(program).exists() else "it cannot be executed"

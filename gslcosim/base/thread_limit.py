@@ -24,9 +24,6 @@ def check_thread_limit() -> None:
 
     OpenBLAS, which starts a thread a processor, raises SIGINT where it cannot, as if somebody had pressed Ctrl-C, and
     Zenoh panics.
-
-    Raises:
-        MachineError: so many threads cannot be started now.
     """
     gate = threading.Event()
     threads = [
@@ -53,9 +50,6 @@ def reserve_session_threads() -> Generator[bool]:
 
     Where the user's limit is low, processes open theirs one after another: otherwise several would see the same
     threads free. Where it is high this costs nothing.
-
-    Raises:
-        MachineError: so many threads cannot be started now.
     """
     if sys.platform == "win32":
         yield False

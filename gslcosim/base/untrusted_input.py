@@ -55,9 +55,6 @@ def read_json(path: Path, kind: type[T], *, remedy: str = FROM_A_COPY, max_bytes
         kind: Its type.
         remedy: What helps where it is something else.
         max_bytes: How large it may be.
-
-    Raises:
-        MalformedFileError: it cannot be read, or is something else.
     """
     place = f"{path.parent.name}/{path.name}"
     try:
@@ -77,9 +74,6 @@ def read_json_lines(path: Path, kind: type[T], *, remedy: str = FROM_A_COPY, max
         kind: The type of each line.
         remedy: What helps where a line is something else.
         max_bytes: How large a line may be.
-
-    Raises:
-        MalformedFileError: the file cannot be read, or a line is something else.
     """
     place = f"{path.parent.name}/{path.name}"
     try:
@@ -100,12 +94,7 @@ MAX_UNPACKED_BYTES = 1 << 30
 
 
 def read_npz(path: Path, *, max_bytes: int = MAX_UNPACKED_BYTES) -> "dict[str, NDArray[Any]]":
-    """Return the arrays of a `.npz` file by their names.
-
-    Raises:
-        OSError: it cannot be read, or is no file.
-        ValueError: it is no such archive, or has objects of Python or more bytes than `max_bytes`.
-    """
+    """Return the arrays of a `.npz` file by their names."""
     import numpy as np
 
     try:
@@ -135,9 +124,6 @@ def parse_json(data: bytes | str, kind: type[T], *, place: str) -> T:
         data: The text; bytes are UTF-8.
         kind: Its type.
         place: Where it comes from, for errors.
-
-    Raises:
-        MalformedFileError: it is no JSON, too deep, or something else.
     """
     raw = data if isinstance(data, bytes) else data.encode(errors="surrogatepass")
     _check_levels(raw, place)
@@ -160,9 +146,6 @@ def validate_value(value: object, kind: type[T], *, place: str) -> T:
         value: Dicts, lists and scalars.
         kind: The type.
         place: Where they come from, for errors.
-
-    Raises:
-        MalformedFileError: they are something else.
     """
     # Commands that list runs do without it, and begin sooner.
     if kind == JsonObject:

@@ -38,10 +38,6 @@ class WorkerProcess:
     Args:
         name: Of the worker, in messages.
         target: `module:function` of what it does.
-
-    Raises:
-        UsageError: it cannot be started.
-        MachineError: there is no room for a process more.
     """
 
     def __init__(self, name: str, target: str) -> None:
@@ -132,10 +128,6 @@ def run_tasks(function: Callable[[Any], Any], tasks: Sequence[Any], n_workers: i
         function: A function of a module; it, the tasks and its results are pickled.
         tasks: Its arguments.
         n_workers: How many are done at the same time.
-
-    Raises:
-        UsageError: no worker can be started.
-        MachineError: there is no room for a worker.
     """
     waiting = list(enumerate(tasks))[::-1]
     busy: dict[Connection[Any, Any], tuple[WorkerProcess, int]] = {}

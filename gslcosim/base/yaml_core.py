@@ -45,12 +45,7 @@ class BoundedLoader(yaml.SafeLoader):
     _n_nodes = 0
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        """Return the next node, as PyYAML does, which would go on to Python's limit of recursion.
-
-        Raises:
-            YamlNestingError: it lies deeper than `MAX_NESTING`.
-            YamlSizeError: more than `MAX_NODES` have come before it.
-        """
+        """Return the next node, as PyYAML does, which would go on to Python's limit of recursion."""
         self._n_levels += 1
         self._n_nodes += 1
         mark = cast("Any", self).peek_event().start_mark

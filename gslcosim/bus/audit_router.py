@@ -36,9 +36,6 @@ class AuditRouter:
             endpoint: Where it listens.
             agent: The one account besides the router's own.
             secrets_dir: A private folder for the file with the accounts.
-
-        Raises:
-            SimulationFault: the endpoint cannot be listened on.
         """
         own_password = generate_password()
         accounts = secrets_dir / "accounts"

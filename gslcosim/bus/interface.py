@@ -122,9 +122,6 @@ class JoinData(BaseModel):
 
         A file that does not exist yet is waited for, so that processes on several hosts may start in any order. An
         inherited one, `/proc/self/fd/N`, is closed when it has been read.
-
-        Raises:
-            UsageError: the variable is missing or is not what it should be.
         """
         text = os.environ.get(JOIN_VARIABLE, "")
         if not text:
@@ -155,9 +152,6 @@ class JoinData(BaseModel):
         Args:
             text: What `gslcosim up` has written.
             place: Where it comes from, for errors.
-
-        Raises:
-            UsageError: it is not what it should be.
         """
         try:
             return cls.model_validate(json.loads(text))
@@ -180,9 +174,6 @@ def read_join_file(path: Path, *, place: str, wait_s: float = JOIN_FILE_WAIT_S) 
         path: The file.
         place: Who names it, for errors.
         wait_s: For how long [s].
-
-    Raises:
-        UsageError: there is none within that time, or it is no regular file of a sensible size.
     """
     deadline = time.monotonic() + wait_s
     while not path.exists():
@@ -226,9 +217,6 @@ class Mailbox(Protocol):
 
         Args:
             timeout_s: For how long [s]; absent: until there is one.
-
-        Raises:
-            queue.Empty: there was none within that time.
         """
         ...
 

@@ -120,10 +120,6 @@ def open_session(config: zenoh.Config, *, first_member: zenoh.Config | None = No
         config: Of the session.
         first_member: Of a member that joins a router and leaves it at once where the limit on threads is low: a router
             starts the threads that read only when the first member comes, and by then others may have taken them.
-
-    Raises:
-        MachineError: the machine lacks what a session needs, such as files that may be open.
-        zenoh.ZError: it cannot be opened for another reason.
     """
     try:
         # Its runtime panics where it gets no thread.
@@ -159,9 +155,6 @@ def open_with_retries(open_once: Callable[[], zenoh.Session], endpoint: str) -> 
     Args:
         open_once: Tries to open the session.
         endpoint: Where the router listens, as Zenoh names it.
-
-    Raises:
-        zenoh.ZError: no router listens there, or it refuses the session.
     """
     for _ in range(_MAX_ATTEMPTS - 1):
         try:
@@ -366,12 +359,7 @@ class ZenohBus:
 
     @classmethod
     def open_member(cls, join: JoinData) -> Self:
-        """Connect a process to the run's router.
-
-        Raises:
-            MachineError: the machine lacks what a session needs.
-            SimulationFault: nothing answers at the endpoint, or name and password are refused.
-        """
+        """Connect a process to the run's router."""
         elsewhere_ms = LEASE_MS if join.lease_s is None else round(1000 * join.lease_s)
         config = build_session_config(join.namespace, lease_ms=WATCHED_LEASE_MS if join.is_watched else elsewhere_ms)
         if join.is_watched or join.lease_s is not None:
@@ -414,10 +402,6 @@ class ZenohBus:
         It is confined to `agents/<name>/**` of its agents: it may write their commands and their liveliness tokens
         there and read the rest of it; everything else is denied in both directions.
         Who is cut off keeps its place for `lease_s`, the longest lease of those elsewhere.
-
-        Raises:
-            MachineError: the machine lacks what a session needs.
-            SimulationFault: an endpoint cannot be listened on.
         """
         agents, endpoints = list(agents), list(endpoints)
         accounts = secrets_dir / "accounts"

@@ -134,11 +134,7 @@ class Parser(argparse.ArgumentParser):
         self.completes: Mapping[str, Sequence[FindWords]] = {}
 
     def error(self, message: str) -> NoReturn:
-        """Raise what is wrong with the call.
-
-        Raises:
-            UsageError: always.
-        """
+        """Raise what is wrong with the call."""
         raise UsageError(f"{self.prog}: {message}{'' if message[-1] in '.?' else '.'} See {self.prog} --help.")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
@@ -218,9 +214,6 @@ def load_options(path: str) -> list[CommandOptions]:
 
     Args:
         path: Words that call it, with dots between them.
-
-    Raises:
-        UsageError: an extension registers something else, or cannot be imported.
     """
     return list(load_registered(OPTIONS_GROUP, as_command_options, "a CommandOptions", name=path))
 
@@ -255,11 +248,7 @@ def find_command_name(groups: Iterable[CommandGroup], words: Sequence[str]) -> s
 
 
 def parse(parser: Parser, groups: Sequence[CommandGroup], words: Sequence[str]) -> argparse.Namespace:
-    """Return the parsed words of a command line; an old name prints a note to stderr.
-
-    Raises:
-        UsageError: an unknown command or option, or a wrong value; names the nearest known one.
-    """
+    """Return the parsed words of a command line; an old name prints a note to stderr."""
     words = list(words)
     names = [command.name for group in groups for command in group.commands]
     moved = {command.old_name: path for path, command in iterate_commands(groups) if command.old_name}
@@ -435,9 +424,6 @@ def find_in_run(run: str | None, *, runs_dir: Path, file_name: str) -> Path:
             newest run that has the file.
         runs_dir: The folder of all runs.
         file_name: The file's name within a run.
-
-    Raises:
-        UsageError: there is no such run, several fit, or it has no such file.
     """
     if run is None:
         return _newest(runs_dir, file_name)
@@ -540,9 +526,6 @@ def load_checked(arguments: argparse.Namespace, *, prepares_run: bool = True) ->
     Args:
         arguments: As parsed.
         prepares_run: Whether the caller prepares a run, which then finds problems of the files that it reads.
-
-    Raises:
-        ScenarioError: there is none, or it has problems.
     """
     from gslcosim.scenario import load_scenario
     from gslcosim.scenario.checks.registry import list_scenario_checks

@@ -203,11 +203,7 @@ def free_memory_gb() -> float:
 
 
 def zenoh_round_trip_s() -> float:
-    """Return the median time [s] from a question to its answer through a router on a private socket.
-
-    Raises:
-        TimeoutError: no answer came.
-    """
+    """Return the median time [s] from a question to its answer through a router on a private socket."""
     from gslcosim.base.files import ScratchFolder
     from gslcosim.bus.interface import JoinData
     from gslcosim.bus.zenoh_bus import SERVICE_ACCOUNT, ZenohBus, generate_password

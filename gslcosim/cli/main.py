@@ -83,11 +83,7 @@ CORE_GROUPS = (
 
 
 def list_groups() -> tuple[CommandGroup, ...]:
-    """Return the commands of the core with those that installed extensions register, by the groups of the help.
-
-    Raises:
-        UsageError: an extension registers something else, or cannot be imported.
-    """
+    """Return the commands of the core with those that installed extensions register, by the groups of the help."""
     registered = load_registered(COMMANDS_GROUP, as_command_groups, "a tuple of CommandGroup")
     return merge_groups([*CORE_GROUPS, *(group for groups in registered for group in groups)])
 

@@ -167,9 +167,6 @@ def draw_pages() -> "Iterator[Callable[..., None]]":
     """Yield what draws parts of a page, one below the other, on stdout, a terminal, in place of the last page.
 
     The last one stays.
-
-    Raises:
-        MachineError: the terminal cannot be written to.
     """
     from rich.console import Group
     from rich.live import Live

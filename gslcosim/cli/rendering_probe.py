@@ -30,11 +30,7 @@ class _InstanceCreateInfo(ctypes.Structure):
 
 
 def vulkan_devices() -> list[str]:
-    """Return the names of the Vulkan devices.
-
-    Raises:
-        OSError: the library is missing, or no driver is installed.
-    """
+    """Return the names of the Vulkan devices."""
     vulkan = ctypes.CDLL(_library("vulkan", "libvulkan.so.1"))
     info = _InstanceCreateInfo(s_type=_VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO)
     instance = ctypes.c_void_p()
@@ -56,11 +52,7 @@ def vulkan_devices() -> list[str]:
 
 
 def egl_version() -> str:
-    """Return the version of EGL after initialising it without a display.
-
-    Raises:
-        OSError: the library is missing, or it cannot be initialised.
-    """
+    """Return the version of EGL after initialising it without a display."""
     egl = ctypes.CDLL(_library("EGL", "libEGL.so.1"))
     egl.eglGetPlatformDisplay.restype = ctypes.c_void_p
     display = ctypes.c_void_p(egl.eglGetPlatformDisplay(_EGL_PLATFORM_SURFACELESS_MESA, None, None))

@@ -13,12 +13,7 @@ from gslcosim.runtime.replay.past_run import PastRun, find_environment
 
 
 def record_runs(recordings: Sequence[Path], path: Path, *, is_by_contact: bool = False) -> None:
-    """Write one recording of the runs of some recordings, by simulated time or moved to one first contact with gas.
-
-    Raises:
-        UsageError: they were not run in one room with one tick, or one of them has come to no result.
-        RecordingError: a recording cannot be read.
-    """
+    """Write one recording of the runs of some recordings, by simulated time or moved to one first contact with gas."""
     pasts = [PastRun.load(recording.parent) for recording in recordings]
     first = pasts[0]
     for past in pasts[1:]:
@@ -37,12 +32,7 @@ def record_runs(recordings: Sequence[Path], path: Path, *, is_by_contact: bool =
 
 
 def record_run_at(recording: Path, path: Path, at_s: float, *, is_still: bool) -> None:
-    """Write a copy of a run's recording that opens at a simulated time [s].
-
-    Raises:
-        UsageError: the run has left no scenario, or spoke another contract.
-        RecordingError: the recording cannot be read, or ends before.
-    """
+    """Write a copy of a run's recording that opens at a simulated time [s]."""
     from gslcosim.recordings.derived_recordings import record_from_tick
 
     past = PastRun.load(recording.parent, needs_result=False)

@@ -21,12 +21,7 @@ if TYPE_CHECKING:
 
 
 def write(text: str = "") -> None:
-    """Write a line of the result to stdout.
-
-    Raises:
-        MachineError: it cannot be written.
-        BrokenPipeError: its reader is gone.
-    """
+    """Write a line of the result to stdout."""
     _write_result(f"{escape_terminal_text(text)}\n")
 
 
@@ -40,12 +35,7 @@ def _write_result(text: str) -> None:
 
 
 def finish_output() -> None:
-    """Write what waits in stdout's buffer.
-
-    Raises:
-        MachineError: it cannot be written.
-        BrokenPipeError: its reader is gone.
-    """
+    """Write what waits in stdout's buffer."""
     try:
         sys.stdout.flush()
     except BrokenPipeError:

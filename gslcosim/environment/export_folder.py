@@ -16,11 +16,7 @@ class ExportResult:
 
 
 def create_export_folder(folder: Path) -> None:
-    """Make a folder for exported files where there is none.
-
-    Raises:
-        EnvironmentDataError: the folder holds something.
-    """
+    """Make a folder for exported files where there is none."""
     folder.mkdir(parents=True, exist_ok=True)
     if any(folder.iterdir()):
         raise EnvironmentDataError(

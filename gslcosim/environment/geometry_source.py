@@ -51,10 +51,6 @@ def build_geometry(spec: EnvironmentSpec, wind: SolverSpec, *, scenario_dir: Pat
         spec: What the scenario says of its environment.
         wind: Gives a generated room its cells, and the inlets their velocity.
         scenario_dir: What relative paths are relative to.
-
-    Raises:
-        ScenarioError: the layout is impossible; the text lists all reasons.
-        EnvironmentDataError: a folder is not what it should be.
     """
     room = _room_without_doors(spec, wind, scenario_dir)
     if spec.doors:
@@ -96,10 +92,6 @@ def build_still_environment(scenario: Scenario, *, scenario_dir: Path) -> Enviro
     Args:
         scenario: Its environment is any but one with a `path`.
         scenario_dir: Where its relative paths start.
-
-    Raises:
-        ScenarioError: the layout is impossible.
-        EnvironmentDataError: a folder is not what it should be.
     """
     first, *later = find_variants(scenario)
     later_rooms = {variant: _build_room(scenario_in_variant(scenario, variant), scenario_dir) for variant in later}

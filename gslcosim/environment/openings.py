@@ -170,11 +170,7 @@ def border_m(grid: Grid, axis: int, i: int) -> float:
 
 
 def cells_at(opening: Opening, grid: Grid) -> Cells:
-    """Return the layer of cells, one deep, that an opening on the room's face touches.
-
-    Raises:
-        ValueError: the opening is on no face of the grid.
-    """
+    """Return the layer of cells, one deep, that an opening on the room's face touches."""
     face = find_face(opening, grid)
     if face is None:
         span = _span_text(opening.min_m, opening.max_m)
@@ -262,11 +258,7 @@ def boxes_from_solid(is_solid: NDArray[np.bool_], grid: Grid) -> tuple[Box, ...]
 
 
 def solid_boxes(environment: Environment) -> list[Box]:
-    """Return the boxes of a room; one without a floor of its own (an imported one, say) gets one to stand on.
-
-    Raises:
-        EnvironmentDataError: two boxes have one name.
-    """
+    """Return the boxes of a room; one without a floor of its own (an imported one, say) gets one to stand on."""
     boxes = list(environment.boxes)
     doubles = sorted(name for name, n in Counter(box.name for box in boxes).items() if n > 1)
     if doubles:

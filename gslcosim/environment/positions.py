@@ -183,9 +183,6 @@ def random_free_point_m(
     """Return a point of the air, drawn evenly between two heights above the floor [m], for example for a source.
 
     All air of a room can be reached from its openings. Points keep a cell away from solids, where there are such.
-
-    Raises:
-        EnvironmentDataError: there is no air.
     """
     grid = room.grid
     is_air = room.occupancy != Cell.SOLID

@@ -83,11 +83,7 @@ def data_error(path: Path, expected: str, found: str, *, remedy: str = "") -> En
 
 
 def load_npy(path: Path) -> NDArray[Any]:
-    """Return the array of a `.npy` file, memory-mapped: no memory is asked for what the file does not hold.
-
-    Raises:
-        EnvironmentDataError: the file is missing, truncated, or of another kind.
-    """
+    """Return the array of a `.npy` file, memory-mapped: no memory is asked for what the file does not hold."""
     if not path.is_file():
         raise data_error(path, "an array", "missing")
     try:
@@ -175,9 +171,6 @@ def save_environment(
         made_from: Plain values that say how it was made, kept for people in environment.yaml.
         notices: Sentences on what was done differently from what was asked, kept for people in environment.yaml.
         extras: Further files by name, such as `PICTURE_FILE`.
-
-    Raises:
-        EnvironmentDataError: the folder exists and holds something else, or the wind is not finite.
     """
     _check_finite(environment.wind.velocity_m_s, folder / WIND_FILE)
     folder.parent.mkdir(parents=True, exist_ok=True)
@@ -209,10 +202,6 @@ def load_environment(folder: Path, *, with_meshes: bool = False) -> Environment:
     Args:
         folder: The environment folder.
         with_meshes: Also read the meshes to be looked at, which nothing but pictures needs.
-
-    Raises:
-        EnvironmentDataError: the folder is missing, or a file is missing, truncated, changed since it was saved, of
-            another format, of the wrong shape or type, or has values that are not finite.
     """
     is_ours = False
     with contextlib.suppress(MalformedFileError):

@@ -233,11 +233,7 @@ class DynamicEnvironment:
     """
 
     def __init__(self, environment: Environment, scenario: Scenario) -> None:
-        """Stand as at the start of a run.
-
-        Raises:
-            ModelError: the environment lacks a room that an event brings.
-        """
+        """Stand as at the start of a run."""
         self._scenario = scenario
         self._first, *later = find_variants(scenario)
         lacking = [each for each in later if each not in environment.later_rooms]
@@ -299,11 +295,7 @@ class ScaledWind:
     """
 
     def __init__(self, environment: Environment, scenario: Scenario) -> None:
-        """Blow as the room's wind does.
-
-        Raises:
-            ModelError: the environment lacks a room that an event brings.
-        """
+        """Blow as the room's wind does."""
         self._scenario = scenario
         self.room = DynamicEnvironment(environment, scenario)
         self._frames = {key: _read_only(room.wind.velocity_m_s) for key, room in self.room.rooms.items()}

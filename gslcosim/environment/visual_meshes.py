@@ -65,11 +65,7 @@ def encode_glb(meshes: Sequence[VisualMesh]) -> bytes:
 
 
 def load_visual_meshes(path: Path, names: Sequence[str]) -> tuple[VisualMesh, ...]:
-    """Return the meshes of a file of `encode_glb`, in the order of their names.
-
-    Raises:
-        EnvironmentDataError: the file is missing or damaged, or holds other meshes.
-    """
+    """Return the meshes of a file of `encode_glb`, in the order of their names."""
     try:
         scene, content = _split(read_regular_file(path))
         meshes = {mesh["name"]: mesh["primitives"][0] for mesh in scene["meshes"]}

@@ -333,11 +333,7 @@ class Buoyancy:
     """State of a buoyant scalar in a domain: its values, what flows through its holes, and its effect on the wind."""
 
     def __init__(self, domain: Domain, scalar: BuoyantScalar) -> None:
-        """Place walls, releases and holes on the grid.
-
-        Raises:
-            FlowError: one of them is not where air is, or what is released cannot leave.
-        """
+        """Place walls, releases and holes on the grid."""
         self.scalar = scalar
         self._domain = domain
         self.values = np.where(domain.air, np.float32(scalar.start), np.float32(0))

@@ -66,9 +66,6 @@ class FrameRecorder:
             save_every_s: Time between frames [s].
             save_from_s: Time of the first [s].
             end_s: Latest end of the run [s].
-
-        Raises:
-            FlowError: times make no sense, or the frames would take more than `MAX_FRAMES_BYTES`.
         """
         if not (np.isfinite(save_every_s) and save_every_s > 0):
             raise FlowError(f"save_every_s: expected a time above 0 s, was {save_every_s}.")

@@ -259,9 +259,6 @@ def build_domain(free: Bool, cell_m: float, patches: Sequence[Patch], *, needs_o
         cell_m: Edge of the cubic cells [m].
         patches: What is on the boundary of the box; walls elsewhere.
         needs_openings: Refuse a box without inlet and outlet; otherwise only inlets without an outlet are refused.
-
-    Raises:
-        FlowError: something cannot be solved; the message says what, where, and what to change.
     """
     check_grid(free, cell_m)
     shape: tuple[int, int, int] = free.shape  # pyright: ignore[reportAssignmentType]

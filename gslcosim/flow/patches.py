@@ -120,9 +120,6 @@ def make_inflow(name: str, velocity: InletVelocity, factor: Schedule | None, cen
         velocity: As in `Inlet`.
         factor: As in `Inlet`.
         centres_m: (na, nb, 3) centres of the patch's boundary faces, grid's frame [m].
-
-    Raises:
-        FlowError: the velocity has the wrong shape or is not finite, or schedules are mixed up.
     """
     if factor is not None and factor.has_velocities:
         raise FlowError(f"{name}: factor: expected a Schedule of numbers, was one of velocities. Use velocity_m_s.")
@@ -309,11 +306,7 @@ class PlacedPatch:
 
 
 def place_patch(patch: Patch, free: Bool, cell_m: float) -> PlacedPatch:
-    """Find a patch's side of the box and its cells, and lay its velocity out on them.
-
-    Raises:
-        FlowError: the patch is not on the boundary, covers no cell or no air, or its velocity makes no sense.
-    """
+    """Find a patch's side of the box and its cells, and lay its velocity out on them."""
     name = str(patch)
     low, high = np.asarray(patch.min_m, float), np.asarray(patch.max_m, float)
     if low.shape != (3,) or high.shape != (3,) or not (np.isfinite(low).all() and np.isfinite(high).all()):

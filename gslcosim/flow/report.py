@@ -121,9 +121,6 @@ def plot_history(report: WindReport, path: str | Path | IO[bytes]) -> None:
     Args:
         report: Of `solve_wind_report`.
         path: File to write, or one that is open.
-
-    Raises:
-        FlowError: matplotlib, of the extra `report`, is not installed.
     """
     figure_type = matplotlib_figure_type()
     if figure_type is None:

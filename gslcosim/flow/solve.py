@@ -249,9 +249,6 @@ def solve_wind(
 
     Returns:
         (nx, ny, nz, 3) velocities at cell centres [m/s], float32, zero in solids.
-
-    Raises:
-        FlowError: the case cannot be solved, or diverged; the message says what to change.
     """
     return solve_wind_report(
         free,
@@ -305,9 +302,6 @@ def solve_wind_report(
         max_step_s: Largest time step, whatever the Courant number [s].
         buoyancy: Gas or heat that the wind carries and that drives it, in a box that may have no inlet; it needs
             `end_time_s`.
-
-    Raises:
-        FlowError: the case cannot be solved, or diverged; the message says what to change.
     """
     _check_times(end_time_s, average_from_s, max_time_s, settle_tolerance_frac)
     if not 0 < courant <= 1:

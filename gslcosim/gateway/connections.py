@@ -37,11 +37,7 @@ class Stream(Protocol):
         ...
 
     def write_now(self, data: bytes) -> int:
-        """Write what fits without waiting and return how many bytes that was.
-
-        Raises:
-            OSError: the other side does not read any more.
-        """
+        """Write what fits without waiting and return how many bytes that was."""
         ...
 
     def wait_writable(self, timeout_s: float | None = None) -> bool:
@@ -316,10 +312,6 @@ class BlockingConnection:
             name: The message's type.
             payload: The message's canonical bytes.
             within_s: How long it may take [s].
-
-        Raises:
-            StreamEndedError: the other side reads no more.
-            AnswerTimeoutError: it has not read within the time.
         """
         deadline_s = time.monotonic() + within_s
         data = encode_message(self._format, name, payload)
@@ -337,11 +329,6 @@ class BlockingConnection:
         Args:
             message_type: What it is meant to be.
             within_s: How long to wait for it [s].
-
-        Raises:
-            StreamEndedError: the stream has ended.
-            AnswerTimeoutError: nothing came within the time.
-            ContractError: what came is no frame.
         """
         deadline_s = time.monotonic() + within_s
         while not self._items:
@@ -394,9 +381,6 @@ class Listener:
         Args:
             host: The address of this machine to listen on.
             public_name: What others call this machine, where that differs.
-
-        Raises:
-            SimulationFault: that is not possible.
         """
         try:
             listening = socket.create_server((host, 0), backlog=MAX_PENDING_CONNECTIONS)
@@ -406,11 +390,7 @@ class Listener:
 
     @classmethod
     def open_unix(cls, path: Path) -> Self:
-        """Listen on a unix socket, which only this user may open.
-
-        Raises:
-            SimulationFault: that is not possible.
-        """
+        """Listen on a unix socket, which only this user may open."""
         listening = socket.socket(socket.AF_UNIX)
         try:
             listening.bind(str(path))

@@ -164,12 +164,7 @@ def encode_message(frame_format: FrameFormat, name: str, payload: bytes) -> byte
 
 
 def decode_fields(frame_format: FrameFormat, frame: bytes) -> dict[str, Any]:
-    """Return the map in a frame.
-
-    Raises:
-        ContractError: it is not one object of JSON, or not one msgpack map with texts as keys; a key is there twice; or
-            lists and maps are too deep.
-    """
+    """Return the map in a frame."""
     if frame_format == "json":
         return _decode_line("frame", frame)
     return codec.unpack_untrusted("frame", frame, has_lists=True)
@@ -184,10 +179,6 @@ def decode_payload(frame_format: FrameFormat, frame: bytes, message_type: type[M
         frame_format: The format of the frame.
         frame: What stood between two boundaries.
         message_type: What it is meant to be.
-
-    Raises:
-        ContractError: it is not one object of JSON, has a key twice, is too deep, or holds a number or text that
-            msgpack cannot.
     """
     if frame_format == "msgpack":
         return frame

@@ -229,21 +229,13 @@ class MethodCard(_CardPart):
 
 
 def find_card_beside(program: Path) -> MethodCard | None:
-    """Return the card in the folder of an agent's program, or None where there is none.
-
-    Raises:
-        MethodError: the card cannot be read, or is not what a card should be.
-    """
+    """Return the card in the folder of an agent's program, or None where there is none."""
     path = program.parent / CARD_FILE
     return load_card(path) if path.is_file() else None
 
 
 def load_card(path: Path) -> MethodCard:
-    """Return the method card of a file.
-
-    Raises:
-        MethodError: the file cannot be read, or is not what a card should be; all its problems in one text.
-    """
+    """Return the method card of a file."""
     try:
         stat = path.stat()
     except OSError as error:

@@ -64,9 +64,6 @@ def record_from_tick(
         path: The file to write.
         tick: Where it opens.
         is_still: Whether what comes later is left out, and nothing plays; otherwise the viewer plays from there on.
-
-    Raises:
-        RecordingError: the recording cannot be read, or ends before.
     """
     chunks = shown_chunks(recording)
     last_tick = max((last for chunk in chunks if (last := _last_tick(chunk)) is not None), default=0)
@@ -92,11 +89,7 @@ def record_from_tick(
 
 
 def shown_chunks(recording: Path) -> list[Chunk]:
-    """Return all chunks of a recording but its properties.
-
-    Raises:
-        RecordingError: it cannot be read.
-    """
+    """Return all chunks of a recording but its properties."""
     return [chunk for chunk in read_chunks(recording) if not str(chunk.entity_path).startswith("/__")]
 
 
@@ -203,9 +196,6 @@ def record_side_by_side(
         divergence: Where they part, to be marked; not where they are moved in time.
         is_by_contact: Whether the other runs are moved in time, so that all have their first contact with gas when the
             first run has.
-
-    Raises:
-        RecordingError: a recording cannot be read, or there are too many.
     """
     if len(runs) > MAX_RUNS:
         raise RecordingError(f"view: expected at most {MAX_RUNS} runs at once, was {len(runs)}.")

@@ -86,9 +86,6 @@ def record_environment(environment: Environment, path: Path) -> None:
     Args:
         environment: What to show.
         path: The recording to write.
-
-    Raises:
-        RecordingError: the file cannot be written.
     """
     file = RecordingFile(
         path,

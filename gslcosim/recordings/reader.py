@@ -43,9 +43,6 @@ class RecordingReader:
 
     Args:
         path: A whole recording of gslcosim.
-
-    Raises:
-        RecordingError: there is none, it was cut off, or it is none of ours.
     """
 
     def __init__(self, path: Path) -> None:
@@ -66,11 +63,7 @@ class RecordingReader:
         return tuple(entity for entity in self.entities if entity.startswith(f"{root}/"))
 
     def column(self, entity: str, component: str) -> RecordedColumn:
-        """Return a component of an entity over time, for example `Scalars:scalars`; without rows where there is none.
-
-        Raises:
-            RecordingError: the recording cannot be decoded.
-        """
+        """Return a component of an entity over time, such as `Scalars:scalars`; without rows where there is none."""
         try:
             parts = [part for chunk in self._moving.get(entity, ()) if (part := _part(chunk, component)) is not None]
         except (RuntimeError, ValueError, pa.ArrowException) as error:
@@ -87,12 +80,7 @@ class RecordingReader:
 
 
 def read_chunks(path: Path) -> list[Chunk]:
-    """Return all chunks of a recording.
-
-    Raises:
-        RecordingError: there is none, it was cut off, or it is none of ours.
-        MalformedFileError: it was changed since its run has ended.
-    """
+    """Return all chunks of a recording."""
     if not path.is_file():
         raise RecordingError(f"recording: expected a file, was none.\nFile: {path}")
     if not has_footer(path):

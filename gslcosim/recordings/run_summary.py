@@ -43,11 +43,7 @@ class Condition:
     def of(
         cls, text: str, *, numbers: Sequence[str], texts: Sequence[str], short: Mapping[str, str] | None = None
     ) -> Self:
-        """Read a condition on columns of numbers and of texts; `short` has other names of columns.
-
-        Raises:
-            UsageError: it has another form, its column is none of these, or its value does not fit the column.
-        """
+        """Read a condition on columns of numbers and of texts; `short` has other names of columns."""
         match = _FORM.fullmatch(text)
         if match is None:
             raise UsageError(f"--where: expected COLUMN=VALUE, or !=, <, <=, > or >= for =, was '{text}'.")
@@ -76,11 +72,7 @@ class Condition:
 
 
 def sorted_rows(rows: Iterable[Row], key: str, columns: Sequence[str]) -> list[Row]:
-    """Return rows by a column, `-COLUMN` for the largest first; rows without a value come last.
-
-    Raises:
-        UsageError: there is no such column.
-    """
+    """Return rows by a column, `-COLUMN` for the largest first; rows without a value come last."""
     column, is_reversed = key.removeprefix("-"), key.startswith("-")
     check_column("--sort", column, columns)
     having, lacking = [], []
@@ -90,11 +82,7 @@ def sorted_rows(rows: Iterable[Row], key: str, columns: Sequence[str]) -> list[R
 
 
 def check_column(option: str, column: str, columns: Sequence[str]) -> None:
-    """Refuse a column that there is not.
-
-    Raises:
-        UsageError: with those that there are.
-    """
+    """Refuse a column that there is not."""
     if column not in columns:
         raise UsageError(f"{option}: expected one of the columns {', '.join(columns)}, was '{column}'.")
 

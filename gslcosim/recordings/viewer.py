@@ -28,11 +28,7 @@ _LOCAL_OPTIONS = ("--bind", "127.0.0.1", "--port", "auto")
 
 
 def open_viewer(path: Path) -> None:
-    """Show a recording in a window and return when it is closed.
-
-    Raises:
-        RecordingError: there is no such file, no screen, or the viewer fails.
-    """
+    """Show a recording in a window and return when it is closed."""
     _check_file(path)
     check_screen()
     # What it logs may come from the recording, and is no text for a terminal.
@@ -52,11 +48,7 @@ def open_viewer(path: Path) -> None:
 
 
 def check_screen() -> None:
-    """Refuse where a window cannot be shown.
-
-    Raises:
-        RecordingError: there is no screen.
-    """
+    """Refuse where a window cannot be shown."""
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise RecordingError(
             "viewer: expected a screen, was none (neither DISPLAY nor WAYLAND_DISPLAY is set). Look with a browser "
@@ -71,9 +63,6 @@ def screenshot(path: Path, png: Path, *, window_size: tuple[int, int] = (1600, 1
         path: The recording.
         png: The picture to write.
         window_size: Width and height of the picture [pixels].
-
-    Raises:
-        RecordingError: there is no such file, no Vulkan driver, or the viewer fails.
     """
     _check_file(path)
     png.unlink(missing_ok=True)
@@ -186,9 +175,6 @@ class LiveViewer:
         on_address: Receives, on a thread of the viewer's, where a browser finds the page; there is one once the viewer
             has something to show.
         prefix: What precedes the viewer's command line, for example so that it ends with this process.
-
-    Raises:
-        RecordingError: there is no screen for a window, or no viewer.
     """
 
     def __init__(self, kind: ViewerKind, on_address: Callable[[str], object], *, prefix: Sequence[str] = ()) -> None:
@@ -227,11 +213,7 @@ class LiveViewer:
             self._feeder.join()
 
     def wait_until_closed(self) -> None:
-        """Return when somebody has closed the viewer.
-
-        Raises:
-            RecordingError: it has failed.
-        """
+        """Return when somebody has closed the viewer."""
         if self._viewer.wait() != 0:
             raise RecordingError(f"viewer: expected to end with 0, {self._log_tail()}")
 

@@ -13,12 +13,7 @@ ONCE = "once"
 
 @dataclass(frozen=True)
 class Dataflow:
-    """All participants of a run with their reads and writes.
-
-    Raises:
-        DataflowError: on construction, when a port has no writer or several, an announced port is read without its
-            announcement, or a cycle has no delay.
-    """
+    """All participants of a run with their reads and writes."""
 
     participants: tuple[ParticipantSpec, ...]
 

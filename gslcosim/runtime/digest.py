@@ -73,12 +73,7 @@ class HashChain:
 
     @classmethod
     def from_fields(cls, fields: HashChainFields) -> "HashChain":
-        """Return the chain from `as_fields`.
-
-        Raises:
-            ValueError: its links are no Base64, or not as many as its ticks.
-            OverflowError: a tick has more than 64 bits.
-        """
+        """Return the chain from `as_fields`."""
         trail = cls(array("q", fields["ticks"]), bytearray(base64.b64decode(fields["links"])))
         if len(trail.links) != len(trail.ticks) * LINK_BYTES:
             raise ValueError(f"{len(trail.links)} bytes of links for {len(trail.ticks)} ticks")
@@ -115,11 +110,7 @@ class RunDigest:
         return total.hexdigest()
 
     def save(self, path: Path) -> None:
-        """Write `digest.json` at once.
-
-        Raises:
-            MachineError: it cannot be written.
-        """
+        """Write `digest.json` at once."""
         ports = {
             port: {"participant": self.writer_of[port], **trail.as_fields()}
             for port, trail in sorted(self.trails.items())
@@ -132,11 +123,7 @@ class RunDigest:
 
     @classmethod
     def load(cls, path: Path) -> "RunDigest":
-        """Read `digest.json`.
-
-        Raises:
-            UsageError: the file is missing or is not a digest.
-        """
+        """Read `digest.json`."""
         read = read_json(path, JsonObject, max_bytes=_MAX_BYTES)
         if read.get("schema") != SCHEMA:
             found = str(read.get("schema"))[:80]

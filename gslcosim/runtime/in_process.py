@@ -313,9 +313,6 @@ def host_agents(
         network: Where agents that attach themselves find their join data.
         commanded: Transports of the agents that the caller commands; no program of theirs is started.
         is_interrupted: Ends the waiting for processes that join.
-
-    Raises:
-        UsageError: an agent is neither, or cannot be loaded or started.
     """
     events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
     gateway = GatewayAgents(setup, directory, network, events.put, without=commanded)
@@ -360,9 +357,6 @@ def run_in_process(
         network: Where agents that attach themselves find their join data.
         report: Receives the status of the run.
         watch: Receives every message, for figures of the run; it must change none.
-
-    Raises:
-        UsageError: an agent is neither, or cannot be loaded or started.
     """
     with (
         Interruption() as interruption,

@@ -60,10 +60,6 @@ class Network:
         Args:
             services: Those of the run.
             is_one_process: Whether the run is run in one process.
-
-        Raises:
-            UsageError: not a Zenoh endpoint, TLS without a certificate, a certificate that is not there, no TLS beyond
-                this machine, services elsewhere that the run does not have, or a lease or window out of range.
         """
         for endpoint in self.listen:
             if endpoint.split("/")[0] not in ("tcp", "tls", "unixsock-stream"):
@@ -95,11 +91,7 @@ class Network:
                 )
 
     def check_gateway(self, agent: str) -> None:
-        """Refuse to let an agent attach from elsewhere by the gateway's TCP, which is never encrypted.
-
-        Raises:
-            UsageError: nobody has said `--insecure`.
-        """
+        """Refuse to let an agent attach from elsewhere by the gateway's TCP, which is never encrypted."""
         if self.is_remotely_reachable and not self.is_insecure:
             raise UsageError(
                 f"agents: {agent}: start: expected door: zenoh, or --insecure, with --listen beyond this machine: the "
@@ -213,9 +205,6 @@ class JoinFile:
             wait_s: For how long it is waited for where it is not there yet [s].
             endpoint: Where the run is reached from here; absent: as the file says.
             client: The client certificate of this host.
-
-        Raises:
-            UsageError: there is no such file, it is something else, or the run wants another certificate.
         """
         text = read_join_file(path, place="join file", wait_s=wait_s)
         place = f"join file {path}"

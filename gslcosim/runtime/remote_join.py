@@ -44,9 +44,6 @@ def build_agent_command(words: Sequence[str], *, is_behind_gateway: bool) -> lis
     Args:
         words: What stands for the agent.
         is_behind_gateway: Whether it has to connect to the gateway by TCP itself.
-
-    Raises:
-        UsageError: there are no words, or it cannot be started.
     """
     if not words:
         raise UsageError("gslcosim join: expected a program after agent, found none. For example agent dung_beetle.")
@@ -78,10 +75,6 @@ def join_as_agent(joined: JoinFile, command: Sequence[str], *, say: ProgressHand
         joined: The agent's join file.
         command: Its command line.
         say: Receives progress reports.
-
-    Raises:
-        SimulationFault: it has ended otherwise.
-        KeyboardInterrupt: a signal has ended it.
     """
     variables: dict[str, str] = {}
     if (gateway := joined.gateway) is not None:
@@ -129,12 +122,6 @@ def join_as_services(
         runs_dir: Where a folder for what this host writes is made; where the run's own folder is here too, in that.
         say: Receives progress reports.
         is_trusted: Whether programs that the run's scenario names are started here, for its own models.
-
-    Raises:
-        UsageError: the run does not expect these services, wants a program started, or this host has another software,
-            lacks files, or has another run of that name.
-        RunTimeoutError: the run's host does not answer, or the link to it was lost.
-        SimulationFault: it cannot be joined.
     """
     keep_memory_private()
     # Who ends this process otherwise than by Ctrl-C is reported in the same way.
@@ -179,9 +166,6 @@ def check_offer(offer: RunOffer, names: Sequence[str], here: SoftwareVersions) -
         offer: The offer of the run.
         names: The services that would be served.
         here: What this host has.
-
-    Raises:
-        UsageError: with the one sentence that says why.
     """
     for name in names:
         if name not in offer.expected:
@@ -227,11 +211,6 @@ def build_joined_setup(
         runs_dir: As in `join_as_services`.
         say: As there.
         is_trusted: As there.
-
-    Raises:
-        UsageError: as there.
-        RunTimeoutError: a piece of a room does not come.
-        SimulationFault: what is offered, or comes, is no run.
     """
     try:
         scenario = read_resolved(offer.scenario, source=f"{offer.run_id}: scenario")

@@ -259,12 +259,7 @@ ProgressHandler = Callable[[str], None]
 
 
 def fetch_offer(bus: Bus) -> RunOffer:
-    """Return what the run's own host offers.
-
-    Raises:
-        RunTimeoutError: it does not answer.
-        SimulationFault: it tells what no run is.
-    """
+    """Return what the run's own host offers."""
     answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     deadline_s = time.monotonic() + ANSWER_TIMEOUT_S
     while time.monotonic() < deadline_s:
@@ -319,11 +314,6 @@ def fetch_environment(bus: Bus, offer: OfferedEnvironment, say: ProgressHandler)
         bus: The connection to the run.
         offer: What it offers.
         say: Receives how far it has come.
-
-    Raises:
-        RunTimeoutError: a piece does not come.
-        MachineError: there is no space on the disk for it.
-        SimulationFault: what has come is not the room that was offered.
     """
     folder = get_cache_root() / "environments" / offer.environment_hash
     mark_used(folder)

@@ -287,11 +287,7 @@ class RunDir:
 
     @classmethod
     def create(cls, runs_dir: Path, *, name: str, seed: int) -> "RunDir":
-        """Make a new directory that no other run has, however many start at once.
-
-        Raises:
-            MachineError: it cannot be made.
-        """
+        """Make a new directory that no other run has, however many start at once."""
         stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S")
         try:
             while True:
@@ -344,11 +340,7 @@ class RunDir:
         return self.path / INPUTS_FILE
 
     def load_scenario(self) -> Scenario:
-        """Read the scenario as resolved; its agents' relative paths start elsewhere.
-
-        Raises:
-            MalformedFileError: it cannot be read, or is none.
-        """
+        """Read the scenario as resolved; its agents' relative paths start elsewhere."""
         place = f"{self.run_id}/{self.scenario.name}"
         try:
             text = read_regular_file(self.scenario, max_bytes=_MAX_SCENARIO_BYTES).decode()
@@ -362,27 +354,15 @@ class RunDir:
         return scenario
 
     def load_manifest(self) -> RunManifest:
-        """Read `manifest.json`; its versions are read before anything is compared with checksums.
-
-        Raises:
-            MalformedFileError: it cannot be read, or is none.
-        """
+        """Read `manifest.json`; its versions are read before anything is compared with checksums."""
         return read_json(self.path / "manifest.json", RunManifest)
 
     def load_result(self) -> RunResult:
-        """Read `result.json`.
-
-        Raises:
-            MalformedFileError: it cannot be read, or is none.
-        """
+        """Read `result.json`."""
         return self._read("result.json", RunResult)
 
     def load_setup(self) -> RecordedSetup:
-        """Read `setup.json`.
-
-        Raises:
-            MalformedFileError: it cannot be read, or is none.
-        """
+        """Read `setup.json`."""
         return self._read(self.setup.name, RecordedSetup)
 
     # An error in the content is more exact than a changed checksum.
@@ -415,9 +395,6 @@ class RunDir:
         """Write `manifest.json`: all that the determinism contract depends on, and `origin`, the run it repeats.
 
         `programs` are the files of participants' programs with their hashes, by participant.
-
-        Raises:
-            RunFolderError: it cannot be written.
         """
         versions = installed_versions()
         manifest = {
@@ -441,11 +418,7 @@ class RunDir:
         self.replace("manifest.json", _dump_json(manifest))
 
     def save_result(self, result: Mapping[str, Any]) -> None:
-        """Write `result.json`, with the room that was kept free for it, and the checksums of the run's files.
-
-        Raises:
-            RunFolderError: it cannot be written.
-        """
+        """Write `result.json`, with the room that was kept free for it, and the checksums of the run's files."""
         with contextlib.suppress(OSError):
             (self.path / RESERVE_FILE).unlink()
         self.replace("result.json", _dump_json(result))
@@ -454,11 +427,7 @@ class RunDir:
             write_checksums(self.path, *(name for name in _CHECKED_FILES if (self.path / name).is_file()))
 
     def log_command(self, agent: str, command: Command) -> None:
-        """Append a command that took effect to `inputs.log`, one JSON object a line; bytes are base64 text.
-
-        Raises:
-            RunFolderError: it cannot be written.
-        """
+        """Append a command that took effect to `inputs.log`, one JSON object a line; bytes are base64 text."""
         line = {"agent": agent, **command.model_dump(exclude_none=True)}
         try:
             append_bytes(self.path, INPUTS_FILE, (json.dumps(line, default=codec.encode_base64) + "\n").encode())
@@ -474,22 +443,14 @@ class RunDir:
         self.replace(self.setup.name, json.dumps(places) + "\n")
 
     def replace(self, name: str, text: str) -> None:
-        """Write a file of the run at once, never half.
-
-        Raises:
-            RunFolderError: it cannot be written.
-        """
+        """Write a file of the run at once, never half."""
         try:
             replace_file(self.path, name, text.encode())
         except OSError as error:
             raise self._cannot_write(name, error) from error
 
     def make_folders(self, name: str) -> None:
-        """Make the folders in which a file of the run belongs, but not the run's own.
-
-        Raises:
-            OSError: they cannot be made.
-        """
+        """Make the folders in which a file of the run belongs, but not the run's own."""
         folder = self.path
         for part in name.split("/")[:-1]:
             folder /= part

@@ -34,9 +34,6 @@ def group_services(processes: Processes, services: Sequence[str]) -> tuple[Servi
     Args:
         processes: `separate`, `grouped`, or lists of services that share a process; the rest are then separate.
         services: Those of the run, from upstream to downstream.
-
-    Raises:
-        UsageError: a list names what is no service of the run, or one twice.
     """
     if processes == "separate":
         return tuple((name,) for name in services)
@@ -100,11 +97,7 @@ DEFAULT_SERVICES_GROUP = "gslcosim.default_services"
 
 @cache
 def default_services() -> tuple[ServiceKind, ...]:
-    """Return the services that a run has where it needs them, from upstream to downstream, from their entry points.
-
-    Raises:
-        UsageError: the installation lacks them, or an entry point is no `ServiceKind` of its name.
-    """
+    """Return the services that a run has where it needs them, from upstream to downstream, from their entry points."""
     found: list[ServiceKind] = []
     for point in list_registered(DEFAULT_SERVICES_GROUP):
         kind: object = point.load()
@@ -128,9 +121,6 @@ def get_block_service(block: ServiceSpec) -> ServiceKind:
 
     A third party registers a function of its block where it defines it:
     `get_block_service.register(ItsBlock, its_service)`.
-
-    Raises:
-        UsageError: nothing is registered for such a block.
     """
     raise UsageError(
         f"services: expected a service for {block.name!r}, found none. Register one for {type(block).__name__} with "
@@ -142,9 +132,6 @@ def list_services(scenario: Scenario) -> tuple[ServiceKind, ...]:
     """Return the services that a run needs, from upstream to downstream, those of other packages, and own models.
 
     A block of `services` whose name is that of one of gslcosim's own services replaces it.
-
-    Raises:
-        UsageError: a package's service is called otherwise than its block.
     """
     others = {block.name: get_block_service(block) for block in scenario.services}
     own_models = tuple(_build_external_kind(own) for own in scenario.participants)
@@ -172,11 +159,7 @@ def _build_external_kind(own: ParticipantProgramSpec) -> ServiceKind:
 
 
 def find_service(name: str, scenario: Scenario) -> ServiceKind:
-    """Return the service of a name.
-
-    Raises:
-        UsageError: the run has none of that name.
-    """
+    """Return the service of a name."""
     kinds = {kind.name: kind for kind in list_services(scenario)}
     if name not in kinds:
         raise UsageError(f"service: expected one of {', '.join(kinds)}, which this run has, was {name!r}.")
@@ -222,9 +205,6 @@ def build_dataflow(scenario: Scenario, *, window_ticks: int | None = None) -> Da
         scenario: What is run.
         window_ticks: How far a writer may run ahead of an ordinary reader; the windows of others, which are larger or
             smaller, change in proportion. Absent: as each reader says.
-
-    Raises:
-        DataflowError: it cannot run; see `Dataflow`.
     """
     specs = _build_specs(scenario)
     if window_ticks is None:
@@ -270,11 +250,7 @@ def _build_specs(scenario: Scenario) -> tuple[ParticipantSpec, ...]:
 
 
 def build_core(name: str, setup: RunSetup) -> Core:
-    """Build the core of a service, with all its kernels loaded; only what this service needs is imported.
-
-    Raises:
-        UsageError: the run has no such service.
-    """
+    """Build the core of a service, with all its kernels loaded; only what this service needs is imported."""
     kind = find_service(name, setup.scenario)
     core = kind.build(setup)
     if kind.is_warmed_up:

@@ -59,11 +59,7 @@ class RunSetup:
 
     @classmethod
     def load(cls, path: Path) -> "RunSetup":
-        """Read what `save` wrote into a run directory.
-
-        Raises:
-            MalformedFileError: a file of it cannot be read, or is something else.
-        """
+        """Read what `save` wrote into a run directory."""
         run_dir = RunDir(path)
         scenario = run_dir.load_scenario()
         saved = run_dir.load_setup()

@@ -322,9 +322,6 @@ def find_active_run(run: str | None) -> ActiveRun:
 
     Args:
         run: The run's id or the beginning of it, or its folder; None is the only one that goes on.
-
-    Raises:
-        UsageError: none fits, or several do.
     """
     flights = list_active_runs()
     fitting = [flight for flight in flights if run is None or _matches(run, flight)]
@@ -339,11 +336,7 @@ def find_active_run(run: str | None) -> ActiveRun:
 
 
 def stop_run(flight: ActiveRun) -> None:
-    """Interrupt a run as Ctrl-C does, and wait until it has ended in order.
-
-    Raises:
-        RunTimeoutError: it goes on nevertheless.
-    """
+    """Interrupt a run as Ctrl-C does, and wait until it has ended in order."""
     with contextlib.suppress(ProcessLookupError):
         os.kill(flight.pid, signal.SIGINT)
     deadline_s = time.monotonic() + STOP_TIMEOUT_S

@@ -320,11 +320,7 @@ class Stepper:
         return sent
 
     def part(self) -> SnapshotPart:
-        """Return what this participant needs to go on from here elsewhere.
-
-        Raises:
-            SnapshotError: something in its core cannot be kept.
-        """
+        """Return what this participant needs to go on from here elsewhere."""
         assert self._state_adapter is not None
         gate = self.gate
         # What some reader may not have, and what readers with a delay have not stepped.
@@ -340,11 +336,7 @@ class Stepper:
         )
 
     def go_on(self, part: SnapshotPart) -> None:
-        """Go on from a part, after `reset`.
-
-        Raises:
-            SnapshotError: the part is of another core.
-        """
+        """Go on from a part, after `reset`."""
         assert self._state_adapter is not None
         if part.made_by != hash_external_core(self.core):
             raise SnapshotError(f"{self.spec.name}: expected a snapshot of its own code, was one of other code.")
@@ -511,12 +503,7 @@ class SnapshotPolicy:
         return self.every_ticks is not None or self.snapshot is not None
 
     def write_part(self, stepper: Stepper) -> None:
-        """Write a participant's part of a snapshot.
-
-        Raises:
-            RunFolderError: it cannot be written.
-            SnapshotError: something in its core cannot be kept.
-        """
+        """Write a participant's part of a snapshot."""
         save_part(self.run_dir, stepper.part())
 
     def is_due(self, stepper: Stepper) -> bool:
@@ -530,9 +517,6 @@ class SnapshotPolicy:
         Args:
             steppers: Those of this process.
             dataflow: Of the whole run.
-
-        Raises:
-            SnapshotError: a part does not fit its participant.
         """
         if self._go_on_where_it_was(steppers):
             return

@@ -78,9 +78,6 @@ def check_changes(before: Scenario, after: Scenario, *, at_tick: int) -> None:
         before: The run's scenario.
         after: The fork's.
         at_tick: Where the fork begins.
-
-    Raises:
-        UsageError: something that the past depends on is another; all such paths in one error.
     """
     at_s = seconds_from_ticks(at_tick, before.tick_ns)
     blocks = [*_CHANGEABLE_BLOCKS, *(key.name for key in list_live_keys())]

@@ -20,9 +20,6 @@ def build_method_scenario(name: str, card: MethodCard | None, directory: Path) -
         name: The agent's.
         card: Its card.
         directory: Where the scenario's relative paths start.
-
-    Raises:
-        GslCosimError: there is none.
     """
     values = plain_values(load_scenario(METHOD_SCENARIO).scenario)
     needs = card.needs if card is not None else None

@@ -67,9 +67,6 @@ def read_yaml(text: str, *, source: str, root_path: str = "") -> YamlTree:
         text: One YAML document.
         source: What the places name: the file as the user wrote it, or an option.
         root_path: The path of the outermost value; empty for a file.
-
-    Raises:
-        InvalidScenarioError: the text is not YAML.
     """
     root = TextLocation(source=source, line=1, column=1)
     try:

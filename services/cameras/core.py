@@ -222,9 +222,6 @@ class FreeCamera:
         colors: Of the agents' vehicles, red green blue to 255.
         width_px: Of the pictures.
         height_px: Of the pictures.
-
-    Raises:
-        ModelError: neither EGL nor OSMesa works here.
     """
 
     def __init__(

@@ -29,11 +29,7 @@ class OffscreenRenderer:
     """
 
     def __init__(self, model: mujoco.MjModel, width_px: int, height_px: int) -> None:
-        """Open a view.
-
-        Raises:
-            ModelError: neither EGL nor OSMesa works here.
-        """
+        """Open a view."""
         self._model = model
         self._gl: Any = _open_context(width_px, height_px)
         self._gl.make_current()

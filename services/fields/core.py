@@ -46,11 +46,7 @@ class GasEvents:
     """Changes of sources: opened, closed, changed or moved by events, and rates that participants set."""
 
     def __init__(self, scenario: Scenario, gas: GasField) -> None:
-        """Prepare for the events and participants of a scenario.
-
-        Raises:
-            ModelError: the scenario changes sources, and its gas has none that can change.
-        """
+        """Prepare for the events and participants of a scenario."""
         self._scenario = scenario
         events = [event for event in scenario.events if isinstance(event, SourceEventSpec)]
         self._plume = gas.source if isinstance(gas, FilamentField) else None
@@ -129,11 +125,7 @@ class FieldsCore:
     """
 
     def __init__(self, scenario: Scenario, environment: Environment) -> None:
-        """Build the plume of a scenario in its room.
-
-        Raises:
-            ScenarioError: unknown gas, source outside the air, gas step or warm-up that does not fit the ticks.
-        """
+        """Build the plume of a scenario in its room."""
         self._scenario = scenario
         self._environment = environment
         self._spec = fields_spec(scenario)

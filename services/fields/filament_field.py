@@ -178,11 +178,7 @@ class FilamentField:
         self._seen = None
 
     def close_doors(self, closed: Closed) -> None:
-        """Let these doors of the room be closed and all others open.
-
-        Raises:
-            ModelError: the filaments cannot follow.
-        """
+        """Let these doors of the room be closed and all others open."""
         if not isinstance(self._source, SupportsDoors):
             raise ModelError("events: expected gas that follows doors, of model filament without a tape.")
         self._source.close_doors(closed)
@@ -327,11 +323,7 @@ class PrefetchedPlume:
         self._frames.clear()
 
     def advance(self, n_steps: int = 1) -> None:
-        """Go on by steps.
-
-        Raises:
-            ModelError: a filament is not finite, or the steps end between two frames that are kept.
-        """
+        """Go on by steps."""
         while n_steps > 0 and self._frames:
             if n_steps < self._steps_per_frame:
                 raise ModelError(f"gas: expected to advance by {self._steps_per_frame} steps, was {n_steps}.")
@@ -347,21 +339,13 @@ class PrefetchedPlume:
             self._plume.advance(n_steps)
 
     def add_filaments(self, position_world_m: NDArray[np.float64]) -> None:
-        """Add filaments; see `FilamentPlume.add_filaments`.
-
-        Raises:
-            ModelError: the plume is ahead, so it is too late.
-        """
+        """Add filaments; see `FilamentPlume.add_filaments`."""
         if self._frames or self._now is not None:
             raise ModelError("gas: expected no frame ahead of filaments that are added.")
         self._plume.add_filaments(position_world_m)
 
     def blow(self, jets: Jets) -> None:
-        """Carry filaments down in the jets of vehicles for one step.
-
-        Raises:
-            ModelError: the plume is ahead, so it is too late.
-        """
+        """Carry filaments down in the jets of vehicles for one step."""
         if self._frames or self._now is not None:
             raise ModelError("gas: expected no frame ahead of a jet.")
         self._plume.blow(jets)

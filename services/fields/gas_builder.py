@@ -28,9 +28,6 @@ def build_gas_field(
         sight: What is seen of filaments; absent: what the room's walls leave, up to the model's own cut-off.
         n_readings_per_step: How many readings a step will be asked for.
         wind_at: The wind at a time [s] in place of the room's, where a service changes it.
-
-    Raises:
-        ScenarioError: unknown gas, source outside the air, gas step or warm-up that does not fit the ticks.
     """
     setup = GasSetup(
         scenario=scenario,

@@ -403,9 +403,6 @@ def mixing_ratio_ppm_at(
 
     Returns:
         (m, n_gases) mixing ratio [ppm by volume].
-
-    Raises:
-        ShapeError: the points are not (m, 3).
     """
     points = check_points(points_world_m)
     mixing_ratio_ppm = np.zeros((len(points), filaments.n_gases))
@@ -456,11 +453,7 @@ def mixing_ratio_ppm_on_grid(
 
 
 def check_points(points_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (m, 3) points in the form that kernels take.
-
-    Raises:
-        ShapeError: the points are not (m, 3).
-    """
+    """Return (m, 3) points in the form that kernels take."""
     points = np.ascontiguousarray(points_world_m, np.float64)
     if points.ndim != 2 or points.shape[1] != 3:
         raise ShapeError(f"points_world_m: expected shape (m, 3), was {points.shape}.")

@@ -65,9 +65,6 @@ def build_lattice(min_m: Vec3, max_m: Vec3, spacing_m: float) -> PointGrid:
     """Return the centres of all cubic cells that lie wholly in a box, of the lattice through the world's origin.
 
     So rooms of any wall thickness have the same points: (i + 0.5) * spacing_m along each axis.
-
-    Raises:
-        UsageError: no cell fits.
     """
     low = np.ceil(np.asarray(min_m) / spacing_m - 1e-9).astype(np.int64)
     high = np.floor(np.asarray(max_m) / spacing_m + 1e-9).astype(np.int64)
@@ -226,9 +223,6 @@ def compute_ground_truth(
         time_s: Time since the start of the run [s]; between gas steps the gas rests.
         spacing_m: Distance of points [m]; see `build_lattice`.
         seed: The run's seed; absent: the scenario's.
-
-    Raises:
-        ScenarioError: the scenario does not fit its room.
     """
     live = scenario.model_copy(update={"gas": scenario.gas.model_copy(update={"tape": False})})
     field, timing = build_gas_field(live, environment), gas_timing(live)

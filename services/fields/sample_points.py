@@ -50,11 +50,7 @@ class MountPositions:
         return len(self._places)
 
     def positions_world_m(self, bodies: BodyPoses) -> NDArray[np.float64]:
-        """Return the (n_places, 3) places of the mounts, world frame [m]; overwritten by the next call.
-
-        Raises:
-            ModelError: a vehicle is missing in the poses.
-        """
+        """Return the (n_places, 3) places of the mounts, world frame [m]; overwritten by the next call."""
         state_of = {body.agent: body for body in bodies.bodies}
         for i, (agent, mount_body_m) in enumerate(self._places):
             if agent not in state_of:
@@ -160,9 +156,6 @@ class Beams:
         """Return for each (agent, sensor) with a beam its length [m] and (n, 3) points evenly along it [m].
 
         Length 0 and no points where nothing reflects the beam within its range.
-
-        Raises:
-            ModelError: a vehicle is missing in the poses.
         """
         state_of = {body.agent: body for body in bodies.bodies}
         found: dict[tuple[str, str], tuple[float, NDArray[np.float64]]] = {}

@@ -77,11 +77,7 @@ class TapeSchedule:
         )
 
     def frame_at(self, step: int) -> int:
-        """Return which frame holds at a step; past the end the last one stays (a run is over then).
-
-        Raises:
-            ModelError: no run looks at the gas at this step.
-        """
+        """Return which frame holds at a step; past the end the last one stays (a run is over then)."""
         frame, rest = divmod(step - self.first_step, self.stride)
         if rest or frame < 0:
             raise ModelError(
@@ -106,9 +102,6 @@ class GasTape:
         Args:
             folder: Where it is.
             is_new: Whether this process has just recorded it: then its content is not compared with its checksums.
-
-        Raises:
-            EnvironmentDataError: it is missing, damaged, of another format, or of another cache.
         """
         try:
             # Compiled code reads it, and trusts the places in it.
@@ -233,11 +226,7 @@ class CachedPlume:
 
     @property
     def filaments(self) -> Filaments:
-        """The filaments now.
-
-        Raises:
-            ModelError: no run looks at the gas at this step, so it is not on tape.
-        """
+        """The filaments now."""
         return self.filaments_of_frame(self._schedule.frame_at(self._step))
 
     def filaments_of_frame(self, number: int) -> Filaments:
@@ -264,11 +253,7 @@ class CachedPlume:
         self._step += n_steps
 
     def blow(self, jets: Jets) -> None:
-        """Refuse to move what is on tape.
-
-        Raises:
-            ModelError: always; a scenario with both is refused before.
-        """
+        """Refuse to move what is on tape."""
         del jets
         raise ModelError("gas tape: expected gas that no vehicle moves, was to be blown away.")
 

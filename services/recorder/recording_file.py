@@ -42,9 +42,6 @@ class PipedFile:
 
     Args:
         path: The file; an existing one is replaced.
-
-    Raises:
-        RecordingWriteError: it cannot be opened.
     """
 
     def __init__(self, path: Path) -> None:
@@ -79,20 +76,12 @@ class PipedFile:
         os.close(self._own_end)
 
     def check(self) -> None:
-        """Raise what has failed so far.
-
-        Raises:
-            RecordingWriteError: the machine has refused to write.
-        """
+        """Raise what has failed so far."""
         if self._failure is not None:
             raise RecordingWriteError(self._failure)
 
     def wait_until_written(self) -> None:
-        """Return when all that the writer has sent is in the file.
-
-        Raises:
-            RecordingWriteError: the machine has refused to write.
-        """
+        """Return when all that the writer has sent is in the file."""
         self._is_awaited.set()
         with self._moved:
             self._moved.wait_for(lambda: self._is_complete or self._failure is not None or self._n_waiting() == 0)
@@ -100,11 +89,7 @@ class PipedFile:
         self.check()
 
     def close(self) -> None:
-        """Return when the writer has closed its end and the file is complete.
-
-        Raises:
-            RecordingWriteError: the machine has refused to write.
-        """
+        """Return when the writer has closed its end and the file is complete."""
         self._is_awaited.set()
         self._copier.join()
         self.check()
@@ -181,10 +166,6 @@ class RecordingFile:
     (`rerun rrd compare --unordered`).
     Until `close` has returned the file lacks its footer; see `gslcosim_services.recorder.rerun_cli`. What cannot be
     written is raised by the next call of any method. On Windows Rerun writes the file itself, and reports nothing.
-
-    Raises:
-        RecordingWriteError: the file cannot be created, or no longer be written.
-        RecordingError: Rerun is switched off by its environment variable.
     """
 
     def __init__(self, path: Path, *, run_id: str, name: str, tick_ns: int, blueprint: rrb.Blueprint) -> None:
@@ -213,11 +194,7 @@ class RecordingFile:
         self._stream.send_recording_name(name)
 
     def check(self) -> None:
-        """Raise what could not be written so far.
-
-        Raises:
-            RecordingWriteError: the machine has refused to write.
-        """
+        """Raise what could not be written so far."""
         if self._file is not None:
             self._file.check()
 

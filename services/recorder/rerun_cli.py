@@ -19,11 +19,7 @@ _ANALYTICS_SWITCH = "FORCE_RERUN_ANALYTICS"
 
 
 def rerun_program() -> Path:
-    """Return the path of the program.
-
-    Raises:
-        RecordingError: the rerun-sdk package of this environment has no program.
-    """
+    """Return the path of the program."""
     spec = importlib.util.find_spec("rerun_cli")
     folder = Path(spec.origin).parent if spec is not None and spec.origin else Path(sys.prefix)
     program = folder / ("rerun.exe" if sys.platform == "win32" else "rerun")
@@ -36,11 +32,7 @@ def rerun_program() -> Path:
 
 
 def rerun_path(path: Path) -> str:
-    """Return a path as Rerun takes it.
-
-    Raises:
-        RecordingError: its bytes are no UTF-8.
-    """
+    """Return a path as Rerun takes it."""
     try:
         os.fsencode(path).decode()
     except UnicodeDecodeError as error:
@@ -58,11 +50,7 @@ def rerun_environment(extra: Mapping[str, str] | None = None) -> dict[str, str]:
 
 
 def run_rerun(arguments: Sequence[str | Path], *, timeout_s: float) -> subprocess.CompletedProcess[str]:
-    """Run the program to its end and return what it wrote.
-
-    Raises:
-        RecordingError: it cannot be started, cannot be given a path, or takes longer than `timeout_s`.
-    """
+    """Run the program to its end and return what it wrote."""
     paths = [rerun_path(each) if isinstance(each, Path) else each for each in arguments]
     call = [*build_parent_death_prefix(), str(rerun_program()), *paths]
     try:
@@ -94,11 +82,7 @@ _DISK_FULL_TEXTS = tuple(os.strerror(number) for number in (errno.ENOSPC, errno.
 
 
 def is_complete(path: Path) -> bool:
-    """Return whether a recording can be read to its end and has its footer.
-
-    Raises:
-        RecordingError: there is no such file.
-    """
+    """Return whether a recording can be read to its end and has its footer."""
     if not path.is_file():
         raise RecordingError(f"recording: expected a file, was none.\nFile: {path}")
     if not has_footer(path):
@@ -125,9 +109,6 @@ def repair_recording(path: Path) -> bool:
 
     Returns:
         True if the file was repaired, false if it was whole.
-
-    Raises:
-        RecordingError: there is no such file, nothing in it can be read, or there is no room for the new one.
     """
     if is_complete(path):
         return False

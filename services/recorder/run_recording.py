@@ -115,11 +115,7 @@ class RunRecording:
         return self._is_over
 
     def note(self, tick: int, inbox: Inbox) -> None:
-        """Take note of everything of a tick but the verdict.
-
-        Raises:
-            RecordingWriteError: what was sent before could not be written.
-        """
+        """Take note of everything of a tick but the verdict."""
         self._file.check()
         self._waiting.append((tick, inbox))
         if len(self._waiting) >= BATCH_TICKS:

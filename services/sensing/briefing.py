@@ -35,11 +35,7 @@ from gslcosim_services.sensing.models.range_finders import ray_directions_body
 
 
 def find_sensor_kind(scenario: Scenario, model: str) -> SensorKind:
-    """Return a sensor model as it is in a scenario that may define gases of its own.
-
-    Raises:
-        ScenarioError: there is no such model.
-    """
+    """Return a sensor model as it is in a scenario that may define gases of its own."""
     kind, definitions = sensor_kind(model), scenario.gas.define
     return kind.for_gases(definitions) if definitions and kind.for_gases else kind
 

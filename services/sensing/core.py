@@ -222,11 +222,7 @@ class SensingCore:
     """
 
     def __init__(self, scenario: Scenario, environment: Environment) -> None:
-        """Prepare the instruments of a scenario.
-
-        Raises:
-            ScenarioError: unknown sensor models, all of them listed; a rate or delay that is no whole number of ticks.
-        """
+        """Prepare the instruments of a scenario."""
         _check_models(scenario)
         self._scenario = scenario
         self._environment = environment

@@ -224,9 +224,6 @@ def check_starts(
         agents: All agents.
         spaces: Where each agent's vehicle may be sent.
         starts: Where each starts, world frame [m], and whether it hovers there.
-
-    Raises:
-        ScenarioError: all problems in one.
     """
     problems: list[str | None] = []
     for i, (agent, space, (start_m, is_flying)) in enumerate(zip(agents, spaces, starts, strict=True)):
@@ -250,9 +247,6 @@ def check_overlaps(scene: Scene, data: mujoco.MjData, agents: Sequence[AgentSpec
         scene: The compiled scene.
         data: Its state, with contacts, all vehicles at their starts.
         agents: All agents.
-
-    Raises:
-        ScenarioError: all problems in one.
     """
     problems = []
     for i, (geom_a, geom_b) in enumerate(data.contact.geom.tolist()):
@@ -386,9 +380,6 @@ class WorldCore:
         Args:
             tick: 0 is the state at rest.
             inbox: Commands that take effect at the start of this tick.
-
-        Raises:
-            ModelError: ticks are not in order, or a vehicle's state exploded.
         """
         if tick != self._tick + 1:
             raise ModelError(f"world: expected tick {self._tick + 1}, was {tick}.")
@@ -529,11 +520,7 @@ def _build_wind(environment: Environment, scenario: Scenario) -> ScaledWind:
 
 
 def physics_step_ms(models: Sequence[Vehicle], tick_ms: int) -> int:
-    """Return the length of a physics step [ms] for vehicles that fly together.
-
-    Raises:
-        ScenarioError: the tick is no whole number of them.
-    """
+    """Return the length of a physics step [ms] for vehicles that fly together."""
     if tick_ms % POINT_ROBOT_STEP_MS == 0 and not any(model.rotors or model.wheels for model in models):
         return POINT_ROBOT_STEP_MS
     n_substeps, rest_ms = divmod(tick_ms, PHYSICS_STEP_MS)

@@ -24,11 +24,7 @@ _REACH_TOLERANCE = 0.05
 
 
 def load_body_spec(vehicle: Vehicle) -> mujoco.MjSpec:
-    """Return a fresh MJCF specification with the one body of a vehicle, named `body`.
-
-    Raises:
-        VehicleError: the MJCF cannot be compiled, or contradicts the catalogue.
-    """
+    """Return a fresh MJCF specification with the one body of a vehicle, named `body`."""
     check_body(vehicle)
     return mujoco.MjSpec.from_file(str(vehicle.mjcf_path))
 
@@ -36,12 +32,7 @@ def load_body_spec(vehicle: Vehicle) -> mujoco.MjSpec:
 # Once in a process: a suite flies the same vehicle thousands of times.
 @cache
 def check_body(vehicle: Vehicle) -> None:
-    """Compile the MJCF of a vehicle by itself and compare it with the catalogue.
-
-    Raises:
-        VehicleError: it cannot be compiled, a part is missing, or it differs in mass, reach, height, rotors or wheels;
-            all of it in one text.
-    """
+    """Compile the MJCF of a vehicle by itself and compare it with the catalogue."""
     try:
         model = mujoco.MjSpec.from_file(str(vehicle.mjcf_path)).compile()
     except ValueError as error:
@@ -190,10 +181,6 @@ def build_scene(environment: Environment, vehicles: Sequence[tuple[str, Vehicle]
         environment: The room; each of its boxes becomes a solid geom of the same name, and so do doors that are open.
         vehicles: Agent's name and vehicle model, in the order of the state vectors.
         dt_s: Length of a physics step [s].
-
-    Raises:
-        EnvironmentDataError: two boxes of the room have one name.
-        VehicleError: the MJCF of a vehicle contradicts the catalogue.
     """
     spec, kept = scene_spec(environment, vehicles, dt_s)
     model = spec.compile()

@@ -73,11 +73,7 @@ def call_step(typingctx, function_address, model_address, data_address):
 
 
 def find_step_address() -> int:
-    """Return the address of `mj_step` in the shared library that the Python package has loaded.
-
-    Raises:
-        ModelError: the package holds no MuJoCo library of a known name.
-    """
+    """Return the address of `mj_step` in the shared library that the Python package has loaded."""
     folder = Path(mujoco.__file__).parent
     for pattern in ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll"):
         for path in sorted(folder.glob(pattern)):

@@ -160,9 +160,6 @@ def set_constants(record: Any, vehicle: Vehicle, model: mujoco.MjModel, prefix: 
         model: The compiled scene.
         prefix: What stands before the names of the vehicle's parts in the scene.
         dt_s: Length of a sub-step [s].
-
-    Raises:
-        ModelError: the rotors cannot carry the vehicle.
     """
     body = model.body(f"{prefix}body").id
     free = model.joint(f"{prefix}free")

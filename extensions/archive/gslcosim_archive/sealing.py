@@ -75,10 +75,6 @@ def seal_suite(source: str | Path) -> Seal:
 
     Args:
         source: A file, or the name of a bundled suite.
-
-    Raises:
-        ScenarioError: there is no such suite, or it has problems.
-        UsageError: no seed comes to cases of its own, as where all cases are those of a family.
     """
     public = load_suite(source, is_flown=True)
     taken = collect_seeds(public) | collect_bundled_seeds()
@@ -128,12 +124,7 @@ def _list_recipe(loaded: LoadedSuite, *, has_editor_lines: bool) -> Iterator[byt
 
 
 def write_seal(seal: Seal, folder: Path) -> SealFiles:
-    """Write `SUITE.commitment.json`, to publish, and `SUITE.secret.json`, which its owner alone reads.
-
-    Raises:
-        UsageError: one of the files is there.
-        MachineError: they cannot be written.
-    """
+    """Write `SUITE.commitment.json`, to publish, and `SUITE.secret.json`, which its owner alone reads."""
     files = SealFiles(commitment=folder / f"{seal.suite}.commitment.json", secret=folder / f"{seal.suite}.secret.json")
     if found := next((path for path in (files.secret, files.commitment) if os.path.lexists(path)), None):
         raise UsageError(
@@ -155,11 +146,7 @@ def _to_text(values: Mapping[str, str | int]) -> str:
 
 
 def read_seal(path: Path) -> Seal:
-    """Read a secret and check that its commitment is its own.
-
-    Raises:
-        UsageError: it is none, or was changed.
-    """
+    """Read a secret and check that its commitment is its own."""
     values = read_json(path, _SecretFile, remedy="Give the file SUITE.secret.json that bench seal wrote.")
     _check_schema(values["schema"], path)
     seal = Seal(suite=values["suite"], recipe=values["recipe"], seed=values["seed"], nonce=values["nonce"])
@@ -178,10 +165,6 @@ def load_sealed_suite(source: str | Path, secret: Path, *, is_flown: bool = Fals
         source: The suite that was sealed, or one that includes it.
         secret: The file of the secret.
         is_flown: Whether its scenarios and the programs of its entries have to be there.
-
-    Raises:
-        ScenarioError: there is no such suite, or it has problems.
-        UsageError: the secret is of other cases.
     """
     seal = read_seal(secret)
     loaded = load_suite(source, seed=seal.seed, commitment=seal.commitment, is_flown=is_flown)
@@ -206,10 +189,6 @@ def reveal_suite(source: str | Path, secret: Path, commitment: Path, folder: Pat
         secret: The file of the secret.
         commitment: The file that was published before.
         folder: Where the suite is written, with what of its files is not bundled; it has to be new.
-
-    Raises:
-        UsageError: the secret is another one, the suite has changed, or the folder is there.
-        MachineError: the suite cannot be written.
     """
     seal = read_seal(secret)
     public = read_json(commitment, _CommitmentFile, remedy="Give the file SUITE.commitment.json that was published.")

@@ -62,12 +62,6 @@ def rank(
         demands_signature: Whether all folders must be signed.
         log: Log of submissions in which all folders must be; absent: none.
         head: Hash of a line that the log must have.
-
-    Raises:
-        SignatureError: a folder is not what its author has signed, or nobody has although it is demanded; or it is not
-            in the log.
-        UsageError: the folders are of other cases, the same run came out differently in two of them, so that they
-            were run by different software, or agents were not in the sandbox that is demanded.
     """
     submissions = _load_submissions(
         folders, demands_sandbox=demands_sandbox, demands_signature=demands_signature, log=log, head=head
@@ -96,10 +90,6 @@ def load_published_results(folders: Sequence[Path]) -> PublishedResults:
 
     Args:
         folders: Of results of the same cases.
-
-    Raises:
-        SignatureError: as `rank`.
-        UsageError: as `rank`.
     """
     submissions = _load_submissions(folders)
     if len(submissions) == 1:

@@ -12,10 +12,6 @@ def validate_suite(path: str, seed: int | None) -> ValidFile:
     Args:
         path: The file.
         seed: A seed in place of the suite's.
-
-    Raises:
-        ScenarioError: it has problems.
-        UsageError: this machine cannot run it.
     """
     from gslcosim_bench.cases import build_plan, load_suite
     from gslcosim_bench.execution.verification import check_machine

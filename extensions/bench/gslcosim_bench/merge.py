@@ -42,11 +42,6 @@ def merge_shards(folders: Sequence[Path], out: Path, *, is_partial: bool = False
         folders: One of each shard, in any order; the same shard twice does no harm.
         out: Where to: a new folder, or one of an earlier merge, whose contents are replaced.
         is_partial: Whether shards and trials may be missing.
-
-    Raises:
-        UsageError: a folder is no shard, or one of another suite, version or division; two have other results of one
-            trial; a shard or some of its trials are missing; or the folder has results of its own.
-        MachineError: it cannot be written.
     """
     shards = sorted(map(_ShardResults, dict.fromkeys(folders)), key=lambda shard: shard.facts["index"])
     for shard in shards[1:]:

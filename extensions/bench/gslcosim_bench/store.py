@@ -200,12 +200,7 @@ def pack_tracks(tracks: Tracks) -> bytes:
 
 
 def unpack_tracks(payload: bytes) -> Tracks:
-    """Return the tracks that `pack_tracks` has made bytes of.
-
-    Raises:
-        ValueError: the bytes are something else.
-        zlib.error: they are not compressed.
-    """
+    """Return the tracks that `pack_tracks` has made bytes of."""
     try:
         agents = msgspec.msgpack.decode(zlib.decompress(payload), type=dict[str, list[bytes]])
     except (msgspec.MsgspecError, RecursionError) as error:
@@ -251,11 +246,7 @@ class Journal:
     """The file of rows of a run that goes on; a line that is not whole, as after a power cut, is taken for missing."""
 
     def __init__(self, path: Path) -> None:
-        """Open or begin the file.
-
-        Raises:
-            MachineError: it cannot be written.
-        """
+        """Open or begin the file."""
         self._path = path
         try:
             _drop_torn_line(path)
@@ -274,11 +265,7 @@ class Journal:
         self._file.close()
 
     def append(self, entry: JournalEntry) -> None:
-        """Write a row, and see that it is on the disk.
-
-        Raises:
-            MachineError: it cannot be written; the rows before it stay whole.
-        """
+        """Write a row, and see that it is on the disk."""
         fields = {"row": entry.row, "tracks": entry.tracks and base64.b64encode(entry.tracks).decode()}
         checked = {**fields, "check": _hash_line(fields)}
         line = memoryview(json.dumps(checked, separators=(",", ":")).encode() + b"\n")
@@ -294,11 +281,7 @@ class Journal:
 
 
 def read_journal(path: Path) -> Iterator[JournalEntry]:
-    """Yield the rows of a journal, in the order in which they came; nothing where there is none.
-
-    Raises:
-        MalformedFileError: it cannot be read, or a line is no row of this version.
-    """
+    """Yield the rows of a journal, in the order in which they came; nothing where there is none."""
     if not path.is_file():
         return
     for number, fields in enumerate(read_json_lines(path, _JournalLine, remedy=_FLY_AGAIN), 1):
@@ -508,11 +491,7 @@ class ResultsFolder:
         self.recordings = path / "recordings"
 
     def check(self) -> None:
-        """Refuse a folder without results.
-
-        Raises:
-            UsageError: it has none.
-        """
+        """Refuse a folder without results."""
         if not self.manifest.is_file() or not (self.trials.is_file() or self.journal.is_file()):
             raise UsageError(
                 f"{self.path}: expected a folder of results (manifest.json, trials.parquet), found none. "
@@ -520,11 +499,7 @@ class ResultsFolder:
             )
 
     def check_writable_entries(self) -> None:
-        """Refuse a folder with something in it through which a write would change or wait for something elsewhere.
-
-        Raises:
-            UsageError: there is a link, a pipe, a socket or a device in it, recordings aside.
-        """
+        """Refuse a folder with something in it through which a write would change or wait for something elsewhere."""
         if not self.path.exists():
             return
         for path in iterate_tree(self.path, is_entered=lambda path: path != self.recordings):
@@ -537,12 +512,7 @@ class ResultsFolder:
 
     @contextmanager
     def locked(self) -> Generator[None]:
-        """Hold the folder against a second run.
-
-        Raises:
-            UsageError: another run holds it.
-            MachineError: it cannot be written.
-        """
+        """Hold the folder against a second run."""
         path = self.path / ".lock"
         self.check_writable_entries()
         try:
@@ -651,11 +621,7 @@ class ResultsFolder:
         self._write(path, lambda beside: beside.write_text(text, encoding="utf-8"))
 
     def read_json(self, path: Path) -> dict[str, Any]:
-        """Return a JSON file of the folder; empty where there is none.
-
-        Raises:
-            MalformedFileError: it cannot be read, or is something else.
-        """
+        """Return a JSON file of the folder; empty where there is none."""
         if not path.is_file():
             return {}
         content = read_json(path, _KINDS.get(path.name, JsonObject), max_bytes=_MAX_BYTES)
@@ -667,11 +633,7 @@ class ResultsFolder:
             check_files(self.path, path.name)
 
     def track_table(self, columns: Sequence[str] = TRACKS.names) -> pa.Table | None:
-        """Return columns of the tracks; None where there are none.
-
-        Raises:
-            UsageError: they cannot be read.
-        """
+        """Return columns of the tracks; None where there are none."""
         self._check(self.tracks)
         schema = pa.schema([TRACKS.field(name) for name in columns])
         return _table(self.tracks, schema, required=columns) if self.tracks.is_file() else None
@@ -764,9 +726,6 @@ def write_at_once(path: Path, write: Callable[[Path], object]) -> None:
     Args:
         path: The file.
         write: Writes another file, which then takes its place.
-
-    Raises:
-        MachineError: it cannot be written, or a folder stands there; then nothing is changed.
     """
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:

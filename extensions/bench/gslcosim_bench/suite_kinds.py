@@ -35,9 +35,5 @@ def as_suite_kind(offered: object) -> SuiteKind | None:
 
 
 def list_suite_kinds() -> dict[str, SuiteKind]:
-    """Return the suites that installed extensions register, by name.
-
-    Raises:
-        UsageError: an extension registers something else, or cannot be imported.
-    """
+    """Return the suites that installed extensions register, by name."""
     return {kind.name: kind for kind in load_registered(SUITE_KINDS_GROUP, as_suite_kind, "a SuiteKind")}

@@ -44,11 +44,7 @@ class VerificationMark(BaseModel):
 
 
 def results_hash(folder: Path) -> str:
-    """Return the hash of all that a results folder says, and of the programs in it; reports and recordings aside.
-
-    Raises:
-        UsageError: something in it has contents that a hash of its files misses: see `find_unhashed`.
-    """
+    """Return the hash of all that a results folder says, and of the programs in it; reports and recordings aside."""
     if problem := next(find_unhashed(folder), None):
         raise UsageError(f"{folder}: expected plain files, {problem}.")
     digest = hashlib.blake2b(digest_size=24)
@@ -63,11 +59,7 @@ def results_hash(folder: Path) -> str:
 
 
 def prepare_marks() -> None:
-    """Make the folder of the marks.
-
-    Raises:
-        MachineError: it cannot be made or written.
-    """
+    """Make the folder of the marks."""
     folder = user_state_folder() / _FOLDER
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -86,9 +78,6 @@ def save_mark(contents: str, mark: VerificationMark) -> None:
     Args:
         contents: The `results_hash` of the folder.
         mark: What came of it.
-
-    Raises:
-        MachineError: it cannot be written.
     """
     path = _path(contents)
     try:

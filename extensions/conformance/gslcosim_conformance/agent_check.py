@@ -253,9 +253,6 @@ def check_agent(
         connection: How it is started and spoken to.
         limits: How long it is waited for.
         report_progress: Gets the name of each run before it begins.
-
-    Raises:
-        UsageError: there is no such program.
     """
     return AgentCheck(connection, limits or SessionLimits(), report_progress).run()
 

@@ -87,11 +87,7 @@ class Check(ABC, Generic[TranscriptT]):
         """Remark on the program after a session with another seed."""
 
     def run(self) -> CheckReport:
-        """Play all sessions that still can say something; return the report.
-
-        Raises:
-            UsageError: there is no such program.
-        """
+        """Play all sessions that still can say something; return the report."""
         self.connection.check()
         first = self._play("first")
         self.remark_on_first(first)

@@ -26,9 +26,6 @@ def check_participant(
         limits: How long it is waited for.
         parameters: What its briefing hands to it.
         report_progress: Gets the name of each session before it begins.
-
-    Raises:
-        UsageError: there is no such program.
     """
     return ParticipantCheck(connection, limits or SessionLimits(), report_progress, parameters=parameters).run()
 

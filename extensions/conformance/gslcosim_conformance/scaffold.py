@@ -80,11 +80,7 @@ def list_languages() -> dict[str, Path]:
 
 
 def create_agent(language: str, name: str, folder: Path) -> CreatedAgent:
-    """Write a new agent into a folder: a small program, its build files and a README.
-
-    Raises:
-        UsageError: there is no template for the language, the name cannot be one, or the folder is in use.
-    """
+    """Write a new agent into a folder: a small program, its build files and a README."""
     known = list_languages()
     template = known.get(language.lower().replace("c++", "cpp"))
     if template is None:
@@ -137,11 +133,7 @@ PARTICIPANT_SUFFIXES = {"c": ".c", "python": ".py", "rust": ".rs"}
 
 
 def create_participant(language: str, name: str, folder: Path) -> str:
-    """Write a new participant into a folder; return what to do next.
-
-    Raises:
-        UsageError: there is no template for the language, the name cannot be one, or the folder is in use.
-    """
+    """Write a new participant into a folder; return what to do next."""
     ending = PARTICIPANT_SUFFIXES.get(language.lower())
     if ending is None:
         raise UsageError(

@@ -176,9 +176,6 @@ def check_terminal(columns: int, rows: int) -> None:
     Args:
         columns: The least width.
         rows: The least height.
-
-    Raises:
-        UsageError: standard input or output is no terminal, or it is too small.
     """
     if sys.platform == "win32":
         raise UsageError("fly: expected a terminal of Linux or macOS, this system has none of that kind.")

@@ -168,11 +168,7 @@ class ConnectionSpec:
     directory: Path = field(default_factory=Path.cwd)
 
     def check(self) -> None:
-        """Check that there is a program to start.
-
-        Raises:
-            UsageError: there is none.
-        """
+        """Check that there is a program to start."""
         program = self.command[0] if self.command else ""
         if not program or shutil.which(program, path=None if "/" not in program else str(self.directory)) is None:
             beside = self.directory / program
@@ -183,11 +179,7 @@ class ConnectionSpec:
             )
 
     def needs(self) -> Needs:
-        """Return what the method card beside the agent's program says that it needs; nothing where there is no card.
-
-        Raises:
-            MethodError: the card is wrong.
-        """
+        """Return what the method card beside the agent's program says that it needs; nothing where there is no card."""
         for word in self.command:
             program = self.directory / word
             card = find_card_beside(program) if program.is_file() else None

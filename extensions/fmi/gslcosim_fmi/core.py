@@ -50,9 +50,6 @@ class FmuCore(ProgramCore):
         own: The participant in the scenario.
         setup: The run.
         types: The type of the messages on each port of the run.
-
-    Raises:
-        UsageError: the unit does not fit the scenario.
     """
 
     def __init__(self, own: ParticipantProgramSpec, setup: RunSetup, types: Mapping[str, type[Message]]) -> None:

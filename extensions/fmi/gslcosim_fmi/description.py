@@ -109,11 +109,7 @@ class FmuDescription:
 
 
 def read_fmu(path: Path) -> FmuDescription:
-    """Read the description of a unit, of which nothing is unpacked.
-
-    Raises:
-        UsageError: the library is missing, or it is no unit that a run can have; the text is "expected …, was …".
-    """
+    """Read the description of a unit, of which nothing is unpacked."""
     try:
         import fmpy
     except ImportError as error:
@@ -167,11 +163,7 @@ def read_fmu(path: Path) -> FmuDescription:
 
 
 def check_members(path: Path) -> None:
-    """Check each file in the archive of a unit against its checksum.
-
-    Raises:
-        UsageError: one is broken; the text is "expected …, was …".
-    """
+    """Check each file in the archive of a unit against its checksum."""
     with open_regular_file(path) as file, zipfile.ZipFile(file) as archive:
         for entry in archive.infolist():
             try:

@@ -138,10 +138,6 @@ def export_room_fmu(
         n_points: At how many points at once.
         until_s: End of the recorded gas [s]; absent: the time limit of the scenario.
         sensors: Models of gas sensors at each point; see `list_fmu_sensors`.
-
-    Raises:
-        UsageError: something in a run changes the gas or the wind, there is no C compiler, or a number is impossible.
-        EnvironmentDataError: the folder holds something.
     """
     if not 1 <= n_points <= MAX_POINTS:
         raise UsageError(f"--fmu-points: expected a number from 1 to {MAX_POINTS}, was {n_points}.")
@@ -165,11 +161,7 @@ def export_room_fmu(
 
 
 def check_can_be_recorded(scenario: Scenario) -> None:
-    """Refuse a scenario whose gas or wind a recording cannot stand for.
-
-    Raises:
-        UsageError: the gas is of another model, turbulent or moved by rotors, or something in a run changes it.
-    """
+    """Refuse a scenario whose gas or wind a recording cannot stand for."""
     gas = scenario.gas
     found = None
     if not isinstance(gas, FilamentGasSpec):
@@ -233,11 +225,7 @@ def list_fmu_sensors() -> tuple[str, ...]:
 
 
 def build_fmu_sensors(models: Sequence[str], scenario: Scenario) -> tuple[FmuSensor, ...]:
-    """Return sensors of some models for the gases of a scenario, read once a tick of it.
-
-    Raises:
-        UsageError: units have no such sensor, or it stands twice.
-    """
+    """Return sensors of some models for the gases of a scenario, read once a tick of it."""
     for model in models:
         if model not in list_fmu_sensors() or list(models).count(model) > 1:
             raise UsageError(
@@ -271,11 +259,7 @@ def _kernel_number(model: str) -> int | None:
 
 
 def find_compiler() -> list[str]:
-    """Return the command of the C compiler: what `CC` names, or `cc`.
-
-    Raises:
-        UsageError: there is none.
-    """
+    """Return the command of the C compiler: what `CC` names, or `cc`."""
     named = os.environ.get("CC", "")
     try:
         command = shlex.split(named) or ["cc"]
@@ -290,11 +274,7 @@ def find_compiler() -> list[str]:
 
 
 def compile_fmu(compiler: Sequence[str], library: Path) -> None:
-    """Compile the unit's C as a shared library.
-
-    Raises:
-        UsageError: the compiler cannot.
-    """
+    """Compile the unit's C as a shared library."""
     command = [*compiler, *COMPILER_OPTIONS, "-x", "c", "-", "-o", str(library), "-lm"]
     done = subprocess.run(command, input=_read_source(), capture_output=True, check=False)
     if done.returncode != 0:
@@ -516,11 +496,7 @@ def _build_build_description(identifier: str) -> bytes:
 
 
 def find_platform() -> tuple[str, str, str]:
-    """Return architecture, system and ending of libraries as FMI 3.0 names this platform.
-
-    Raises:
-        UsageError: units cannot be compiled for it here.
-    """
+    """Return architecture, system and ending of libraries as FMI 3.0 names this platform."""
     machine = platform.machine().lower()
     if machine not in _ARCHITECTURES or sys.platform not in _SYSTEMS:
         raise UsageError(f"--to fmu: expected Linux or macOS on x86 or ARM, was {sys.platform} on {machine}.")

@@ -78,9 +78,6 @@ def parse_value_path(text: str, message_type: type[Message]) -> ValuePath:
     Args:
         text: Fields with dots between them; behind a list an index from 0 on, or which fields its item has.
         message_type: The type of the messages.
-
-    Raises:
-        UsageError: there is no such value in these messages; the text says what is.
     """
     steps: list[_Step] = []
     kinds: frozenset[Any] = frozenset((message_type,))

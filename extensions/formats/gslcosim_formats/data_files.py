@@ -47,11 +47,7 @@ NumberedLines = Sequence[tuple[int, str]]
 
 
 def read_content(path: Path) -> bytes:
-    """Return a file's bytes.
-
-    Raises:
-        EnvironmentDataError: it cannot be read.
-    """
+    """Return a file's bytes."""
     try:
         return read_regular_file(path)
     except OSError as error:
@@ -59,11 +55,7 @@ def read_content(path: Path) -> bytes:
 
 
 def read_lines(path: Path) -> list[tuple[int, str]]:
-    """Return the lines of a text that hold something, without blanks around them, with their numbers.
-
-    Raises:
-        EnvironmentDataError: it cannot be read or is no text.
-    """
+    """Return the lines of a text that hold something, without blanks around them, with their numbers."""
     try:
         text = read_content(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -101,10 +93,6 @@ def parse_numbers(
         delimiter: What stands between values; blanks if absent.
         columns: Which of the values to take, all by default; the others need not be numbers.
         blank_remedy: What to do where a value is missing, for errors.
-
-    Raises:
-        EnvironmentDataError: a line holds another number of values, or one that is no finite number; names line and
-            column.
     """
     taken = tuple(range(n_columns)) if columns is None else tuple(columns)
     if not lines:
@@ -153,9 +141,6 @@ def build_checked_grid(path: Path, *, min_m: Vec3, max_m: Vec3, cell_m: float, s
     """Return the grid that a file's head describes.
 
     GADEN rounds the number of cells up and prints six digits, so the corners may miss each other by less than a cell.
-
-    Raises:
-        EnvironmentDataError: sizes are not finite or not positive, too many, or the corners do not fit the cells.
     """
     is_sound = bool(np.isfinite([*min_m, *max_m, cell_m]).all()) and cell_m > 0 and min(shape) > 0
     n_cells = shape[0] * shape[1] * shape[2]
@@ -178,9 +163,6 @@ def check_velocities(
         path: Where they are from, for errors.
         velocity_m_s: (t, …) [m/s].
         place: Where in the file a number of a frame stands, by its index in C order.
-
-    Raises:
-        EnvironmentDataError: there is one; names the first.
     """
     for i, frame in enumerate(velocity_m_s):
         with np.errstate(all="ignore"):
@@ -210,11 +192,7 @@ _HEAD = (("env_min", 3), ("env_max", 3), ("num_cells", 3), ("cell_size", 1))
 
 
 def read_occupancy(path: Path) -> tuple[Grid, NDArray[np.uint8]]:
-    """Return the grid and the (nx, ny, nz) cells of an `OccupancyGrid3D.csv`.
-
-    Raises:
-        EnvironmentDataError: the file is not of this kind, or its cells do not fit its head; names line and column.
-    """
+    """Return the grid and the (nx, ny, nz) cells of an `OccupancyGrid3D.csv`."""
     lines = read_lines(path)
     min_m, max_m, cells, (cell_m, *_) = _head(path, lines)
     if any(not abs(n) < 1e10 or n != int(n) for n in cells):
@@ -231,11 +209,7 @@ def read_occupancy(path: Path) -> tuple[Grid, NDArray[np.uint8]]:
 
 
 def parse_rows(path: Path, lines: NumberedLines, grid: Grid) -> NDArray[np.float64]:
-    """Return the (nx, ny, nz) values of a file's rows.
-
-    Raises:
-        EnvironmentDataError: layers, rows or values are too few or too many, or no numbers; names line and column.
-    """
+    """Return the (nx, ny, nz) values of a file's rows."""
     nx, ny, nz = grid.shape
     _check_layers(path, lines, nx, nz)
     values = parse_numbers(path, _row_lines(lines), ny)
@@ -308,20 +282,12 @@ LARGEST_WIND_CELLS = 3 * 10**9
 
 
 def read_components(paths: tuple[Path, Path, Path], grid: Grid) -> NDArray[np.float32]:
-    """Return the (nx, ny, nz, 3) wind of a set `…csv_U`, `…csv_V`, `…csv_W`, text or binary, world frame [m/s].
-
-    Raises:
-        EnvironmentDataError: one is missing, truncated, or does not fit the grid.
-    """
+    """Return the (nx, ny, nz, 3) wind of a set `…csv_U`, `…csv_V`, `…csv_W`, text or binary, world frame [m/s]."""
     return np.stack([_read_component(path, grid) for path in paths], axis=-1)
 
 
 def read_result(path: Path, grid: Grid) -> NDArray[np.float32]:
-    """Return the (nx, ny, nz, 3) wind of one `wind_iteration_i` or `.csv_gaden` of GADEN, world frame [m/s].
-
-    Raises:
-        EnvironmentDataError: the file is missing or does not fit the grid.
-    """
+    """Return the (nx, ny, nz, 3) wind of one `wind_iteration_i` or `.csv_gaden` of GADEN, world frame [m/s]."""
     content = read_content(path)
     n = count_cells(grid)
     if len(content) == 24 * n:
@@ -336,11 +302,7 @@ def read_result(path: Path, grid: Grid) -> NDArray[np.float32]:
 
 
 def read_array(path: Path, grid: Grid) -> NDArray[np.float32]:
-    """Return the (t, nx, ny, nz, 3) wind of a `.npy` file of (t, cells, 3), (cells, 3), or our own shape [m/s].
-
-    Raises:
-        EnvironmentDataError: the file is truncated, holds no real numbers, or does not fit the grid.
-    """
+    """Return the (t, nx, ny, nz, 3) wind of a `.npy` file of (t, cells, 3), (cells, 3), or our own shape [m/s]."""
     frames = _stored_frames(path, grid)
     check_amount(path, len(frames), grid)
     if frames.ndim == 3:
@@ -350,11 +312,7 @@ def read_array(path: Path, grid: Grid) -> NDArray[np.float32]:
 
 
 def read_array_frame(path: Path, grid: Grid, number: int) -> NDArray[np.float32]:
-    """Return (nx, ny, nz, 3), one frame of what `read_array` returns; after the last comes the first [m/s].
-
-    Raises:
-        EnvironmentDataError: see `read_array`; of the other frames nothing is read.
-    """
+    """Return (nx, ny, nz, 3), one frame of what `read_array` returns; after the last comes the first [m/s]."""
     frames = _stored_frames(path, grid)
     frame = frames[number % len(frames)]
     if frame.ndim == 2:
@@ -411,11 +369,7 @@ def _as_cells(path: Path, values: NDArray[Any], grid: Grid) -> NDArray[np.float3
 
 
 def check_amount(path: Path, n_frames: int, grid: Grid) -> None:
-    """Refuse more frames than any memory holds.
-
-    Raises:
-        EnvironmentDataError: there are.
-    """
+    """Refuse more frames than any memory holds."""
     n = n_frames * count_cells(grid)
     if n > LARGEST_WIND_CELLS:
         raise data_error(path, f"at most {LARGEST_WIND_CELLS:.0e} cells in all frames", f"{n}")

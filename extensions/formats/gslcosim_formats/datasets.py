@@ -33,9 +33,6 @@ def build_environment_dataset(environment: Environment) -> "xr.Dataset":
     Returns:
         `wind_x_m_s`, `wind_y_m_s`, `wind_z_m_s` (time_s, x_m, y_m, z_m): wind at cell centres, world frame; a frame
         holds from its time on. `occupancy` (x_m, y_m, z_m): 0 air, 1 solid, 2 air at an outlet.
-
-    Raises:
-        UsageError: the extra `xarray` is not installed.
     """
     grid, wind = environment.grid, environment.wind
     cells = ("x_m", "y_m", "z_m")
@@ -70,11 +67,7 @@ def build_environment_dataset(environment: Environment) -> "xr.Dataset":
 
 
 def write_dataset(dataset: "xr.Dataset", folder: Path, name: str, to: GriddedFormat) -> Path:
-    """Write a dataset as `NAME.nc` (NetCDF 4) or `NAME.zarr`, compressed, and return the path.
-
-    Raises:
-        OSError: the machine refuses.
-    """
+    """Write a dataset as `NAME.nc` (NetCDF 4) or `NAME.zarr`, compressed, and return the path."""
     if to == "netcdf":
         path = folder / f"{name}.nc"
         packed = {str(variable): {"zlib": True, "complevel": 4} for variable in dataset.data_vars}
@@ -87,11 +80,7 @@ def write_dataset(dataset: "xr.Dataset", folder: Path, name: str, to: GriddedFor
 
 
 def import_xarray() -> Any:
-    """Return the module xarray, which comes with an extra.
-
-    Raises:
-        UsageError: the extra `xarray` is not installed.
-    """
+    """Return the module xarray, which comes with an extra."""
     try:
         return importlib.import_module("xarray")
     except ImportError as error:
@@ -106,11 +95,7 @@ def build_coordinate(name: str, values: NDArray[Any], unit: str, meaning: str) -
 def build_dataset(
     variables: Mapping[str, Variable], coordinates: Mapping[str, Variable], attributes: Mapping[str, Any]
 ) -> "xr.Dataset":
-    """Return a dataset that also says which conventions it follows and what wrote it.
-
-    Raises:
-        UsageError: the extra `xarray` is not installed.
-    """
+    """Return a dataset that also says which conventions it follows and what wrote it."""
     about = {
         "Conventions": "CF-1.11",
         "source": f"gslcosim {__version__}",

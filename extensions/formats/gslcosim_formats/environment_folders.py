@@ -81,11 +81,7 @@ def geometry_from_grid(
 def load_geometry_with_wind(
     room: EnvironmentGeometry, wind: Path | None, *, period_s: float | None, is_looping: bool
 ) -> Environment:
-    """Return an imported room with the wind of a file or folder; without one its air is still, and a warning says so.
-
-    Raises:
-        EnvironmentDataError: see `load_wind`.
-    """
+    """Return an imported room with the wind of a file or folder; without one its air is still, with a warning."""
     if wind is not None:
         frames = load_wind(wind, room.grid, occupancy=room.occupancy, period_s=period_s, is_looping=is_looping)
         return with_wind(room, frames)
@@ -138,9 +134,6 @@ def import_gaden(
         wind: The wind, see `load_wind`; by default what lies in the folders that GADEN uses.
         period_s: Seconds from frame to frame; 1 by default.
         is_looping: Whether the first frame comes after the last.
-
-    Raises:
-        EnvironmentDataError: there is no occupancy, or more than one; a file is damaged; the wind does not fit.
 
     Warns:
         NoWindWarning: there is no wind; the air is still.
@@ -227,9 +220,6 @@ def import_gsl_bench(
         wind: The wind, see `load_wind`; by default what lies in `wind_data` or `wind`.
         period_s: Seconds from frame to frame; 1 by default, as in GSL-Bench.
         is_looping: Whether the first frame comes after the last.
-
-    Raises:
-        EnvironmentDataError: a file is missing, ambiguous, truncated, or does not agree with the other.
 
     Warns:
         NoWindWarning: there is no wind; the air is still.

@@ -135,10 +135,6 @@ def export_environment(
         to: The format.
         gaden_wind: How GADEN gets the wind: binary or text `components` as its simulator of versions 1 and 2 reads
             them, `points` as its preprocessing reads them, or `iterations` as its results and version 3 have them.
-
-    Raises:
-        EnvironmentDataError: the folder holds something.
-        UsageError: the extra `xarray` is needed and not installed.
     """
     create_export_folder(folder)
     name = build_file_name(environment.name)

@@ -150,11 +150,6 @@ def study_meshes(
         cells_m: Edges of cells [m], at least three.
         probes_m: Where to look, world frame [m]; by default five places across the room that are air on all meshes.
         progress: Receives what is being done and how much of it is over, from 0 to 1.
-
-    Raises:
-        UsageError: there is no layout, or there are too few meshes.
-        ScenarioError: a probe lies in a solid.
-        FlowError: a wind cannot be solved.
     """
     layout, progress = recipe.environment.layout, progress or no_progress
     if layout is None:
@@ -187,11 +182,7 @@ def study_meshes(
 
 
 def find_dividing_cell_sizes(size_m: Vec3, wanted_m: Sequence[float]) -> list[tuple[float, float]]:
-    """Return for each wanted edge of cells [m], coarsest first, the nearest that divides the room, each once.
-
-    Raises:
-        UsageError: the room's sides have no common measure of whole millimetres.
-    """
+    """Return for each wanted edge of cells [m], coarsest first, the nearest that divides the room, each once."""
     common_mm = int(np.gcd.reduce([round(length_m * _MM) for length_m in size_m]))
     if any(abs(length_m * _MM - round(length_m * _MM)) > 1e-6 for length_m in size_m):
         raise UsageError(f"--mesh-study: expected a room of whole millimetres, was {point_text(size_m)} m.")
@@ -331,11 +322,6 @@ def compare_solvers_in(recipe: Recipe, folder: Path, *, progress: Progress | Non
         recipe: The room and its wind; without an end of its own the fields after 5 s are compared.
         folder: Where.
         progress: Receives what is being done and how much of it is over, from 0 to 1.
-
-    Raises:
-        UsageError: the wind changes in time.
-        ScenarioError: the room is impossible.
-        FlowError: there is no OpenFOAM, or one of both failed.
     """
     wind, progress = recipe.wind, progress or no_progress
     if not isinstance(wind, WindSpec):

@@ -79,9 +79,6 @@ def compare_winds(a_m_s: NDArray[np.floating], b_m_s: NDArray[np.floating], free
         a_m_s: (nx, ny, nz, 3) velocities [m/s].
         b_m_s: Same.
         free: (nx, ny, nz) True is air: solids do not count.
-
-    Raises:
-        ShapeError: the shapes do not fit together.
     """
     for name, array in (("a_m_s", a_m_s), ("b_m_s", b_m_s)):
         if array.shape != (*free.shape, 3):
@@ -132,9 +129,6 @@ def compare_solvers(
         n_ranks: Processes of OpenFOAM; the built-in solver has one.
         case_dir: Where to keep OpenFOAM's case; absent: nowhere.
         progress: Called now and then with the fraction done, 0 to 1; each solver counts as one half.
-
-    Raises:
-        FlowError: there is no OpenFOAM, or one of both failed.
     """
     find_installation()
     tell = progress or _ignore

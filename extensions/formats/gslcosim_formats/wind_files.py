@@ -74,12 +74,7 @@ class PointWind:
 
 
 def read_points(path: Path, grid: Grid) -> PointWind:
-    """Return the wind that a file of points gives to the cells of a grid; cells without a point are still air.
-
-    Raises:
-        EnvironmentDataError: columns are missing, a value is no finite number or stands for none, or no point lies in
-            the grid.
-    """
+    """Return the wind that a file of points gives to the cells of a grid; cells without a point are still air."""
     table = _table(path, read_lines(path))
     columns = _columns(path, table)
     values = _numbers_of(path, table, columns)
@@ -93,11 +88,7 @@ def read_points(path: Path, grid: Grid) -> PointWind:
 
 
 def read_uniform(path: Path, grid: Grid, is_air: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Return the (t, nx, ny, nz, 3) wind of lines `u,v,w`, one a frame: the same in all air [m/s].
-
-    Raises:
-        EnvironmentDataError: a line is not three finite numbers, or there is a line for each cell.
-    """
+    """Return the (t, nx, ny, nz, 3) wind of lines `u,v,w`, one a frame: the same in all air [m/s]."""
     table = _table(path, read_lines(path))
     columns = list(range(3)) if table.names is None else _vector(table.names, _VELOCITIES)
     if columns is None:
@@ -124,9 +115,6 @@ def average_points(
         points_m: (n, 3) places, world frame [m].
         velocity_m_s: (n, 3) wind there, world frame [m/s].
         grid: The cells.
-
-    Raises:
-        EnvironmentDataError: no point lies in the grid, or one is farther away than any room.
     """
     if not (np.abs(points_m) <= _FARTHEST_M).all():
         raise data_error(path, f"places up to {_FARTHEST_M:g} m away", f"{np.abs(points_m).max():g} m")
@@ -262,10 +250,6 @@ def read_time_folder(folder: Path, centres: Path, grid: Grid) -> PointWind:
         folder: Holds `U`, or `U.gz`.
         centres: The file of the centres, of this time or of another one of the same mesh.
         grid: The cells.
-
-    Raises:
-        EnvironmentDataError: a file is missing, truncated, or of another kind, they hold different numbers of cells, or
-            none lies in the grid.
     """
     velocity_path = _find_field(folder, VELOCITY_FILE)
     assert velocity_path is not None, "checked when the series was found"
@@ -390,10 +374,6 @@ def load_wind(
             absent.
         period_s: Seconds from frame to frame; by default what OpenFOAM's time folders say, else 1.
         is_looping: Whether the first frame comes after the last; otherwise the last one stays.
-
-    Raises:
-        EnvironmentDataError: the wind is not recognised, or what was recognised is truncated or does not fit; the text
-            says both.
 
     Warns:
         NoWindWarning: all cells are still air.

@@ -260,12 +260,7 @@ class ActionClient:
         node.subscribe(f"{root}/feedback", f"{kind}_FeedbackMessage", take)
 
     def send_goal(self, goal: Any, *, timeout_s: float = CALL_TIMEOUT_S) -> bytes:
-        """Send a message `<kind>_Goal`, and return the identifier of the accepted goal.
-
-        Raises:
-            ValueError: the server has not accepted it.
-            TimeoutError: no server answers.
-        """
+        """Send a message `<kind>_Goal`, and return the identifier of the accepted goal."""
         goal_id = uuid.uuid4().bytes
         self._own.add(goal_id)
         named = _make_goal_id(self._types, goal_id)
@@ -276,21 +271,13 @@ class ActionClient:
         return goal_id
 
     def wait_for_result(self, goal_id: bytes, *, timeout_s: float = CALL_TIMEOUT_S) -> tuple[GoalStatus, Any]:
-        """Return how a goal has ended, and its message `<kind>_Result`; unknown goals have status UNKNOWN.
-
-        Raises:
-            TimeoutError: it has not ended.
-        """
+        """Return how a goal has ended, and its message `<kind>_Result`; unknown goals have status UNKNOWN."""
         request = self._types.make(f"{self._kind}_GetResult_Request", goal_id=_make_goal_id(self._types, goal_id))
         response = self._results.call(request, timeout_s=timeout_s)
         return GoalStatus(response.status), response.result
 
     def cancel_goal(self, goal_id: bytes = bytes(16), *, timeout_s: float = CALL_TIMEOUT_S) -> CancelCode:
-        """Ask the server to cancel a goal, by default all of all clients.
-
-        Raises:
-            TimeoutError: no server answers.
-        """
+        """Ask the server to cancel a goal, by default all of all clients."""
         types = self._types
         request = types.make(f"{CANCEL_GOAL}_Request", goal_info=_make_goal_info(types, goal_id, 0))
         return CancelCode(self._cancels.call(request, timeout_s=timeout_s).return_code)

@@ -300,10 +300,6 @@ def write_mcap(messages: Iterable[TimedMessage], path: Path, types: RosTypes, pr
         path: The file.
         types: Of the messages.
         progress: Receives how many have been written, now and then.
-
-    Raises:
-        UsageError: the extension `ros` is not installed.
-        OSError: the machine refuses.
     """
     try:
         from mcap.writer import Writer
@@ -341,9 +337,6 @@ def write_rosbag2(messages: Iterable[TimedMessage], folder: Path, types: RosType
         folder: The bag; it must not exist.
         types: Of the messages.
         progress: Receives how many have been written, now and then.
-
-    Raises:
-        OSError: the machine refuses.
     """
     from rosbags.rosbag2 import Writer
     from rosbags.rosbag2.metadata import parse_qos

@@ -92,11 +92,7 @@ class _Topic:
     messages: list[tuple[float, _Message]] = field(default_factory=list[tuple[float, _Message]])
 
     def decode(self, name: str, path: Path) -> list[tuple[float, Any]]:
-        """Return the messages' times [s] and contents.
-
-        Raises:
-            UsageError: the content is of another type, which the file does not define.
-        """
+        """Return the messages' times [s] and contents."""
         try:
             return [(time_s, message()) for time_s, message in self.messages]
         except Exception as error:
@@ -107,11 +103,7 @@ class _Topic:
 
 
 def is_bag(path: Path) -> bool:
-    """Return whether a log is a bag or an MCAP file, by its content; else it is a table.
-
-    Raises:
-        UsageError: it is neither.
-    """
+    """Return whether a log is a bag or an MCAP file, by its content; else it is a table."""
     return path.is_dir() or _find_kind(path) is not None
 
 
@@ -146,10 +138,6 @@ def read_bag_log(
         pose_topic: Which topic has the pose; absent: the only one with poses, Odometry first.
         topics: By the sensors' names their topics; absent ones have the topic whose last part is their name. The parts
             of an array of gas sensors are topics of their own, such as `/enose[0]`.
-
-    Raises:
-        UsageError: the extension `ros` is not installed, it cannot be read, or a topic is missing or of a type that
-            cannot be used.
     """
     remarks = Remarks()
     found: dict[str, _Topic] = {}

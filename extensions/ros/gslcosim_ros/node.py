@@ -96,12 +96,7 @@ class RosSession:
         domain: int = 0,
         report: Reporter = _LOGGER.warning,
     ) -> Self:
-        """Open a session that is the graph's router, or joins it where another program listens at its endpoint.
-
-        Raises:
-            UsageError: the endpoint can neither be listened on nor be connected to.
-            MachineError: the machine lacks what a session needs.
-        """
+        """Open a session that is the graph's router, or joins it where another program listens at its endpoint."""
         config = _build_config()
         config.insert_json5("mode", '"router"')
         config.insert_json5("listen/endpoints", json.dumps([endpoint]))
@@ -162,9 +157,6 @@ class RosSession:
             kind: `MP` publisher, `MS` subscriber, `SS` service, `SC` client.
             name: Of the topic or service.
             timeout_s: For how long [s].
-
-        Raises:
-            TimeoutError: it has not come.
         """
         return self.wait_for_any([(kind, name)], timeout_s)
 
@@ -487,10 +479,6 @@ class RosClient:
         Args:
             request: A message of the type `<kind>_Request`.
             timeout_s: For how long it is waited for [s].
-
-        Raises:
-            ValueError: the service refuses the request, or its response is none.
-            TimeoutError: nobody answers.
         """
         types = self._session.types
         self._sequence += 1

@@ -61,9 +61,6 @@ class RosTypes:
     """Makes messages of ROS 2, writes them as CDR and reads them.
 
     A service is known by the types of its request and response, for example `std_srvs/srv/Trigger_Request`.
-
-    Raises:
-        UsageError: the extension `ros` is not installed.
     """
 
     def __init__(self, distribution: RosDistribution = "humble") -> None:
@@ -175,11 +172,7 @@ class RosTypes:
         return self._hashes[kind]
 
     def from_cdr(self, data: bytes, kind: str) -> Any:
-        """Return the message of bytes from anybody.
-
-        Raises:
-            ValueError: they are no message of that type.
-        """
+        """Return the message of bytes from anybody."""
         try:
             return self.store.deserialize_cdr(data, kind)
         except Exception as error:
@@ -286,9 +279,5 @@ class RosTypes:
 
 @cache
 def ros_types() -> RosTypes:
-    """Return the types, made once.
-
-    Raises:
-        UsageError: the extension `ros` is not installed.
-    """
+    """Return the types, made once."""
     return RosTypes()

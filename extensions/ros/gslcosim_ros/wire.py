@@ -67,22 +67,14 @@ LATCHED = QosProfile(is_transient_local=True, depth=1)
 
 
 def check_name(name: str) -> str:
-    """Return a fully qualified name of a topic or service.
-
-    Raises:
-        ValueError: it is none, such as `/beetle/gas`.
-    """
+    """Return a fully qualified name of a topic or service."""
     if not _NAME.fullmatch(name):
         raise ValueError(f"expected a name such as /beetle/gas of letters, digits and underscores, was {name!r}")
     return name
 
 
 def mangle_type(kind: str) -> str:
-    """Return the name of a type on the wire: `std_msgs::msg::dds_::Float32_` for `std_msgs/msg/Float32`.
-
-    Raises:
-        ValueError: it is no name of a type.
-    """
+    """Return the name of a type on the wire: `std_msgs::msg::dds_::Float32_` for `std_msgs/msg/Float32`."""
     match = _TYPE.fullmatch(kind)
     if match is None:
         raise ValueError(f"expected a type such as std_msgs/msg/Float32, was {kind!r}")
@@ -206,11 +198,7 @@ class Attachment:
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Self:
-        """Return an attachment from its bytes.
-
-        Raises:
-            ValueError: they are none.
-        """
+        """Return an attachment from its bytes."""
         if len(data) != _ATTACHMENT.size:
             raise ValueError(f"expected an attachment of {_ATTACHMENT.size} bytes, was {len(data)} bytes")
         sequence, stamp_ns, n_gid_bytes, gid = _ATTACHMENT.unpack(data)

@@ -13,9 +13,6 @@ def validate_family(path: str, seed: int | None) -> ValidFile:
     Args:
         path: The file.
         seed: None: a family has seeds of its own.
-
-    Raises:
-        ScenarioError: it has problems.
     """
     from gslcosim_training.family import SPLITS, load_family
 
@@ -35,9 +32,6 @@ def validate_train_file(path: str, seed: int | None) -> ValidFile:
     Args:
         path: The file.
         seed: None: `gslcosim train` takes it from the file.
-
-    Raises:
-        ScenarioError: it has problems.
     """
     from gslcosim_training.train_file import load_train_file
 

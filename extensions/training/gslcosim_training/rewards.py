@@ -71,11 +71,7 @@ REWARDS: dict[str, Reward] = {"sparse": sparse, "potential": potential}
 
 
 def reward_function(reward: str | Reward) -> Reward:
-    """Return the function of a name; a function is returned as it is.
-
-    Raises:
-        UsageError: there is no such name.
-    """
+    """Return the function of a name; a function is returned as it is."""
     if callable(reward):
         return reward
     if reward not in REWARDS:

@@ -150,9 +150,6 @@ def load_train_file(source: str | Path, *, is_flown: bool = False) -> TrainFile:
     Args:
         source: A file, or the name of a bundled one.
         is_flown: Whether trainer, settings and first cases are checked too, as for a training that begins.
-
-    Raises:
-        ScenarioError: there is no such file, or it or its family has problems.
     """
     path, bundled = Path(source), bundled_train_files()
     if not path.is_file():

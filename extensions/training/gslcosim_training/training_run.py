@@ -70,11 +70,7 @@ class _About(TypedDict):
 
 
 def save_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
-    """Write a checkpoint into a folder, in place of the one before.
-
-    Raises:
-        UsageError: it cannot be written; the one before is still there.
-    """
+    """Write a checkpoint into a folder, in place of the one before."""
     about = {"schema": SCHEMA, "identity": checkpoint.identity, "about": dict(checkpoint.about)}
     arrays = {f"{_TRAINER}{name}": array for name, array in checkpoint.trainer.items()}
     arrays |= {f"{_BEST}{name}": array for name, array in checkpoint.best.items()}
@@ -92,9 +88,6 @@ def load_checkpoint(folder: Path, *, identity: str) -> Checkpoint:
     Args:
         folder: Of the training.
         identity: Of the train file that goes on.
-
-    Raises:
-        UsageError: there is none, it is corrupt, or it is that of another train file.
     """
     path = folder / CHECKPOINT
     if not path.is_file():
@@ -131,12 +124,7 @@ _ASPECT = 0.4
 
 
 def draw_curves(curves: Sequence[Mapping[str, float]], folder: Path) -> list[Path]:
-    """Draw cost or reward, and success, over rounds into `curves.svg` and `curves.png`.
-
-    Raises:
-        UsageError: matplotlib is not installed.
-        MachineError: a file cannot be written.
-    """
+    """Draw cost or reward, and success, over rounds into `curves.svg` and `curves.png`."""
     with styled():
         figure = new_figure(2, _ASPECT)
         left, right = figure.subplots(1, 2)
@@ -230,11 +218,6 @@ class Training:
         tell: Receives progress reports.
         show: Receives the figures of each round, and the number of the last.
         command: What makes the policy again, for its card.
-
-    Raises:
-        UsageError: the folder has a checkpoint and is not to be resumed, or none and is; or the checkpoint is corrupt
-            or of another train file; a case cannot be batched; or a setting is wrong.
-        ScenarioError: a case has problems.
     """
 
     def __init__(
@@ -296,9 +279,6 @@ class Training:
 
         Args:
             rounds: At most so many now; the training can be resumed afterwards.
-
-        Raises:
-            KeyboardInterrupt: it was interrupted; the last round is in the checkpoint.
         """
         last = self.n_rounds if rounds is None else min(self.n_done + rounds, self.n_rounds)
         spec, began, before_s = self._file.spec, time.monotonic(), self._took_s

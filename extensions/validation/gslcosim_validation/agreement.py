@@ -67,9 +67,6 @@ def agreement_estimate(
         measured: (n,) O.
         blocks: (n,) labels; pairs of a block (a quarter of an hour, a release) are drawn together, as they share
             their weather.
-
-    Raises:
-        ShapeError: the rows differ in length, or hold what is no number.
     """
     if not (predicted.shape == measured.shape == blocks.shape and predicted.ndim == 1):
         raise ShapeError(f"expected three rows of one length, had {predicted.shape}, {measured.shape}, {blocks.shape}.")

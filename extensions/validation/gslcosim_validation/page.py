@@ -90,9 +90,6 @@ def store_result(folder: Path, case: Case, effort: Effort, result: CaseResult) -
         case: Whose result it is.
         effort: The effort of its run.
         result: Its result.
-
-    Raises:
-        UsageError: matplotlib is missing, or the folder cannot be written.
     """
     place = folder / RESULTS
     stored = make_storable(case, effort, result)
@@ -113,11 +110,7 @@ def store_result(folder: Path, case: Case, effort: Effort, result: CaseResult) -
 
 
 def write_page(folder: Path) -> Path:
-    """Write the page of all results that are stored below a folder, and return its path.
-
-    Raises:
-        UsageError: a stored result is malformed, or the page cannot be written.
-    """
+    """Write the page of all results that are stored below a folder, and return its path."""
     stored = [
         read_json(path, StoredResult) for name in CASE_MODULES if (path := folder / RESULTS / f"{name}.json").is_file()
     ]

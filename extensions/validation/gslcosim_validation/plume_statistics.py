@@ -213,9 +213,6 @@ def score_record(values: F64, settings: RecordSettings, *, n_draws: int = 400, s
         Künsch 1989, Annals of Statistics 17, 1217, with blocks that do not overlap.
     Held by:
         extensions/validation/tests/unit/test_plume_statistics.py
-
-    Raises:
-        ShapeError: the record is too short for its blocks.
     """
     values = np.asarray(values, np.float64)
     n_block = len(values) // settings.n_blocks

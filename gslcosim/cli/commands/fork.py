@@ -135,9 +135,6 @@ def agent_overrides(scenario: "Scenario", agents: Sequence[str]) -> list[str]:
     Args:
         scenario: The run's scenario.
         agents: Texts like `infotaxis` or `moth=./my_agent.py`.
-
-    Raises:
-        UsageError: no such agent takes part, or it is not said which is meant.
     """
     names = [agent.name for agent in scenario.agents]
     overrides: list[str] = []

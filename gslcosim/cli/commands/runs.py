@@ -49,9 +49,6 @@ def collect_rows(folders: Sequence[Path], tell: Callable[[int], None] | None = N
     Args:
         folders: Folders of runs, runs, or folders that an extension reads, such as results.
         tell: Receives how many have been read, now and then.
-
-    Raises:
-        UsageError: a folder is none, or cannot be read.
     """
     facts: list[RunSummary] = []
     readers = tuple(load_registered(RUN_ROWS_GROUP, as_row_reader, "a RowReader"))

@@ -76,10 +76,6 @@ def open_live_view(kind: "ViewerKind | None", scenario: "Scenario") -> Iterator[
     Args:
         kind: `window`, `browser`, or None for no viewer.
         scenario: What will be run.
-
-    Raises:
-        UsageError: the scenario is not recorded.
-        RecordingError: there is no screen, or no viewer.
     """
     if kind is None:
         yield RunViewer(None)
@@ -96,11 +92,7 @@ def open_live_view(kind: "ViewerKind | None", scenario: "Scenario") -> Iterator[
 
 
 def serve_until_closed(recording: Path) -> None:
-    """Serve a recording that is complete to browsers of this machine until Ctrl-C.
-
-    Raises:
-        RecordingError: there is no viewer.
-    """
+    """Serve a recording that is complete to browsers of this machine until Ctrl-C."""
     view = _opened("browser")
     try:
         view.show(recording, lambda: True)

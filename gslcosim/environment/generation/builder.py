@@ -55,11 +55,6 @@ def generate_environment(
         scenario_dir: What relative paths are relative to.
         sources_m: Sources of gas to show in the picture, world frame [m].
         progress: Receives what is being done and how much of it is over, from 0 to 1.
-
-    Raises:
-        ScenarioError: the room is impossible.
-        FlowError: the wind cannot be solved.
-        EnvironmentDataError: a folder or file is not what it should be, or the folder to write holds something else.
     """
     progress = progress or no_progress
     progress("Building the room", 0.0)
@@ -100,9 +95,6 @@ def save_with_scene_and_picture(
         notices: Notices about it.
         sources_m: Sources of gas to show in the picture, world frame [m].
         extras: Further files by name.
-
-    Raises:
-        EnvironmentDataError: the folder holds something else.
     """
     views = {
         SCENE_FILE: build_mjcf(environment).encode(),

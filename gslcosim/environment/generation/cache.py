@@ -153,12 +153,6 @@ def prepare_environment(
         scenario_dir: What relative paths are relative to; the working directory if absent.
         cache_dir: Where made environments are kept; `environments` in `gslcosim`'s cache if absent.
         progress: Receives what is being done and how much of it is over, from 0 to 1; only when there is work.
-
-    Raises:
-        ScenarioError: the room is impossible.
-        EnvironmentDataError: a folder or file is not what it should be.
-        FlowError: the wind cannot be solved.
-        MachineError: the cache cannot be written.
     """
     spec, wind = scenario.environment, scenario.wind
     if spec.path is not None:
@@ -233,9 +227,6 @@ def prepare_variants(
         scenario: Its `events`, `environment` and `wind`.
         scenario_dir: What relative paths are relative to; the working directory if absent.
         progress: Receives what is being done; only when there is work.
-
-    Raises:
-        GslCosimError: one cannot be made; see `prepare_environment`.
     """
     folders: dict[EnvironmentVariant, Path] = {}
     for variant in find_variants(scenario)[1:]:
@@ -250,9 +241,6 @@ def with_variants(environment: Environment, folders: Mapping[EnvironmentVariant,
     Args:
         environment: The room at the start.
         folders: Environments by situation.
-
-    Raises:
-        EnvironmentDataError: one is of another room.
     """
     rooms: dict[EnvironmentVariant, Environment] = {}
     for variant, folder in folders.items():

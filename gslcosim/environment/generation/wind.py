@@ -64,9 +64,6 @@ def solve_block_wind(block: SolverSpec, setup: WindSetup) -> SolvedWind:
     """Return the wind of a wind solver's block in a room.
 
     A package that brings a solver registers its builder by the type of its block.
-
-    Raises:
-        ScenarioError: nobody has registered a builder for the block.
     """
     del setup
     raise ScenarioError(
@@ -86,10 +83,6 @@ def solve_wind_of_scenario(
         wind: What the scenario says of the wind.
         scenario_dir: What relative paths are relative to.
         progress: Receives what is being done and how much of it is over, from 0 to 1.
-
-    Raises:
-        FlowError: the wind cannot be solved, or does not fit the room.
-        EnvironmentDataError: stored wind is wanted and there is none, or a file is not what it should be.
     """
     setup = WindSetup(room=room, environment=spec, scenario_dir=scenario_dir, progress=progress)
     made = solve_block_wind(wind, setup)
@@ -217,9 +210,6 @@ def read_stored_wind(
         spec: Where the room comes from.
         wind: What the scenario says of the wind.
         scenario_dir: What relative paths are relative to.
-
-    Raises:
-        EnvironmentDataError: a file is not what it should be.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

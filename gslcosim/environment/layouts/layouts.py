@@ -65,9 +65,6 @@ def build_layout(layout: Layout, wind: SolverSpec) -> EnvironmentGeometry:
     Args:
         layout: The room in the scenario.
         wind: Gives the cell of the grid and the velocity at the inlet.
-
-    Raises:
-        ScenarioError: the layout is impossible; the text lists all reasons.
     """
     problems, room = _build_once(_Recipe.of(layout, wind))
     raise_if_any(problems)

@@ -176,9 +176,6 @@ class GatewayAgents:
         Args:
             children: What the processes become part of.
             socket_dir: A private folder for unix sockets.
-
-        Raises:
-            GslCosimError: a command cannot be started, or an address not be listened on.
         """
         for process in self._processes():
             if process.spec.start.door == "stdio":

@@ -88,11 +88,7 @@ def _get_marker_path(name: str) -> Path | None:
 
 
 def run_agent_for_warmup(name: str) -> None:
-    """Run a bundled agent in a small room of ours in this process, where it has kernels at all.
-
-    Raises:
-        GslCosimError: it cannot be run.
-    """
+    """Run a bundled agent in a small room of ours in this process, where it has kernels at all."""
     from gslcosim.runtime.agents.loader import load_python_agent
 
     program = bundled_agents()[name]

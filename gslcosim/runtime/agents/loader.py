@@ -36,9 +36,6 @@ def load_agent_types(scenario: Scenario, directory: Path, elsewhere: Container[s
         scenario: The scenario.
         directory: Its folder; relative paths start there.
         elsewhere: The agents that are processes.
-
-    Raises:
-        UsageError: an agent is neither, or cannot be loaded.
     """
     types: dict[str, type[Agent]] = {}
     for agent in scenario.agents:
@@ -54,11 +51,7 @@ def load_agent_types(scenario: Scenario, directory: Path, elsewhere: Container[s
 
 
 def find_python_agent(name: str, directory: Path) -> Path:
-    """Return the file of a Python agent: a path relative to the scenario, or the name of a bundled agent.
-
-    Raises:
-        UsageError: there is none.
-    """
+    """Return the file of a Python agent: a path relative to the scenario, or the name of a bundled agent."""
     beside = directory / name
     if beside.is_file():
         return beside.absolute()
@@ -69,11 +62,7 @@ def find_python_agent(name: str, directory: Path) -> Path:
 
 
 def load_python_agent(path: Path) -> type[Agent]:
-    """Import an agent's file and return the one `Agent` it defines.
-
-    Raises:
-        UsageError: the file cannot be imported, or defines no agent or several.
-    """
+    """Import an agent's file and return the one `Agent` it defines."""
     module_name = f"gslcosim_agent_{path.parent.name}_{path.stem}"
     spec = importlib.util.spec_from_file_location(module_name, path)
     if spec is None or spec.loader is None:

@@ -21,11 +21,7 @@ class RecordedCommands:
 
 
 def get_recorded_command(commands: Mapping[int, Command], agent: str, tick: int) -> Command:
-    """Return what an agent's command of the past was at a tick.
-
-    Raises:
-        RunFolderError: there was none.
-    """
+    """Return what an agent's command of the past was at a tick."""
     if tick not in commands:
         raise RunFolderError(
             f"inputs.log: expected a command of {agent} for tick {tick}, at which it was asked again, found none. "

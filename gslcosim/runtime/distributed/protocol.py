@@ -99,11 +99,7 @@ def pack_bundle(messages: list[tuple[str, bytes]]) -> bytes:
 
 
 def unpack_bundle(payload: bytes) -> list[tuple[str, bytes]]:
-    """Return the messages of a bundle.
-
-    Raises:
-        ContractError: it is not a bundle.
-    """
+    """Return the messages of a bundle."""
     try:
         messages: Any = _msgpack.unpackb(payload, use_list=False)
         return [(str(port), bytes(message)) for port, message in messages]
@@ -142,11 +138,7 @@ class ControlMessage(BaseModel):
 
     @classmethod
     def from_bytes(cls, payload: bytes) -> Self:
-        """Return the message in a payload.
-
-        Raises:
-            ContractError: it is not this message.
-        """
+        """Return the message in a payload."""
         if len(payload) > MAX_MESSAGE_BYTES:
             raise ContractError(
                 f"{cls.__name__}: expected at most {MAX_MESSAGE_BYTES} bytes, was {len(payload)}. Another host sends "

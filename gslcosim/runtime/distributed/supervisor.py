@@ -172,11 +172,7 @@ class Supervisor:
         self._events.put(MessageReceived(key, payload))
 
     def await_all_ready(self, interruption: Interruption) -> None:
-        """Wait until all services and agents are there, or interruption.
-
-        Raises:
-            RunEndedError: a service has not come in time, or has failed.
-        """
+        """Wait until all services and agents are there, or interruption."""
         began_s = time.monotonic()
         while lacking := self._not_ready():
             if interruption.is_set():
@@ -191,11 +187,7 @@ class Supervisor:
             self._handle_next()
 
     def fly(self, interruption: Interruption) -> None:
-        """Let simulated time begin, and watch until all services are done and have been heard out, or interruption.
-
-        Raises:
-            RunEndedError: a service has failed, or nothing moves any more.
-        """
+        """Let simulated time begin, and watch until all services are done and have been heard out, or interruption."""
         if interruption.is_set():
             return
         self._started_at_s = time.perf_counter()

@@ -129,12 +129,7 @@ class ParticipantProgram:
         self._has_failed = False
 
     def start(self) -> None:
-        """Start the program; over tcp and unix, wait until it has connected.
-
-        Raises:
-            UsageError: it cannot be started.
-            SimulationFault: it does not connect.
-        """
+        """Start the program; over tcp and unix, wait until it has connected."""
         private_dir = self._stack.enter_context(ScratchFolder.for_sockets()).path
         self._stack.enter_context(self._children)
         own = self._own
@@ -170,11 +165,7 @@ class ParticipantProgram:
         self._exchange = BlockingConnection(self._awaited(connected, refused), own.start.format)
 
     def send(self, name: str, payload: bytes) -> None:
-        """Send the canonical bytes of a message, named by its type.
-
-        Raises:
-            SimulationFault: the program does not read it.
-        """
+        """Send the canonical bytes of a message, named by its type."""
         with self._expecting(f"a program that reads {name}"):
             self._opened.send(name, payload, within_s=self._own.answer_within_s)
 
@@ -185,9 +176,6 @@ class ParticipantProgram:
             message_type: What it is meant to be.
             what: What is expected, for the fault.
             within_s: How long to wait for it [s].
-
-        Raises:
-            SimulationFault: nothing comes, or no frame.
         """
         with self._expecting(what):
             return self._opened.receive(message_type, within_s=within_s)
@@ -204,11 +192,7 @@ class ParticipantProgram:
             raise self.fault(f"expected {what}{self._describe_place()}, {error}") from error
 
     def check_silence(self, what: str) -> None:
-        """Check that the program has said nothing more.
-
-        Raises:
-            SimulationFault: it has.
-        """
+        """Check that the program has said nothing more."""
         if self._opened.has_more:
             raise self.fault(f"expected {what}, something came before it was asked.")
 
@@ -325,11 +309,7 @@ class ProgramCore(ABC):
         return {"past": list(self._past), "answers_hash": self._answers_hash}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Let the program step through its past again; see `Snapshots`.
-
-        Raises:
-            SimulationFault: it answers otherwise than in the past.
-        """
+        """Let the program step through its past again; see `Snapshots`."""
         for tick, inputs in state["past"]:
             self._ask(int(tick), bytes(inputs))
         if self._answers_hash != bytes(state["answers_hash"]):

@@ -121,11 +121,7 @@ _MAX_SHOWN = 60
 
 
 def read_hello(payload: bytes) -> ParticipantHello:
-    """Return a program's hello.
-
-    Raises:
-        ContractError: it is none, or was made for another contract.
-    """
+    """Return a program's hello."""
     hello = codec.decode_untrusted(ParticipantHello, payload, max_bytes=MAX_FRAME_BYTES)
     if hello.contract is not None:
         check_version(hello.contract, PARTICIPATION_VERSION)
@@ -139,9 +135,6 @@ def check_hello(hello: ParticipantHello, *, reads: Iterable[str], writes: Iterab
         hello: What it says.
         reads: The ports that it gets.
         writes: The words of its outputs.
-
-    Raises:
-        ContractError: it was made for others.
     """
     for key, answered, declared in (("reads", hello.reads, tuple(reads)), ("writes", hello.writes, tuple(writes))):
         if {*answered} != {*declared}:
@@ -158,9 +151,6 @@ def read_outputs(payload: bytes, tick: int, words: Iterable[str]) -> Mapping[str
         payload: What it said.
         tick: The tick of the inputs that it answers.
         words: What it declares to write.
-
-    Raises:
-        ContractError: it is no answer to them.
     """
     answer = codec.decode_untrusted(ParticipantOutputs, payload, max_bytes=MAX_FRAME_BYTES)
     if answer.tick != tick:
@@ -186,9 +176,6 @@ def build_output(word: str, tick: int, fields: Mapping[str, Any]) -> Message:
         word: Of its `writes`.
         tick: The tick.
         fields: What it has there.
-
-    Raises:
-        ContractError: they are no such message.
     """
     room = find_room_output(word)
     if room is not None:

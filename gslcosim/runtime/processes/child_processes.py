@@ -71,10 +71,6 @@ class ChildProcesses:
             join: How it joins the bus, if it does.
             variables: What is added to its environment.
             confinement: How it is kept, if it is a program of other people.
-
-        Raises:
-            UsageError: the command cannot be started.
-            RunFolderError: the log cannot be written.
         """
         if log is None:
             self._start(name, command, variables, cwd, Streams(None, None, None), confinement, join)
@@ -103,10 +99,6 @@ class ChildProcesses:
             cwd: See `start`.
             confinement: See `start`.
             keep: Descriptors that it inherits besides.
-
-        Raises:
-            UsageError: the command cannot be started.
-            RunFolderError: the log cannot be written.
         """
         with self._log(log) as errors:
             streams = Streams(subprocess.PIPE, subprocess.PIPE, errors.fileno())

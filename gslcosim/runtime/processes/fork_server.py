@@ -81,9 +81,6 @@ def fork_child(main: Callable[[], object], *, unwanted: Sequence[int] = ()) -> i
         main: What the fork does. It never returns from here: it ends with 0 when that returns, as `SystemExit` says, or
             with 1 after an error, which it prints.
         unwanted: Descriptors that are none of the fork's business.
-
-    Raises:
-        OSError: there is no room for a process more.
     """
     parent = os.getpid()
     if pid := os.fork():
@@ -159,11 +156,7 @@ class ForkedProcess:
         return self._code
 
     def wait(self, timeout: float | None = None) -> int:
-        """Wait for its end and return how it has ended.
-
-        Raises:
-            subprocess.TimeoutExpired: it has not ended within the time.
-        """
+        """Wait for its end and return how it has ended."""
         if not self._has_ended.wait(timeout):
             raise subprocess.TimeoutExpired(self.name, timeout or 0.0)
         assert self._code is not None
@@ -191,9 +184,6 @@ class ForkServer:
     """Running fork server; leaving the context ends it and all that it has forked.
 
     It starts to import when it is made, so it is made before anything else is prepared.
-
-    Raises:
-        MachineError: it cannot be started.
     """
 
     def __init__(self) -> None:
@@ -236,9 +226,6 @@ class ForkServer:
             name: Of the process.
             request: What it shall do, as JSON knows it.
             log: Where its output goes.
-
-        Raises:
-            SimulationFault: the fork server has ended.
         """
         process = ForkedProcess(name)
         with self._lock:

@@ -22,9 +22,6 @@ class ProcessLog:
     Args:
         path: The file; what is there stays.
         most_bytes: How much of the output is kept.
-
-    Raises:
-        RunFolderError: the file cannot be written.
     """
 
     def __init__(self, path: Path, *, most_bytes: int = MAX_LOG_BYTES) -> None:

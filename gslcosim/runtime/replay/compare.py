@@ -108,11 +108,7 @@ class RunComparison:
 
     @classmethod
     def of(cls, a: Path, b: Path) -> "RunComparison":
-        """Compare the runs of two `digest.json`.
-
-        Raises:
-            UsageError: one is missing, or is no digest.
-        """
+        """Compare the runs of two `digest.json`."""
         digests = RunDigest.load(a), RunDigest.load(b)
         kinship = _find_fork_relation(a.parent, b.parent)
         divergence = find_first_divergence(*digests)

@@ -83,10 +83,6 @@ def prepare_fork(
         overrides: Values to replace in its scenario, such as `agents[0].parameters.step_m=2`.
         checks: Further rules of scenarios; see `load_scenario`.
         uses_snapshots: Whether it may be run from a snapshot of the run, where there is one at or before the time.
-
-    Raises:
-        UsageError: the time is none of the run's, its log is not whole, or what it would change is past by then.
-        ScenarioError: the scenario has problems.
     """
     at_tick = ticks_from_seconds(at_s, past.scenario.tick_ns)
     if not 0 < at_tick <= past.last_tick:
@@ -126,9 +122,6 @@ def run_fork(
         processes: How the run is spread over processes; absent: as the scenario says.
         fork_server: Forks the services; absent: one is started where it is needed.
         report: Receives the status of the run.
-
-    Raises:
-        GslCosimError: it cannot be run at all; see `run_scenario`.
     """
     past = fork.past
     repetition = PriorRun(

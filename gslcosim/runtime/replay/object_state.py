@@ -134,9 +134,6 @@ def find_type(name: Any, kind: str, packages: frozenset[str]) -> Any:
         name: As from `get_import_name`.
         kind: The letter of its node.
         packages: Those it may come from, beside known types of Python and numpy; its module has been imported.
-
-    Raises:
-        SnapshotError: there is none.
     """
     wanted, is_kind = _KINDS[kind]
     module, _, qualname = str(name).partition(":")
@@ -173,11 +170,7 @@ def set_attributes(value: Any, held: Mapping[str, Any]) -> None:
 
 
 def set_attribute(value: Any, name: str, inner: Any) -> None:
-    """Let an object hold an attribute, in its slot or `__dict__`: no property and no `__setattr__` is called.
-
-    Raises:
-        SnapshotError: the name is that of a method or property, or of nothing that an object holds.
-    """
+    """Let an object hold an attribute, in its slot or `__dict__`: no property and no `__setattr__` is called."""
     of_type = _find_in_type(value, name)
     if isinstance(of_type, MemberDescriptorType):
         of_type.__set__(value, inner)
@@ -720,20 +713,11 @@ class ObjectState:
         self._known = Baseline(root, fixed=fixed, packages=self._packages)
 
     def state(self) -> dict[str, Any]:
-        """Return the state of the object now.
-
-        Raises:
-            SnapshotError: something in it cannot be kept; the text says where it is and what.
-        """
+        """Return the state of the object now."""
         return StateReader(self._known, self._packages).read(self._root)
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Bring the object to a state that was read from one built alike.
-
-        Raises:
-            SnapshotError: the state is of an object that was built otherwise, or is none; the object is of no use any
-                more.
-        """
+        """Bring the object to a state that was read from one built alike."""
         try:
             StateWriter(self._known, self._packages).write(cast("list[dict[str, Any]]", state["nodes"]))
         except _WRONG_VALUES as error:

@@ -52,11 +52,7 @@ class PastRun:
 
     @classmethod
     def load(cls, folder: Path, *, needs_result: bool = True) -> "PastRun":
-        """Read the folder of a run; where the result is not needed, also one that was killed before it had one.
-
-        Raises:
-            UsageError: a file is missing or not what it should be, or the run spoke another contract.
-        """
+        """Read the folder of a run; where the result is not needed, also one that was killed before it had one."""
         run_dir = RunDir(folder)
         manifest = run_dir.load_manifest()
         has_result = needs_result or (folder / "result.json").is_file()
@@ -81,11 +77,7 @@ class PastRun:
         )
 
     def check_flown_here(self) -> None:
-        """Refuse a run that was made of a log from elsewhere.
-
-        Raises:
-            UsageError: it was.
-        """
+        """Refuse a run that was made of a log from elsewhere."""
         if self.is_imported:
             raise UsageError(
                 f"{self.run_dir.run_id}: expected a run of gslcosim, was a flight from elsewhere that was imported: "
@@ -93,12 +85,7 @@ class PastRun:
             )
 
     def check_inputs(self) -> None:
-        """Hold `inputs.log` against the chains of commands in `digest.json`, where there is one.
-
-        Raises:
-            UsageError: the run was run elsewhere and imported, or a command is missing, is one too many, or is
-                another than the one that took effect.
-        """
+        """Hold `inputs.log` against the chains of commands in `digest.json`, where there is one."""
         self.check_flown_here()
         for agent in self.scenario.agents if self.digest else ():
             trail = cast(RunDigest, self.digest).trails.get(keys.command(agent.name), HashChain())
@@ -122,11 +109,7 @@ def find_snapshot_before(past: PastRun, tick: int) -> tuple[Snapshot | None, str
 
 
 def read_recorded_commands(path: Path) -> dict[str, dict[int, Command]]:
-    """Return the commands of `inputs.log` by agent and tick.
-
-    Raises:
-        UsageError: it is missing, or a line of it is no command.
-    """
+    """Return the commands of `inputs.log` by agent and tick."""
     try:
         lines = read_regular_file(path, max_bytes=_MAX_INPUTS_BYTES).splitlines()
     except OSError as error:
@@ -149,11 +132,7 @@ def read_recorded_commands(path: Path) -> dict[str, dict[int, Command]]:
 
 
 def find_environment(past: PastRun, report: Callable[[RunStatus], None]) -> Path:
-    """Return the folder of the room in which a run was run, made again where it is gone.
-
-    Raises:
-        EnvironmentDataError: the room is not the one that was run in.
-    """
+    """Return the folder of the room in which a run was run, made again where it is gone."""
     folder = Path(past.run_dir.load_setup()["environment"])
     try:
         environment = load_environment(folder)

@@ -117,10 +117,6 @@ def replay_run(
         snapshots_every_s: Take snapshots so often; absent: as the run did.
         uses_snapshots: Whether it may begin at a snapshot before `recording.from_s`, where there is one.
         report: Receives the status of the run.
-
-    Raises:
-        UsageError: it was run elsewhere, it cannot be recorded like that, or the end is none of the run's.
-        EnvironmentDataError: the room is not the one that was run in.
     """
     past.check_flown_here()
     began = time.perf_counter()

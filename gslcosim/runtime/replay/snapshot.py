@@ -130,9 +130,6 @@ class SnapshotPart:
             data: Its content.
             path: The file.
             is_of_this_run: Whether the run that has written it goes on: then it needs no signature.
-
-        Raises:
-            SnapshotError: it is damaged, of other code, or not signed; the text is a reason after "it is".
         """
         try:
             head, body = _msgpack.unpackb(data)
@@ -184,22 +181,14 @@ class ObservationLog:
         self._n_bytes = 0
 
     def add(self, payload: bytes) -> None:
-        """Keep an observation.
-
-        Raises:
-            RunFolderError: it cannot be written.
-        """
+        """Keep an observation."""
         self._waiting.append(payload)
         self._n_bytes += len(payload)
         if len(self._waiting) >= _CHUNK_TICKS or self._n_bytes >= _CHUNK_BYTES:
             self.flush()
 
     def flush(self) -> None:
-        """Write what waits.
-
-        Raises:
-            RunFolderError: it cannot be written.
-        """
+        """Write what waits."""
         if not self._waiting:
             return
         piece = zlib.compress(b"".join(_prefix_length(payload) for payload in self._waiting), 1)
@@ -213,11 +202,7 @@ class ObservationLog:
 
 
 def read_observations(folder: Path, agent: str) -> Iterator[bytes]:
-    """Yield the observations of an agent, from tick 0 on.
-
-    Raises:
-        SnapshotError: there are no more.
-    """
+    """Yield the observations of an agent, from tick 0 on."""
     try:
         with open_regular_file(folder / f"{agent}.log") as file:
             while piece := file.read(int.from_bytes(file.read(4), "big")):
@@ -252,11 +237,7 @@ class Snapshot:
         return cls(folder=folder, tick=int(folder.name), agents=tuple(agent.name for agent in scenario.agents))
 
     def part(self, participant: str) -> SnapshotPart:
-        """Return what a participant needs.
-
-        Raises:
-            SnapshotError: it is missing, damaged or of other code.
-        """
+        """Return what a participant needs."""
         return _load_part(self.folder, participant)
 
     def messages(self, dataflow: Dataflow) -> list[tuple[str, Message]]:
@@ -276,11 +257,7 @@ class Snapshot:
 
 
 def save_part(run_dir: RunDir, part: SnapshotPart) -> None:
-    """Write a part of a snapshot at once.
-
-    Raises:
-        RunFolderError: it cannot be written.
-    """
+    """Write a part of a snapshot at once."""
     name = f"{SNAPSHOTS_FOLDER}/{part.name}"
     try:
         run_dir.make_folders(name)

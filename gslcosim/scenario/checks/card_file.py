@@ -20,9 +20,6 @@ def validate_card(path: str, seed: int | None) -> ValidFile:
     Args:
         path: The file.
         seed: None: a card has no seed.
-
-    Raises:
-        ScenarioError: it has problems.
     """
     del seed
     card = check_card_file(Path(path))
@@ -39,9 +36,6 @@ def check_card_file(path: Path) -> MethodCard:
 
     Args:
         path: The file, as errors name it.
-
-    Raises:
-        ScenarioError: it cannot be read, or has problems: all of them in one error.
     """
     text = read_text(path, shown_path=str(path))
     tree = read_yaml(text, source=str(path))

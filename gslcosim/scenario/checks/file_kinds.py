@@ -24,9 +24,6 @@ def find_file_kind(source: str) -> tuple[FileKind, str]:
 
     Returns:
         The kind, and the file; the source itself where its own loader finds it by name.
-
-    Raises:
-        UsageError: the file is of a kind of an extension that is not installed.
     """
     scenario, *others = list_file_kinds()
     path = Path(source)

@@ -112,9 +112,6 @@ class FileKind:
         Args:
             path: The file.
             seed: A seed in place of the file's, for kinds that have one.
-
-        Raises:
-            ScenarioError: the file has problems.
         """
         return import_function(self.validator)(path, seed)
 
@@ -254,11 +251,7 @@ def list_file_kinds() -> tuple[FileKind, ...]:
 
 @cache
 def find_kind(name: str) -> FileKind | None:
-    """Return the kind of file of a name, or None where nothing that is installed has it.
-
-    Raises:
-        UsageError: an extension registers something else under the name, or cannot be imported.
-    """
+    """Return the kind of file of a name, or None where nothing that is installed has it."""
     if own := next((kind for kind in _OWN_KINDS if kind.name == name), None):
         return own
     if name.startswith(_OF_SCENARIOS):
@@ -272,11 +265,7 @@ def _as_kind(offered: object) -> FileKind | None:
 
 @cache
 def list_checks(of: str) -> tuple[Check, ...]:
-    """Return all checks of a kind of file; those of scenarios in the order of their subjects.
-
-    Raises:
-        UsageError: an extension registers something else, or cannot be imported.
-    """
+    """Return all checks of a kind of file; those of scenarios in the order of their subjects."""
     if of != SCENARIO:
         kind = find_kind(of)
         return () if kind is None else kind.checks

@@ -100,11 +100,7 @@ class OneOf:
         return (*written, *(name for name in offered if name not in self.own))
 
     def block_of(self, kind: object) -> type[Spec] | None:
-        """Return the block of a kind, or nothing where there is no such kind.
-
-        Raises:
-            PluginError: a package offers the kind, and it cannot be used.
-        """
+        """Return the block of a kind, or nothing where there is no such kind."""
         if not isinstance(kind, str):
             return None
         if kind in self.own:

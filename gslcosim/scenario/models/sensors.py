@@ -493,9 +493,5 @@ _SENSOR: TypeAdapter[SensorSpec] = TypeAdapter(Sensor)
 
 
 def make_sensor_spec(**settings: Any) -> SensorSpec:
-    """Return the block of a sensor with the given settings: `make_sensor_spec(model="pid", name="nose")`.
-
-    Raises:
-        ValidationError: there is no such model, or it has no such setting.
-    """
+    """Return the block of a sensor with the given settings: `make_sensor_spec(model="pid", name="nose")`."""
     return _SENSOR.validate_python(settings)

@@ -265,10 +265,6 @@ class FilamentPlume:
             noise_std_m: Random displacement of a step per axis [m] in place of sqrt(2 D step_s), for compatibility.
             wind_at: The wind at a time [s] in place of the environment's, (nx, ny, n, 3) float32, n = nz or 1.
             air: Turbulence that moves filaments and makes them grow, in place of diffusivity, noise and growth.
-
-        Raises:
-            ScenarioError: a source outside the air.
-            ModelError: wind frames that do not fit the grid.
         """
         _check_sources(environment, sources)
         if wind_at is None:
@@ -363,11 +359,7 @@ class FilamentPlume:
         self._n = self._table.keep(self._room.occupancy[tuple(cells.T)] != Cell.SOLID)
 
     def advance(self, n_steps: int = 1) -> None:
-        """Advance by steps: wind of the step's start, births spread over the step.
-
-        Raises:
-            ModelError: the wind or a filament is not finite.
-        """
+        """Advance by steps: wind of the step's start, births spread over the step."""
         for _ in range(n_steps):
             self._advance_one()
 

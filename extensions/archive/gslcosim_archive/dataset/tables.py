@@ -91,11 +91,6 @@ def read_origins(folders: Sequence[Path], *, may_be_incomplete: bool = False) ->
     Args:
         folders: Folders of `bench run`.
         may_be_incomplete: Accept those in which flights of the suite are missing.
-
-    Raises:
-        ScenarioError: the suite of a folder has problems.
-        SignatureError: a folder is not what its author has signed.
-        UsageError: a folder has no results or unfinished ones, or they do not belong together.
     """
     origins = tuple(_read_origin(folder, may_be_incomplete=may_be_incomplete) for folder in folders)
     _check_names(origins)
@@ -175,9 +170,6 @@ def build_published_tables(origins: Sequence[Origin], *, has_tracks: bool = True
     Args:
         origins: Folders of results.
         has_tracks: Whether tracks are published; else the table of trials is alone.
-
-    Raises:
-        UsageError: a table is damaged, or a trial is in two of the folders.
     """
     columns = tuple(column for column in TRIAL_COLUMNS if column.name not in LEFT_OUT)
     trials, tracks, places = [], [], dict[str, Origin]()

@@ -65,12 +65,6 @@ def write_dataset(
         published: When; by default the day on which the last of the results was begun.
         may_be_incomplete: Accept results in which flights of the suite are missing; the datasheet says so.
         has_tracks: Whether tracks, the larger table, are published too.
-
-    Raises:
-        ScenarioError: the suite of a folder has problems.
-        SignatureError: a folder is not what its author has signed.
-        UsageError: results are not there, not finished or do not belong together, or the folder has something in it.
-        MachineError: a file cannot be written.
     """
     terms = _find_license(license)
     _check_folder(folder, results)

@@ -67,12 +67,7 @@ class PublicKey:
 
 
 def write_key(path: Path, comment: str) -> PublicKey:
-    """Make a new key: the private one in a file that its owner alone reads, the public one beside it with `.pub`.
-
-    Raises:
-        UsageError: one of the files is there, the comment is no text, or cryptography is not installed.
-        MachineError: they cannot be written.
-    """
+    """Make a new key: the private one in a file that its owner alone reads, the public one beside it with `.pub`."""
     ed25519, serialization, _ = _load_cryptography()
     check_text(comment, "--name")
     public_path = path.with_name(f"{path.name}.pub")
@@ -98,9 +93,6 @@ def check_text(text: str, option: str) -> None:
     Args:
         text: The text.
         option: Where it comes from.
-
-    Raises:
-        UsageError: it is none.
     """
     try:
         text.encode()
@@ -120,9 +112,6 @@ def sign_digest(digest: bytes, key_path: Path, *, namespace: str = NAMESPACE) ->
         digest: 32 bytes.
         key_path: File of an Ed25519 key without a passphrase, as `write_key` or ssh-keygen write it.
         namespace: What it is for.
-
-    Raises:
-        UsageError: the file has no such key, or cryptography is not installed.
     """
     private = _load_private(key_path)
     key = _public_part(private)
@@ -159,10 +148,6 @@ def check_digest(digest: bytes, signature: str, *, place: str, namespace: str = 
         signature: As `sign_digest` returns it.
         place: Where it comes from, for errors.
         namespace: What it has to be for.
-
-    Raises:
-        SignatureError: it is no such signature, or one of something else.
-        UsageError: cryptography is not installed.
     """
     ed25519, _, exceptions = _load_cryptography()
     expected = f"{place}: expected a signature of OpenSSH by an Ed25519 key for {namespace}"
@@ -185,9 +170,6 @@ def parse_author(text: str) -> str:
 
     Args:
         text: A fingerprint (`SHA256:…`), a public key (`ssh-ed25519 …`), or a file with one.
-
-    Raises:
-        UsageError: it is none of them.
     """
     if _FINGERPRINT.fullmatch(text):
         return text
@@ -282,11 +264,7 @@ def _load_cryptography() -> tuple[Any, Any, Any]:
 
 
 def read_signature(path: Path) -> str:
-    """Return the text of a signature's file.
-
-    Raises:
-        MalformedFileError: it cannot be read.
-    """
+    """Return the text of a signature's file."""
     try:
         return _read(path).decode("ascii")
     except (OSError, UnicodeDecodeError) as error:

@@ -69,10 +69,6 @@ def sign_results(folder: Path, key_path: Path, *, author: str, signed_at: str) -
         key_path: File of the author's Ed25519 key.
         author: Name that is shown beside the key; nobody checks it.
         signed_at: Time of signing, by the author's clock.
-
-    Raises:
-        UsageError: there are no complete results, they have links or caches of Python, or the file has no key.
-        MachineError: it cannot be written.
     """
     check_text(author, "--name")
     results = ResultsFolder(folder)
@@ -115,10 +111,6 @@ def check_signature(folder: Path, *, author: str | None = None) -> SignedResults
     Args:
         folder: The results.
         author: Fingerprint of the key that must have signed; absent: any.
-
-    Raises:
-        SignatureError: files or rows were altered, added or removed since, another key has signed, or none although
-            an author is asked for. All that differs is in one error.
     """
     paths = folder / STATEMENT_FILE, folder / SIGNATURE_FILE
     if not any(map(os.path.lexists, paths)):

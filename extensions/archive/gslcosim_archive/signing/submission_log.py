@@ -76,10 +76,6 @@ def read_log(path: Path, *, head: str | None = None) -> list[LogLine]:
     Args:
         path: The file.
         head: Hash of a line that must be in it, noted earlier; absent: a log whose end was cut off passes.
-
-    Raises:
-        SignatureError: lines were altered, dropped, moved or put between others. All of them are in one error.
-        UsageError: there is no such file.
     """
     lines, problems = _parse(path)
     problems = [*problems, *_find_broken_links(lines), *_find_wrong_signatures(lines), *_find_repeated(lines)]
@@ -98,11 +94,6 @@ def add_submission(path: Path, signed: SignedResults) -> LogLine:
     Args:
         path: The file.
         signed: As `check_signature` returns them.
-
-    Raises:
-        SignatureError: the log is not whole.
-        UsageError: they are in it.
-        MachineError: it cannot be written.
     """
     return _add(path, kind="submission", text="", **_list_fields(signed))
 
@@ -134,9 +125,6 @@ def find_submission(lines: Sequence[LogLine], signed: SignedResults, *, path: Pa
         lines: Of the log.
         signed: The results.
         path: The log, for errors.
-
-    Raises:
-        SignatureError: they are not in it, or the line says something else of them.
     """
     for line in lines:
         if line.kind == "submission" and line.statement_hash == signed.statement_hash:
@@ -161,9 +149,6 @@ def find_beacon_note(lines: Sequence[LogLine], submission: LogLine, beacon: str,
         submission: Line of the results that are audited.
         beacon: The value.
         path: The log, for errors.
-
-    Raises:
-        SignatureError: the note stands before the submission, whose author could choose results by what would be drawn.
     """
     value = re.compile(rf"(?<!\w){re.escape(beacon.strip())}(?!\w)")
     note = next((line for line in lines if line.kind == "note" and value.search(line.text)), None)

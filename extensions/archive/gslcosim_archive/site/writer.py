@@ -36,11 +36,6 @@ def write_site(results: Sequence[Path], folder: Path) -> WrittenSite:
     Args:
         results: Folders of results of the same cases; several are merged as `bench rank` does.
         folder: Where to: a new or empty folder, or one with an earlier site. Files of others in it are left alone.
-
-    Raises:
-        SignatureError: a folder is not what its author has signed.
-        UsageError: a folder has no results, they are of other cases, or the folder is one of something else.
-        MachineError: a file cannot be written.
     """
     _check_folder(folder, results)
     published = load_published_results(results)

@@ -77,9 +77,6 @@ def apply_entry(
         scenario_dir: Where the scenario's do.
         is_sandboxed: Whether its program has to be a process in a sandbox.
         has_sensor_holds: Whether its vehicle holds as long as its slowest gas sensor takes to respond.
-
-    Raises:
-        ProblemsError: there is no room for its robots, or time follows a clock for one of them.
     """
     values = plain_values(scenario)
     first = values["agents"][0]
@@ -105,11 +102,7 @@ def apply_entry(
 
 
 def close_sources(values: dict[str, Any]) -> None:
-    """Close all sources of a scenario's values: what a control flies in.
-
-    Raises:
-        ProblemsError: its gas is stored, and cannot be closed.
-    """
+    """Close all sources of a scenario's values: what a control flies in."""
     if values["gas"]["model"] == "playback":
         raise ProblemsError(
             [

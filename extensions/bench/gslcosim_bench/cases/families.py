@@ -203,11 +203,7 @@ class CaseFamily:
         return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
     def seeds_of(self, split: Split, n: int) -> list[int]:
-        """Return the seeds of the first n cases of a split.
-
-        Raises:
-            UsageError: there is no such split, or it has fewer seeds.
-        """
+        """Return the seeds of the first n cases of a split."""
         if split not in SPLITS:
             raise UsageError(f"{self.name}: expected one of the splits {', '.join(SPLITS)}, was {split!r}.")
         seeds = self.spec.seeds.of(split)
@@ -232,9 +228,6 @@ def read_family(source: str | Path, *, check: Callable[[FamilySpec], Iterable[Pr
     Args:
         source: A file, or the name of a bundled family.
         check: Finds more problems.
-
-    Raises:
-        ScenarioError: there is no such family, or it has problems: all of them in one error.
     """
     path = find_family(source)
     shown_path = str(source) if Path(source).is_file() else str(path)
@@ -249,11 +242,7 @@ def find_family_beside(source: str, directory: Path) -> CaseFamily:
 
 
 def find_family(source: str | Path) -> Path:
-    """Return the file of a family that is named by path, or by name when it is bundled.
-
-    Raises:
-        ScenarioError: there is none.
-    """
+    """Return the file of a family that is named by path, or by name when it is bundled."""
     path, bundled = Path(source), bundled_families()
     if path.is_file():
         return path

@@ -56,11 +56,7 @@ def select_labels(values: Mapping[str, Any]) -> Values:
 
 
 def check_lengths(key: str, lengths: Mapping[str, int], *, remedy: str) -> None:
-    """Refuse lists of an item of `vary` that are not of one length.
-
-    Raises:
-        PydanticCustomError: they are not.
-    """
+    """Refuse lists of an item of `vary` that are not of one length."""
     if len(set(lengths.values())) > 1:
         raise broken_rule_error(
             key=key,
@@ -426,11 +422,7 @@ class Suite(Spec):
 
 
 def check_axes(axes: Sequence[Axis]) -> None:
-    """Refuse items of `vary` whose lists are not of one length.
-
-    Raises:
-        PydanticCustomError: there is one.
-    """
+    """Refuse items of `vary` whose lists are not of one length."""
     for i, axis in enumerate(axes):
         lengths = {key: n_values(values) for key, values in axis.items()}
         check_lengths(f"vary[{i}]", lengths, remedy="Write what multiplies as items of its own.")
@@ -614,9 +606,6 @@ class Selection:
         Args:
             only: Texts like `entry=e_coli,surge_*`.
             text: A pattern for the name of the case, such as `gsl_bench_3/*`.
-
-        Raises:
-            UsageError: a text is not `key=patterns`, or the key is unknown.
         """
         patterns: list[tuple[str, tuple[str, ...]]] = []
         for word in only:
@@ -640,11 +629,7 @@ class Selection:
         return all(self._fits(key, value) for key, value in _describe_slot(slot).items())
 
     def check_patterns(self, slots: Iterable[TrialSlot]) -> None:
-        """Refuse a pattern that fits nothing in the plan: of an entry, scenario, family or case it is a typing error.
-
-        Raises:
-            UsageError: there is such a pattern.
-        """
+        """Refuse a pattern that fits nothing in the plan: of an entry, scenario, family or case it is a typo."""
         known: dict[str, dict[str, None]] = {}
         for slot in slots:
             for key, value in _describe_slot(slot).items():
@@ -685,11 +670,7 @@ class Shard:
 
     @classmethod
     def parse(cls, text: str) -> "Shard":
-        """Return the shard that a command line names, such as `2/8`.
-
-        Raises:
-            UsageError: it is not I/N, two whole numbers with 1 <= I <= N <= 100,000.
-        """
+        """Return the shard that a command line names, such as `2/8`."""
         index, slash, count = text.partition("/")
         is_number = slash and index.isdecimal() and count.isdecimal() and len(text) < 20
         if not (is_number and 1 <= int(index) <= int(count) <= MOST_SHARDS):

@@ -111,11 +111,7 @@ _UNITS = ("_m_s", "_m2_s", "_m", "_s", "_frac", "_per_s")
 
 
 def expand_cases(loaded: LoadedSuite) -> Iterator[tuple[LoadedSuite, Case]]:
-    """Yield the cases of a suite, with the suite that each comes from: those of included suites first.
-
-    Raises:
-        ScenarioError: two scenarios have one name, or a scenario is not there.
-    """
+    """Yield the cases of a suite, with the suite that each comes from: those of included suites first."""
     seen: dict[str, tuple[LoadedSuite, Case]] = {}
     for owner, case in _cases(loaded, is_sandboxed=False):
         if case.name in seen:
@@ -338,10 +334,6 @@ def build_plan(
         wants: Whether a trial is wanted. To resolve what an entry flies takes most of the time; ids, seeds and order
             are the same whatever else is wanted.
         progress: Receives how far it is.
-
-    Raises:
-        ScenarioError: a scenario, value or entry is wrong, with the place in the suite; the problems of all cases
-            together, up to about `MAX_PROBLEMS`.
     """
     owned = list(expand_cases(loaded))
     sources = (*_suite_files(loaded), *(case.source.absolute() for _, case in owned))
@@ -399,9 +391,6 @@ def build_plan_of_rows(
         loaded: The suite.
         rows: Rows as `trials.parquet` has them.
         wants: Whether another trial is wanted too.
-
-    Raises:
-        ScenarioError: see `build_plan`.
     """
     # As plain tuples, which equal slots: rows of somebody else may lack a column.
     slots = {tuple(row.get(key) for key in TrialSlot._fields): row["trial"] for row in rows}
@@ -567,11 +556,7 @@ class _Resolved:
         self._flown: dict[tuple[str, bool], Scenario] = {}
 
     def check(self, entries: Sequence[PlannedEntry], *, is_control: bool) -> None:
-        """Raise the problems of all entries in this case as one error; do nothing when there are none.
-
-        Raises:
-            InvalidScenarioError: an entry cannot fly here.
-        """
+        """Raise the problems of all entries in this case as one error; do nothing when there are none."""
         problems: list[LocatedProblem] = []
         for entry in entries:
             try:

@@ -91,11 +91,6 @@ def load_submission(folder: Path, *, shown_path: Path | None = None) -> Submissi
     Args:
         folder: The folder.
         shown_path: What errors call it where files are missing; absent: the folder.
-
-    Raises:
-        ScenarioError: it cannot be read, or has problems: all of them in one error.
-        UsageError: there is none, or no card; its entry has the name of an anchor or names files outside the folder.
-        MethodError: the card is not what it should be.
     """
     path = folder / SUBMISSION_FILE
     if not path.is_file():
@@ -164,9 +159,6 @@ def list_bundle_files(root: Path) -> list[Path]:
     """Return the files of a bundle's folder by name.
 
     Hidden ones, caches of Python, results, the bundle itself and what it leaves out are not among them.
-
-    Raises:
-        ScenarioError: the submission file cannot be read, or has problems.
     """
     return [path for path in _list_entries(root, _read_submission(root)) if path.is_file()]
 
@@ -203,12 +195,6 @@ def pack_bundle(folder: Path, out: Path) -> Bundle:
     Args:
         folder: Folder with the submission file.
         out: The file; an earlier one is replaced.
-
-    Raises:
-        ScenarioError: the submission file has problems.
-        UsageError: a file is missing, a link, too large, or its name does not fit.
-        MethodError: the card is not what it should be.
-        MachineError: it cannot be written.
     """
     submission = load_submission(folder)
     files = [path for path in _list_entries(folder, submission) if path.resolve() != out.resolve()]
@@ -286,11 +272,6 @@ def unpack_bundle(path: Path, below: Path) -> Bundle:
     Args:
         path: The file.
         below: Where the folder is made.
-
-    Raises:
-        ScenarioError: its submission file has problems.
-        UsageError: it is no bundle.
-        MachineError: it cannot be written.
     """
     expected = f"{path}: expected a bundle of gslcosim bench pack"
     try:
@@ -357,9 +338,6 @@ def build_program(bundle: Bundle, *, is_agreed: bool) -> None:
     Args:
         bundle: As `unpack_bundle` returns it.
         is_agreed: Whether whoever starts it has read the commands: they run with all of their rights.
-
-    Raises:
-        UsageError: there are commands and nobody has agreed to them, or one has failed.
     """
     # Beside the files, where none of them can be it.
     built = bundle.root.with_name(f"{bundle.root.name}{_BUILT}")
@@ -398,9 +376,6 @@ def write_bundle_suite(bundles: Sequence[Bundle], suite: Path, *, name: str, bel
         suite: File of the suite whose cases are taken.
         name: Name of the new one.
         below: Folder of the new file.
-
-    Raises:
-        UsageError: two bundles have one name, or one names no program.
     """
     names = [bundle.submission.entry.name for bundle in bundles]
     if twice := next((each for each in names if names.count(each) > 1), None):
@@ -443,10 +418,6 @@ def prepare_bundles(paths: Sequence[Path], suite: Path, *, name: str, results: P
         name: Name of the suite that is written.
         results: Folder of the results.
         builds: Whether their build recipes may run.
-
-    Raises:
-        UsageError: a file is no bundle, or cannot be built.
-        MachineError: nothing can be written there.
     """
     below = results.parent / _BUNDLES
     try:

@@ -40,11 +40,7 @@ def add_yes_option(parser: argparse.ArgumentParser) -> None:
 
 
 def confirm_put_aside(arguments: argparse.Namespace) -> "Callable[[StaleRows], bool]":
-    """Return what asks before rows of another version are moved aside; who has nobody to ask refuses.
-
-    Raises:
-        UsageError: on the call, where neither `--yes` nor a terminal answers.
-    """
+    """Return what asks before rows of another version are moved aside; who has nobody to ask refuses."""
 
     def confirm(stale: "StaleRows") -> bool:
         if not arguments.yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
@@ -97,9 +93,6 @@ def verify_here(
         again: The results.
         trials: Which of their trials.
         contents: The `results_hash` of their folder, from before its signature was checked.
-
-    Raises:
-        UsageError: there are no trials, or their programs cannot be confined here.
     """
     from gslcosim_bench.execution.verification import check_confinable, verify_trials
     from gslcosim_bench.verification_marks import prepare_marks

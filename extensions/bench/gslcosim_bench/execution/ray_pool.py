@@ -35,11 +35,7 @@ _LISTENS_S = 10.0
 
 
 def load_ray(address: str) -> Any:
-    """Return the module `ray`, set to be quiet, and to be heard on this machine alone where the cluster is.
-
-    Raises:
-        UsageError: it is not installed.
-    """
+    """Return the module `ray`, set to be quiet, and to be heard on this machine alone where the cluster is."""
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     # What nodes say goes to standard output otherwise, in the middle of ours.
     os.environ.setdefault("RAY_DEDUP_LOGS_SKIP_REGEX", ".*")
@@ -62,11 +58,7 @@ def load_ray(address: str) -> Any:
 
 
 def check_address(address: str) -> None:
-    """Refuse an address where nobody listens; Ray itself asks there for minutes.
-
-    Raises:
-        UsageError: nobody does, or it has no port.
-    """
+    """Refuse an address where nobody listens; Ray itself asks there for minutes."""
     host, _, port = address.rpartition(":")
     try:
         socket.create_connection((host.strip("[]"), int(port)), timeout=_LISTENS_S).close()
@@ -186,9 +178,6 @@ class RayPool:
             address: `auto` for the cluster that this machine is part of, its `host:port`, or `local` to start one here
                 that ends with the pool.
             limits: What a job may take; preparing has no limit of time.
-
-        Raises:
-            UsageError: Ray is not installed, there is no such cluster, or a node has other software.
         """
         self.peak_mb = 0.0
         self.cpu_s = 0.0
@@ -236,11 +225,7 @@ class RayPool:
         self._hand_out()
 
     def wait(self, timeout_s: float) -> list[JobResult]:
-        """Return the jobs that have ended; see `Pool`.
-
-        Raises:
-            SimulationFault: no node is left, or workers do not start on one.
-        """
+        """Return the jobs that have ended; see `Pool`."""
         deadline = time.monotonic() + timeout_s
         while not self._ended:
             left_s = deadline - time.monotonic()

@@ -89,9 +89,6 @@ def unpack_bundle(bundle: FileBundle, contents: Contents | None) -> Path:
     """Return a folder of this machine below which all files lie as they do on the machine that they come from.
 
     It is kept in the cache, for all workers of the machine and for later.
-
-    Raises:
-        EnvironmentDataError: they were too much to carry.
     """
     if contents is None:
         first = next((path for path, known in bundle.files if _hash_of(Path(path)) != known), bundle.directory)
@@ -282,9 +279,6 @@ class RayWorker:
             job: What to do.
             bundle: The files that it reads.
             parcel: What `fetch` makes their contents of.
-
-        Raises:
-            SimulationFault: workers do not start on this node.
         """
         try:
             root = self._root_of(bundle, parcel)

@@ -69,9 +69,6 @@ def score(
         n_false_declarations: Declarations of wrong places, f.
         n_collisions: Collisions of all agents.
 
-    Raises:
-        ValueError: a time is not in its range.
-
     Source:
         Chosen; a success counts more than any time, and a false alarm costs half.
     Held by:

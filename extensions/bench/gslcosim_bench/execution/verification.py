@@ -32,11 +32,7 @@ from gslcosim_bench.verification_marks import VerificationMark, remove_caches, r
 
 
 def check_sandbox(plan: Plan) -> None:
-    """Refuse to fly a suite that demands a sandbox on a machine without one.
-
-    Raises:
-        UsageError: there is none here.
-    """
+    """Refuse to fly a suite that demands a sandbox on a machine without one."""
     if plan.loaded.demands_sandbox and find_strongest_sandbox() == "none":
         reasons = _reasons()
         raise UsageError(
@@ -46,12 +42,7 @@ def check_sandbox(plan: Plan) -> None:
 
 
 def check_machine(plan: Plan) -> None:
-    """Refuse to fly a suite on a machine that lacks what it needs: a sandbox, or what draws pictures of cameras.
-
-    Raises:
-        UsageError: the suite demands a sandbox, and there is none here.
-        ScenarioError: pictures cannot be drawn here.
-    """
+    """Refuse to fly a suite on a machine that lacks what it needs: a sandbox, or what draws pictures of cameras."""
     check_sandbox(plan)
     # One stands for all: what draws does not depend on the case. To read thousands of scenarios takes its time.
     likely = (trial for trial in plan.trials if "camera" in trial.scenario_json)
@@ -72,10 +63,6 @@ def check_confinable(trials: Sequence[Trial], folder: Path, *, is_trusted: bool 
         trials: The trials.
         folder: The results that they are of; their programs lie in it, or come with gslcosim or the system.
         is_trusted: Whether programs do as they like: then nothing is refused but variables of this process.
-
-    Raises:
-        UsageError: this machine has no sandbox, or a program would see or change more than it needs, or get variables
-            that its author chose or that are set here.
     """
     trusting = "If you trust who made these results, give --trusted: then their programs do as they like."
     _check_variables(trials, folder, "" if is_trusted else trusting)
@@ -109,9 +96,6 @@ def check_bundles(plan: Plan, roots: Mapping[str, Path]) -> None:
     Args:
         plan: Of the suite that flies them.
         roots: Where each bundle is unpacked, by the name of its entry.
-
-    Raises:
-        UsageError: a command names what lies elsewhere, or a Python agent is no program.
     """
     for entry in plan.loaded.suite.entries:
         names = {setting.name for setting in entry.settings}
@@ -243,10 +227,6 @@ class RepeatableResults:
         Args:
             folder: The folder.
             load: Reads its suite; that of sealed results needs the secret.
-
-        Raises:
-            UsageError: there are no results, they were made with another version of the software, or without the
-                sandbox that the suite demands.
         """
         folder.check()
         self.folder = folder
@@ -266,11 +246,7 @@ class RepeatableResults:
         _check_manifest(self.plan, folder, manifest)
 
     def trial(self, beginning: str) -> Trial:
-        """Return the one trial whose id begins like this.
-
-        Raises:
-            UsageError: there is none, or there are several.
-        """
+        """Return the one trial whose id begins like this."""
         found = [trial for key, trial in self.trials.items() if key.startswith(beginning)]
         if len(found) != 1:
             raise UsageError(
@@ -329,10 +305,6 @@ def verify_trials(
         report: Receives how many of how many are done.
         contents: The `results_hash` of the folder before anything was read of it; absent: as it is now.
         is_trusted: Whether programs are started as the suite says; otherwise all of them are in a sandbox.
-
-    Raises:
-        UsageError: the folder was changed meanwhile.
-        MachineError: the result cannot be kept.
     """
     contents = results_hash(again.folder.path) if contents is None else contents
     rooms = _rooms(trials, pool)
@@ -391,9 +363,6 @@ def record_trial_again(
         pool: Who flies.
         is_trusted: Whether its programs are started as the suite says, and a recording that is there is taken for its
             own; otherwise they are in a sandbox, and what is there is replaced.
-
-    Raises:
-        UsageError: it came to nothing again; the text has the end of its log. Or recordings would lie elsewhere.
     """
     recordings = again.folder.recordings
     place = recordings / trial.id

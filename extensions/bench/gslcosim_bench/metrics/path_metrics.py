@@ -267,9 +267,6 @@ def score_declarations(
         within_m: Success radius [m].
         is_control: Whether no source gives off gas; then all declarations are false.
         is_horizontal: Whether heights do not count for success.
-
-    Raises:
-        ShapeError: there are not as many places or confidences as times.
     """
     if not np.size(t_s):
         outcome = classify_declaration(None, within_m=within_m, is_control=is_control)

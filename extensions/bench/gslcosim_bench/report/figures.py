@@ -47,9 +47,6 @@ def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
     Args:
         analysis: What they show; of many entries the best twelve.
         folder: Where to; made if need be.
-
-    Raises:
-        UsageError: matplotlib is not installed.
     """
     otherwise = ", or leave figures out: the page has them too"
     matplotlib = matplotlib_for("figures", install="gslcosim-bench[report]", otherwise=otherwise)
@@ -179,12 +176,7 @@ _MOST_ACROSS = {1: 2, 2: 3}
 def write_result_figures(
     results: Path, folder: Path, *, names: Sequence[str] = (), formats: Sequence[str] = ("pdf",), columns: int = 1
 ) -> list[Path]:
-    """Write figures of results, for each room: of the first six entries; return their files.
-
-    Raises:
-        UsageError: it is no folder of results, a named figure does not exist or has no data, or there is no matplotlib.
-        MachineError: a file cannot be written.
-    """
+    """Write figures of results, for each room: of the first six entries; return their files."""
     unknown = next((name for name in names if name not in RESULT_FIGURES), None)
     if unknown is not None:
         raise UsageError(f"--figure: expected some of {', '.join(RESULT_FIGURES)} for results, was '{unknown}'.")

@@ -191,9 +191,6 @@ def load_report_data(results_dir: Path, mark: VerificationMark | None = None, *,
         results_dir: The folder.
         mark: What was found out by running a sample again; absent: what this user's state has of it.
         with_gas: Whether the tracks have the gas at the nose too.
-
-    Raises:
-        UsageError: it is none, or a file of it is damaged.
     """
     folder = ResultsFolder(results_dir)
     folder.check()

@@ -38,10 +38,6 @@ def write_report(results_dir: Path, *, figures: bool = False, mark: Verification
             add to the report where they are there.
         figures: Whether to write `figures/*.svg` and `*.pdf` too, by matplotlib.
         mark: What was found out by running a sample again; absent: what this user's state has of it.
-
-    Raises:
-        UsageError: the folder holds no results, a file is damaged or a link, or matplotlib is missing.
-        MachineError: a file cannot be written.
     """
     ResultsFolder(results_dir).check_writable_entries()
     analysis = analyse(load_report_data(results_dir, mark))

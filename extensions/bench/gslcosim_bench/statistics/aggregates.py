@@ -47,9 +47,6 @@ def stratified_bootstrap(
         n_draws: Bootstrap samples.
         level: Confidence level, 0 to 1.
 
-    Raises:
-        ShapeError: lengths differ, or a value is not finite.
-
     Source:
         Agarwal et al. 2021, arXiv:2108.13264, with the ends of `estimates.percentile_interval`.
     Held by:

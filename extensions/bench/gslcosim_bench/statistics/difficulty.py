@@ -55,10 +55,6 @@ def fit_rasch(successes: np.ndarray, trials: np.ndarray, prior_sd: float = 3.0) 
     Returns:
         The fit, with standard errors from the curvature at the maximum.
 
-    Raises:
-        ShapeError: the arrays differ in shape, or successes are not between 0 and trials.
-        ModelError: the fit does not converge.
-
     Source:
         Rasch 1960, Probabilistic Models for Some Intelligence and Attainment Tests; penalty: Mislevy 1986,
         doi:10.1007/BF02293979.
@@ -175,10 +171,6 @@ def fit_discrimination(
 
     Returns:
         One for each stratum, in the order in which they come.
-
-    Raises:
-        ShapeError: the arrays differ in shape.
-        ModelError: the fit does not converge.
 
     Source:
         Birnbaum 1968, in Lord and Novick, Statistical Theories of Mental Test Scores, chapter 17; priors: Mislevy 1986,
@@ -320,9 +312,6 @@ def wind_difficulty(toward: np.ndarray) -> float:
 
     Returns:
         0 to 1; nan without points.
-
-    Raises:
-        ShapeError: the vectors are not (n, 2).
 
     Source:
         Mardia 1972, Statistics of Directional Data.

@@ -121,11 +121,7 @@ def percentile_interval(draws: np.ndarray, level: float = LEVEL, freedom: int | 
 
 
 def as_finite_row(values: np.ndarray, name: str) -> np.ndarray:
-    """Return one row of finite numbers as floats.
-
-    Raises:
-        ShapeError: more than one dimension, or a value that is not finite.
-    """
+    """Return one row of finite numbers as floats."""
     array = np.asarray(values, dtype=np.float64)
     if array.ndim != 1:
         raise ShapeError(f"{name}: expected one dimension, had {array.ndim}. Give one value per trial.")
@@ -136,11 +132,7 @@ def as_finite_row(values: np.ndarray, name: str) -> np.ndarray:
 
 
 def check_same_length(**arrays: np.ndarray) -> None:
-    """Raise unless all arrays have one entry per trial.
-
-    Raises:
-        ShapeError: the first dimensions differ.
-    """
+    """Raise unless all arrays have one entry per trial."""
     lengths = {name: len(array) for name, array in arrays.items()}
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"{name} {length}" for name, length in lengths.items())

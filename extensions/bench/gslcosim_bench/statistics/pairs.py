@@ -53,9 +53,6 @@ def mcnemar(a: np.ndarray, b: np.ndarray) -> McNemar:
         a: (n,) successes of one entry.
         b: (n,) successes of the other in the same cases.
 
-    Raises:
-        ShapeError: the lengths differ.
-
     Source:
         McNemar 1947, doi:10.1007/BF02295996, in the exact form.
     """
@@ -89,9 +86,6 @@ def paired_difference(
         seed: Of the bootstrap.
         n_draws: Bootstrap samples.
 
-    Raises:
-        ShapeError: the lengths differ, or a value is not finite.
-
     Source:
         Efron and Tibshirani 1993, An Introduction to the Bootstrap, chapter 13; ends: `estimates.percentile_interval`.
     """
@@ -121,9 +115,6 @@ def sign_flip(
 
     Returns:
         Two-sided p; 1 where all differences are zero, nan without pairs.
-
-    Raises:
-        ShapeError: the lengths differ, or a value is not finite.
 
     Source:
         Fisher 1935, The Design of Experiments, section 21; (1 + hits) / (1 + n): Phipson and Smyth 2010,

@@ -19,9 +19,6 @@ def paired_power(n_pairs: int, *, difference: float, discordance: float, alpha: 
         discordance: Share of pairs in which just one entry succeeds; at least the difference.
         alpha: Level of the two-sided test.
 
-    Raises:
-        ShapeError: no difference, or less discordance than difference.
-
     Held by:
         extensions/bench/tests/unit/statistics/test_power.py (simulated pairs)
     """
@@ -54,9 +51,6 @@ def pairs_needed(
         alpha: Level of the test.
         design_effect: By how much pairs that share a room or plume inflate the variance:
             1 + (m - 1) rho for groups of m with the correlation rho (Kish 1965).
-
-    Raises:
-        ModelError: more than `LARGEST_N_PAIRS` pairs are needed.
     """
     low, high = 1, 2
     arguments = {"difference": difference, "discordance": discordance, "alpha": alpha}

@@ -106,9 +106,6 @@ def compare_entries(
         seed: Of the signs.
         n_signs: Drawn patterns; up to twelve units all patterns are gone through.
 
-    Raises:
-        ShapeError: figures of different shapes, or an infinite value.
-
     Source:
         Single-step maxT of Westfall and Young 1993, Resampling-Based Multiple Testing; signs of residuals as in the
         wild bootstrap (Liu 1988, doi:10.1214/aos/1176351062); ranks of Mogstad et al. 2024, Review of Economic

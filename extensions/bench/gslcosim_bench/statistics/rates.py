@@ -28,9 +28,6 @@ def wilson(successes: int, n: int, level: float = LEVEL) -> Estimate:
         n: Trials; undefined for 0.
         level: Confidence level, 0 to 1.
 
-    Raises:
-        ShapeError: successes are not between 0 and n.
-
     Source:
         Wilson 1927, doi:10.1080/01621459.1927.10502953, without continuity correction.
     """
@@ -54,9 +51,6 @@ def clopper_pearson(successes: int, n: int, level: float = LEVEL) -> Estimate:
         successes: 0 to n.
         n: Trials; undefined for 0.
         level: Confidence level, 0 to 1.
-
-    Raises:
-        ShapeError: successes are not between 0 and n.
 
     Source:
         Clopper and Pearson 1934, doi:10.1093/biomet/26.4.404, as quantiles of beta distributions.
@@ -180,9 +174,6 @@ def lift(success: np.ndarray, luck: np.ndarray, *, paired: bool, level: float = 
 
     Returns:
         The lift, -1 to 1; n counts pairs, or trials and controls together.
-
-    Raises:
-        ShapeError: paired, and the lengths differ.
 
     Source:
         Chosen; blind walks come near 14 to 22 % of the sources of GSL-Bench, so a rate alone says little.

@@ -50,9 +50,6 @@ def roc(score: np.ndarray, is_positive: np.ndarray, level: float = LEVEL) -> Roc
         The curve; the area is undefined without both kinds of runs. Its interval is DeLong's on the logit scale, and
         Newcombe's where the area is 0 or 1 or shows no spread.
 
-    Raises:
-        ShapeError: lengths differ, or a score is not finite.
-
     Source:
         Fawcett 2006, doi:10.1016/j.patrec.2005.10.010 (curve); DeLong, DeLong and Clarke-Pearson 1988,
         doi:10.2307/2531595 (variance); Pepe 2003 (logit scale);

@@ -83,9 +83,6 @@ def find_sampling_units(
         plumes: (n,) gas of each flight; equal labels in two rooms are two plumes.
         cases: (n,) case of each flight.
 
-    Raises:
-        ShapeError: the lengths differ.
-
     Source:
         Rao and Wu 1988, doi:10.1080/01621459.1988.10478591: in the bootstrap of several stages a lower stage counts
         with the fraction of the population that was sampled above it, here 0 (rooms like these) or 1 (these rooms).

@@ -357,9 +357,6 @@ def performance_profile(
         level: Confidence level, 0 to 1.
         units: Rooms or plumes whose scenarios are drawn as one; the band is then that of `rates_over_units`.
 
-    Raises:
-        ShapeError: lengths differ, or a time of the reference is not finite and above zero.
-
     Source:
         Dolan and Moré 2002, doi:10.1007/s101070100263.
     Deviation:
@@ -403,9 +400,6 @@ def runtime_distribution(
 
     Returns:
         The curve; n counts trials.
-
-    Raises:
-        ShapeError: not two dimensions.
 
     Source:
         Hansen et al. 2021, COCO, doi:10.1080/10556788.2020.1808977, without simulated restarts.

@@ -141,9 +141,6 @@ def write_failures(search: FailureSearch, folder: Path, films: Mapping[str, Path
         search: The search.
         folder: The folder with its rows, tracks and maps.
         films: Films of cases, by the name of the case.
-
-    Raises:
-        MachineError: a file cannot be written.
     """
     (folder / PICTURES).mkdir(exist_ok=True)
     pictures = draw_failures(folder, [each.outcome for each in search.failures[:_SHOWN]])

@@ -224,9 +224,6 @@ class FailureFinder:
             confirm_put_aside: As of `SuiteRun`.
             report: Receives the progress of runs.
             tell: Receives how the search stands, after each batch.
-
-        Raises:
-            UsageError: there is no such method, or the budget is too small.
         """
         if budget < 4 * BATCH:
             raise UsageError(
@@ -252,12 +249,7 @@ class FailureFinder:
         self._n_flown_now = 0
 
     def find(self) -> FailureSearch:
-        """Search, fly the worst again with other seeds, and return what came of it.
-
-        Raises:
-            KeyboardInterrupt: it was interrupted; the same call goes on.
-            GslCosimError: a case cannot be made, or nothing can be flown.
-        """
+        """Search, fly the worst again with other seeds, and return what came of it."""
         explore = round(EXPLORE_SHARE * self._budget)
         refine = explore + round(REFINE_SHARE * self._budget)
         try:

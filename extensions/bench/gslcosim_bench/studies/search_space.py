@@ -111,10 +111,6 @@ def find_space(source: str, varied: Sequence[str]) -> SearchSpace:
     Args:
         source: A family of cases, whose `vary` is searched, or a scenario: a file, or the name of a bundled one.
         varied: More that is searched, such as `wind.cell_m=0.2:0.4` or `agents[0].sensors[0].model=pid,tgs2600`.
-
-    Raises:
-        ScenarioError: there is no such family or scenario.
-        UsageError: a text says nothing that can be searched, or something twice.
     """
     path = Path(source)
     is_family = source in bundled_families() or (path.is_file() and "gslcosim/family/" in path.read_text()[:2000])

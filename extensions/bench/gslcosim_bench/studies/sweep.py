@@ -44,11 +44,7 @@ class SweepPlan:
     """A sweep before it is run, and what its rows say afterwards."""
 
     def __init__(self, subject: StudyTarget, varied: Mapping[str, tuple[ParameterValue, ...]]) -> None:
-        """Take a method and the values of its parameters.
-
-        Raises:
-            UsageError: there are too many combinations.
-        """
+        """Take a method and the values of its parameters."""
         self.subject = subject
         self.varied = varied
         self._entry = subject.entry.model_copy(update={"vary": varied})

@@ -64,10 +64,6 @@ def find_target(source: str, entry: str, *, repetitions: int | None = None, seed
         entry: An entry of the suite, a bundled method, or a Python file.
         repetitions: Replaces those of the suite and all that it includes; a scenario has 10.
         seed: Replaces the suite's.
-
-    Raises:
-        ScenarioError: the suite or scenario is not there, or is wrong.
-        UsageError: there is no such entry.
     """
     if is_scenario(source):
         chosen = find_method_entry(entry, option="--entry")
@@ -81,11 +77,7 @@ def find_target(source: str, entry: str, *, repetitions: int | None = None, seed
 
 
 def is_scenario(source: str) -> bool:
-    """Return whether a name or file is a scenario rather than a suite; a bundled suite goes before a scenario.
-
-    Raises:
-        ScenarioError: it is neither.
-    """
+    """Return whether a name or file is a scenario rather than a suite; a bundled suite goes before a scenario."""
     path = Path(source)
     if path.is_file():
         return _schema_of(path) != SCHEMA
@@ -167,9 +159,6 @@ def find_method_entry(name: str, *, option: str) -> EntrySpec:
     Args:
         name: Its name or file.
         option: What of the command line names it, for the error.
-
-    Raises:
-        UsageError: it is neither.
     """
     entry = _bundled_or_file(name)
     if entry is None:
@@ -315,9 +304,6 @@ def with_disjoint_seeds(
         number: Distinguishes several of one purpose.
         repetitions: Of each case.
         taken: Seeds that may not occur, see `collect_seeds`.
-
-    Raises:
-        UsageError: the suite has cases of a family, whose seeds are fixed.
     """
     fixed = next((case for _, case in expand_cases(subject.loaded) if case.seed is not None), None)
     if fixed is not None:
@@ -363,11 +349,7 @@ class ParameterRange:
 
 
 def parse_varied(texts: Sequence[str], subject: StudyTarget) -> dict[str, tuple[ParameterValue, ...]]:
-    """Return the values of each parameter of texts such as `step_m=0.2,0.5,1.0`.
-
-    Raises:
-        UsageError: a text is no such list, or the method's card allows no such parameter or value.
-    """
+    """Return the values of each parameter of texts such as `step_m=0.2,0.5,1.0`."""
     varied: dict[str, tuple[ParameterValue, ...]] = {}
     for text in texts:
         name, equals, listed = text.partition("=")
@@ -387,11 +369,7 @@ def parse_varied(texts: Sequence[str], subject: StudyTarget) -> dict[str, tuple[
 
 
 def parse_ranges(texts: Sequence[str], subject: StudyTarget) -> tuple[ParameterRange, ...]:
-    """Return the ranges of texts such as `step_m=0.1:2.0` or `step_m=0.1:2.0:log`.
-
-    Raises:
-        UsageError: a text is no such range, or the method's card does not allow all of it.
-    """
+    """Return the ranges of texts such as `step_m=0.1:2.0` or `step_m=0.1:2.0:log`."""
     ranges = [_range(text, subject.card) for text in texts]
     names = [each.name for each in ranges]
     if twice := next((name for name in names if names.count(name) > 1), None):
@@ -403,9 +381,6 @@ def card_ranges(subject: StudyTarget) -> tuple[ParameterRange, ...]:
     """Return the ranges of all numbers on a card that have a least, a most and a default.
 
     A number whose default is null is left to the scenario, and is no part of the method unless it is named.
-
-    Raises:
-        UsageError: there are none, or there is no card.
     """
     parameters = subject.card.parameters if subject.card is not None else {}
     ranges = tuple(
@@ -426,11 +401,7 @@ def card_ranges(subject: StudyTarget) -> tuple[ParameterRange, ...]:
 
 
 def check_value(option: str, name: str, value: Any, card: MethodCard | None) -> Any:
-    """Return a value as the method gets it; without a card everything is allowed.
-
-    Raises:
-        UsageError: the card has no such parameter, or does not allow the value.
-    """
+    """Return a value as the method gets it; without a card everything is allowed."""
     if card is None:
         return tuple(value) if isinstance(value, list) else value
     shortages = find_unmet_needs(card, sensors=(), knows=(), n_channels=0, parameters={name: value})

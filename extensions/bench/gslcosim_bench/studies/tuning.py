@@ -170,12 +170,7 @@ class SettingRunner:
         self.n_flown_now = 0
 
     def fly(self, settings: Sequence[Setting]) -> dict[str, list[Row]]:
-        """Return the rows of each setting by its name, flying what is missing.
-
-        Raises:
-            KeyboardInterrupt: it was interrupted; what was run is kept.
-            GslCosimError: see `SuiteRun.fly`.
-        """
+        """Return the rows of each setting by its name, flying what is missing."""
         self._plan = self.evaluation.plan(settings, after=self._plan)
         names = {setting.name for setting in settings}
         wanted = [trial for trial in self._plan.trials if trial.entry in names]
@@ -225,9 +220,6 @@ class OptunaSearch:
             ranges: What is searched.
             seed: Of all that is drawn.
             log: Where the study is kept; what stands there is replaced.
-
-        Raises:
-            UsageError: Optuna is not installed.
         """
         self._optuna = load_optuna()
         from optuna.storages import JournalStorage
@@ -272,11 +264,7 @@ class OptunaSearch:
 
 
 def load_optuna() -> Any:
-    """Return Optuna, which then prints nothing by itself.
-
-    Raises:
-        UsageError: it is not installed.
-    """
+    """Return Optuna, which then prints nothing by itself."""
     try:
         import optuna
     except ModuleNotFoundError as error:
@@ -321,9 +309,6 @@ def split_budget(flights: int, per_setting: int | None = None) -> Budget:
     Args:
         runs: All runs.
         per_setting: Runs of each setting, if given.
-
-    Raises:
-        UsageError: it is too small for the default, one other setting, and their validation.
     """
     k = per_setting if per_setting is not None else max(2, round(math.sqrt(flights) / 2))
     budget = Budget(flights=flights, per_setting=k, per_validation=max(k, flights // 10))
@@ -478,12 +463,7 @@ class Tuner:
         self._tried: list[EvaluatedSetting] = []
 
     def tune(self) -> TuningResult:
-        """Search, validate, and return what came of it.
-
-        Raises:
-            KeyboardInterrupt: it was interrupted; the same call goes on.
-            GslCosimError: Optuna is not there, the folder cannot be used, or nothing can be run.
-        """
+        """Search, validate, and return what came of it."""
         load_optuna()
         with ResultsFolder(self._folder).locked():
             search = OptunaSearch(self._ranges, seed=derive_seed(self._seed, "search"), log=self._folder / STUDY_LOG)

@@ -18,9 +18,6 @@ def read_points(path: Path) -> NDArray[np.float64]:
     """Return the (m, 3) points of a csv file with a header that names x_m, y_m and z_m, world frame [m].
 
     Further columns are passed over.
-
-    Raises:
-        UsageError: the file cannot be read, has another header, no points, or a row that is not numbers.
     """
     try:
         with io.TextIOWrapper(open_regular_file(path), encoding="utf-8-sig", newline="") as file:

@@ -49,9 +49,6 @@ def load_parts(path: Path, *, scale: float, up: Up | None, translate_m: tuple[fl
         scale: Metres per unit of the file.
         up: The file's axis that points up; by default that of its format.
         translate_m: Is added last [m].
-
-    Raises:
-        EnvironmentDataError: there is no such file, or it is not a whole one of its format with finite triangles.
     """
     ending = path.suffix.lower()
     if ending not in DEFAULT_UP:
@@ -314,9 +311,6 @@ def load_mjcf_parts(path: Path) -> list[Part]:
 
     Round shapes become prisms and rings of 32 sides. A part can be addressed by the names of its geom, body, mesh and
     material.
-
-    Raises:
-        EnvironmentDataError: MuJoCo does not take the file, or it has a height field.
     """
     try:
         _check_named_files(path)

@@ -388,10 +388,6 @@ def geometry_from_files(spec: GeometrySpec, wind: SolverSpec, *, base_dir: Path)
         spec: The files and what is said of them.
         wind: Gives the cell of the grid and the speed of inlets that say none.
         base_dir: What relative paths are relative to, the scenario's folder.
-
-    Raises:
-        EnvironmentDataError: a file cannot be read.
-        ScenarioError: the geometry is no room; the text lists all reasons, holes with their places.
     """
     parts = _load(spec, base_dir)
     plugs, walls, problems = find_geometry_openings(spec, parts)

@@ -423,9 +423,6 @@ def write_case(
         turbulence: k_epsilon or rng_k_epsilon with wall functions, smagorinsky or laminar.
         nu_m2_s: Kinematic viscosity [m2/s].
         courant: Largest Courant number of a step.
-
-    Raises:
-        FlowError: the room cannot be solved, or not by this; the message says what to change.
     """
     _check(patches, folder, turbulence, n_ranks, courant)
     _check_times(end_time_s, average_from_s)

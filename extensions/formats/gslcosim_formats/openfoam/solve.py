@@ -62,9 +62,6 @@ def find_installation(*, project_dirs: tuple[str, ...] = PROJECT_DIRS) -> Instal
 
     Args:
         project_dirs: Patterns of folders to look in.
-
-    Raises:
-        FlowError: there is none; the message says where it was looked for and how to install it.
     """
     candidates = [*_from_variable(), *_from_folders(project_dirs)]
     if shutil.which("pimpleFoam"):
@@ -114,11 +111,7 @@ _FIELD_TYPE = NDArray[np.float32]
 
 
 def read_wind(case: FoamCase) -> _FIELD_TYPE:
-    """Return the wind of a case that has been run, (nx, ny, nz, 3) at cell centres [m/s], zero in solids.
-
-    Raises:
-        FlowError: the result is missing or not as it was asked for; says which file.
-    """
+    """Return the wind of a case that has been run, (nx, ny, nz, 3) at cell centres [m/s], zero in solids."""
     cells = np.full((case.mesh.n_cells, 3), np.nan)
     for part in _parts(case):
         values = _read_vectors(_last_time(part) / case.field)
@@ -183,9 +176,6 @@ def run_case(case: FoamCase, installation: Installation, *, on_time: Callable[[f
         case: A written case that was not run yet.
         installation: OpenFOAM.
         on_time: Receives the flow's time [s] at each step.
-
-    Raises:
-        FlowError: a tool failed; the message has the last lines of its log and says where the log is.
     """
     solver = [installation.tool("pimpleFoam"), "-case", str(case.folder)]
     if case.n_ranks > 1:
@@ -274,9 +264,6 @@ def solve_wind_openfoam(
 
     Returns:
         (nx, ny, nz, 3) velocities at cell centres [m/s], float32, zero in solids.
-
-    Raises:
-        FlowError: there is no OpenFOAM, it cannot solve this, or it failed; the folder of a case that failed is kept.
     """
     installation = find_installation()
     folder = case_dir or Path(tempfile.mkdtemp(prefix="gslcosim-openfoam-"))

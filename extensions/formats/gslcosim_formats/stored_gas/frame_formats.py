@@ -66,11 +66,7 @@ class GasFrame:
 
 
 def build_grid(path: Path, *, min_m: Vec3, max_m: Vec3, cell_m: float, shape: tuple[int, int, int]) -> Grid:
-    """Build the grid that a frame's head describes.
-
-    Raises:
-        EnvironmentDataError: sizes are not finite or not positive, or the corners do not fit the cells.
-    """
+    """Build the grid that a frame's head describes."""
     # NaN is not below either.
     is_sound = bool((abs(np.array([*min_m, *max_m, cell_m])) < MAX_EXTENT_M).all()) and cell_m > 0 and min(shape) > 0
     if not is_sound or int(np.prod(np.array(shape, object))) > MAX_GRID_CELLS:
@@ -87,22 +83,14 @@ def build_grid(path: Path, *, min_m: Vec3, max_m: Vec3, cell_m: float, shape: tu
 
 
 def check_cubic_cell(path: Path, cell_m: Vec3) -> float:
-    """Return the edge of cells [m] that a format describes by three, checked to be equal.
-
-    Raises:
-        EnvironmentDataError: they are no cubes.
-    """
+    """Return the edge of cells [m] that a format describes by three, checked to be equal."""
     if not np.allclose(cell_m, cell_m[0], rtol=1e-6, atol=0.0):
         raise EnvironmentDataError(f"gas frame: expected cubic cells, was {cell_m} m. File: {path}")
     return cell_m[0]
 
 
 def check_source_position(path: Path, grid: Grid, position_m: Vec3) -> Vec3:
-    """Return the position of the source that a frame's head gives, world frame [m], checked.
-
-    Raises:
-        EnvironmentDataError: it is outside the grid.
-    """
+    """Return the position of the source that a frame's head gives, world frame [m], checked."""
     low, high = np.subtract(grid.origin_m, grid.cell_m), np.add(grid.max_m, grid.cell_m)
     if not ((low <= position_m) & (position_m <= high)).all():
         raise EnvironmentDataError(
@@ -129,9 +117,6 @@ def build_filaments(
         sigma_cm: (n,) standard deviations [cm].
         amount_mol: Gas in each filament [mol].
         air_mol_cm3: Moles of air in a cubic centimetre, as the writer had it.
-
-    Raises:
-        EnvironmentDataError: a value is not finite or out of its range.
     """
     if not (0.0 < amount_mol < 1e3 and AIR_RANGE_MOL_CM3[0] < air_mol_cm3 < AIR_RANGE_MOL_CM3[1]):
         raise EnvironmentDataError(
@@ -169,11 +154,7 @@ def _check_strength(path: Path, sigma_cm: NDArray[np.float64], amount_mol: float
 
 
 def find_gas_by_code(path: Path, code: int) -> str:
-    """Return the name of a gas by GADEN's number.
-
-    Raises:
-        EnvironmentDataError: there is no such gas.
-    """
+    """Return the name of a gas by GADEN's number."""
     names = {gas.gaden_code: name for name, gas in GASES.items() if gas.gaden_code is not None}
     if code not in names:
         raise EnvironmentDataError(f"gas frame: expected a gas code from 0 to {max(names)}, was {code}. File: {path}")
@@ -238,11 +219,7 @@ class _GadenReader:
 
 
 def read_gaden_frame(path: Path) -> GasFrame:
-    """Read one frame of a GADEN result folder.
-
-    Raises:
-        EnvironmentDataError: the file is missing, truncated, of an unknown version, or holds impossible values.
-    """
+    """Read one frame of a GADEN result folder."""
     reader = _GadenReader(path=path, content=_decompress(path))
     major = reader.take_int()
     if major == 1:
@@ -415,11 +392,7 @@ def find_occupancy(folder: Path) -> Path | None:
 
 
 def read_walls(path: Path) -> Walls:
-    """Return the walls that an `OccupancyGrid3D.csv` describes.
-
-    Raises:
-        EnvironmentDataError: the file is not of this kind, or its cells do not fit its head.
-    """
+    """Return the walls that an `OccupancyGrid3D.csv` describes."""
     grid, occupancy = read_occupancy(path)
     return Walls.of_occupancy(occupancy, grid)
 
@@ -436,11 +409,7 @@ _HEAD_KINDS = {
 
 
 def read_gsl_bench_frame(filaments_path: Path) -> GasFrame:
-    """Read one frame: the filaments of `iteration_i_fil.npy` and the head of `iteration_i_head.npy` beside it.
-
-    Raises:
-        EnvironmentDataError: a file is missing, truncated, not of this kind, or holds impossible values.
-    """
+    """Read one frame: the filaments of `iteration_i_fil.npy` and the head of `iteration_i_head.npy` beside it."""
     head_path = filaments_path.with_name(filaments_path.name.replace("_fil.npy", "_head.npy"))
     heads = _load_gsl_bench_record(head_path, _HEAD_KINDS)
     if len(heads) != 1:

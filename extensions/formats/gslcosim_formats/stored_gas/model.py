@@ -146,12 +146,7 @@ def _build_playback_field(gas: PlaybackGasSpec, setup: GasSetup) -> GasField:
 
 
 def load_stored_gas(gas: PlaybackGasSpec) -> GasMovie | GasPlayback:
-    """Return the stored gas of a block.
-
-    Raises:
-        ScenarioError: it cannot be the scenario's gas.
-        EnvironmentDataError: it cannot be read.
-    """
+    """Return the stored gas of a block."""
     spec = gas.playback
     assert spec is not None, "a GasSpec has it with this model"
     stored = _open_stored_gas(Path(spec.folder), spec)

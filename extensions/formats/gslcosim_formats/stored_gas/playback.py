@@ -49,9 +49,6 @@ class GasPlayback:
             folder: Holds `iteration_i` or `iteration_i_fil.npy` and `iteration_i_head.npy`.
             period_s: Time between frame i and frame i + 1 [s]; see `default_period_s`.
             is_looping: Whether time begins again after the last frame.
-
-        Raises:
-            EnvironmentDataError: the folder holds no frames.
         """
         self._paths = _find_frames(folder)
         self._numbers = np.array(sorted(self._paths))
@@ -79,11 +76,7 @@ class GasPlayback:
         return int(self._numbers[i]) if i >= 0 else None
 
     def frame(self, number: int) -> GasFrame:
-        """Return a frame by its number; the last one asked for is kept.
-
-        Raises:
-            EnvironmentDataError: there is no such frame, or its file is faulty.
-        """
+        """Return a frame by its number; the last one asked for is kept."""
         if number not in self._paths:
             raise EnvironmentDataError(
                 f"gas frames: expected a number among {_span(self._numbers)}, was {number}. "
@@ -218,11 +211,7 @@ class GasMovie:
     """
 
     def __init__(self, path: Path, *, is_looping: bool = False) -> None:
-        """Read a film.
-
-        Raises:
-            EnvironmentDataError: the file is missing, faulty, or holds impossible values.
-        """
+        """Read a film."""
         arrays = _load_movie(path)
         times_s, ppm = np.asarray(arrays["time_s"], np.float64), arrays["mixing_ratio_ppm"]
         self._is_plane = ppm.ndim == 3

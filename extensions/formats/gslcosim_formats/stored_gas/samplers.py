@@ -96,9 +96,6 @@ def find_stored_field_sampler(folder: Path, *, period_s: float | None = None) ->
     Args:
         folder: An environment of GSL-Bench, its gas folder, or a result folder of GADEN, or a folder some way above it.
         period_s: Time between frames [s]; absent: 1 for GSL-Bench, 0.5 for GADEN, their usual values.
-
-    Raises:
-        EnvironmentDataError: the folder holds several sets of gas frames, or a file is faulty.
     """
     gas_folder = _find_gas_folder(folder)
     if gas_folder is None:

@@ -283,10 +283,6 @@ def prepare_cases(
         flying: One of `FLYING`.
         report: Receives how many of how many are prepared.
         action: The kind of actions.
-
-    Raises:
-        UsageError: a scenario cannot be batched, or its observations are not those of the first.
-        ScenarioError: it cannot be flown.
     """
     if not loaded:
         raise UsageError("cases: expected at least one scenario, was none.")

@@ -40,9 +40,6 @@ class BatchWindFrames:
         n_envs: How many searches.
         cases: Records of `CASE`.
 
-    Raises:
-        UsageError: gas or wind is not among them.
-
     Held by:
         extensions/training/tests/unit/batch/test_wind_frames.py
     """

@@ -48,9 +48,6 @@ class Evolution:
     Source:
         Hansen and Ostermeier 2001, Completely derandomized self-adaptation in evolution strategies, Evolutionary
         Computation 9(2); pycma: Hansen, Akimoto, Baudis 2019, doi:10.5281/zenodo.2559634.
-
-    Raises:
-        UsageError: pycma is not installed.
     """
 
     def __init__(self, n: int, *, population: int, spread: float, seed: int) -> None:
@@ -91,11 +88,7 @@ class Evolution:
         return {"told": np.array(self._costs, np.float64).reshape(-1, self._population)}
 
     def resume(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Live through the generations of a state again.
-
-        Raises:
-            UsageError: it is that of another population.
-        """
+        """Live through the generations of a state again."""
         check_state(state, {"told": (None, self._population)})
         self._costs, self._strategy = [], self._begun()
         for costs in state["told"]:
@@ -242,21 +235,11 @@ class CaseRun:
     entry: EntrySpec
 
     def check(self) -> None:
-        """Check that the method has all that it needs in the case.
-
-        Raises:
-            ScenarioError: it lacks something.
-        """
+        """Check that the method has all that it needs in the case."""
         self._trial()
 
     def row(self, rooms: EnvironmentCache) -> Row:
-        """Fly, and return the row that a benchmark has of such a flight.
-
-        Raises:
-            ScenarioError: the method lacks something.
-            SimulationFault: a service failed.
-            MethodError: the method did something wrong.
-        """
+        """Fly, and return the row that a benchmark has of such a flight."""
         trial = self._trial()
         folder = prepare_environment(self.case.scenario, scenario_dir=self.case.directory)
         row = run_trial(trial, folder, rooms).row
@@ -319,10 +302,6 @@ class EvolvedMethod:
         settings: Of the trainer.
         seed: Of the training.
         weights: From mean costs of the cases to how often each comes; see `Family.weights`.
-
-    Raises:
-        UsageError: the method, or a parameter of it, is not there, or so many robots cannot fly it.
-        ScenarioError: the method lacks something in the cases.
 
     Source:
         Duisterhof et al. 2021, Sniffy Bug, IROS; the strategy is CMA-ES in place of their genetic algorithm, and the

@@ -25,11 +25,7 @@ _SMALL = 0.01
 
 
 def load_jax() -> tuple[Any, Any]:
-    """Return JAX and optax.
-
-    Raises:
-        UsageError: one of them is not installed.
-    """
+    """Return JAX and optax."""
     # Read when JAX is imported first.
     os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {_ONE_THREAD}".strip()
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
@@ -255,11 +251,7 @@ class PpoSettings:
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "PpoSettings":
-        """Return settings from plain values.
-
-        Raises:
-            UsageError: one is unknown or wrong.
-        """
+        """Return settings from plain values."""
         if problem := next(cls.find_problems(values), None):
             raise UsageError(f"recurrent_ppo{problem}" if problem.where else f"recurrent_ppo: {problem}")
         given = dict(values)
@@ -282,9 +274,6 @@ class RecurrentPpo:
         seed: Of the training.
         doping: What the cases have cost, where hard ones are to come more often: a round draws its cases by what those
             before it have cost. Absent: all come equally often.
-
-    Raises:
-        UsageError: JAX is not installed, or a setting does not fit the environments.
     """
 
     def __init__(
@@ -374,11 +363,7 @@ class RecurrentPpo:
         }
 
     def resume(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from a state.
-
-        Raises:
-            UsageError: it is that of another network.
-        """
+        """Go on from a state."""
         jax, _ = load_jax()
         own = self.state()
         wrong = [name for name in own if name not in state or np.shape(state[name]) != own[name].shape]

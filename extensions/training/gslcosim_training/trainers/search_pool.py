@@ -23,9 +23,6 @@ class SearchPool:
         flying: As for `BatchSearchEnv`.
         has_wind_frame: As for `BatchSearchEnv`.
         report: Receives how many of how many cases are prepared.
-
-    Raises:
-        UsageError: a case cannot be batched.
     """
 
     def __init__(
@@ -52,11 +49,7 @@ class SearchPool:
         self.step_s = vehicle.hold_s if action.hold_s is None else action.hold_s
 
     def places_of(self, names: Sequence[str]) -> NDArray[np.int64]:
-        """Return the indices of some observations among all.
-
-        Raises:
-            UsageError: a name is none of them.
-        """
+        """Return the indices of some observations among all."""
         if strange := [name for name in names if name not in self.observation_names]:
             raise UsageError(
                 f"trainer.observations: expected names among {', '.join(self.observation_names)}, was "

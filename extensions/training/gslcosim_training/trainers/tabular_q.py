@@ -43,9 +43,6 @@ class TabularQ:
         seed: Of the training.
         weights: From mean costs of the cases to how often each comes; costs are shares of failures here.
 
-    Raises:
-        UsageError: the action has no choices, or an observation is not there.
-
     Source:
         Watkins and Dayan 1992, Q-learning, Machine Learning 8; the mean over what is flown as in Sutton and Barto
         2018, Reinforcement Learning, section 6.6 (expected Sarsa).

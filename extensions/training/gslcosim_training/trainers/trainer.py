@@ -39,11 +39,7 @@ class Trainer(Protocol):
 
 
 def check_state(state: Mapping[str, NDArray[Any]], shapes: Mapping[str, tuple[int | None, ...]]) -> None:
-    """Check that a state has arrays of these shapes; None stands for any number.
-
-    Raises:
-        UsageError: it has others.
-    """
+    """Check that a state has arrays of these shapes; None stands for any number."""
     for name, shape in shapes.items():
         found = state[name].shape if name in state else None
         fits = found is not None and len(found) == len(shape)
@@ -222,9 +218,6 @@ class Curriculum:
         Args:
             infos: What a batch returns of a step, or its `final_info` where searches begin again at once.
             ends: Which searches have ended.
-
-        Raises:
-            UsageError: the environment does not say which case a search flew, or how it went.
         """
         ended = infos.get("final_info", infos)
         if missing := [name for name in _NEEDED if name not in ended]:

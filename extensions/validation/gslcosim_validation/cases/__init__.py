@@ -23,22 +23,14 @@ CASE_MODULES = {
 
 
 def load_case(name: str) -> Case:
-    """Return a case by its name.
-
-    Raises:
-        UsageError: there is none.
-    """
+    """Return a case by its name."""
     if name not in CASE_MODULES:
         raise UsageError(f"--only: expected cases among {', '.join(CASE_MODULES)}, was {name}.")
     return importlib.import_module(f"{__name__}.{CASE_MODULES[name]}").CASE
 
 
 def load_cases(names: Sequence[str] = ()) -> tuple[Case, ...]:
-    """Return the cases of these names in the page's order, by default all.
-
-    Raises:
-        UsageError: one of them is unknown.
-    """
+    """Return the cases of these names in the page's order, by default all."""
     for name in names:
         load_case(name)
     return tuple(load_case(name) for name in CASE_MODULES if not names or name in names)

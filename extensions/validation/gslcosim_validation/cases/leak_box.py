@@ -47,10 +47,6 @@ def solve_leak(box: LeakBox, case: LeakCase, n_cells: int, *, has_buoyancy: bool
         case: Leak and holes.
         n_cells: Along the box's length.
         has_buoyancy: Otherwise the gas drives nothing and spreads as our filaments do, to the end of the release.
-
-    Raises:
-        FlowError: leak or holes are not in the box.
-        MeasuredDataError: the geometry lacks the leak's opening.
     """
     cell_m = box.size_m[0] / n_cells
     shape = tuple(max(1, round(side_m / cell_m)) for side_m in box.size_m)

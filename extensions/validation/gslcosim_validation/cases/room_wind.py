@@ -34,9 +34,6 @@ def solve_room(room: RoomProfiles, n_cells: int, *, has_sides: bool) -> tuple[ND
         room: Geometry and inlet.
         n_cells: Of the room's height.
         has_sides: Half the room from one side wall to the middle plane; else a slice without side walls.
-
-    Raises:
-        FlowError: the slots do not fit on the cells.
     """
     length_m, width_m, height_m = room.size_m
     cell_m = height_m / n_cells

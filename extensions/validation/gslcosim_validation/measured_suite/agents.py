@@ -146,9 +146,6 @@ def find_agent_entries(
         data_dir: Folder of the logs, which no agent sees.
         taken: Names that other entries have; a bundled agent of such a name gets the ending `_agent`.
         is_chosen: Whether an entry of a name takes part; the others are not looked at.
-
-    Raises:
-        UsageError: a word names nothing, a method cannot replay logs, or two have one name.
     """
     entries: list[Entry] = []
     names = set(taken)
@@ -258,11 +255,7 @@ class LogSession:
         self._session.brief(briefing, codec.encode(briefing))
 
     def ask(self, observation: Observation) -> Command:
-        """Return the command that answers an observation.
-
-        Raises:
-            LogAgentError: the agent is gone or answers too late.
-        """
+        """Return the command that answers an observation."""
         session, self._tick = self._session, observation.tick
         passed = session.observe(observation, codec.encode(observation))
         # What an agent says after its answer belongs to this question too.
@@ -290,9 +283,6 @@ def open_log_session(agent: LogAgent, spec: AgentSpec, data_dir: Path) -> Iterat
         agent: Which; a bundled one is an object in this process.
         spec: As `LogAgent.build_agent_spec` has it.
         data_dir: Folder of the logs and their truth, which a process of an agent in a sandbox does not see.
-
-    Raises:
-        UsageError: it cannot be started.
     """
     events: queue.SimpleQueue[AgentEvent] = queue.SimpleQueue()
     with ExitStack() as stack:

@@ -149,12 +149,7 @@ class LogCase:
 
 
 def load_log_cases(data: MeasuredData) -> tuple[LogCase, ...]:
-    """Return the logs of a folder, one of each set of masts or lasers.
-
-    Raises:
-        MeasuredDataError: a file is missing or wrong.
-        UsageError: the folder has no log of a format that makes trials.
-    """
+    """Return the logs of a folder, one of each set of masts or lasers."""
     cases: list[LogCase] = []
     for each in data.sets:
         if each.format == "mast_network":

@@ -92,11 +92,7 @@ def _figure(estimate: Estimate) -> str:
 
 
 def write_page(folder: Path, results: Sequence["LogResult"]) -> Path:
-    """Write `measured.md` with its timelines, `measured.json` and `events.json`; return the page.
-
-    Raises:
-        MachineError: a file cannot be written.
-    """
+    """Write `measured.md` with its timelines, `measured.json` and `events.json`; return the page."""
     from gslcosim_validation.measured_suite.run import describe_events
 
     lines = [

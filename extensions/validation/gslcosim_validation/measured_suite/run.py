@@ -69,9 +69,6 @@ def choose_entries(only: Sequence[str], agents: Sequence[str], data_dir: Path) -
         only: The patterns.
         agents: What `find_agent_entries` makes entries of beside the default agents.
         data_dir: Folder of the logs.
-
-    Raises:
-        UsageError: none does, or an agent cannot take part.
     """
 
     def is_chosen(name: str) -> bool:
@@ -104,11 +101,6 @@ def run_measured(
         agents: Agents that take part beside the bundled entries: names, Python files, suites.
         has_report: Whether to write `report.html` too.
         progress: Receives a text and the fraction done.
-
-    Raises:
-        MeasuredDataError: a file of the data is missing or wrong.
-        UsageError: there is no log or no entry, or the folder of results is in use or holds another suite.
-        MachineError: it cannot be written.
     """
     from gslcosim_bench.report.writer import write_report
     from gslcosim_validation.measured_suite.page import write_page

@@ -40,11 +40,7 @@ class StepFlow:
 
 
 def read_backward_facing_step(folder: Path) -> StepFlow:
-    """Return the set in a folder.
-
-    Raises:
-        MeasuredDataError: a file is missing or wrong.
-    """
+    """Return the set in a folder."""
     geometry = read_document(folder / "geometry.json")
     table, friction = read_columns(folder / "profiles.csv"), read_columns(folder / "skin_friction.csv")
     x = table.numbers("x_over_h")

@@ -76,11 +76,7 @@ class Columns:
         return len(next(iter(self.texts.values())))
 
     def require(self, names: Sequence[str]) -> None:
-        """Raise unless all of these columns are there.
-
-        Raises:
-            MeasuredDataError: one is missing; where it is there in another unit, the error says so.
-        """
+        """Raise unless all of these columns are there."""
         for name in names:
             if name not in self.texts:
                 raise self._missing(name)
@@ -91,9 +87,6 @@ class Columns:
         Args:
             name: Of the column.
             allow_gaps: Whether fields may be empty.
-
-        Raises:
-            MeasuredDataError: there is no such column, or a field in it is no number.
         """
         self.require([name])
         texts = self.texts[name]
@@ -118,11 +111,7 @@ class Columns:
         return values
 
     def optional_numbers(self, name: str) -> NDArray[np.float64]:
-        """Return a column of numbers with nan for empty fields; all nan where there is no such column.
-
-        Raises:
-            MeasuredDataError: a field in it is no number.
-        """
+        """Return a column of numbers with nan for empty fields; all nan where there is no such column."""
         return self.numbers(name, allow_gaps=True) if name in self.texts else np.full(self.n_rows, np.nan)
 
     def matrix(self, names: Iterable[str], *, allow_gaps: bool = False) -> NDArray[np.float64]:
@@ -130,20 +119,12 @@ class Columns:
         return np.stack([self.numbers(name, allow_gaps=allow_gaps) for name in names], axis=1)
 
     def point(self, name: str, i_row: int) -> Vec3:
-        """Return the point [m] that columns `NAME_x_m`, `NAME_y_m` and `NAME_z_m` have in a row.
-
-        Raises:
-            MeasuredDataError: there is no such column, or a field in it is no number.
-        """
+        """Return the point [m] that columns `NAME_x_m`, `NAME_y_m` and `NAME_z_m` have in a row."""
         x_m, y_m, z_m = (float(self.numbers(f"{name}_{axis}_m")[i_row]) for axis in "xyz")
         return x_m, y_m, z_m
 
     def words(self, name: str) -> tuple[str, ...]:
-        """Return a column of words, none of them empty.
-
-        Raises:
-            MeasuredDataError: there is no such column, or a field is empty.
-        """
+        """Return a column of words, none of them empty."""
         self.require([name])
         for i, text in enumerate(self.texts[name]):
             if not text:
@@ -151,11 +132,7 @@ class Columns:
         return self.texts[name]
 
     def clock_s(self, name: str) -> NDArray[np.float64]:
-        """Return a column of ISO 8601 times as seconds since 1970-01-01; without zone they count as UTC.
-
-        Raises:
-            MeasuredDataError: there is no such column, or a field is no time.
-        """
+        """Return a column of ISO 8601 times as seconds since 1970-01-01; without zone they count as UTC."""
         values = np.empty(self.n_rows)
         for i, text in enumerate(self.words(name)):
             try:
@@ -181,9 +158,6 @@ class Columns:
             values: (n,) times [s].
             may_repeat: Whether two rows may share a time.
             longest_gap_s: The longest step between two rows [s].
-
-        Raises:
-            MeasuredDataError: the clock jumps back, stands still or leaps ahead.
         """
         steps = np.diff(values)
         back = np.flatnonzero(steps < 0.0 if may_repeat else steps <= 0.0)
@@ -204,11 +178,7 @@ class Columns:
         return values
 
     def require_ppm(self, name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return readings of methane unchanged; raise where their median is what no open air has [ppm].
-
-        Raises:
-            MeasuredDataError: they are in another unit.
-        """
+        """Return readings of methane unchanged; raise where their median is what no open air has [ppm]."""
         known = values[np.isfinite(values)]
         median = float(np.median(known)) if len(known) else 0.0
         if median > _MAX_MEDIAN_METHANE_PPM:
@@ -267,9 +237,6 @@ def read_columns(path: Path, *, must_have_rows: bool = True) -> Columns:
     Args:
         path: The file.
         must_have_rows: Whether a header alone is an error.
-
-    Raises:
-        MeasuredDataError: it cannot be read, or is no table.
     """
     try:
         content = read_regular_file(path, max_bytes=MAX_BYTES)

@@ -24,22 +24,14 @@ class Document:
         return value
 
     def number(self, *keys: str) -> float:
-        """Return a number.
-
-        Raises:
-            MeasuredDataError: there is none at these keys.
-        """
+        """Return a number."""
         value = self.get(*keys)
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self._error(keys, "a number", value)
         return float(value)
 
     def vector(self, *keys: str) -> Vec3:
-        """Return three numbers.
-
-        Raises:
-            MeasuredDataError: they are not there.
-        """
+        """Return three numbers."""
         value = self.get(*keys)
         is_vector = isinstance(value, list) and len(value) == 3 and all(isinstance(x, int | float) for x in value)
         if not is_vector:
@@ -47,11 +39,7 @@ class Document:
         return float(value[0]), float(value[1]), float(value[2])
 
     def block(self, *keys: str) -> dict[str, Any]:
-        """Return a block with at least one entry.
-
-        Raises:
-            MeasuredDataError: there is none.
-        """
+        """Return a block with at least one entry."""
         value = self.get(*keys)
         if not isinstance(value, dict) or not value:
             raise self._error(keys, "a block with entries", value)
@@ -63,11 +51,7 @@ class Document:
 
 
 def read_document(path: Path) -> Document:
-    """Return a JSON file.
-
-    Raises:
-        MeasuredDataError: it cannot be read.
-    """
+    """Return a JSON file."""
     try:
         return Document(path, read_json(path, JsonObject))
     except MalformedFileError as error:

@@ -82,31 +82,20 @@ class MeasuredData:
         Args:
             measured_set: One of `sets`.
             kind: The type that its reader returns, such as `MastNetwork`.
-
-        Raises:
-            MeasuredDataError: a file in it is missing or wrong.
         """
         content = next(each for each in FORMATS if each.name == measured_set.format).read(measured_set.folder)
         assert isinstance(content, kind), f"{measured_set.format} is read as {type(content).__name__}"
         return content
 
     def check(self, format_names: Collection[str]) -> None:
-        """Read all sets of some formats, so that a bad file is told before anything is computed.
-
-        Raises:
-            MeasuredDataError: a file is missing or wrong.
-        """
+        """Read all sets of some formats, so that a bad file is told before anything is computed."""
         for known in FORMATS:
             if known.name in format_names:
                 for each in self.of_format(known.name):
                     known.read(each.folder)
 
     def published(self, entry_id: str) -> dict[str, Any]:
-        """Return the values of a published figure, by its id in `published.json`.
-
-        Raises:
-            MeasuredDataError: there is no such file or entry.
-        """
+        """Return the values of a published figure, by its id in `published.json`."""
         return read_published(self.folder / PUBLISHED, entry_id)
 
     @property
@@ -120,9 +109,6 @@ def read_measured(folder: Path | str) -> MeasuredData:
 
     Args:
         folder: The folder.
-
-    Raises:
-        MeasuredDataError: it is no folder, or holds no known format.
     """
     root = Path(folder)
     if not root.is_dir():

@@ -54,11 +54,7 @@ _MAX_TAN_GAMMA = 10.0
 
 
 def read_laser_paths(folder: Path) -> LaserPaths:
-    """Return the set in a folder.
-
-    Raises:
-        MeasuredDataError: a file is missing or wrong, or the layout lacks a source.
-    """
+    """Return the set in a folder."""
     layout = read_document(folder / "layout.json")
     names = sorted(layout.block("reflectors_m"), key=lambda name: int(name.rsplit("_", 1)[-1]))
     files = sorted(folder.glob("minutes_source_*.csv*"))

@@ -59,11 +59,7 @@ class LeakBox:
 
 
 def read_leak_box(folder: Path) -> LeakBox:
-    """Return the set in a folder.
-
-    Raises:
-        MeasuredDataError: a file is missing or wrong.
-    """
+    """Return the set in a folder."""
     geometry = read_document(folder / "geometry.json")
     table = read_columns(folder / "cases.csv")
     heights_m = geometry.get("sensors", "z_m")

@@ -67,11 +67,7 @@ class MastNetwork:
 
 
 def read_mast_network(folder: Path) -> MastNetwork:
-    """Return the set in a folder.
-
-    Raises:
-        MeasuredDataError: a file is missing or wrong, or the files are of different sites.
-    """
+    """Return the set in a folder."""
     site = read_document(folder / "site.json")
     minutes = read_columns(find_table(folder, "minutes"))
     masts = tuple(found["mast"] for name in minutes.texts if (found := _READING.fullmatch(name)))

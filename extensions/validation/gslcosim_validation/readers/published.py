@@ -13,9 +13,6 @@ def read_published(path: Path, entry_id: str) -> dict[str, Any]:
     Args:
         path: The file.
         entry_id: Its id.
-
-    Raises:
-        MeasuredDataError: there is no such file or entry, or it has no values.
     """
     entries = read_document(path).get("entries")
     ids = [each.get("id") for each in entries if isinstance(each, dict)] if isinstance(entries, list) else []

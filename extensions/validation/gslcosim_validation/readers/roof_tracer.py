@@ -26,11 +26,7 @@ class RoofTracer:
 
 
 def read_roof_tracer(folder: Path) -> RoofTracer:
-    """Return the set in a folder.
-
-    Raises:
-        MeasuredDataError: a file is missing or wrong.
-    """
+    """Return the set in a folder."""
     wind, upwind, downwind = (
         read_columns(find_table(folder, name)) for name in ("wind_10hz", "upwind_1hz", "downwind_1hz")
     )

@@ -44,11 +44,7 @@ class RoomProfiles:
 
 
 def read_room_profiles(folder: Path) -> RoomProfiles:
-    """Return the set in a folder.
-
-    Raises:
-        MeasuredDataError: a file is missing or wrong.
-    """
+    """Return the set in a folder."""
     geometry = read_document(folder / "geometry.json")
     table = read_columns(folder / "u_profiles.csv")
     names = np.array(table.words("line"))

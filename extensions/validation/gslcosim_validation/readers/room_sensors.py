@@ -52,11 +52,7 @@ class RoomSensors:
 
 
 def read_room_sensors(folder: Path) -> RoomSensors:
-    """Return the set in a folder.
-
-    Raises:
-        MeasuredDataError: a file is missing or wrong, or an experiment has other sensors than the table.
-    """
+    """Return the set in a folder."""
     room = read_document(folder / "room.json")
     sensors, table = read_columns(folder / "sensors.csv"), read_columns(folder / "experiments.csv")
     names = sensors.words("column")

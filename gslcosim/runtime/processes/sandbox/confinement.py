@@ -30,11 +30,7 @@ _MAX_CAPABILITIES = 64
 
 
 def give_up_capabilities() -> None:
-    """Give up all capabilities; who has none keeps none.
-
-    Raises:
-        OSError: the kernel refuses.
-    """
+    """Give up all capabilities; who has none keeps none."""
     library = ctypes.CDLL(None, use_errno=True)
     # Only who has the right to may do these two, and only there they mean something.
     library.prctl(_PR_SET_SECUREBITS, _SECURE_BITS, 0, 0, 0)
@@ -99,9 +95,6 @@ def confine(
         files_rw: Files and devices to read and write.
         tcp_ports: Ports to connect to.
         is_about_files: Whether files are confined at all, or the network alone.
-
-    Raises:
-        OSError: the kernel refuses.
     """
     abi = read_landlock_version()
     rights = _FILE_RIGHTS[min(abi, len(_FILE_RIGHTS) - 1)] if is_about_files else 0
@@ -274,9 +267,6 @@ def filter_calls(*, allows_unix: bool, allows_tcp: bool) -> None:
     Args:
         allows_unix: Whether unix sockets are allowed.
         allows_tcp: Whether TCP is.
-
-    Raises:
-        OSError: the kernel refuses.
     """
     if not can_filter():
         return

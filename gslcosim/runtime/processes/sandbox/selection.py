@@ -138,9 +138,6 @@ def find_exposed_truth(folders: Iterable[Path], sources: Collection[Path] = ()) 
     Args:
         folders: They are searched to their ends.
         sources: Files that are truth under each name that they have.
-
-    Raises:
-        TooMuchToSearchError: a folder holds more than can be searched.
     """
     inodes = {(status.st_dev, status.st_ino) for path in sources if (status := _status(path)) is not None}
     found: list[Path] = []
@@ -370,9 +367,6 @@ def describe_sandboxes(scenario: Scenario, *, is_one_process: bool) -> Mapping[s
     Args:
         scenario: The scenario.
         is_one_process: Whether Python agents are objects in this process.
-
-    Raises:
-        UsageError: the scenario demands what this machine lacks, or of an agent that is not started as a process.
     """
     starts = {agent.name: agent for agent in scenario.agents}
     of_agents = {
@@ -387,11 +381,7 @@ def is_sandboxed(sandboxes: str) -> bool:
 
 
 def choose_sandbox(agent: ConfinementSpec) -> SandboxKind:
-    """Return which sandbox the process of an agent or participant is started in.
-
-    Raises:
-        UsageError: the one that the scenario demands does not work here.
-    """
+    """Return which sandbox the process of an agent or participant is started in."""
     _raise_problem(agent, _find_missing_sandbox(agent))
     start = agent.start.registered if isinstance(agent, AgentSpec) else None
     if start is not None and not start.is_confinable:
@@ -514,9 +504,6 @@ def build_environment_variables(
         agent: The agent or participant.
         command: What starts it.
         surroundings: From which variables are taken; absent: this process's own.
-
-    Raises:
-        UsageError: the scenario passes on a variable that is not set.
     """
     around = os.environ if surroundings is None else surroundings
     variables = build_short_environment(command, around)
@@ -546,10 +533,6 @@ def build_confinement(
         private_dir: Where private folders may be made.
         sockets: The unix sockets of its transport.
         tcp_port: The port of its transport.
-
-    Raises:
-        UsageError: the sandbox that the scenario demands does not work here, the command names the truth, or it may
-            write where others read code or where the run is.
     """
     kind = choose_sandbox(agent)
     environment = build_environment_variables(agent, command)
