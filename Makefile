@@ -16,7 +16,7 @@ PYPROJECTS := pyproject.toml $(wildcard extensions/*/pyproject.toml)
 # The last commit of 0.1.0.
 BASE ?= 9693e5e
 
-.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-peers bench-table crossings plume-statistics reality soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check capabilities golden docs docs-site docs-serve readability dist contract setup lock version bench-training simulated-entries
+.PHONY: run test test-all check bench bench-agents bench-gas bench-wind bench-robots bench-methods bench-suite bench-against bench-setup bench-peers bench-table crossings plume-statistics reality soak soak-faults soak-restarts soak-travel soak-network attacks freeze freeze-check capabilities golden docs docs-site docs-serve readability dist contract setup lock version bench-training simulated-entries
 
 run: .venv/ready            # fly the quickstart
 	$(BIN)/gslcosim up scenarios/warehouse_empty.yaml
@@ -44,13 +44,16 @@ check: .venv/ready-check      # style, types, layers, spelling, imports that are
 	@set -e; for folder in $(dir $(wildcard extensions/*/pyproject.toml)); do (cd $$folder && ../../$(BIN)/deptry .); done
 
 bench: .venv/ready-test-all      # how fast it is on this machine
-	@set -e; for script in $(filter-out %/bench_against.py %/bench_peers.py,$(wildcard tests/benchmarks/bench_*.py)); do echo "== $$script"; $(BIN)/python $$script; done
+	@set -e; for script in $(filter-out %/bench_against.py %/bench_setup.py %/bench_peers.py,$(wildcard tests/benchmarks/bench_*.py)); do echo "== $$script"; $(BIN)/python $$script; done
 
 bench-agents: .venv/ready-test-all  # decisions per second and round trip, for each language and door
 	$(BIN)/python tests/benchmarks/bench_agents.py
 
 bench-against: .venv/ready-test-all  # today's speed beside another commit's, in turns; BASE=COMMIT, by default 0.1.0
 	$(BIN)/python tests/benchmarks/bench_against.py --base $(BASE)
+
+bench-setup:                     # time and disk of a fresh set-up beside another commit's, in turns; BASE=COMMIT, by default 0.1.0
+	$(PYTHON) tests/benchmarks/bench_setup.py $(BASE)
 
 bench-table: .venv/ready-test-all .venv-peers/ready  # the table of speed beside its goals; BASE=COMMIT, by default 0.1.0
 	$(BIN)/python tests/benchmarks/speed_table.py --base $(BASE)
