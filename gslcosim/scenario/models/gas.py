@@ -138,24 +138,6 @@ def list_gases(definitions: tuple[GasDefinition, ...]) -> dict[str, gases.Gas]:
 GAS_ENTRY_POINTS = "gslcosim.gas_models"
 
 
-class PlumeSpec(Spec):
-    """Settings of `gaussian_plume` and `meandering_plume`.
-
-    A meandering plume is at any moment `instantaneous_frac` as wide as its mean, and wanders within that mean with the
-    correlation time `meander_s`.
-    """
-
-    stability: Literal["A", "B", "C", "D", "E", "F"] = Field(default="D", description="Pasquill's class")
-    wind_m_s: Vec3 | None = Field(
-        default=None, description="uniform wind (absent: wind of the room at the first source)"
-    )
-    has_ground: bool = Field(default=True, description="reflect the plume at z = 0")
-    instantaneous_frac: Annotated[float, Field(gt=0, le=1)] = Field(
-        default=0.5, description="instantaneous width of a meandering plume as a fraction of the mean width"
-    )
-    meander_s: Positive = Field(default=20.0, description="correlation time of a meandering plume")
-
-
 class FarrellSpec(Spec):
     """Settings of Farrell's open field: a horizontal wind with gusts at its corners, on `n_nodes` nodes per side.
 
@@ -319,36 +301,8 @@ class FarrellGasSpec(FilamentsSpec):
     farrell: FarrellSpec = Field(default=FarrellSpec(), description="wind of the open field")
 
 
-class FormulaGasSpec(GasSpec):
-    """Base of gas models with a formula for the plume."""
-
-    belongs: ClassVar[Mapping[str, tuple[str, ...]]] = {
-        "plume.instantaneous_frac": ("meandering_plume",),
-        "plume.meander_s": ("meandering_plume",),
-    }
-
-    plume: PlumeSpec = Field(default=PlumeSpec(), description="shape and wind of the plume")
-
-
-class GaussianPlumeGasSpec(FormulaGasSpec):
-    """The mean plume of each source, by Gauss's formula."""
-
-    model: Literal["gaussian_plume"] = Field(  # pyright: ignore
-        default="gaussian_plume", description="gas model"
-    )
-
-
-class MeanderingPlumeGasSpec(FormulaGasSpec):
-    """A narrower plume that moves about within the mean one."""
-
-    model: Literal["meandering_plume"] = Field(  # pyright: ignore
-        default="meandering_plume", description="gas model"
-    )
-
-
 GAS_MODELS: dict[str, type[GasSpec]] = {
-    str(block.model_fields["model"].default): block
-    for block in (FilamentGasSpec, GaussianPlumeGasSpec, MeanderingPlumeGasSpec, FarrellGasSpec)
+    str(block.model_fields["model"].default): block for block in (FilamentGasSpec, FarrellGasSpec)
 }
 """The block of each of gslcosim's own gas models."""
 

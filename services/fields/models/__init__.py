@@ -1,1 +1,1 @@
-"""Gas models of a scenario: filaments, Farrell's open field and Gaussian plumes."""
+"""Gas models of a scenario: filaments and Farrell's open field."""

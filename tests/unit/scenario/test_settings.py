@@ -27,6 +27,5 @@ def test_unit_and_default_are_those_of_the_block():
 
 
 def test_settings_of_other_kinds_with_the_same_block_are_left_out():
-    assert "plume.meander_s" in keys("meandering_plume") - keys("gaussian_plume")
     assert {"courant", "inlet_schedule.shares"} <= keys("built_in") - keys("uniform")
     assert "loops" in keys("file") - keys("openfoam")

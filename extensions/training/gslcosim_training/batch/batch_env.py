@@ -14,7 +14,7 @@ from gslcosim.base.errors import UsageError
 from gslcosim.base.frames import world_from_body_rotation, yaw_from_quaternion
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim.scenario.loader import LoadedScenario
-from gslcosim.scenario.models.gas import FormulaGasSpec
+from gslcosim_formats.gaussian_plume import FormulaGasSpec
 from gslcosim_search.learned.encoding import (
     N_HEADINGS,
     WIND,

@@ -18,10 +18,11 @@ from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.loader import LoadedScenario
-from gslcosim.scenario.models.gas import FilamentsSpec, MeanderingPlumeGasSpec
+from gslcosim.scenario.models.gas import FilamentsSpec
 from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.models.success import AllSourcesSuccess, SourceSuccess
 from gslcosim.vehicles import Vehicle, get_vehicle
+from gslcosim_formats.gaussian_plume import MeanderingPlumeGasSpec
 from gslcosim_search.learned.encoding import MARGIN_M, ObservationVector
 from gslcosim_services.fields.gas_setup import list_gas_names
 from gslcosim_services.sensing.briefing import build_briefing

@@ -15,11 +15,7 @@ from gslcosim.base.ticks import NS_PER_S, ticks_from_seconds
 from gslcosim.environment.model import Environment
 from gslcosim.environment.openings import solid_boxes
 from gslcosim.scenario import Scenario
-from gslcosim.scenario.models.gas import (
-    FilamentGasSpec,
-    GaussianPlumeGasSpec,
-    MeanderingPlumeGasSpec,
-)
+from gslcosim.scenario.models.gas import FilamentGasSpec
 from gslcosim.scenario.models.scenario import AgentSpec
 from gslcosim.scenario.models.sensors import (
     BumpSensorSpec,
@@ -27,6 +23,12 @@ from gslcosim.scenario.models.sensors import (
     OnBoardSensorSpec,
     RaySensorSpec,
     SensorSpec,
+)
+from gslcosim_formats.gaussian_plume import (
+    KNOT_CORRELATION,
+    KNOTS_PER_CORRELATION_TIME,
+    GaussianPlumeGasSpec,
+    MeanderingPlumeGasSpec,
 )
 from gslcosim_formats.stored_gas.frame_formats import GasFrame
 from gslcosim_formats.stored_gas.model import PlaybackGasSpec, load_stored_gas
@@ -36,7 +38,6 @@ from gslcosim_services.fields.filament_field import MIN_READINGS_FOR_INDEX
 from gslcosim_services.fields.gas_setup import GasSetup, GasTiming, gas_seed, gas_timing, list_gas_names
 from gslcosim_services.fields.mixing_ratio import CUTOFF_SIGMA, build_solid_sums, strength_ppm_m3
 from gslcosim_services.fields.models.filament_gas import build_cached_plume, build_gas_model
-from gslcosim_services.fields.models.gaussian_plume import KNOT_CORRELATION, KNOTS_PER_CORRELATION_TIME
 from gslcosim_services.fields.spatial_index import FilamentIndex
 from gslcosim_services.fields.tape import CachedPlume, GasTape, tape_hash
 from gslcosim_services.sensing.briefing import find_sensor_kind

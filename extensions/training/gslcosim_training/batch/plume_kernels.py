@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 
 from gslcosim.base.c_calls import call_address
 from gslcosim.base.errors import ModelError
-from gslcosim.scenario.models.gas import FormulaGasSpec
+from gslcosim_formats.gaussian_plume import OPEN_COUNTRY, FormulaGasSpec, build_mean_plumes, list_gas_columns
 from gslcosim_services.fields.gas_setup import GasSetup
-from gslcosim_services.fields.models.gaussian_plume import OPEN_COUNTRY, build_mean_plumes, list_gas_columns
 
 _INT64 = ir.IntType(64)
 

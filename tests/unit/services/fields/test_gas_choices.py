@@ -9,11 +9,11 @@ from gslcosim.contract.participant import Episode
 from gslcosim.scenario.models.gas import SourceSpec
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.serialization import plain_values
+from gslcosim_formats.gaussian_plume import GaussianPlume
 from gslcosim_services.fields.core import FieldsCore
 from gslcosim_services.fields.gas_builder import build_gas_field
 from gslcosim_services.fields.gas_field import PointGrid
 from gslcosim_services.fields.gas_setup import mean_release_m3_s
-from gslcosim_services.fields.models.gaussian_plume import GaussianPlume
 
 SOURCE_M = (2.0, 5.0, 2.0)
 POINTS = np.array([(4.0, 5.0, 2.0), (6.0, 5.2, 2.1), (1.0, 5.0, 2.0)])

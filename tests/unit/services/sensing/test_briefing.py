@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gslcosim.contract.messages import KnownMap
-from gslcosim.scenario.models.gas import GaussianPlumeGasSpec
+from gslcosim.scenario.models.gas import FarrellGasSpec
 from gslcosim_services.sensing.briefing import build_briefing, build_known_map, build_nominal_plume
 
 PILLAR = ("pillar", (3.0, 2.0, 0.0), (4.0, 3.0, 1.0))
@@ -59,7 +59,7 @@ def test_the_nominal_plume_holds_the_amount_of_its_filaments(scenario_with):
 
 def test_a_plume_without_filaments_is_reported_with_the_spread_of_usual_ones(scenario_with):
     scenario = scenario_with({"plume": True})
-    gas = GaussianPlumeGasSpec(sources=scenario.gas.sources)
+    gas = FarrellGasSpec(sources=scenario.gas.sources)
     assert build_nominal_plume(scenario.model_copy(update={"gas": gas})) == build_nominal_plume(scenario)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import ModelError
-from gslcosim_services.fields.models.gaussian_plume import OPEN_COUNTRY, GaussianPlume
+from gslcosim_formats.gaussian_plume import OPEN_COUNTRY, GaussianPlume
 from gslcosim_training.batch.plume_kernels import PLUME_RECORD, find_loop_address, steady_ppm_at
 
 

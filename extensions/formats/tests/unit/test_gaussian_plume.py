@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import ModelError
-from gslcosim_services.fields.models.gaussian_plume import GaussianPlume, spreads_m
+from gslcosim_formats.gaussian_plume import GaussianPlume, spreads_m
 
 RELEASE_M3_S = 2e-3
 

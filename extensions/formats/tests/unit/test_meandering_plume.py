@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gslcosim.base.rng import stream
-from gslcosim_services.fields.models.gaussian_plume import GaussianPlume, MeanderingPlume, WanderingPath, spreads_m
+from gslcosim_formats.gaussian_plume import GaussianPlume, MeanderingPlume, WanderingPath, spreads_m
 
 POINTS = np.array([(30.0, 0.0, 2.0), (30.0, 2.0, 2.0), (20.0, -1.0, 3.0), (-1.0, 0.0, 2.0)])
 

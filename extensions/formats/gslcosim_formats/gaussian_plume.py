@@ -1,17 +1,19 @@
 """Gaussian plumes behind point sources in even wind: the steady mean, and one that meanders."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from gslcosim.base.errors import ModelError, ScenarioError
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
-from gslcosim.scenario.models.gas import FormulaGasSpec, GaussianPlumeGasSpec, MeanderingPlumeGasSpec
+from gslcosim.base.spec import Positive, Spec
+from gslcosim.scenario.models.gas import GasSpec
 from gslcosim_services.fields.gas_field import GasField
 from gslcosim_services.fields.gas_setup import (
     GasSetup,
@@ -37,6 +39,51 @@ OPEN_COUNTRY = {
 # Knots of a path in a correlation time; between them it is interpolated.
 KNOTS_PER_CORRELATION_TIME = 20
 KNOT_CORRELATION = math.exp(-1.0 / KNOTS_PER_CORRELATION_TIME)
+
+
+class PlumeSpec(Spec):
+    """Settings of `gaussian_plume` and `meandering_plume`.
+
+    A meandering plume is at any moment `instantaneous_frac` as wide as its mean, and wanders within that mean with the
+    correlation time `meander_s`.
+    """
+
+    stability: Literal["A", "B", "C", "D", "E", "F"] = Field(default="D", description="Pasquill's class")
+    wind_m_s: Vec3 | None = Field(
+        default=None, description="uniform wind (absent: wind of the room at the first source)"
+    )
+    has_ground: bool = Field(default=True, description="reflect the plume at z = 0")
+    instantaneous_frac: Annotated[float, Field(gt=0, le=1)] = Field(
+        default=0.5, description="instantaneous width of a meandering plume as a fraction of the mean width"
+    )
+    meander_s: Positive = Field(default=20.0, description="correlation time of a meandering plume")
+
+
+class FormulaGasSpec(GasSpec):
+    """Base of gas models with a formula for the plume."""
+
+    belongs: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "plume.instantaneous_frac": ("meandering_plume",),
+        "plume.meander_s": ("meandering_plume",),
+    }
+
+    plume: PlumeSpec = Field(default=PlumeSpec(), description="shape and wind of the plume")
+
+
+class GaussianPlumeGasSpec(FormulaGasSpec):
+    """The mean plume of each source, by Gauss's formula."""
+
+    model: Literal["gaussian_plume"] = Field(  # pyright: ignore
+        default="gaussian_plume", description="gas model"
+    )
+
+
+class MeanderingPlumeGasSpec(FormulaGasSpec):
+    """A narrower plume that moves about within the mean one."""
+
+    model: Literal["meandering_plume"] = Field(  # pyright: ignore
+        default="meandering_plume", description="gas model"
+    )
 
 
 def spreads_m(downwind_m: NDArray[np.float64], stability: StabilityClass) -> tuple[NDArray, NDArray]:
