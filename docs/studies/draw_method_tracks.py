@@ -33,7 +33,7 @@ from gslcosim.runtime.run import run_scenario
 from gslcosim.scenario import load_scenario
 from gslcosim.scenario.loader import LoadedScenario
 from gslcosim.scenario.models.scenario import Scenario
-from gslcosim_services.fields.offline import GroundTruth, compute_ground_truth
+from gslcosim_formats.field_samplers import GroundTruth, compute_ground_truth
 
 HERE = Path(__file__).parent
 PICTURES = HERE.parent / "images" / "methods"

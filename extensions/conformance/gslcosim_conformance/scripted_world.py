@@ -48,7 +48,7 @@ from gslcosim.contract.participant_messages import (
 from gslcosim.contract.record import NumericArray
 from gslcosim.contract.schema import get_contract_hash, list_published_types
 from gslcosim.methods.card import Needs
-from gslcosim.methods.example_instruments import (
+from gslcosim_conformance.example_instruments import (
     GAS,
     MISSION,
     PLUME,

@@ -3,9 +3,9 @@
 import argparse
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.ros_graphs import ROS_DISTRIBUTIONS
 from gslcosim.cli.arguments import CommandOptions, Run, add_pace_option, load_checked
 from gslcosim.cli.terminal import write_note
+from gslcosim_ros.ros_graphs import ROS_DISTRIBUTIONS
 from gslcosim_ros.scenario_keys import LIVE_TOPICS
 
 # How often it is looked whether Ctrl-C was pressed.

@@ -31,9 +31,9 @@ import zenoh.ext
 import zenoh.handlers
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.ros_graphs import ROS_ENDPOINT
 from gslcosim.bus.zenoh_bus import build_session_config, open_session
 from gslcosim_ros import wire
+from gslcosim_ros.ros_graphs import ROS_ENDPOINT
 from gslcosim_ros.types import RosTypes
 from gslcosim_ros.wire import Attachment, QosProfile, Token
 

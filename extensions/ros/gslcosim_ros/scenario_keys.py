@@ -6,9 +6,9 @@ from pydantic import Field, field_validator
 
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.processes import build_python_command
-from gslcosim.base.ros_graphs import ROS_ENDPOINT, RosDistribution
 from gslcosim.base.scenario_keys import AgentStart, ScenarioKey
 from gslcosim.base.spec import Spec
+from gslcosim_ros.ros_graphs import ROS_ENDPOINT, RosDistribution
 
 if TYPE_CHECKING:
     from gslcosim.scenario.models.scenario import AgentSpec, StartSpec

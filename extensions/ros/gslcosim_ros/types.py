@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.ros_graphs import RosDistribution
 from gslcosim.base.ticks import NS_PER_S
+from gslcosim_ros.ros_graphs import RosDistribution
 from gslcosim_ros.wire import NO_HASH
 
 REMEDY = "pip install gslcosim-ros"

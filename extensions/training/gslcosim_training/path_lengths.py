@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslcosim.environment.model import Cell, Environment
-from gslcosim.environment.paths.free_distances import compute_free_distances_m
 from gslcosim.environment.paths.scoring_paths import Places, layer_at
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import AgentSpec
+from gslcosim_training.free_distances import compute_free_distances_m
 
 # Actions that lead a vehicle in space, not at its search height.
 _IN_SPACE = ("velocity_3d", "waypoint_3d")

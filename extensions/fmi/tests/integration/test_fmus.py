@@ -28,7 +28,7 @@ from gslcosim.scenario.problems import InvalidScenarioError
 from gslcosim_fmi.checks import find_fmu_problems, find_fmu_warnings
 from gslcosim_fmi.core import FmuCore
 from gslcosim_fmi.room_fmu import export_room_fmu
-from gslcosim_services.fields.offline import Instant, ScenarioFieldSampler, ViewOptions
+from gslcosim_formats.field_samplers import Instant, ScenarioFieldSampler, ViewOptions
 
 pytestmark = pytest.mark.extras
 

@@ -21,7 +21,7 @@ from gslcosim.scenario import load_scenario
 from gslcosim.scenario.models.gas import FilamentGasSpec
 from gslcosim.scenario.models.sensors import make_sensor_spec
 from gslcosim_fmi.room_fmu import check_can_be_recorded, export_room_fmu, find_platform
-from gslcosim_services.fields.offline import Instant, ScenarioFieldSampler, ViewOptions
+from gslcosim_formats.field_samplers import Instant, ScenarioFieldSampler, ViewOptions
 from gslcosim_services.sensing.models import build_sensor, sensor_kind
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler: apt-get install gcc")

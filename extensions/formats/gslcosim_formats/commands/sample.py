@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from gslcosim.environment.model import Environment, Grid
     from gslcosim.scenario import Scenario
+    from gslcosim_formats.field_samplers import FieldSampler, Instant, ViewOptions
     from gslcosim_services.fields.gas_field import PointGrid
-    from gslcosim_services.fields.offline import FieldSampler, Instant, ViewOptions
 
 EXAMPLES = """  gslcosim environment sample environments/001 --frame 400 --points points.csv --out ppm.csv
   gslcosim environment sample runs/my_run --time 60 --grid 0.25 --out ppm.npz
@@ -76,7 +76,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim_services.fields.offline import Instant, ViewOptions, build_lattice
+    from gslcosim_formats.field_samplers import Instant, ViewOptions, build_lattice
 
     _check_file_name(arguments)
     fields = _fields_of(arguments)
@@ -151,8 +151,8 @@ def _check_inside(points_m: "NDArray[np.float64]", grid: "Grid") -> None:
 
 def _fields_of(arguments: argparse.Namespace) -> "FieldSampler":
     from gslcosim.environment.store import HEADER_FILE, load_environment
+    from gslcosim_formats.field_samplers import ScenarioFieldSampler
     from gslcosim_formats.stored_gas.samplers import find_stored_field_sampler
-    from gslcosim_services.fields.offline import ScenarioFieldSampler
 
     folder = Path(arguments.source)
     if (folder / HEADER_FILE).is_file():
@@ -180,7 +180,7 @@ def _fields_of(arguments: argparse.Namespace) -> "FieldSampler":
 def _named_fields(arguments: argparse.Namespace) -> "FieldSampler":
     from gslcosim.environment.generation import prepare_environment
     from gslcosim.environment.store import load_environment
-    from gslcosim_services.fields.offline import ScenarioFieldSampler
+    from gslcosim_formats.field_samplers import ScenarioFieldSampler
 
     runs_dir: Path = arguments.runs_dir
     found = sorted(runs_dir.glob("*/scenario.yaml")) if runs_dir.is_dir() else []
@@ -215,7 +215,7 @@ def _scenario(source: str) -> "tuple[Scenario, Path]":
 
 def _run_fields(folder: Path, gas: str | None) -> "FieldSampler":
     from gslcosim.runtime.run_dir import RunDir
-    from gslcosim_services.fields.offline import ScenarioFieldSampler
+    from gslcosim_formats.field_samplers import ScenarioFieldSampler
 
     scenario = RunDir(folder).load_scenario()
     return ScenarioFieldSampler(_environment_of_run(folder, scenario), scenario, gas=gas)

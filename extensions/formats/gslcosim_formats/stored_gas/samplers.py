@@ -15,11 +15,11 @@ from gslcosim.environment.grid_kernels import trilinear_wind_at_points
 from gslcosim.environment.model import Grid
 from gslcosim_formats.data_files import read_array_frame, read_result
 from gslcosim_formats.environment_folders import load_gsl_bench_geometry
+from gslcosim_formats.field_samplers import Instant, ViewOptions, read_in_chunks
 from gslcosim_formats.stored_gas.frame_formats import GasFrame, find_occupancy, read_walls
 from gslcosim_formats.stored_gas.playback import GasPlayback, default_period_s, values_in_cells
 from gslcosim_services.fields.gas_field import PointGrid
 from gslcosim_services.fields.mixing_ratio import CUTOFF_SIGMA, Walls, check_points, mixing_ratio_ppm_on_grid
-from gslcosim_services.fields.offline import Instant, ViewOptions, read_in_chunks
 from gslcosim_services.fields.spatial_index import FilamentIndex
 
 # From a project of GADEN down to the frames of one of its simulations.

@@ -28,12 +28,12 @@ import numpy as np
 from gslcosim.agent_kit import Agent, Briefing, Command, Observation, run
 from gslcosim.agent_kit.agent import run_free
 from gslcosim.base.frames import quaternion_from_yaw
-from gslcosim.base.ros_graphs import RosDistribution
 from gslcosim.contract.messages import CommandKind, Declaration, Reading
 from gslcosim.scenario.models.sensors import SensorSpec, make_sensor_spec
 from gslcosim_ros.live import messages
 from gslcosim_ros.live.navigation import Navigator
 from gslcosim_ros.node import RosSession
+from gslcosim_ros.ros_graphs import RosDistribution
 from gslcosim_ros.types import MAP_FRAME, RosTypes
 from gslcosim_ros.wire import CLIENT, SUBSCRIBER, QosProfile
 

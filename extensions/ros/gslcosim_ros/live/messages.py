@@ -28,6 +28,7 @@ from gslcosim.scenario.models.sensors import (
 )
 from gslcosim_ros import types as ros_types
 from gslcosim_ros.types import ANEMOMETER, GAS_SENSOR, MAP_FRAME, RosTypes, Vector
+from gslcosim_ros.vehicle_urdf import build_urdf
 from gslcosim_ros.wire import LATCHED, QosProfile
 from gslcosim_services.recorder.stream_table import (
     ANGULAR_VELOCITY,
@@ -45,7 +46,6 @@ from gslcosim_services.recorder.stream_table import (
     split_values,
 )
 from gslcosim_services.sensing.models.anemometer import QUANTITY as WIND_QUANTITY
-from gslcosim_services.world.vehicle_urdf import build_urdf
 
 Values = Mapping[str, Vector]
 """Numbers that a sensor reports at one instant, by name of the stream."""

@@ -5,11 +5,11 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from gslcosim.base.ros_graphs import RosDistribution
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim.contract.messages import CommandKind
 from gslcosim_ros.actions import ActionGoal, ActionServer, GoalStatus
 from gslcosim_ros.node import RosNode, RosSession
+from gslcosim_ros.ros_graphs import RosDistribution
 from gslcosim_ros.types import MAP_FRAME, RosTypes
 
 NAVIGATE_TO_POSE = "nav2_msgs/action/NavigateToPose"

@@ -15,10 +15,10 @@ from gslcosim.simulation.simulation import Simulation
 
 rosbags = pytest.importorskip("rosbags", reason="needs the extra ros")
 pytest.importorskip("xxhash", reason="needs the extra ros")
-from gslcosim.base.ros_graphs import ROS_DISTRIBUTIONS  # noqa: E402
 from gslcosim_ros import simulation_interfaces as interfaces  # noqa: E402
 from gslcosim_ros.actions import ActionClient, CancelCode, GoalStatus  # noqa: E402
 from gslcosim_ros.node import RosSession  # noqa: E402
+from gslcosim_ros.ros_graphs import ROS_DISTRIBUTIONS  # noqa: E402
 from gslcosim_ros.simulation_interfaces import Feature, ResultCode, State, define_interfaces  # noqa: E402
 from gslcosim_ros.simulation_services import SimulationServices, encode_gas_response  # noqa: E402
 from gslcosim_ros.types import RosTypes  # noqa: E402

@@ -8,9 +8,9 @@ from contextlib import ExitStack
 
 import pytest
 
-from gslcosim.base.ros_graphs import ROS_DISTRIBUTIONS
 from gslcosim_ros import wire
 from gslcosim_ros.node import RosSession
+from gslcosim_ros.ros_graphs import ROS_DISTRIBUTIONS
 from gslcosim_ros.types import RosTypes
 
 # Longer than a busy machine takes.

@@ -9,8 +9,8 @@ from gslcosim.contract.messages import BodyPoses, BodyState
 from gslcosim.contract.participant import Episode
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.serialization import plain_values
+from gslcosim_formats.field_samplers import Instant, ScenarioFieldSampler, ViewOptions
 from gslcosim_services.fields.core import FieldsCore
-from gslcosim_services.fields.offline import Instant, ScenarioFieldSampler, ViewOptions
 from gslcosim_services.fields.tape import GasTape, TapeSchedule, record_tape, tape_hash
 
 SOURCES = [{"position_m": (5.0, 5.0, 2.0)}, {"position_m": (5.0, 5.2, 2.0), "gas": "methane", "ppm": 50.0}]

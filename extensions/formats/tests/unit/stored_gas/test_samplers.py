@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import EnvironmentDataError, UsageError
+from gslcosim_formats.field_samplers import Instant, ViewOptions, build_lattice
 from gslcosim_formats.stored_gas.samplers import find_stored_field_sampler
-from gslcosim_services.fields.offline import Instant, ViewOptions, build_lattice
 
 THROUGH_WALLS = ViewOptions(has_line_of_sight=False)
 PLACES = gaden.POSITIONS_M[:2]

@@ -6,14 +6,14 @@ import pytest
 
 from gslcosim.base.errors import UsageError
 from gslcosim.contract.participant import Episode
-from gslcosim_services.fields.core import FieldsCore
-from gslcosim_services.fields.mixing_ratio import Walls, mixing_ratio_ppm_at
-from gslcosim_services.fields.offline import (
+from gslcosim_formats.field_samplers import (
     Instant,
     ScenarioFieldSampler,
     ViewOptions,
     build_lattice,
 )
+from gslcosim_services.fields.core import FieldsCore
+from gslcosim_services.fields.mixing_ratio import Walls, mixing_ratio_ppm_at
 
 THROUGH_WALLS = ViewOptions(has_line_of_sight=False)
 PLACES = gaden.POSITIONS_M[:2]

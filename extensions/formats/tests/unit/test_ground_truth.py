@@ -6,9 +6,9 @@ import pytest
 from gslcosim.contract.participant import Episode
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim.scenario.serialization import plain_values
+from gslcosim_formats.field_samplers import compute_ground_truth, ground_truth_from_field, list_true_sources
 from gslcosim_services.fields.core import FieldsCore
 from gslcosim_services.fields.gas_setup import mean_release_m3_s
-from gslcosim_services.fields.offline import compute_ground_truth, ground_truth_from_field, list_true_sources
 
 
 @pytest.fixture

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gslcosim.environment.model import Cell, Grid
-from gslcosim.environment.paths.free_distances import compute_free_distances_m
 from gslcosim.environment.paths.scoring_paths import Layer, shortest_path_m
+from gslcosim_training.free_distances import compute_free_distances_m
 
 CELL_M = 0.25
 # Bends lie at the centres of cells, where those of the referee lie at their corners.

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gslcosim.vehicles import get_vehicle, list_vehicle_names
-from gslcosim_services.world.vehicle_urdf import build_urdf
+from gslcosim_ros.vehicle_urdf import build_urdf
 
 # MuJoCo takes the first link for the world: the vehicle floats in it.
 WORLD = '<link name="world"/><joint name="free" type="floating"><parent link="world"/><child link="body"/></joint>'

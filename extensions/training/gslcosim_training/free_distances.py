@@ -41,7 +41,7 @@ def spread_distances(blocked, origin_m, cell_m, root_m, root_node, root_length_m
     Source:
         Daniel, Nash, Koenig and Felner 2010, Theta*: any-angle path planning on grids, JAIR 39, 533-579, fig. 2.
     Held by:
-        tests/unit/environment/paths/test_free_distances.py
+        extensions/training/tests/unit/test_free_distances.py
     """
     nx, ny, nz = blocked.shape
     length_m = np.full(blocked.size, np.inf)
