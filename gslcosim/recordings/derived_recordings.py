@@ -18,7 +18,7 @@ from gslcosim.base.method_names import ATTACHED
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim.environment.model import Environment
-from gslcosim.recordings.reader import read_chunks
+from gslcosim.recordings.chunks import read_chunks
 from gslcosim.scenario import Scenario
 from gslcosim_services.recorder import colors
 from gslcosim_services.recorder.blueprint import default_blueprint, legend_text, title

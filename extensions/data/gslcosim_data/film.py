@@ -19,9 +19,9 @@ from gslcosim.base.quantities import Vec3
 from gslcosim.contract.messages import Quaternion
 from gslcosim.environment.picture import PlanPainter
 from gslcosim.environment.plan_view import PixelScale, PlanView
+from gslcosim_data.free_camera import FreeCamera, project_points
 from gslcosim_data.run import RunData
 from gslcosim_data.streams import RecordedSeries, RecordedTrack
-from gslcosim_services.cameras.core import FreeCamera, project_points
 from gslcosim_services.recorder import colors
 from gslcosim_services.recorder.colors import GasScale, Rgb, agent_color
 from gslcosim_services.recorder.stream_table import DISTANCE, MIXING_RATIO, RESPONSE

@@ -14,10 +14,10 @@ from gslcosim.environment.generation.cache import prepare_variants, with_variant
 from gslcosim.environment.model import Environment
 from gslcosim.environment.store import load_environment
 from gslcosim.environment.variants import first_variant
-from gslcosim.recordings.reader import RecordingReader
 from gslcosim.runtime.replay.past_run import PastRun, find_environment
 from gslcosim.scenario import Scenario
 from gslcosim_data import streams
+from gslcosim_data.recording_reader import RecordingReader
 from gslcosim_data.streams import (
     RecordedBeliefs,
     RecordedDoor,

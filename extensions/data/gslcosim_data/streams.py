@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from gslcosim.base.ticks import NS_PER_S
 from gslcosim.contract.messages import Belief
-from gslcosim.recordings.reader import RecordedColumn, RecordingReader, SliceDecoder, read_picture_grid, read_puffs
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import SensorSpec
+from gslcosim_data.recording_reader import RecordedColumn, RecordingReader, SliceDecoder, read_picture_grid, read_puffs
 from gslcosim_services.recorder.colors import GasScale
 from gslcosim_services.recorder.entities import AgentEntities, get_unit, list_gas_names
 from gslcosim_services.recorder.stream_table import (

@@ -11,7 +11,7 @@ import numpy as np
 from gslcosim.base.ticks import seconds_from_ticks
 from gslcosim_services.world.multirotor_control import drag_force
 from gslcosim_services.world.path_follower import back_off_frac, has_arrived, is_stop_under_way, is_too_late
-from gslcosim_services.world.simulation_loop import advance_point_inplace, path_force_inplace, path_time_s
+from gslcosim_services.world.simulation_loop import path_force_inplace, path_time_s
 from gslcosim_services.world.task_order import (
     ACCEPT,
     ARRIVAL,
@@ -41,6 +41,7 @@ from gslcosim_training.batch.batch_records import (
     NO_TASK,
     TAKING_OFF,
 )
+from gslcosim_training.batch.contact_scene import advance_point_inplace
 from gslcosim_training.batch.free_space import (
     array_at,
     copy_inplace,

@@ -27,7 +27,6 @@ from gslcosim_services.fields.gas_setup import list_gas_names
 from gslcosim_services.sensing.briefing import build_briefing
 from gslcosim_services.world import vehicle_records
 from gslcosim_services.world.core import POINT_ROBOT_STEP_MS, WorldCore, physics_step_ms
-from gslcosim_services.world.simulation_loop import ContactScene
 from gslcosim_services.world.vehicle_records import derive_capabilities, hover_rotor_speed_rad_s
 from gslcosim_training.batch import batch_records
 from gslcosim_training.batch.batch_records import Cases
@@ -39,6 +38,7 @@ from gslcosim_training.batch.case_records import (
     is_gas_supported,
     list_wander_streams,
 )
+from gslcosim_training.batch.contact_scene import ContactScene
 from gslcosim_training.path_lengths import PathLengths
 from gslcosim_training.stepped_run import get_environment_key
 

@@ -36,12 +36,7 @@ from gslcosim_services.fields.filament_field import MIN_READINGS_FOR_INDEX
 from gslcosim_services.fields.gas_setup import GasSetup, GasTiming, gas_seed, gas_timing, list_gas_names
 from gslcosim_services.fields.mixing_ratio import CUTOFF_SIGMA, build_solid_sums, strength_ppm_m3
 from gslcosim_services.fields.models.filament_gas import build_cached_plume, build_gas_model
-from gslcosim_services.fields.models.gaussian_plume import (
-    KNOT_CORRELATION,
-    KNOTS_PER_CORRELATION_TIME,
-    PLUME_RECORD,
-    build_plume_records,
-)
+from gslcosim_services.fields.models.gaussian_plume import KNOT_CORRELATION, KNOTS_PER_CORRELATION_TIME
 from gslcosim_services.fields.spatial_index import FilamentIndex
 from gslcosim_services.fields.tape import CachedPlume, GasTape, tape_hash
 from gslcosim_services.sensing.briefing import find_sensor_kind
@@ -57,6 +52,7 @@ from gslcosim_services.sensing.models.range_finders import new_contacts, ray_dir
 from gslcosim_services.sensing.ray_scene import BIN_M, RayScene
 from gslcosim_training.batch import batch_records as records
 from gslcosim_training.batch.gas_readings import sort_frames_inplace
+from gslcosim_training.batch.plume_kernels import PLUME_RECORD, build_plume_records
 from gslcosim_training.batch.scalar_compilation import (
     find_advance_address,
     find_encode_address,

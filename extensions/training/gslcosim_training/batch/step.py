@@ -7,11 +7,10 @@ import math
 import numpy as np
 
 from gslcosim.base.ticks import seconds_from_ticks
-from gslcosim_services.fields.models.gaussian_plume import PLUME_RECORD, steady_ppm
 from gslcosim_services.referee.agent_evaluation import find_failure, is_inside, is_time_over
 from gslcosim_services.referee.metrics import source_distance_m
 from gslcosim_services.referee.success import is_every_source_found, is_source_reached, note_source
-from gslcosim_services.world.simulation_loop import advance_point_inplace, path_force_inplace, path_time_s
+from gslcosim_services.world.simulation_loop import path_force_inplace, path_time_s
 from gslcosim_services.world.vehicle_records import CONSTANTS
 from gslcosim_training.batch.autopilot import end_tick, fly_lagged_tick, receive_task, take_off
 from gslcosim_training.batch.batch_records import (
@@ -36,6 +35,7 @@ from gslcosim_training.batch.batch_records import (
     TAPE,
     TIME_LIMIT,
 )
+from gslcosim_training.batch.contact_scene import advance_point_inplace
 from gslcosim_training.batch.free_space import (
     array_at,
     copy_inplace,
@@ -49,6 +49,7 @@ from gslcosim_training.batch.gas_readings import (
     begin_paths_inplace,
     meandering_ppm,
 )
+from gslcosim_training.batch.plume_kernels import PLUME_RECORD, steady_ppm
 from gslcosim_training.batch.reference_free_kernels import reference_free_njit
 from gslcosim_training.batch.sensors import (
     read_inplace,

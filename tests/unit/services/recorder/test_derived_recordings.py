@@ -9,7 +9,7 @@ from gslcosim.contract import keys
 from gslcosim.contract.messages import RefereeEvent
 from gslcosim.contract.participant import Episode
 from gslcosim.recordings.derived_recordings import RecordedRun, record_from_tick, record_side_by_side
-from gslcosim.recordings.reader import RecordingReader
+from gslcosim_data.recording_reader import RecordingReader
 from gslcosim_services.recorder.core import RecorderCore
 
 N_TICKS = 60

@@ -8,8 +8,8 @@ from scripted_flight import ON_BOARD, SOURCE_M, ScriptedFlight
 
 from gslcosim.base.errors import RecordingError
 from gslcosim.contract import keys
-from gslcosim.recordings.reader import RecordingReader, SliceDecoder
 from gslcosim_data import streams
+from gslcosim_data.recording_reader import RecordingReader, SliceDecoder
 from gslcosim_services.recorder.colors import GasScale, slice_colors
 from gslcosim_services.recorder.entities import build_entities
 from gslcosim_services.recorder.rerun_cli import repair_recording

@@ -10,8 +10,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 from scripted_flight import ScriptedFlight
 
-from gslcosim.recordings.reader import RecordingReader
 from gslcosim_data import streams
+from gslcosim_data.recording_reader import RecordingReader
 from gslcosim_services.recorder.entities import build_entities
 from gslcosim_services.recorder.recording_file import RecordingFile
 from gslcosim_services.recorder.stream_table import (

@@ -4,13 +4,8 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import ModelError
-from gslcosim_services.fields.models.gaussian_plume import (
-    OPEN_COUNTRY,
-    PLUME_RECORD,
-    GaussianPlume,
-    find_loop_address,
-    steady_ppm_at,
-)
+from gslcosim_services.fields.models.gaussian_plume import OPEN_COUNTRY, GaussianPlume
+from gslcosim_training.batch.plume_kernels import PLUME_RECORD, find_loop_address, steady_ppm_at
 
 
 @pytest.mark.parametrize("has_ground", [True, False])

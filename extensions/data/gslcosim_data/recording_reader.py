@@ -1,24 +1,24 @@
 """Reader of a recording: components of entities by tick as arrays, and pictures as numbers."""
 
-import warnings
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
-from rerun.chunk import Chunk, RrdReader
 
-from gslcosim.base.checksums import check_files
 from gslcosim.base.errors import RecordingError
+from gslcosim.recordings.chunks import describe_broken_recording, read_chunks
 from gslcosim_services.recorder import colors
 from gslcosim_services.recorder.colors import GasScale
-from gslcosim_services.recorder.recording_file import APPLICATION_ID, TICK_TIMELINE
-from gslcosim_services.recorder.rerun_cli import has_footer, rerun_path
+from gslcosim_services.recorder.recording_file import TICK_TIMELINE
+
+if TYPE_CHECKING:
+    from rerun.chunk import Chunk
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,7 +67,7 @@ class RecordingReader:
         try:
             parts = [part for chunk in self._moving.get(entity, ()) if (part := _part(chunk, component)) is not None]
         except (RuntimeError, ValueError, pa.ArrowException) as error:
-            raise RecordingError(_text(self._path, str(error))) from error
+            raise RecordingError(describe_broken_recording(self._path, str(error))) from error
         return _join(parts)
 
     def still(self, entity: str, component: str) -> Any:
@@ -79,40 +79,10 @@ class RecordingReader:
         return None
 
 
-def read_chunks(path: Path) -> list[Chunk]:
-    """Return all chunks of a recording."""
-    if not path.is_file():
-        raise RecordingError(f"recording: expected a file, was none.\nFile: {path}")
-    if not has_footer(path):
-        raise RecordingError(_text(path, "one that was cut off, or none at all"))
-    check_files(path.parent, path.name)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            reader = RrdReader(rerun_path(path))
-            stores = reader.recordings()
-            if [store.application_id for store in stores] != [APPLICATION_ID]:
-                of = ", ".join(store.application_id for store in stores) or "nothing"
-                raise RecordingError(
-                    f"recording: expected one of gslcosim, was one of {of}. Give the recording.rrd of a run.\n"
-                    f"File: {path}"
-                )
-            return reader.store(store=stores[0]).stream().to_chunks()
-    except (OSError, RuntimeError, ValueError, Warning) as error:
-        raise RecordingError(_text(path, str(error))) from error
-
-
-def _text(path: Path, found: str) -> str:
-    return (
-        f"recording: expected a whole one, was {found}. What is left of it is made whole by: "
-        f"gslcosim runs repair {path.parent}\nFile: {path}"
-    )
-
-
 _Part = tuple[NDArray[np.int64], NDArray[np.int64], Any]
 
 
-def _part(chunk: Chunk, component: str) -> _Part | None:
+def _part(chunk: "Chunk", component: str) -> _Part | None:
     batch: Any = chunk.to_record_batch()
     if component not in batch.schema.names:
         return None

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gslcosim.base.errors import ModelError
-from gslcosim_services.cameras.core import FreeCamera, project_points, world_from_camera
+from gslcosim_data.free_camera import FreeCamera, project_points, world_from_camera
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 RED = ("red_box", (8.0, 4.0, 2.0), (9.0, 6.0, 4.0))

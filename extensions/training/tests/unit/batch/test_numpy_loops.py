@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from gslcosim_services.fields.models.gaussian_plume import call_binary_loop, call_unary_loop, find_loop_address
+from gslcosim_training.batch.plume_kernels import call_binary_loop, call_unary_loop, find_loop_address
 
 
 @numba.njit

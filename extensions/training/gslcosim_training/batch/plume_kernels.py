@@ -1,0 +1,253 @@
+# pyright: basic
+
+"""Compiled kernels of steady Gaussian plumes.
+
+They use numpy's own exponential and power, so that both give the same bits on any processor: numpy picks its loops by
+the processor, and their last digit is not that of the C library, which compiled code calls.
+"""
+
+import ctypes
+import math
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from gslcosim.base.c_calls import call_address
+from gslcosim.base.errors import ModelError
+from gslcosim.scenario.models.gas import FormulaGasSpec
+from gslcosim_services.fields.gas_setup import GasSetup
+from gslcosim_services.fields.models.gaussian_plume import OPEN_COUNTRY, build_mean_plumes, list_gas_columns
+
+_INT64 = ir.IntType(64)
+
+
+# The head of numpy's PyUFuncObject, which is part of its C interface.
+class _Ufunc(ctypes.Structure):
+    _fields_ = [
+        ("head", ctypes.c_ssize_t * 2),
+        ("counts", ctypes.c_int * 4),
+        ("functions", ctypes.POINTER(ctypes.c_void_p)),
+        ("data", ctypes.POINTER(ctypes.c_void_p)),
+        ("ntypes", ctypes.c_int),
+    ]
+
+
+def find_loop_address(ufunc: np.ufunc) -> int:
+    """Return the address of the loop that a function of numpy runs over doubles; kernels pass it on.
+
+    Raises:
+        ModelError: the function has no such loop.
+    """
+    of_doubles = [i for i, kinds in enumerate(ufunc.types) if set(kinds) == set("d->")]
+    if not of_doubles:
+        raise ModelError(f"{ufunc.__name__}: expected a loop over doubles, was {', '.join(ufunc.types)}.")
+    address = _Ufunc.from_address(id(ufunc)).functions[of_doubles[0]]
+    assert address is not None
+    return int(address)
+
+
+# Calls `void loop(char **args, npy_intp const *dimensions, npy_intp const *steps, void *data)` for one element.
+def _call_loop(builder: ir.IRBuilder, address, values):
+    n = len(values) + 1
+    entry = builder.function.entry_basic_block
+    with builder.goto_block(entry):
+        places = builder.alloca(ir.DoubleType(), n)
+        args = builder.alloca(_INT64, n)
+        numbers = builder.alloca(_INT64, 1 + n)
+    for i in range(n):
+        place = _item(builder, places, ir.DoubleType(), i)
+        if i < len(values):
+            builder.store(values[i], place)
+        builder.store(builder.ptrtoint(place, _INT64), _item(builder, args, _INT64, i))
+        step = _item(builder, numbers, _INT64, 1 + i)
+        builder.store(ir.Constant(_INT64, 8), step)
+    builder.store(ir.Constant(_INT64, 1), numbers)
+    function_type = ir.FunctionType(ir.VoidType(), [_INT64] * 4)
+    steps = _item(builder, numbers, _INT64, 1)
+    pointers = [builder.ptrtoint(pointer, _INT64) for pointer in (args, numbers, steps)]
+    call_address(builder, address, function_type, [*pointers, ir.Constant(_INT64, 0)])
+    return builder.load(_item(builder, places, ir.DoubleType(), n - 1), typ=ir.DoubleType())
+
+
+def _item(builder: ir.IRBuilder, array: ir.Value, item_type: ir.Type, i: int) -> ir.Value:
+    return builder.gep(array, [ir.Constant(ir.IntType(32), i)], source_etype=item_type)
+
+
+@intrinsic
+def call_unary_loop(typingctx, address, x):
+    """Call a loop of numpy over doubles with one argument, such as that of `numpy.exp`, for one number.
+
+    Args:
+        typingctx: numba's.
+        address: Of `find_loop_address`.
+        x: The argument.
+
+    Held by:
+        extensions/training/tests/unit/batch/test_numpy_loops.py
+    """
+    signature = types.float64(types.intp, types.float64)
+
+    def codegen(context, builder, _signature, arguments):
+        return _call_loop(builder, arguments[0], arguments[1:])
+
+    return signature, codegen
+
+
+@intrinsic
+def call_binary_loop(typingctx, address, x, y):
+    """Call a loop of numpy over doubles with two arguments, such as that of `numpy.power`, for one pair of numbers.
+
+    Args:
+        typingctx: numba's.
+        address: Of `find_loop_address`.
+        x: The first argument.
+        y: The second argument.
+
+    Held by:
+        extensions/training/tests/unit/batch/test_numpy_loops.py
+    """
+    signature = types.float64(types.intp, types.float64, types.float64)
+
+    def codegen(context, builder, _signature, arguments):
+        return _call_loop(builder, arguments[0], arguments[1:])
+
+    return signature, codegen
+
+
+# One steady plume, as kernels take it; see `gaussian_plume.GaussianPlume`.
+PLUME_RECORD = np.dtype(
+    [
+        ("position_world_m", np.float64, (3,)),
+        ("release_m3_s", np.float64),
+        ("speed_m_s", np.float64),
+        ("along", np.float64, (2,)),  # unit vector of the wind
+        ("spread", np.float64, (4,)),  # a, b, c, p of sigma_y = a x / sqrt(1 + 1e-4 x), sigma_z = b x (1 + c x)^p
+        ("has_ground", np.int64),
+        ("gas", np.int64),  # which of the scenario's gases
+        ("exp_address", np.int64),  # of numpy's loops, see `find_loop_address`
+        ("power_address", np.int64),
+    ]
+)
+
+
+@numba.njit(cache=True, nogil=True)
+def spreads_at(plume, downwind_m):
+    """Return the plume's standard deviations across the wind and upward [m] at a distance downwind [m].
+
+    Args:
+        plume: Record of `PLUME_RECORD`.
+        downwind_m: Distance from the source along the wind [m]; below 0 the values of 1 m.
+
+    Source:
+        Briggs 1973; see `gaussian_plume.spreads_m`.
+    Held by:
+        extensions/training/tests/unit/batch/test_formula_plume_kernels.py
+    """
+    x_m = downwind_m if downwind_m > 0.0 else 1.0
+    a, b, c, p = plume.spread[0], plume.spread[1], plume.spread[2], plume.spread[3]
+    slower = 1.0 + c * x_m
+    # Numpy's shortcuts for exponents that are whole.
+    if p == 0.0:
+        bend = 1.0
+    elif p == -1.0:
+        bend = 1.0 / slower
+    else:
+        bend = call_binary_loop(plume.power_address, slower, p)  # pyright: ignore[reportCallIssue]
+    return a * x_m / math.sqrt(1.0 + 1e-4 * x_m), b * x_m * bend
+
+
+@numba.njit(cache=True, nogil=True)
+def distances_along_and_across(plume, x_m, y_m):
+    """Return the distances of a place from the source along and across the wind [m].
+
+    Args:
+        plume: Record of `PLUME_RECORD`.
+        x_m: Place, world frame [m].
+        y_m: Place, world frame [m].
+    """
+    dx_m, dy_m = x_m - plume.position_world_m[0], y_m - plume.position_world_m[1]
+    u, v = plume.along[0], plume.along[1]
+    return dx_m * u + dy_m * v, dx_m * -v + dy_m * u
+
+
+@numba.njit(cache=True, nogil=True)
+def _gaussian_value(plume, x_m, sigma_m):
+    exponent = -(x_m * x_m) / (2.0 * (sigma_m * sigma_m))
+    return call_unary_loop(plume.exp_address, exponent)  # pyright: ignore[reportCallIssue]
+
+
+@numba.njit(cache=True, nogil=True)
+def plume_ppm(plume, along_m, across_m, z_m, rise_m, sigma_y_m, sigma_z_m):
+    """Return the mixing ratio of a plume [ppm by volume]; see `gaussian_plume.GaussianPlume` for the equation.
+
+    Args:
+        plume: Record of `PLUME_RECORD`.
+        along_m: Distance from the source along the wind [m].
+        across_m: Distance from the plume's axis across it [m].
+        z_m: Height above ground [m].
+        rise_m: How far the plume's axis is above the source's height [m].
+        sigma_y_m: Standard deviation across the wind [m].
+        sigma_z_m: Standard deviation upward [m].
+
+    Held by:
+        extensions/training/tests/unit/batch/test_formula_plume_kernels.py
+    """
+    if not along_m > 0.0:
+        return 0.0
+    h_m = plume.position_world_m[2] + rise_m
+    upward = _gaussian_value(plume, z_m - h_m, sigma_z_m)
+    if plume.has_ground:
+        upward = upward + _gaussian_value(plume, z_m + h_m, sigma_z_m)
+    across = _gaussian_value(plume, across_m, sigma_y_m)
+    thickness = 2.0 * math.pi * sigma_y_m * sigma_z_m * plume.speed_m_s
+    return 1e6 * plume.release_m3_s / thickness * across * upward
+
+
+@numba.njit(cache=True, nogil=True)
+def steady_ppm(plume, x_m, y_m, z_m):
+    """Return the mixing ratio of a steady plume [ppm by volume] at a place, world frame [m].
+
+    Args:
+        plume: Record of `PLUME_RECORD`.
+        x_m: Place, world frame [m].
+        y_m: Place, world frame [m].
+        z_m: Place, world frame [m].
+
+    Held by:
+        extensions/training/tests/unit/batch/test_formula_plume_kernels.py
+    """
+    along_m, across_m = distances_along_and_across(plume, x_m, y_m)
+    if not along_m > 0.0:
+        return 0.0
+    sigma_y_m, sigma_z_m = spreads_at(plume, along_m)
+    return plume_ppm(plume, along_m, across_m, z_m, 0.0, sigma_y_m, sigma_z_m)
+
+
+@numba.njit(cache=True, nogil=True)
+def steady_ppm_at(plume, points_world_m):
+    """Return the (n,) mixing ratios [ppm by volume] of a steady plume at (n, 3) points, world frame [m]."""
+    ppm = np.empty(len(points_world_m))
+    for i in range(len(points_world_m)):
+        ppm[i] = steady_ppm(plume, points_world_m[i, 0], points_world_m[i, 1], points_world_m[i, 2])
+    return ppm
+
+
+def build_plume_records(gas: FormulaGasSpec, setup: GasSetup) -> NDArray[np.void]:
+    """Return the (n,) mean plumes of the sources as records of `PLUME`, for kernels.
+
+    Raises:
+        ScenarioError: the air is calm.
+    """
+    means = build_mean_plumes(gas, setup)
+    rows = np.zeros(len(means), PLUME_RECORD)
+    for row, mean, column in zip(rows, means, list_gas_columns(gas), strict=True):
+        speed_m_s = float(np.hypot(*mean.wind_world_m_s[:2]))
+        row["position_world_m"], row["release_m3_s"] = mean.position_world_m, mean.release_m3_s
+        row["speed_m_s"], row["along"] = speed_m_s, np.array(mean.wind_world_m_s[:2]) / speed_m_s
+        row["spread"], row["has_ground"], row["gas"] = OPEN_COUNTRY[mean.stability], mean.has_ground, column
+    rows["exp_address"], rows["power_address"] = find_loop_address(np.exp), find_loop_address(np.power)
+    return rows
