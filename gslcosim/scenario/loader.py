@@ -1,13 +1,13 @@
-"""Loader of scenario files, recipes of environments and other files of one block, with all problems at once."""
+"""Loader of scenario files, with all problems at once."""
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from gslcosim.base.bundled import bundled_scenarios
 from gslcosim.base.errors import ScenarioError, describe_os_error
@@ -16,8 +16,8 @@ from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
 from gslcosim.scenario.checks.cross_checks import find_cross_problems, find_numbers_too_large
 from gslcosim.scenario.checks.program_checks import find_unusable_paths
-from gslcosim.scenario.model_schema import find_schema_node, format_value, list_kinds, problems_from_validation
-from gslcosim.scenario.models.scenario import SCHEMA, EnvironmentSpec, Scenario, SolverSpec, VehicleSpec
+from gslcosim.scenario.model_schema import find_schema_node, format_value, problems_from_validation
+from gslcosim.scenario.models.scenario import EnvironmentSpec, Scenario, SolverSpec, VehicleSpec
 from gslcosim.scenario.models.wind import Wind
 from gslcosim.scenario.overrides import SET_OPTION, apply_overrides
 from gslcosim.scenario.problems import InvalidScenarioError, TextLocation, TextLocations, did_you_mean, locate
@@ -277,12 +277,6 @@ def read_resolved(text: str, *, source: str) -> Scenario:
     return scenario
 
 
-def find_scenario_beside(source: str, directory: Path) -> Path:
-    """Return the scenario that a file in a folder names: one beside it, or a bundled one; see `find_scenario`."""
-    beside = directory / source
-    return find_scenario(beside if beside.is_file() else source)
-
-
 def find_scenario(source: str | Path) -> Path:
     """Return the file of a scenario that is named by path, or by name when it is bundled.
 
@@ -377,9 +371,6 @@ def _is_inside(path: str, part: str) -> bool:
     return path == part or path.startswith((f"{part}.", f"{part}["))
 
 
-S = TypeVar("S", bound=BaseModel)
-
-
 def read_text(path: Path, *, shown_path: str) -> str:
     """Return the text of a file that a user wrote; `shown_path` is how errors name it.
 
@@ -395,52 +386,6 @@ def read_text(path: Path, *, shown_path: str) -> str:
         ) from error
 
 
-def read_spec_file(
-    path: Path, model: type[S], *, shown_path: str, keys: str, check: Callable[[S], Iterable[Problem]] = lambda _: ()
-) -> S:
-    """Return what a file says.
-
-    Args:
-        path: The file.
-        model: What it has to be.
-        shown_path: How errors name it.
-        keys: Its required keys, for who has written no block of keys.
-        check: Finds problems that the model does not.
-
-    Raises:
-        ScenarioError: it cannot be read, or has problems: all of them in one error.
-    """
-    text = read_text(path, shown_path=shown_path)
-    tree = read_yaml(text, source=shown_path)
-    if tree.block is None:
-        problem = Problem(where="", expected=f"a block of keys with {keys}", found=format_value(tree.values))
-        raise InvalidScenarioError(locate([problem], tree.marks), name=shown_path)
-    try:
-        spec = model.model_validate_json(json.dumps(tree.block), strict=True)
-    except ValidationError as error:
-        problems = locate(problems_from_validation(error, root=model), tree.marks)
-        raise InvalidScenarioError([*tree.problems, *problems], name=shown_path) from error
-    if problems := [*tree.problems, *locate(list(check(spec)), tree.marks)]:
-        raise InvalidScenarioError(problems, name=shown_path)
-    return spec
-
-
-def raise_located(problems: Iterable[Problem], path: Path, *, shown_path: str) -> None:
-    """Raise problems of a file that has been read, with the lines where their causes stand; do nothing without any.
-
-    Args:
-        problems: What was found.
-        path: The file.
-        shown_path: How errors name it.
-
-    Raises:
-        InvalidScenarioError: there is at least one problem.
-    """
-    if found := list(problems):
-        tree = read_yaml(read_regular_file(path, max_bytes=MAX_BYTES).decode("utf-8-sig"), source=shown_path)
-        raise InvalidScenarioError(locate(found, tree.marks), name=shown_path)
-
-
 def list_input_files(scenario: Scenario, directory: Path) -> list[Path]:
     """Return what a scenario names beside its own file: the room's folder or geometry, its wind, and stored gas.
 
@@ -453,114 +398,3 @@ def list_input_files(scenario: Scenario, directory: Path) -> list[Path]:
     named += environment.geometry.files if environment.geometry is not None else ()
     named += [name for name in (scenario.wind.file, gas.folder if gas is not None else None) if name is not None]
     return [(directory / Path(name).expanduser()).absolute() for name in named]
-
-
-LAYOUT_KEYS = ("layout", "wind")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Recipe:
-    """A room and the wind in it; `sources_m` are the scenario's, where there is one.
-
-    `directory` is where relative paths start.
-    """
-
-    name: str
-    environment: EnvironmentSpec
-    wind: SolverSpec
-    directory: Path | None = None
-    sources_m: tuple[Vec3, ...] = ()
-
-
-def load_recipe(
-    source: str, *, overrides: Sequence[str] = (), checks: Sequence[Check] = (), placer: Placer | None = None
-) -> Recipe:
-    """Read what to generate.
-
-    Args:
-        source: A scenario's file or name, a YAML file with the keys `layout` and, if wanted, `wind`, or a kind of
-            layout, which is then generated with all its defaults.
-        overrides: Values to replace, such as `wind.cell_m=0.1`.
-        checks: Further rules for scenarios.
-        placer: Draws the places of scenarios that are `random`.
-
-    Raises:
-        ScenarioError: there is nothing of that name, or it has problems.
-    """
-    path, kinds = Path(source), list_kinds(find_schema_node(("environment", "layout")).annotation)
-    is_layout_file = path.is_file() and _is_layout_file(path)
-    if not is_layout_file and (path.exists() or source in bundled_scenarios() or source not in kinds):
-        if not path.exists() and path.suffix == "" and len(path.parts) == 1 and source not in bundled_scenarios():
-            names = list(dict.fromkeys([*bundled_scenarios(), *kinds]))
-            raise ScenarioError(
-                f"{source}: expected a file, a bundled scenario or a kind of layout ({', '.join(names)}), "
-                f"found none of them. {did_you_mean(source, names)}".rstrip()
-            )
-        return _from_scenario(source, overrides, checks, placer)
-    text = read_regular_file(path).decode("utf-8-sig") if is_layout_file else f"layout: {{kind: {source}}}"
-    return _from_layout(text, source, [each.removeprefix("environment.") for each in overrides])
-
-
-def _from_scenario(source: str, overrides: Sequence[str], checks: Sequence[Check], placer: Placer | None) -> Recipe:
-    loaded = load_scenario(source, overrides=overrides, checks=checks, placer=placer)
-    scenario = loaded.scenario
-    if scenario.environment.path is not None:
-        raise ScenarioError(
-            f"{source}: environment: expected something to make, was path: {scenario.environment.path}, "
-            f"which is made already."
-        )
-    return Recipe(
-        name=scenario.name,
-        environment=scenario.environment,
-        wind=scenario.wind,
-        directory=loaded.directory,
-        sources_m=tuple(each.position_m for each in scenario.gas.sources),
-    )
-
-
-def _is_layout_file(path: Path) -> bool:
-    try:
-        values = read_yaml(read_regular_file(path).decode("utf-8-sig"), source=str(path)).block
-    except (OSError, UnicodeDecodeError):
-        return False
-    return values is not None and "layout" in values and "schema" not in values
-
-
-def _from_layout(text: str, source: str, overrides: Sequence[str]) -> Recipe:
-    tree = apply_overrides(read_yaml(text, source=source), overrides)
-    values = cast("dict[str, Any]", tree.block)
-    problems = [
-        Problem(where=key, expected=f"one of the keys {', '.join(LAYOUT_KEYS)}", found="an unknown key")
-        for key in values
-        if key not in LAYOUT_KEYS
-    ]
-    try:
-        recipe = _from_values(values, Path(source).stem)
-    except ValidationError as error:
-        problems += [
-            replace(each, where=each.where.removeprefix("environment.")) for each in problems_from_validation(error)
-        ]
-        recipe = None
-    if recipe is None or problems or tree.problems:
-        raise InvalidScenarioError([*tree.problems, *locate(problems, tree.marks)], name=source)
-    return recipe
-
-
-# Read as a part of a scenario whose other parts are well, so that problems are reported in the same words.
-def _from_values(values: dict[str, Any], name: str) -> Recipe:
-    rest: dict[str, Any] = {
-        "schema": SCHEMA,
-        "name": "layout",
-        "gas": {"sources": [{"position_m": [0, 0, 0]}]},
-        "agents": [
-            {
-                "name": "none",
-                "start": {"attach": True},
-                "vehicle": {"start_m": [0, 0, 0]},
-                "sensors": [{"model": "tgs2600", "name": "none"}],
-            }
-        ],
-    }
-    whole = {**rest, "environment": {"layout": values["layout"]}, "wind": values.get("wind", {})}
-    scenario = Scenario.model_validate_json(json.dumps(whole), strict=True)
-    return Recipe(name=name, environment=scenario.environment, wind=scenario.wind)

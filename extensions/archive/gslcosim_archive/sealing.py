@@ -17,7 +17,7 @@ from gslcosim.base.errors import UsageError, build_machine_error
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.untrusted_input import read_json
 from gslcosim.base.yaml_core import without_editor_header
-from gslcosim.scenario.loader import find_scenario_beside
+from gslcosim_bench.cases.spec_files import find_scenario_beside
 from gslcosim_bench.cases.suite_files import LoadedSuite, load_suite, write_suite
 from gslcosim_bench.studies.target import collect_bundled_seeds, collect_seeds
 

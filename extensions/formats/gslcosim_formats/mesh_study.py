@@ -23,10 +23,10 @@ from gslcosim.environment.layouts.layouts import build_layout
 from gslcosim.environment.model import Cell, Environment, WindFrames, point_text, raise_if_any, with_wind
 from gslcosim.environment.positions import find_point_problems
 from gslcosim.flow.report import matplotlib_figure_type
-from gslcosim.scenario.loader import Recipe
 from gslcosim.scenario.models.geometry import Layout
 from gslcosim.scenario.models.scenario import EnvironmentSpec
 from gslcosim.scenario.models.wind import WindSpec
+from gslcosim_formats.recipes import Recipe
 from gslcosim_formats.solver_comparison import SolverComparison, compare_solvers
 
 # A safety factor of three or more meshes, Roache 1994.

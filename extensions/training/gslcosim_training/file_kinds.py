@@ -4,7 +4,7 @@ import json
 
 from gslcosim.base.bundled import FAMILY_FILE, bundled_families, bundled_train_files
 from gslcosim.scenario.checks.registry import Check, FileKind, ValidFile, find_problems
-from gslcosim.scenario.loader import raise_located
+from gslcosim_bench.cases.spec_files import raise_located
 
 
 def validate_family(path: str, seed: int | None) -> ValidFile:

@@ -11,9 +11,9 @@ from gslcosim.base.bundled import bundled_train_files
 from gslcosim.base.errors import ScenarioError
 from gslcosim.base.problems import Problem, broken_rule_error
 from gslcosim.scenario.checks.registry import find_problems
-from gslcosim.scenario.loader import raise_located, read_spec_file
 from gslcosim.scenario.models.base import Name, NonNegative, Positive, Spec
 from gslcosim.scenario.problems import did_you_mean
+from gslcosim_bench.cases.spec_files import raise_located, read_spec_file
 from gslcosim_search.learned.encoding import find_frame_problem, find_shield_problem
 from gslcosim_search.learned.policy import ActionSettings
 from gslcosim_training.family import Family, load_family

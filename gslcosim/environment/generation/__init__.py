@@ -4,37 +4,22 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gslcosim.environment.generation.builder import (
-        GenerationJob,
-        GenerationResult,
-        build_jobs,
-        generate_environment,
-        generate_many,
-        save_with_scene_and_picture,
-    )
+    from gslcosim.environment.generation.builder import generate_environment, save_with_scene_and_picture
     from gslcosim.environment.generation.cache import find_environment, prepare_environment
     from gslcosim.environment.generation.wind import Progress
 
 __all__ = [
-    "GenerationJob",
-    "GenerationResult",
     "Progress",
-    "build_jobs",
     "find_environment",
     "generate_environment",
-    "generate_many",
     "prepare_environment",
     "save_with_scene_and_picture",
 ]
 
 _HOMES = {
-    "GenerationJob": "builder",
-    "GenerationResult": "builder",
     "Progress": "wind",
-    "build_jobs": "builder",
     "find_environment": "cache",
     "generate_environment": "builder",
-    "generate_many": "builder",
     "prepare_environment": "cache",
     "save_with_scene_and_picture": "builder",
 }

@@ -16,10 +16,10 @@ from gslcosim.base.files import read_regular_file
 from gslcosim.base.problems import Problem, broken_rule_error
 from gslcosim.base.rng import stream
 from gslcosim.base.yaml_core import without_editor_header
-from gslcosim.scenario.loader import find_scenario_beside, read_spec_file
 from gslcosim.scenario.models.base import Fraction, Name, Positive, Spec
 from gslcosim.scenario.problems import did_you_mean
 from gslcosim_bench.cases.models import SPLITS, Split, Values, check_lengths
+from gslcosim_bench.cases.spec_files import find_scenario_beside, read_spec_file
 
 
 class DrawnSpec(Spec):

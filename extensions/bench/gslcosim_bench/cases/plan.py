@@ -23,7 +23,7 @@ from gslcosim.environment.store import load_environment
 from gslcosim.methods.card import MethodCard
 from gslcosim.scenario import Scenario, load_scenario
 from gslcosim.scenario.checks.registry import list_scenario_checks
-from gslcosim.scenario.loader import find_scenario_beside, resolve_values
+from gslcosim.scenario.loader import resolve_values
 from gslcosim.scenario.problems import (
     InvalidScenarioError,
     LocatedProblem,
@@ -54,6 +54,7 @@ from gslcosim_bench.cases.models import (
     select_labels,
 )
 from gslcosim_bench.cases.sensor_holds import with_sensor_holds
+from gslcosim_bench.cases.spec_files import find_scenario_beside
 from gslcosim_bench.cases.suite_files import LoadedSuite, agent_hash, case_hash, software_hash, trial_id
 
 # Simulated seconds a worker flies in one by the clock, where nothing has been measured yet.

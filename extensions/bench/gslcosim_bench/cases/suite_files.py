@@ -19,12 +19,12 @@ from gslcosim.base.yaml_core import without_editor_header
 from gslcosim.methods.card import CARD_FILE, SHARED_PARAMETERS
 from gslcosim.scenario import Scenario, load_scenario
 from gslcosim.scenario.checks.registry import find_problems
-from gslcosim.scenario.loader import find_scenario_beside, raise_located, read_spec_file
 from gslcosim.scenario.problems import InvalidScenarioError, did_you_mean
 from gslcosim.scenario.serialization import dump_values, plain_values, read_yaml
 from gslcosim_bench.cases.agent_setup import files_in_command, find_program
 from gslcosim_bench.cases.families import CaseFamily, find_family_beside
 from gslcosim_bench.cases.models import EntrySpec, ScenarioSpec, Suite
+from gslcosim_bench.cases.spec_files import find_scenario_beside, raise_located, read_spec_file
 from gslcosim_bench.cases.submission_bundles import (
     copy_bundle_files,
     copy_shared_file,

@@ -13,8 +13,8 @@ from gslcosim.cli.progress import ProgressLine, RemainingTime
 from gslcosim.cli.terminal import add_json_option, table, write, write_json, write_note
 
 if TYPE_CHECKING:
-    from gslcosim.environment.generation import GenerationResult
-    from gslcosim.scenario.loader import Recipe
+    from gslcosim_formats.generation_jobs import GenerationResult
+    from gslcosim_formats.recipes import Recipe
 
 EXAMPLES = """  gslcosim environment generate warehouse_complex
   gslcosim environment generate my_layout.yaml --out halls --count 20 --jobs 2
@@ -97,10 +97,10 @@ def _numbers(text: str) -> tuple[float, ...]:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gslcosim.environment.generation import build_jobs, generate_many
     from gslcosim.environment.positions import draw_positions
     from gslcosim.scenario.checks.registry import list_scenario_checks
-    from gslcosim.scenario.loader import load_recipe
+    from gslcosim_formats.generation_jobs import build_jobs, generate_many
+    from gslcosim_formats.recipes import load_recipe
 
     checks = list_scenario_checks("room", without=("stored gas",))
     recipe = load_recipe(arguments.source, overrides=arguments.set, checks=checks, placer=draw_positions)

@@ -6,9 +6,9 @@ import pytest
 
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.cli.main import main
-from gslcosim.scenario.loader import Recipe, load_recipe
 from gslcosim.scenario.models.scenario import EnvironmentSpec, WindSpec
 from gslcosim_formats.mesh_study import find_dividing_cell_sizes, study_meshes
+from gslcosim_formats.recipes import Recipe, load_recipe
 
 
 def test_meshes_are_the_nearest_that_divide_the_room_and_all_different():

@@ -7,11 +7,11 @@ import pytest
 
 from gslcosim.base.errors import ScenarioError, UsageError
 from gslcosim.methods.card import SHARED_PARAMETERS
-from gslcosim.scenario.loader import find_scenario_beside
 from gslcosim_archive.sealing import hash_recipe
 from gslcosim_bench.cases import Plan, build_plan, load_suite, suite_files
 from gslcosim_bench.cases.models import Selection, Shard, choose_trials, derive_seed
 from gslcosim_bench.cases.plan import build_plan_of_rows, group_settings
+from gslcosim_bench.cases.spec_files import find_scenario_beside
 
 HEAD = "schema: gslcosim/suite/1\nname: mine\nanchors: []\n"
 ONE_ENTRY = "entries: [{name: beetle, start: {python: dung_beetle}}]\n"
