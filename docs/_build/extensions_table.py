@@ -10,6 +10,7 @@ import tomllib
 from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from gslcosim.base.extensions import (
     CHECKS_GROUP,
@@ -21,6 +22,7 @@ from gslcosim.base.extensions import (
     Registration,
     list_registered,
 )
+from gslcosim.base.scenario_keys import ScenarioKey
 from gslcosim.cli.arguments import CommandFamily, CommandOptions
 from gslcosim.scenario.checks.registry import SCENARIO
 from gslcosim.scenario.models.gas import GAS_ENTRY_POINTS
@@ -65,7 +67,8 @@ def list_formats() -> Iterator[Offer]:
 def list_keys() -> Iterator[Offer]:
     """Yield the keys of scenarios that extensions add or read, such as `agents[].start.ros2`, and models by name."""
     for point in list_registered(STARTS_GROUP):
-        yield from ((point, f"{key.place}.{key.name}".lstrip(".")) for key in point.load())
+        keys: list[ScenarioKey[Any]] = [key for key in point.load() if isinstance(key, ScenarioKey)]
+        yield from ((point, f"{key.place}.{key.name}".lstrip(".")) for key in keys)
     yield from ((point, point.name) for point in list_registered(GEOMETRY_GROUP))
     yield from ((point, f"gas.model={point.name}") for point in list_registered(GAS_ENTRY_POINTS))
 

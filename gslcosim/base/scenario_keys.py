@@ -4,10 +4,10 @@ An entry point in `gslcosim.starts` is a tuple of keys. Its module is imported w
 the keys and their blocks alone, imports nothing of `gslcosim.scenario`, and leaves what is slow to its functions.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Generic, TypeVar, cast
+from typing import Any, Generic, Literal, TypeVar, cast
 
 from pydantic import BaseModel
 
@@ -15,16 +15,35 @@ from gslcosim.base.errors import UsageError
 from gslcosim.base.extensions import STARTS_GROUP, find_remedy, load_registered
 
 Value = TypeVar("Value")
+ENVIRONMENT = "environment"
 AGENT_START = "agents[].start"
 PARTICIPANT = "participants[]"
 PARTICIPANT_START = "participants[].start"
 PARTICIPANT_READ = "participants[].reads[]"
 # The blocks that extensions may add keys to; the first is the whole file.
-PLACES = ("", AGENT_START, PARTICIPANT, PARTICIPANT_START, PARTICIPANT_READ)
+PLACES = ("", ENVIRONMENT, AGENT_START, PARTICIPANT, PARTICIPANT_START, PARTICIPANT_READ)
 
 
 def _accept(block: Any) -> None:
     del block
+
+
+@dataclass(frozen=True, kw_only=True)
+class InputPath:
+    """A place in scenarios whose texts name files or folders to read, relative to the scenario's folder.
+
+    Attributes:
+        place: The place, such as `environment.geometry.files[]`.
+        expected: The words for what it names, `a file of geometry`.
+        kind: What has to be there; of a `series` of files, which have a common beginning, their folder.
+    """
+
+    place: str
+    expected: str
+    kind: Literal["file", "folder", "file or folder", "series"]
+
+
+_OWN_INPUTS = (InputPath(place=f"{ENVIRONMENT}.path", expected="the folder of an environment", kind="folder"),)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,6 +59,7 @@ class ScenarioKey(Generic[Value]):
         block: The model of its value, where that is a block.
         after: The key that it follows in lists of keys; empty: it is the last.
         file: The words for the file that its text names, `an FMU`; empty where it names none.
+        inputs: What it names of the run's files and folders, where it stands in `environment`, `wind` or `gas`.
         is_live: Whether it shows a run while it goes on and never changes results. Replays, suites and trainings leave
             it out, and forks may change it.
     """
@@ -52,6 +72,7 @@ class ScenarioKey(Generic[Value]):
     block: Any = None
     after: str = ""
     file: str = ""
+    inputs: tuple[InputPath, ...] = ()
     is_live: bool = False
 
     def get(self, block: BaseModel) -> Value:
@@ -105,20 +126,66 @@ def list_scenario_keys(place: str) -> tuple[ScenarioKey[Any], ...]:
     Raises:
         UsageError: an extension registers something else, or cannot be imported.
     """
-    return tuple(key for key in _load_all() if key.place == place)
+    return tuple(key for key in _load_all() if isinstance(key, ScenarioKey) and key.place == place)
 
 
 @cache
-def _load_all() -> tuple[ScenarioKey[Any], ...]:
-    return tuple(key for keys in load_registered(STARTS_GROUP, _as_keys, "a tuple of ScenarioKey") for key in keys)
+def _load_all() -> tuple[ScenarioKey[Any] | InputPath, ...]:
+    what = "a tuple of ScenarioKey and InputPath"
+    return tuple(key for keys in load_registered(STARTS_GROUP, _as_keys, what) for key in keys)
 
 
-def _as_keys(offered: object) -> tuple[ScenarioKey[Any], ...] | None:
+def _as_keys(offered: object) -> tuple[ScenarioKey[Any] | InputPath, ...] | None:
     if not isinstance(offered, tuple):
         return None
     keys = cast("tuple[object, ...]", offered)
-    found = tuple(key for key in keys if isinstance(key, ScenarioKey) and key.place in PLACES)
+    found = tuple(
+        key for key in keys if isinstance(key, InputPath) or (isinstance(key, ScenarioKey) and key.place in PLACES)
+    )
     return found if len(found) == len(keys) else None
+
+
+@cache
+def list_inputs() -> tuple[InputPath, ...]:
+    """Return all places of scenarios that name files and folders of rooms, winds and gas."""
+    registered = (each.inputs if isinstance(each, ScenarioKey) else (each,) for each in _load_all())
+    return (*_OWN_INPUTS, *(path for paths in registered for path in paths))
+
+
+def find_inputs(values: dict[str, Any]) -> Iterator[tuple[InputPath, str, str]]:
+    """Yield what a scenario's plain values name: each with its place, such as `environment.geometry.files[0]`."""
+    for path in list_inputs():
+        yield from ((path, place, text) for place, text in _find_texts(values, path.place.split("."), ""))
+
+
+def replace_inputs(values: dict[str, Any], change: Callable[[str], str]) -> dict[str, Any]:
+    """Return a scenario's plain values, or some blocks of them, with all that `find_inputs` yields changed."""
+    places = {path.place for path in list_inputs()}
+    blocks = {place.partition(".")[0] for place in places}
+
+    def visit(value: Any, place: str) -> Any:
+        if isinstance(value, dict):
+            return {key: visit(inner, f"{place}.{key}") for key, inner in cast("dict[str, Any]", value).items()}
+        if isinstance(value, list):
+            return [visit(item, f"{place}[]") for item in cast("list[Any]", value)]
+        return change(value) if isinstance(value, str) and place in places else value
+
+    return {key: visit(value, key) if key in blocks else value for key, value in values.items()}
+
+
+def _find_texts(value: Any, keys: list[str], place: str) -> Iterator[tuple[str, str]]:
+    if not keys:
+        if isinstance(value, str):
+            yield place, value
+        return
+    name = keys[0].removesuffix("[]")
+    inner = cast("dict[str, Any]", value).get(name) if isinstance(value, dict) else None
+    place = f"{place}.{name}".lstrip(".")
+    if not keys[0].endswith("[]"):
+        yield from _find_texts(inner, keys[1:], place)
+    elif isinstance(inner, list):
+        for i, item in enumerate(cast("list[Any]", inner)):
+            yield from _find_texts(item, keys[1:], f"{place}[{i}]")
 
 
 def list_agent_starts() -> tuple[AgentStart[Any], ...]:
@@ -136,9 +203,11 @@ def list_live_keys() -> tuple[ScenarioKey[Any], ...]:
     return tuple(key for key in list_scenario_keys("") if key.is_live)
 
 
-def list_file_keys() -> tuple[str, ...]:
-    """Return the names of all keys whose texts are files."""
-    return tuple(key.name for key in _load_all() if key.file)
+@cache
+def list_file_keys() -> frozenset[str]:
+    """Return the names of all keys whose texts, alone or in a list, are files or folders."""
+    names = {path.place.rpartition(".")[2].removesuffix("[]") for path in list_inputs()}
+    return frozenset(names | {key.name for key in _load_all() if isinstance(key, ScenarioKey) and key.file})
 
 
 def get_scenario_key(place: str, name: str) -> ScenarioKey[Any]:

@@ -36,11 +36,13 @@ class RoomReader:
         find_problems: Returns all that keeps the room from being read, with the places in the scenario.
         read_wind: Returns the wind that the environment brings, None where it brings none; absent for formats without
             wind. Warnings are for the user.
+        scale: The key by which its lengths become metres, and the sentence that says how; absent: they are in metres.
     """
 
     read: Callable[[EnvironmentSpec, SolverSpec, Path | None], EnvironmentGeometry]
     find_problems: Callable[[EnvironmentSpec, SolverSpec, Path | None], list[Problem]]
     read_wind: Callable[[EnvironmentSpec, WindSpec, Path | None], WindFrames | None] | None = None
+    scale: tuple[str, str] | None = None
 
 
 class WindFileReader(Protocol):

@@ -14,6 +14,7 @@ from gslcosim.base.errors import ScenarioError, describe_os_error
 from gslcosim.base.files import read_regular_file
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import Vec3
+from gslcosim.base.scenario_keys import replace_inputs
 from gslcosim.scenario.checks.cross_checks import find_cross_problems, find_numbers_too_large
 from gslcosim.scenario.checks.program_checks import find_unusable_paths
 from gslcosim.scenario.model_schema import find_schema_node, format_value, problems_from_validation
@@ -21,7 +22,7 @@ from gslcosim.scenario.models.scenario import EnvironmentSpec, Scenario, SolverS
 from gslcosim.scenario.models.wind import Wind
 from gslcosim.scenario.overrides import SET_OPTION, apply_overrides
 from gslcosim.scenario.problems import InvalidScenarioError, TextLocation, TextLocations, did_you_mean, locate
-from gslcosim.scenario.serialization import YamlTree, dump_resolved, read_yaml, with_absolute_gas
+from gslcosim.scenario.serialization import YamlTree, absolute_path, dump_resolved, read_yaml
 
 _SAYS_NOTHING_OF_PLACES = ("schema", "name", "seed", "tick_ms", "referee", "recording")
 
@@ -337,8 +338,9 @@ def _check(tree: YamlTree, directory: Path, known: Sequence[Problem]) -> tuple[S
     if values is None:
         expected = find_schema_node(()).describe()
         return None, [Problem(where="", expected=expected, found=format_value(tree.values))]
-    scenario, found = _validate(values)
-    scenario = scenario and with_absolute_gas(scenario, directory)
+    # Services know no folder to start from.
+    gas = {key: block for key, block in values.items() if key == "gas"}
+    scenario, found = _validate(values | replace_inputs(gas, lambda path: absolute_path(path, directory)))
     known_paths = {problem.where for problem in known}
     problems: list[Problem] = [*known, *(problem for problem in found if problem.where not in known_paths)]
     problems += find_cross_problems(values, directory=directory)
@@ -393,8 +395,5 @@ def list_input_files(scenario: Scenario, directory: Path) -> list[Path]:
         scenario: The scenario.
         directory: Where its relative paths start.
     """
-    environment, gas = scenario.environment, scenario.gas.stored
-    named = [getattr(environment, environment.folder_key)] if environment.folder_key is not None else []
-    named += environment.geometry.files if environment.geometry is not None else ()
-    named += [name for name in (scenario.wind.file, gas.folder if gas is not None else None) if name is not None]
-    return [(directory / Path(name).expanduser()).absolute() for name in named]
+    named = (*scenario.environment.inputs, scenario.wind.file, scenario.gas.stored_folder)
+    return [(directory / Path(name).expanduser()).absolute() for name in named if name is not None]

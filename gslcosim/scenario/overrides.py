@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from gslcosim.base.problems import Problem
+from gslcosim.base.scenario_keys import list_inputs
 from gslcosim.scenario.checks.program_checks import SCRIPT_ENDINGS
 from gslcosim.scenario.problems import (
     InvalidScenarioError,
@@ -17,11 +18,7 @@ from gslcosim.scenario.problems import (
 )
 from gslcosim.scenario.serialization import YamlTree, read_yaml
 
-# Places in a scenario that hold files or folders; the first word of a command is a path only with a slash, and the
-# second where it is a script.
-_FILES = re.compile(
-    r"environment\.(path|gsl_bench|gaden)|environment\.geometry\.files\[\d+\]|wind\.solver\.file|gas\.playback\.folder"
-)
+# The first word of a command is a path only with a slash, and the second where it is a script.
 _PYTHON = re.compile(r"agents\[\d+\]\.start\.python")
 _COMMAND = re.compile(r"agents\[\d+\]\.start\.command\[(\d+)\]")
 
@@ -48,7 +45,7 @@ def make_paths_absolute(path: str, value: Any, directory: Path) -> Any:
 
 
 def _is_path(path: str, text: str) -> bool:
-    if _FILES.fullmatch(path):
+    if re.sub(r"\[\d+\]", "[]", path) in {each.place for each in list_inputs()}:
         return True
     if _PYTHON.fullmatch(path):
         return "/" in text or text.endswith(".py")

@@ -15,6 +15,7 @@ from pydantic_core import PydanticUndefined
 
 from gslcosim.base import yaml_core
 from gslcosim.base.problems import Problem
+from gslcosim.base.scenario_keys import replace_inputs
 from gslcosim.base.yaml_core import (
     TAG,
     CoreLoader,
@@ -218,9 +219,11 @@ def dump_resolved(scenario: Scenario, *, directory: Path | None = None) -> str:
         directory: The scenario's folder. When given, relative paths are written absolute, so that the text may be
             saved in another folder.
     """
-    if directory is not None:
-        scenario = _with_absolute_paths(scenario, directory)
-    return dump_values(plain_values(scenario))
+    if directory is None:
+        return dump_values(plain_values(scenario))
+    agents = tuple(_with_absolute_program(agent, directory) for agent in scenario.agents)
+    values = plain_values(scenario.model_copy(update={"agents": agents}))
+    return dump_values(replace_inputs(values, lambda path: absolute_path(path, directory)))
 
 
 def dump_values(values: Any) -> str:
@@ -253,36 +256,9 @@ def _inside(name: str, paths: Iterable[str]) -> list[str]:
     return [path.removeprefix(f"{name}.") for path in paths if path.startswith(f"{name}.")]
 
 
-def _with_absolute_paths(scenario: Scenario, directory: Path) -> Scenario:
-    environment, wind = scenario.environment, scenario.wind
-    if (key := environment.folder_key) is not None:
-        environment = environment.model_copy(update={key: _absolute(getattr(environment, key), directory)})
-    if (geometry := environment.geometry) is not None:
-        files = tuple(_absolute(file, directory) for file in geometry.files)
-        environment = environment.model_copy(update={"geometry": geometry.model_copy(update={"files": files})})
-    if wind.file is not None:
-        wind = wind.model_copy(update={"solver": {"file": _absolute(wind.file, directory)}})
-    agents = tuple(_with_absolute_program(agent, directory) for agent in scenario.agents)
-    return scenario.model_copy(update={"environment": environment, "wind": wind, "agents": agents})
-
-
-def _absolute(path: str, directory: Path) -> str:
+def absolute_path(path: str, directory: Path) -> str:
+    """Return a path that a scenario in a folder names as an absolute one."""
     return str((directory / Path(path).expanduser()).resolve())
-
-
-def with_absolute_gas(scenario: Scenario, directory: Path) -> Scenario:
-    """Return a scenario whose stored gas, if it plays any, is named absolutely: services know no folder to start from.
-
-    Args:
-        scenario: A valid scenario.
-        directory: Where its relative paths start.
-    """
-    playback = scenario.gas.stored
-    if playback is None:
-        return scenario
-    folder = _absolute(playback.folder, directory)
-    gas = scenario.gas.model_copy(update={"playback": playback.model_copy(update={"folder": folder})})
-    return scenario.model_copy(update={"gas": gas})
 
 
 def _with_absolute_program(agent: AgentSpec, directory: Path) -> AgentSpec:
@@ -293,6 +269,6 @@ def _with_absolute_program(agent: AgentSpec, directory: Path) -> AgentSpec:
         program = str((directory / start.command[0]).resolve())
         start = start.model_copy(update={"command": (program, *start.command[1:])})
     folders = {
-        key: tuple(_absolute(path, directory) for path in getattr(agent, key)) for key in ("may_read", "may_write")
+        key: tuple(absolute_path(path, directory) for path in getattr(agent, key)) for key in ("may_read", "may_write")
     }
     return agent.model_copy(update={"start": start, **folders})

@@ -129,12 +129,12 @@ def _assess_air(scenario: Scenario, environments: Sequence[Path]) -> Iterator[Fi
     # Of several environments the worst: what events make of the room counts as much as the room at the start.
     yield max((_assess_wind(scenario, wind) for wind in known), key=_rank)
     mixed = find_mixed_air(scenario, known[0].maker)
-    figures = {"model": scenario.gas.model, "folder": scenario.gas.stored.folder if scenario.gas.stored else None}
+    figures = {"model": scenario.gas.model, "folder": scenario.gas.stored_folder}
     if mixed is not None:
         text = f"The gas was carried by another wind than the one beside it: {mixed.found}."
         yield Finding(about="gas", severity="warning", text=text, remedy=mixed.remedy, figures=figures)
-    elif scenario.gas.stored is not None:
-        text = f"The gas of {scenario.gas.stored.folder} is played back beside the wind of {known[0].name}."
+    elif scenario.gas.stored_folder is not None:
+        text = f"The gas of {scenario.gas.stored_folder} is played back beside the wind of {known[0].name}."
         remedy = "See that both are of one simulation: nothing in the files says so."
         yield Finding(about="gas", severity="note", text=text, remedy=remedy, figures=figures)
     else:

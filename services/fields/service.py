@@ -42,11 +42,11 @@ def _build(setup: RunSetup) -> Core:
 
 
 def _check_host(setup: RunSetup) -> None:
-    stored = setup.scenario.gas.stored
-    if stored is not None and not Path(stored.folder).exists():
+    folder = setup.scenario.gas.stored_folder
+    if folder is not None and not Path(folder).exists():
         raise UsageError(
             "gas.playback.folder: expected the stored gas on the host of fields, found none. Copy it to the same "
-            f"place, or leave fields with the supervisor.\nFolder: {stored.folder}"
+            f"place, or leave fields with the supervisor.\nFolder: {folder}"
         )
 
 

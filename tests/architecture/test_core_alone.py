@@ -26,9 +26,6 @@ EXTENSIONS = sorted(path.parent.name for path in ROOT.glob("extensions/*/pyproje
 SCENARIO = "tiny_room"
 # Blocks that the core reads and that only a reader, solver or model of an extension can serve.
 READ_BY_CORE = {
-    "environment.gaden": {"environment": {"gaden": "."}},
-    "environment.geometry": {"environment": {"geometry": {"files": ["environment_geometry.yaml"]}}},
-    "environment.gsl_bench": {"environment": {"gsl_bench": "."}},
     "gas.model=playback": {
         "gas": {"model": "playback", "sources": [{"position_m": [1.5, 2, 1]}], "playback": {"folder": "."}}
     },

@@ -9,7 +9,7 @@ import pytest
 
 from gslcosim.cli.main import main
 from gslcosim.environment.store import load_environment
-from gslcosim.scenario.models.scenario import GeometrySpec
+from gslcosim_formats.scenario_keys import GeometrySpec
 
 PAGE = Path(__file__).parents[2] / "docs" / "own-geometry.md"
 

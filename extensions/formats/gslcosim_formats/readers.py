@@ -18,7 +18,6 @@ from gslcosim.environment.model import (
 )
 from gslcosim.environment.openings import find_face, find_inflow_problems
 from gslcosim.environment.readers import RoomReader
-from gslcosim.scenario.models.geometry import GeometrySpec
 from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
 from gslcosim.scenario.models.wind import WindSpec
 from gslcosim_formats.environment_folders import (
@@ -28,6 +27,8 @@ from gslcosim_formats.environment_folders import (
     load_gsl_bench_geometry,
 )
 from gslcosim_formats.geometry.solid_geometry import geometry_from_files
+from gslcosim_formats.scenario_keys import GEOMETRY as GEOMETRY_KEY
+from gslcosim_formats.scenario_keys import GeometrySpec
 from gslcosim_formats.wind_files import NoWindWarning
 
 
@@ -132,15 +133,23 @@ def _find_geometry_problems(spec: EnvironmentSpec, wind: SolverSpec, scenario_di
 
 
 def _geometry_of(spec: EnvironmentSpec) -> GeometrySpec:
-    assert spec.geometry is not None, "the reader of environment.geometry reads no other"
-    return spec.geometry
+    geometry = GEOMETRY_KEY.get(spec)
+    assert geometry is not None, "the reader of environment.geometry reads no other"
+    return geometry
 
 
 _GADEN_FOLDERS = _FolderReader(maker="GADEN", load_geometry=load_gaden_geometry, load=import_gaden)
 _GSL_BENCH_FOLDERS = _FolderReader(
     maker="GSL-Bench or AutoGDM+", load_geometry=load_gsl_bench_geometry, load=import_gsl_bench
 )
-GEOMETRY = RoomReader(read=_read_geometry, find_problems=_find_geometry_problems)
+GEOMETRY = RoomReader(
+    read=_read_geometry,
+    find_problems=_find_geometry_problems,
+    scale=(
+        "environment.geometry.scale",
+        "For files in centimetres give scale: 0.01, in millimetres scale: 0.001.",
+    ),
+)
 GADEN, GSL_BENCH = (
     RoomReader(read=folders.read, find_problems=folders.find_problems, read_wind=folders.read_wind)
     for folders in (_GADEN_FOLDERS, _GSL_BENCH_FOLDERS)

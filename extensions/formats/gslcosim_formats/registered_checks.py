@@ -8,6 +8,6 @@ CHECKS = (
         of="scenario",
         subject="room",
         finder="gslcosim_formats.stored_gas.model:find_stored_gas_problems",
-        is_needed=lambda scenario: scenario.gas.stored is not None,
+        is_needed=lambda scenario: scenario.gas.stored_folder is not None,
     ),
 )

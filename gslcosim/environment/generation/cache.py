@@ -105,16 +105,8 @@ def _package_hash(name: str) -> str:
 
 
 def _files_read(environment: EnvironmentSpec, wind: SolverSpec, scenario_dir: Path | None) -> Iterator[Path]:
-    if environment.folder_key is not None:
-        from gslcosim.environment.geometry_source import find_folder
-
-        yield from _files_in(find_folder(environment, scenario_dir))
-    for file in environment.geometry.files if environment.geometry is not None else ():
-        yield (scenario_dir or Path()) / Path(file).expanduser()
-    if wind.file is not None:
-        from gslcosim.environment.geometry_source import wind_file
-
-        yield from _files_in(wind_file(wind, scenario_dir))
+    for text in (*environment.inputs, *([] if wind.file is None else [wind.file])):
+        yield from _files_in((scenario_dir or Path()) / Path(text).expanduser())
 
 
 # Gas frames do not decide the wind, and are by far the most of an imported folder.

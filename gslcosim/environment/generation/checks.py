@@ -11,6 +11,7 @@ from gslcosim.environment.generation.cache import find_environment
 from gslcosim.environment.generation.provenance import WindMaker, find_mixed_air, read_wind_provenance
 from gslcosim.environment.model import Grid
 from gslcosim.environment.positions import find_position_problems, find_position_problems_in
+from gslcosim.environment.readers import find_room_reader
 from gslcosim.environment.variants import variant_scenarios
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import EnvironmentSpec
@@ -107,9 +108,8 @@ def _find_unit_problems(spec: EnvironmentSpec, grid: Grid) -> Iterable[Problem]:
     if length_m <= _LONG_ROOM_M:
         return
     where, remedy = "environment.layout.size_m", "Lengths are in metres."
-    if spec.geometry is not None:
-        where = "environment.geometry.scale"
-        remedy = "For files in centimetres give scale: 0.01, in millimetres scale: 0.001."
+    if spec.layout is None and (scale := find_room_reader(spec).scale) is not None:
+        where, remedy = scale
     expected = f"a room of at most {_LONG_ROOM_M:.0f} m"
     yield Problem(where=where, expected=expected, found=f"one of {length_m:,.0f} m", remedy=remedy)
 

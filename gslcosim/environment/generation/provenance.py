@@ -64,7 +64,8 @@ def read_wind_provenance(scenario: Scenario, folder: Path) -> WindProvenance:
         made_from = _read_made_from(folder / HEADER_FILE)
         wind = made_from.get("wind")
         solver = wind.get("solver") if isinstance(wind, Mapping) else None
-        source = next((str(made_from[key]) for key in ("gsl_bench", "gaden") if key in made_from), spec.path)
+        sources = [text for key, text in made_from.items() if isinstance(text, str) and key != "format"]
+        source = next(iter(sources), spec.path)
     else:
         solver, source = scenario.wind.solver, str(getattr(spec, spec.folder_key or "", ""))
     match solver:
@@ -91,14 +92,14 @@ def find_mixed_air(scenario: Scenario, maker: WindMaker) -> Problem | None:
         scenario: What is run.
         maker: Maker of its wind.
     """
-    stored = scenario.gas.stored
-    if stored is None or maker in ("file", "imported", "unknown"):
+    folder = scenario.gas.stored_folder
+    if folder is None or maker in ("file", "imported", "unknown"):
         return None
     winds = {"uniform": "the same wind everywhere", "package": f"the wind of {scenario.wind.kind_name}"}
     return Problem(
         where="gas.playback.folder",
         expected="the wind in which this gas was simulated beside it",
-        found=f"'{stored.folder}' with {winds.get(maker, f'a wind that {maker} has solved')}",
+        found=f"'{folder}' with {winds.get(maker, f'a wind that {maker} has solved')}",
         remedy="Give that wind with wind.solver: {file: PATH}, or let gslcosim carry the gas (gas.model: filament); "
         "otherwise what an anemometer reads has not carried this gas.",
     )

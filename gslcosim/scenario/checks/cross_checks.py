@@ -10,7 +10,7 @@ from gslcosim.base.errors import VehicleError
 from gslcosim.base.gases import GASES
 from gslcosim.base.problems import Problem
 from gslcosim.base.quantities import PHYSICS_STEP_MS
-from gslcosim.base.scenario_keys import list_scenario_keys
+from gslcosim.base.scenario_keys import find_inputs, list_scenario_keys
 from gslcosim.base.ticks import NS_PER_S, seconds_from_ticks
 from gslcosim.contract.participant_messages import find_room_output
 from gslcosim.scenario.checks.program_checks import find_command_problem, find_python_problem
@@ -18,7 +18,7 @@ from gslcosim.scenario.models.base import Spec
 from gslcosim.scenario.models.events import VALUE_PATTERN
 from gslcosim.scenario.models.gas import EVEN_RELEASES
 from gslcosim.scenario.models.participants import ParticipantProgramSpec
-from gslcosim.scenario.models.scenario import FOLDER_KEYS, GasSpec, RecordingSpec, Scenario, StopSpec
+from gslcosim.scenario.models.scenario import GasSpec, RecordingSpec, Scenario, StopSpec
 from gslcosim.scenario.models.sensors import (
     SENSOR_BLOCKS,
     MeasuringSensorSpec,
@@ -398,10 +398,7 @@ def find_cross_problems(values: dict[str, Any], *, directory: Path) -> list[Prob
         *_wrong_hosts(values),
         *_wrong_members(values),
         *_missing_programs(values, directory),
-        *_missing_environment(values, directory),
-        *_missing_geometry(values, directory),
-        *_missing_wind(values, directory),
-        *_missing_gas_frames(values, directory),
+        *_missing_inputs(values, directory),
         *_unknown_gases(values),
         *_taken_by_estimates(values),
         *_broken_times(values),
@@ -522,32 +519,22 @@ def _missing_registered_files(block: dict[str, Any], place: str, path: str, dire
             yield _missing(f"{path}.{key.name}", key.file, text, f"file {file}")
 
 
-def _missing_environment(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
-    for key in FOLDER_KEYS:
-        path = block_in(values, "environment").get(key)
-        if isinstance(path, str) and not (folder := _place(directory, path)).is_dir():
-            kind = "folder but a file" if folder.exists() else "folder"
-            yield _missing(f"environment.{key}", "the folder of an environment", path, f"{kind} {folder}")
-
-
-def _missing_geometry(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
-    files = block_in(values, "environment", "geometry").get("files")
-    for i, file in enumerate(words_in(files)):
-        if not (path := _place(directory, file)).is_file():
-            yield _missing(f"environment.geometry.files[{i}]", "a file of geometry", file, f"file {path}")
-
-
-# A series of files is named by its common beginning, so only the folder is sure to be there.
-def _missing_wind(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
-    file = block_in(values, "wind", "solver").get("file")
-    if isinstance(file, str) and not (folder := _place(directory, file).parent).is_dir():
-        yield _missing("wind.solver.file", "a file or folder with wind", file, f"folder {folder}")
-
-
-def _missing_gas_frames(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
-    folder = block_in(values, "gas", "playback").get("folder")
-    if isinstance(folder, str) and not (path := _place(directory, folder)).exists():
-        yield _missing("gas.playback.folder", "a folder of gas frames, or a movie", folder, str(path))
+def _missing_inputs(values: dict[str, Any], directory: Path) -> Iterator[Problem]:
+    for named, place, text in find_inputs(values):
+        path, what = _place(directory, text), "file"
+        match named.kind:
+            case "folder":
+                is_there, what = path.is_dir(), "folder but a file" if path.exists() else "folder"
+            case "file":
+                is_there = path.is_file()
+            # A series of files is named by its common beginning, so only the folder is sure to be there.
+            case "series":
+                path, what = path.parent, "folder"
+                is_there = path.is_dir()
+            case "file or folder":
+                is_there, what = path.exists(), ""
+        if not is_there:
+            yield _missing(place, named.expected, text, f"{what} {path}".lstrip())
 
 
 def _place(directory: Path, written: str) -> Path:

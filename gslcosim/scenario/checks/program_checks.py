@@ -22,18 +22,7 @@ SCRIPT_ENDINGS = (".py", ".js", ".mjs", ".rb", ".pl", ".lua", ".jl", ".sh", ".m"
 """Endings by which the second word of a command is known as a file."""
 
 # Keys of a scenario whose texts are files or folders, alone or in a list.
-_PATH_KEYS = (
-    "python",
-    "command",
-    "files",
-    "file",
-    "folder",
-    "path",
-    "gsl_bench",
-    "gaden",
-    "may_read",
-    "may_write",
-)
+_PATH_KEYS = ("python", "command", "may_read", "may_write")
 # Linux's limits, with room for the folder that comes before.
 _MAX_NAME_BYTES, _MAX_PATH_LENGTH = 255, 3000
 # The first bytes of a program of Linux, and those that say for which kind of processor; some take another kind too.
@@ -62,7 +51,7 @@ def find_unusable_paths(values: object, path: str = "") -> Iterator[Problem]:
         return
     for key, value in cast("dict[str, object]", values).items():
         place = child_path(path, key)
-        if key not in (*_PATH_KEYS, *list_file_keys()):
+        if key not in _PATH_KEYS and key not in list_file_keys():
             # What an agent's parameters mean is the agent's.
             if key != "parameters":
                 yield from find_unusable_paths(value, place)

@@ -164,7 +164,7 @@ _SCENARIO_CHECKS = (
         of="scenario",
         subject="room",
         finder="gslcosim.environment.generation.checks:find_mixed_air_problems",
-        is_needed=lambda scenario: scenario.gas.stored is not None,
+        is_needed=lambda scenario: scenario.gas.stored_folder is not None,
         is_warning=True,
     ),
     Check(

@@ -20,12 +20,11 @@ from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, cor
 
 from gslcosim.base.plugins import EntryPoints, PluginError
 from gslcosim.base.problems import broken_rule_error
-from gslcosim.base.quantities import Vec3
 from gslcosim.base.scenario_keys import list_scenario_keys
 from gslcosim.base.spec import Name as Name
+from gslcosim.base.spec import Positive as Positive
 from gslcosim.base.spec import Spec as Spec
 
-Positive = Annotated[float, Field(gt=0)]
 RoomEdge = Annotated[float, Field(gt=0, le=10_000)]
 NonNegative = Annotated[float, Field(ge=0)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
@@ -55,11 +54,6 @@ def with_registered_keys(place: str) -> Callable[[type[AnySpec]], type[AnySpec]]
         return block
 
     return add_keys
-
-
-def format_point(numbers: Vec3) -> str:
-    """Return three numbers as a scenario file has them."""
-    return f"[{', '.join(f'{number:g}' for number in numbers)}]"
 
 
 # Told apart by identity: annotations are hashed.

@@ -5,10 +5,11 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, SerializeAsAny, StringConstraints, model_validator
 
+from gslcosim.base.box_rules import format_point
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
 from gslcosim.contract.participant_messages import build_own_port
-from gslcosim.scenario.models.base import Fraction, Name, NonNegative, OneOf, Positive, Spec, format_point
+from gslcosim.scenario.models.base import Fraction, Name, NonNegative, OneOf, Positive, Spec
 
 # Of a participant: a word of its `writes`, and the name of a value that it writes there.
 VALUE_PATTERN = re.compile(r"[a-z][a-z0-9_]{0,39}\.[a-z][a-z0-9_]{0,39}")

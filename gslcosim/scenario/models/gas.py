@@ -7,10 +7,11 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import Field, SerializeAsAny, model_validator
 
 from gslcosim.base import gases
+from gslcosim.base.box_rules import format_point
 from gslcosim.base.plugins import EntryPoints
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
-from gslcosim.scenario.models.base import KindedSpec, Name, NonNegative, OneOf, Positive, Spec, format_point
+from gslcosim.scenario.models.base import KindedSpec, Name, NonNegative, OneOf, Positive, Spec
 
 
 class ReleaseSpec(KindedSpec):
@@ -173,19 +174,6 @@ class FarrellSpec(Spec):
     n_nodes: Annotated[int, Field(ge=3, le=200)] = Field(default=21, description="nodes of the wind grid per side")
 
 
-class PlaybackSpec(Spec):
-    """Stored gas: a `folder` of frames of GADEN, GSL-Bench or AutoGDM+, or a movie (`.npz`), which has its own times.
-
-    With `loop` it restarts after the last frame; otherwise the last frame stays.
-    """
-
-    folder: str = Field(description="folder of frames of GADEN, GSL-Bench or AutoGDM+, or a movie (.npz)")
-    period_s: Positive | None = Field(
-        default=None, description="time between frames (absent: 1 s for GSL-Bench, 0.5 s for GADEN)"
-    )
-    loop: bool = Field(default=False, description="restart at the first frame after the last one")
-
-
 class TurbulenceSpec(KindedSpec):
     """Turbulence that moves filaments, spreads them, and that instruments feel.
 
@@ -234,8 +222,8 @@ class GasSpec(KindedSpec):
     rotor_downwash: bool = Field(default=False, description="let rotor downwash move filaments")
 
     @property
-    def stored(self) -> PlaybackSpec | None:
-        """The stored gas that is played, if the model plays any."""
+    def stored_folder(self) -> str | None:
+        """The folder or file that the gas is read from, if the model reads stored gas."""
         return None
 
     @model_validator(mode="after")

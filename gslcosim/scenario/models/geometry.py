@@ -1,4 +1,4 @@
-"""Geometry of an environment: layouts that can be generated, and files of the user.
+"""Geometry of an environment: layouts that can be generated.
 
 Layouts hold what Tables 9.1 and 9.2 of the GSL-Bench thesis have for warehouses, and the like for other rooms: `kind`
 is env_type, `size_m` env_size, `inlet_size_m` and `outlet_size_m` inlet_size and outlet_size, `filled_least_frac`
@@ -9,63 +9,11 @@ emptyfullrackdiv, `walls` white_walls. inlet_vel, the cell of Table 9.3 and the 
 from typing import Annotated, Any, Literal, Self, cast
 
 from pydantic import Discriminator, Field, Tag, model_validator
-from pydantic_core import PydanticCustomError
 
+from gslcosim.base.box_rules import check_box, check_rectangle, check_velocity_of
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
-from gslcosim.scenario.models.base import Count, Fraction, Name, NonNegative, Positive, RoomEdge, Spec, format_point
-
-
-def check_box(min_m: Vec3, max_m: Vec3) -> None:
-    """Raise what a validator raises where two points are not the lower and upper corner of a box [m]."""
-    if min(_sides_m(min_m, max_m)) <= 0:
-        raise _wrong_corners(
-            max_m,
-            f"each number greater than that of min_m, {format_point(min_m)}",
-            "min_m and max_m are opposite corners.",
-        )
-
-
-def check_box_or_rectangle(min_m: Vec3, max_m: Vec3) -> None:
-    """As `check_box`; the box may be flat along one axis."""
-    sides_m = _sides_m(min_m, max_m)
-    if min(sides_m) < 0 or sides_m.count(0) > 1:
-        raise _wrong_corners(
-            max_m,
-            f"two numbers greater than those of min_m, {format_point(min_m)}, and none smaller",
-            "min_m and max_m are opposite corners of a box or rectangle.",
-        )
-
-
-def check_rectangle(min_m: Vec3, max_m: Vec3) -> None:
-    """As `check_box`; the box has to be flat along exactly one axis."""
-    sides_m = _sides_m(min_m, max_m)
-    if min(sides_m) != 0 or sides_m.count(0) != 1:
-        raise _wrong_corners(
-            max_m,
-            f"one number equal to that of min_m, {format_point(min_m)}, and two greater",
-            "An opening is a rectangle on one side of the room.",
-        )
-
-
-def check_velocity_of(kind: str, velocity_m_s: Vec3 | None) -> None:
-    """Raise what a validator raises where an opening that is no inlet has a velocity."""
-    if velocity_m_s is not None and kind != "inlet":
-        raise broken_rule_error(
-            key="velocity_m_s",
-            expected=f"no velocity for an {'open side' if kind == 'open' else kind}",
-            found=format_point(velocity_m_s),
-            remedy="Only an inlet has one; the air finds its way through the others.",
-        )
-
-
-def _wrong_corners(max_m: Vec3, expected: str, remedy: str) -> PydanticCustomError:
-    return broken_rule_error(key="max_m", expected=expected, found=format_point(max_m), remedy=remedy)
-
-
-def _sides_m(min_m: Vec3, max_m: Vec3) -> list[float]:
-    return [high - low for low, high in zip(min_m, max_m, strict=True)]
-
+from gslcosim.scenario.models.base import Count, Fraction, Name, NonNegative, Positive, RoomEdge, Spec
 
 DEFAULT_KIND = "warehouse_empty"
 
@@ -310,92 +258,3 @@ Layout = Annotated[
     | Annotated[WindTunnelSpec, Tag("wind_tunnel")],
     Discriminator(_kind_of),
 ]
-
-
-class ExtentSpec(Spec):
-    """A box by two opposite corners, world frame [m]; a box around a surface may be flat along one axis."""
-
-    min_m: Vec3 = Field(description="lower corner")
-    max_m: Vec3 = Field(description="upper corner")
-
-    @model_validator(mode="after")
-    def _check_corners(self) -> Self:
-        check_box_or_rectangle(self.min_m, self.max_m)
-        return self
-
-
-class BoundsSpec(Spec):
-    """Box of air to keep, world frame [m]; its sides are walls except at openings."""
-
-    min_m: Vec3 = Field(description="lower corner")
-    max_m: Vec3 = Field(description="upper corner")
-
-    @model_validator(mode="after")
-    def _check_corners(self) -> Self:
-        check_box(self.min_m, self.max_m)
-        return self
-
-
-class GeometryOpeningSpec(Spec):
-    """An opening of a geometry: a `box` around it, or the name of a `surface` in the files.
-
-    A surface is a mesh, group, material, node, solid or geom. `kind: open` is an open boundary to the outdoors.
-    """
-
-    name: Name = Field(description="name of the opening")
-    kind: Literal["inlet", "outlet", "open"] = Field(
-        description="role of the opening: inlet, outlet, or open boundary to the outdoors"
-    )
-    box: ExtentSpec | None = Field(default=None, description="box around the opening")
-    surface: str | None = Field(default=None, description="name of the object in the files")
-    velocity_m_s: Vec3 | None = Field(
-        default=None, description="wind of an inlet (absent: `wind.inlet_velocity_m_s`, straight inwards)"
-    )
-
-    @model_validator(mode="after")
-    def _check_place(self) -> Self:
-        if (self.box is None) == (self.surface is None):
-            raise broken_rule_error(
-                expected="exactly one of box and surface",
-                found="neither" if self.box is None else "both",
-                remedy="box gives the place in metres, surface names a part of the files.",
-            )
-        check_velocity_of(self.kind, self.velocity_m_s)
-        return self
-
-
-class GeometrySpec(Spec):
-    """A room from geometry files: STL, OBJ, glTF (.gltf or .glb) or MJCF (.xml), relative to the scenario's folder.
-
-    - Surfaces whose names begin with inlet or outlet are openings, even if `openings` does not list them.
-    - `scale` is 0.001 for files in millimetres. gslcosim scales first, then rotates by `up`, then adds `translate_m`.
-    - Without `free_point_m`, gslcosim looks for air beside the first inlet, then the other openings, then the middle.
-    - Without `bounds_m`, the geometry must enclose the air, except at openings.
-    """
-
-    files: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
-        description="STL, OBJ, glTF or MJCF, relative to the scenario's folder"
-    )
-    scale: Positive = Field(default=1.0, description="factor from the unit of the files to metres")
-    up: Literal["y", "z"] | None = Field(
-        default=None, description="axis that points up in the files (absent: y in glTF, z in the others)"
-    )
-    translate_m: Vec3 = Field(default=(0.0, 0.0, 0.0), description="offset of the scaled and rotated geometry")
-    free_point_m: Vec3 | None = Field(default=None, description="a point in the air (absent: found automatically)")
-    bounds_m: BoundsSpec | None = Field(
-        default=None, description="region of air to keep (absent: the air that the geometry encloses)"
-    )
-    openings: tuple[GeometryOpeningSpec, ...] = Field(default=(), description="openings of the room")
-
-    @model_validator(mode="after")
-    def _check_names(self) -> Self:
-        names = [opening.name for opening in self.openings]
-        doubled = sorted({name for name in names if names.count(name) > 1})
-        if doubled:
-            raise broken_rule_error(
-                key="openings",
-                expected="openings with different names",
-                found=f"{doubled[0]} {names.count(doubled[0])} times",
-                remedy="Give each its own name.",
-            )
-        return self

@@ -9,7 +9,15 @@ from gslcosim.base.errors import VehicleError
 from gslcosim.base.method_names import name_method
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
-from gslcosim.base.scenario_keys import AGENT_START, AgentStart, list_agent_starts, list_live_keys
+from gslcosim.base.scenario_keys import (
+    AGENT_START,
+    ENVIRONMENT,
+    AgentStart,
+    find_inputs,
+    list_agent_starts,
+    list_inputs,
+    list_live_keys,
+)
 from gslcosim.contract.environment_messages import EVENTS, PROBES, EventsBeginning, build_source_port
 from gslcosim.contract.messages import ParameterValue
 from gslcosim.contract.participant import Inbox, Read
@@ -21,7 +29,6 @@ from gslcosim.scenario.models.gas import GasSpec as GasSpec
 from gslcosim.scenario.models.gas import SourceSpec as SourceSpec
 from gslcosim.scenario.models.geometry import BoxSpec as BoxSpec
 from gslcosim.scenario.models.geometry import DoorSpec
-from gslcosim.scenario.models.geometry import GeometrySpec as GeometrySpec
 from gslcosim.scenario.models.geometry import Layout as Layout
 from gslcosim.scenario.models.geometry import LayoutSpec as LayoutSpec
 from gslcosim.scenario.models.geometry import OpeningSpec as OpeningSpec
@@ -43,10 +50,9 @@ from gslcosim.scenario.problems import did_you_mean
 from gslcosim.vehicles import Vehicle, get_vehicle, is_vehicle, list_vehicle_names
 
 SCHEMA = "gslcosim/scenario/1"
-# Keys of `environment` that name a folder.
-FOLDER_KEYS = ("path", "gsl_bench", "gaden")
 
 
+@with_registered_keys(ENVIRONMENT)
 class EnvironmentSpec(Spec):
     """Environment of the run: exactly one of `layout`, `path`, `gsl_bench`, `gaden` and `geometry`.
 
@@ -57,20 +63,27 @@ class EnvironmentSpec(Spec):
     path: str | None = Field(
         default=None, description="folder of a generated or imported environment, relative to the scenario's folder"
     )
-    gsl_bench: str | None = Field(default=None, description="folder of a GSL-Bench or AutoGDM+ environment")
-    gaden: str | None = Field(default=None, description="folder of a GADEN environment, with its OccupancyGrid3D.csv")
-    geometry: GeometrySpec | None = Field(default=None, description="room from geometry files")
     doors: tuple[DoorSpec, ...] = Field(default=(), description="doors: boxes that events open and close")
 
     @property
     def folder_key(self) -> str | None:
         """The key that names a folder, if one does."""
-        return next((key for key in FOLDER_KEYS if getattr(self, key) is not None), None)
+        folders = {path.place for path in list_inputs() if path.kind == "folder"}
+        keys = (key for key in type(self).model_fields if f"{ENVIRONMENT}.{key}" in folders)
+        return next((key for key in keys if self._has(key)), None)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The files and folders that it names."""
+        return tuple(text for _, _, text in find_inputs({ENVIRONMENT: self.model_dump(mode="json")}))
+
+    def _has(self, key: str) -> bool:
+        return getattr(self, key) is not None
 
     @model_validator(mode="after")
     def _check_one(self) -> Self:
         keys = [key for key in type(self).model_fields if key != "doors"]
-        given = [key for key in keys if getattr(self, key) is not None]
+        given = [key for key in keys if self._has(key)]
         if len(given) != 1:
             raise broken_rule_error(
                 expected=f"exactly one of {', '.join(keys[:-1])} and {keys[-1]}",

@@ -6,11 +6,12 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, SerializeAsAny, TypeAdapter, create_model, model_validator
 
+from gslcosim.base.box_rules import format_point
 from gslcosim.base.gases import PID_LAMPS_EV
 from gslcosim.base.plugins import EntryPoints, PluginError
 from gslcosim.base.problems import broken_rule_error
 from gslcosim.base.quantities import Vec3
-from gslcosim.scenario.models.base import Name, NonNegative, OneOf, Positive, Spec, format_point
+from gslcosim.scenario.models.base import Name, NonNegative, OneOf, Positive, Spec
 
 
 class SensorSpec(Spec):

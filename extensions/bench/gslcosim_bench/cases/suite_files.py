@@ -128,8 +128,8 @@ def _without_paths(values: dict[str, Any], scenario: Scenario) -> dict[str, Any]
         values["environment"] = sorted(environment)
     if scenario.wind.file is not None:
         values["wind"]["solver"] = "file"
-    if scenario.gas.stored is not None:
-        values["gas"]["playback"]["folder"] = folder_hash(Path(scenario.gas.stored.folder))
+    if scenario.gas.stored_folder is not None:
+        values["gas"]["playback"]["folder"] = folder_hash(Path(scenario.gas.stored_folder))
     for agent in values["agents"]:
         start = agent["start"]
         start.pop("python", None)
@@ -329,9 +329,7 @@ def _names_files(path: Path) -> bool:
     except InvalidScenarioError:
         # What the suite sets, or a room in which places are drawn, makes it whole.
         return _may_name_files(path)
-    environment = scenario.environment
-    has_files = environment.folder_key is not None or environment.geometry is not None
-    return has_files or scenario.wind.file is not None or scenario.gas.stored is not None
+    return bool(scenario.environment.inputs or scenario.wind.file or scenario.gas.stored_folder)
 
 
 def _may_name_files(path: Path) -> bool:

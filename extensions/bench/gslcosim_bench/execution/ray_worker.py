@@ -17,7 +17,6 @@ from gslcosim.base.disk_cache import mark_used
 from gslcosim.base.errors import EnvironmentDataError, GslCosimError
 from gslcosim.base.files import ScratchFolder, list_files
 from gslcosim.base.kernel_cache import get_cache_root
-from gslcosim.environment.geometry_source import find_folder, wind_file
 from gslcosim.environment.store import load_environment
 from gslcosim.runtime.status import RunResult
 from gslcosim.scenario import Scenario
@@ -166,15 +165,9 @@ def _collect_scenario_files(scenario: Scenario, directory: Path) -> FileBundle:
 
 # As the scenario writes it, and where that is.
 def _places_in(scenario: Scenario, directory: Path) -> Iterator[tuple[str, Path]]:
-    spec, wind, playback = scenario.environment, scenario.wind, scenario.gas.stored
-    if spec.folder_key is not None:
-        yield getattr(spec, spec.folder_key), find_folder(spec, directory)
-    for file in spec.geometry.files if spec.geometry is not None else ():
-        yield file, directory / Path(file).expanduser()
-    if wind.file is not None:
-        yield wind.file, wind_file(wind, directory)
-    if playback is not None:
-        yield playback.folder, directory / Path(playback.folder)
+    for text in (*scenario.environment.inputs, scenario.wind.file, scenario.gas.stored_folder):
+        if text is not None:
+            yield text, directory / Path(text).expanduser()
 
 
 def _files_at(place: Path) -> Iterator[Path]:

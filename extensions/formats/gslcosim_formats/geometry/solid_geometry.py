@@ -27,7 +27,6 @@ from gslcosim.environment.model import (
     raise_if_any,
 )
 from gslcosim.environment.openings import Face, are_overlapping, border_m, boxes_from_solid, cells_at, snap_range
-from gslcosim.scenario.models.geometry import GeometryOpeningSpec, GeometrySpec
 from gslcosim.scenario.models.scenario import SolverSpec
 from gslcosim_formats.geometry.cell_kernels import TOUCHED
 from gslcosim_formats.geometry.mesh_formats import Part, load_parts
@@ -46,6 +45,7 @@ from gslcosim_formats.geometry.surfaces import (
     thin_bodies,
     voxelize_surfaces,
 )
+from gslcosim_formats.scenario_keys import GeometryOpeningSpec, GeometrySpec
 
 OPENINGS_PATH = "environment.geometry.openings"
 

@@ -11,8 +11,9 @@ from pydantic import Field, model_validator
 
 from gslcosim.base.errors import EnvironmentDataError, ScenarioError
 from gslcosim.base.problems import Problem, broken_rule_error
+from gslcosim.base.spec import Positive, Spec
 from gslcosim.environment.model import Grid, point_text
-from gslcosim.scenario.models.gas import GasSpec, PlaybackSpec
+from gslcosim.scenario.models.gas import GasSpec
 from gslcosim.scenario.models.scenario import Scenario
 from gslcosim_formats.stored_gas.frame_formats import GasFrame
 from gslcosim_formats.stored_gas.playback import MOVIE_SUFFIX, GasMovie, GasPlayback, default_period_s, values_in_cells
@@ -24,6 +25,19 @@ from gslcosim_services.fields.models.formula_fields import TimedField
 from gslcosim_services.fields.spatial_index import FilamentIndex
 
 
+class PlaybackSpec(Spec):
+    """Stored gas: a `folder` of frames of GADEN, GSL-Bench or AutoGDM+, or a movie (`.npz`), which has its own times.
+
+    With `loop` it restarts after the last frame; otherwise the last frame stays.
+    """
+
+    folder: str = Field(description="folder of frames of GADEN, GSL-Bench or AutoGDM+, or a movie (.npz)")
+    period_s: Positive | None = Field(
+        default=None, description="time between frames (absent: 1 s for GSL-Bench, 0.5 s for GADEN)"
+    )
+    loop: bool = Field(default=False, description="restart at the first frame after the last one")
+
+
 class PlaybackGasSpec(GasSpec):
     """Stored gas of other programs, played back."""
 
@@ -33,9 +47,9 @@ class PlaybackGasSpec(GasSpec):
     playback: PlaybackSpec | None = Field(default=None, description="stored gas")
 
     @property
-    def stored(self) -> PlaybackSpec | None:
-        """The stored gas that is played."""
-        return self.playback
+    def stored_folder(self) -> str | None:
+        """The folder of frames, or the movie."""
+        return self.playback.folder if self.playback is not None else None
 
     @model_validator(mode="after")
     def _check_playback(self) -> Self:
@@ -163,7 +177,7 @@ def find_stored_gas_problems(scenario: Scenario, directory: Path) -> list[Proble
         scenario: Its gas and sources.
         directory: The scenario's folder, where a relative path of the gas starts.
     """
-    spec = scenario.gas.stored
+    spec = scenario.gas.playback if isinstance(scenario.gas, PlaybackGasSpec) else None
     if spec is None:
         return []
     try:

@@ -12,9 +12,9 @@ from gslcosim.base.errors import ScenarioError
 from gslcosim.environment.grid_kernels import find_reachable_cells
 from gslcosim.environment.model import Box, Cell
 from gslcosim.environment.openings import voxelize
-from gslcosim.scenario.models.geometry import GeometrySpec
 from gslcosim.scenario.models.scenario import WindSpec
 from gslcosim_formats.geometry.solid_geometry import geometry_from_files
+from gslcosim_formats.scenario_keys import GeometrySpec
 
 SIZE_M = (4.0, 3.0, 2.0)
 CELL_M = 0.25
