@@ -4,8 +4,6 @@ import errno
 import os
 import sys
 import traceback
-from collections.abc import Iterator
-from contextlib import contextmanager
 from enum import IntEnum
 from pathlib import Path
 from typing import ClassVar
@@ -255,15 +253,6 @@ def build_path_error(error: OSError, place: str, expected: str, *, path: Path | 
     """
     text = format_machine_error(error, place, expected, path=path)
     return UsageError(text) if error.errno in _PATH_ERRNOS else MachineError(text)
-
-
-@contextmanager
-def reporting_path_errors(place: str, expected: str, *, path: Path | str) -> Iterator[None]:
-    """Turn what the machine refuses inside into `build_path_error`."""
-    try:
-        yield
-    except OSError as error:
-        raise build_path_error(error, place, expected, path=path) from error
 
 
 def translate(error: BaseException) -> MachineError | None:

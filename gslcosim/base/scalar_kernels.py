@@ -33,8 +33,7 @@ def list_scalar_kernels() -> tuple[Callable[..., Any], ...]:
     return tuple(_KERNELS)
 
 
-# What follows has a compiled twin in `gslcosim_training.batch.scalar_compilation`: what compilers bring differs in last
-# digits.
+# Batches have compiled twins of what follows: what compilers bring differs in last digits.
 
 
 def norm2(x: float, y: float) -> float:

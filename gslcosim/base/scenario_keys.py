@@ -11,8 +11,7 @@ from typing import Any, Generic, Literal, TypeVar, cast
 
 from pydantic import BaseModel
 
-from gslcosim.base.errors import UsageError
-from gslcosim.base.extensions import STARTS_GROUP, find_remedy, load_registered
+from gslcosim.base.extensions import STARTS_GROUP, load_registered
 
 Value = TypeVar("Value")
 ENVIRONMENT = "environment"
@@ -208,18 +207,3 @@ def list_file_keys() -> frozenset[str]:
     """Return the names of all keys whose texts, alone or in a list, are files or folders."""
     names = {path.place.rpartition(".")[2].removesuffix("[]") for path in list_inputs()}
     return frozenset(names | {key.name for key in _load_all() if isinstance(key, ScenarioKey) and key.file})
-
-
-def get_scenario_key(place: str, name: str) -> ScenarioKey[Any]:
-    """Return a key of an extension.
-
-    Raises:
-        UsageError: no installed extension adds it; the text names the extension that does.
-    """
-    for key in list_scenario_keys(place):
-        if key.name == name:
-            return key
-    path = f"{place}.{name}".lstrip(".")
-    raise UsageError(
-        f"{path}: expected an extension that adds it, found none. {find_remedy('keys', path) or ''}".rstrip()
-    )

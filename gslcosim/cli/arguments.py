@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from gslcosim.base.errors import UsageError
-from gslcosim.base.exporters import Exported, list_exporters
 from gslcosim.base.extensions import OPTIONS_GROUP, find_remedy, load_registered
 from gslcosim.cli.terminal import write, write_note
 
@@ -328,28 +327,6 @@ def build_number_parser(expected: str, is_allowed: Callable[[float], bool]) -> C
     return parse_number
 
 
-def add_checked_program_arguments(
-    parser: argparse.ArgumentParser, program: str, *, doors: Sequence[str], door_help: str
-) -> None:
-    """Add the command of a program that is checked, and how it is connected; the first door is the default."""
-    parser.add_argument("words", nargs="+", metavar="COMMAND", help=f"command that starts the {program}, after --")
-    parser.add_argument("--door", choices=doors, default=doors[0], help=f"{door_help} (default: {doors[0]})")
-    parser.add_argument(
-        "--format", choices=("msgpack", "json"), default="msgpack", help="frames of the gateway (default: msgpack)"
-    )
-
-
-def add_answer_timeout_option(parser: argparse.ArgumentParser, program: str, *, default_s: float) -> None:
-    """Add how long a program that is checked may take for an answer."""
-    parser.add_argument(
-        "--timeout",
-        type=build_number_parser("a number of seconds above 0", lambda seconds: 0.0 < seconds < 1e6),
-        default=default_s,
-        metavar="S",
-        help=f"how long the {program} may take for an answer, in seconds (default: {default_s:g})",
-    )
-
-
 def parse_positive_number(text: str) -> int:
     """Return a whole number of at least 1 from the command line."""
     number = parse_whole_number(text)
@@ -455,24 +432,6 @@ def _newest(runs_dir: Path, file_name: str) -> Path:
     return files[-1]
 
 
-def add_format_option(parser: argparse.ArgumentParser, *, of: Exported) -> None:
-    """Add `--to`, with the formats in which installed extensions write runs or environments."""
-    exporters = list_exporters(of)
-
-    def parse_format(text: str) -> str:
-        if text not in exporters and (remedy := find_remedy("formats", text)):
-            raise argparse.ArgumentTypeError(f"expected a format that is installed, was '{text}'. {remedy}")
-        return text
-
-    parser.add_argument(
-        "--to",
-        type=parse_format,
-        choices=tuple(exporters),
-        required=True,
-        help="; ".join(f"{each.name}: {each.summary}" for each in exporters.values()),
-    )
-
-
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the scenario and the options that change it."""
     parser.add_argument("scenario", metavar="SCENARIO", help="a scenario file, or the name of a bundled scenario")
@@ -500,24 +459,6 @@ def add_pace_option(parser: argparse.ArgumentParser, default: str = "as fast as 
         metavar="FACTOR",
         help=f"simulated seconds in a second, the same as --set pace=FACTOR (default: {default})",
     )
-
-
-def add_template_arguments(languages: str, name: str) -> Callable[[argparse.ArgumentParser], None]:
-    """Return what adds the arguments of a command that writes a program to begin with.
-
-    Args:
-        languages: Help on the language.
-        name: Help on the program's name.
-    """
-
-    def add_arguments(parser: argparse.ArgumentParser) -> None:
-        parser.add_argument("language", metavar="LANGUAGE", help=languages)
-        parser.add_argument("name", metavar="NAME", help=name)
-        parser.add_argument(
-            "--dir", type=Path, metavar="DIR", help="folder to write (default: NAME in the working directory)"
-        )
-
-    return add_arguments
 
 
 def load_checked(arguments: argparse.Namespace, *, prepares_run: bool = True) -> "LoadedScenario":

@@ -38,12 +38,6 @@ def find_folder(spec: EnvironmentSpec, scenario_dir: Path | None) -> Path:
     return folder if folder.is_absolute() or scenario_dir is None else scenario_dir / folder
 
 
-def wind_file(wind: SolverSpec, scenario_dir: Path | None) -> Path:
-    """Return the file or folder that a scenario's wind is read from."""
-    assert wind.file is not None, "only solver: {file: …} names one"
-    return (scenario_dir or Path()) / Path(wind.file).expanduser()
-
-
 def build_geometry(spec: EnvironmentSpec, wind: SolverSpec, *, scenario_dir: Path | None = None) -> EnvironmentGeometry:
     """Return the room of an environment that has no wind yet; that is any but one with a `path`.
 

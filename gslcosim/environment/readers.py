@@ -1,28 +1,27 @@
 """Readers that extensions register: rooms from files and folders of other programs, and wind from elsewhere.
 
 The entry points of `gslcosim.geometry` have the keys of scenario files as their names: `environment.KEY` is a
-`RoomReader`, `wind.solver.file` a `WindFileReader`, `wind.solver.openfoam` a `WindSolver`.
+`RoomReader`, `wind.solver.KIND` a `WindSource`.
 """
 
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any, TypeVar
 
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.extensions import GEOMETRY_GROUP, find_remedy, list_registered
 from gslcosim.base.plugins import EntryPoints
 from gslcosim.base.problems import Problem
-from gslcosim.environment.model import EnvironmentGeometry, Grid, WindFrames
+from gslcosim.environment.model import EnvironmentGeometry, WindFrames
 from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
 from gslcosim.scenario.models.wind import WindSpec
 
 Registered = TypeVar("Registered")
-WIND_FILE, OPENFOAM = "wind.solver.file", "wind.solver.openfoam"
+# Kinds of wind that extensions bring.
+FOREIGN_WINDS = ("file", "openfoam")
+Progress = Callable[[str, float], None]
 _READERS = EntryPoints(group=GEOMETRY_GROUP, what="reader")
 
 
@@ -45,14 +44,25 @@ class RoomReader:
     scale: tuple[str, str] | None = None
 
 
-class WindFileReader(Protocol):
-    """Reader of wind from a file, a folder, or a series of files."""
+@dataclass(frozen=True, kw_only=True)
+class WindSetup:
+    """Inputs of a wind builder besides its block.
 
-    def __call__(
-        self, path: Path, grid: Grid, *, occupancy: NDArray[np.uint8], period_s: float | None, is_looping: bool
-    ) -> WindFrames:
-        """Return the wind in the cells of a grid; raise `EnvironmentDataError` where there is none that fits."""
-        ...
+    Attributes:
+        room: Geometry, occupancy and openings.
+        environment: Where the room comes from; it may bring its wind.
+        scenario_dir: What relative paths are relative to.
+        progress: Receives what is being done and how much of it is over, from 0 to 1.
+    """
+
+    room: EnvironmentGeometry
+    environment: EnvironmentSpec
+    scenario_dir: Path | None
+    progress: Progress
+
+
+# Returns the wind in the cells of a room; raises `EnvironmentDataError` or `FlowError` where there is none that fits.
+WindSource = Callable[[WindSpec, WindSetup], WindFrames]
 
 
 def find_room_reader(spec: EnvironmentSpec) -> RoomReader:
@@ -64,22 +74,13 @@ def find_room_reader(spec: EnvironmentSpec) -> RoomReader:
     return _load(name_room_key(spec), lambda offered: offered if isinstance(offered, RoomReader) else None)
 
 
-def find_wind_file_reader() -> WindFileReader:
-    """Return the reader of wind from files.
+def find_wind_source(kind: str) -> WindSource:
+    """Return what reads or solves the winds of a kind, `file` or `openfoam`, outside of the core.
 
     Raises:
         EnvironmentDataError: no installed extension has it.
     """
-    return _load(WIND_FILE, as_callable)
-
-
-def find_openfoam_solver() -> Callable[..., NDArray[np.float32]]:
-    """Return the function that solves a wind by OpenFOAM; it takes what `solve_wind_report` takes of both solvers.
-
-    Raises:
-        EnvironmentDataError: no installed extension has it.
-    """
-    return _load(OPENFOAM, as_callable)
+    return _load(f"wind.solver.{kind}", as_callable)
 
 
 def as_callable(offered: object) -> Callable[..., Any] | None:
@@ -95,10 +96,8 @@ def name_room_key(spec: EnvironmentSpec) -> str:
 def list_reader_keys(spec: EnvironmentSpec, wind: SolverSpec) -> list[str]:
     """Return the keys of all readers that an environment with its wind needs."""
     keys = [] if spec.layout is not None or spec.path is not None else [name_room_key(spec)]
-    if spec.path is None and wind.file is not None:
-        keys.append(WIND_FILE)
-    if spec.path is None and isinstance(wind, WindSpec) and wind.solver == "openfoam":
-        keys.append(OPENFOAM)
+    if spec.path is None and isinstance(wind, WindSpec) and wind.kind_name in FOREIGN_WINDS:
+        keys.append(f"wind.solver.{wind.kind_name}")
     return keys
 
 

@@ -1,6 +1,6 @@
 """Order in which an autopilot does things: what becomes of a task, what a tick is watched for, when the agent is asked.
 
-These are scalar kernels, which `autopilot` calls for one vehicle and `gslcosim_training.batch.autopilot` for many.
+These are scalar kernels, which `autopilot` calls for one vehicle, and batches of searches for many.
 """
 
 # ruff: noqa: FBT001 - kernels

@@ -8,13 +8,13 @@ from pathlib import Path
 from gslcosim.base.errors import GslCosimError, MachineError, build_machine_error, build_path_error
 from gslcosim.base.quantities import Vec3
 from gslcosim.base.rng import stream
-from gslcosim.base.worker_process import run_tasks
 from gslcosim.environment.generation.builder import generate_environment
 from gslcosim.environment.generation.wind import Progress, no_progress
 from gslcosim.environment.model import Cell
 from gslcosim.environment.positions import random_free_point_m
 from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
 from gslcosim_formats.recipes import Recipe
+from gslcosim_formats.worker_process import run_tasks
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,14 +1,18 @@
-"""Readers of rooms that scenarios name, found by entry points: `environment.geometry`, `.gaden` and `.gsl_bench`."""
+"""Readers of rooms and winds that scenarios name, found by entry points such as `environment.geometry`."""
 
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.problems import Problem
 from gslcosim.environment.geometry_source import find_folder
+from gslcosim.environment.grid_kernels import find_air_cells
 from gslcosim.environment.model import (
+    Cell,
     Environment,
     EnvironmentGeometry,
     ImpossibleEnvironmentError,
@@ -17,7 +21,7 @@ from gslcosim.environment.model import (
     raise_if_any,
 )
 from gslcosim.environment.openings import find_face, find_inflow_problems
-from gslcosim.environment.readers import RoomReader
+from gslcosim.environment.readers import RoomReader, WindSetup
 from gslcosim.scenario.models.scenario import EnvironmentSpec, SolverSpec
 from gslcosim.scenario.models.wind import WindSpec
 from gslcosim_formats.environment_folders import (
@@ -27,9 +31,10 @@ from gslcosim_formats.environment_folders import (
     load_gsl_bench_geometry,
 )
 from gslcosim_formats.geometry.solid_geometry import geometry_from_files
+from gslcosim_formats.openfoam import solve_wind_openfoam
 from gslcosim_formats.scenario_keys import GEOMETRY as GEOMETRY_KEY
 from gslcosim_formats.scenario_keys import GeometrySpec
-from gslcosim_formats.wind_files import NoWindWarning
+from gslcosim_formats.wind_files import NoWindWarning, load_wind
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,6 +84,35 @@ class _FolderReader:
         for warning in caught:
             warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
         return environment.wind
+
+
+def read_wind_file(wind: WindSpec, setup: WindSetup) -> WindFrames:
+    """Return the wind of a scenario's file, folder or series of files, in the cells of the room."""
+    assert wind.file is not None, "only solver: {file: PATH} names one"
+    setup.progress("Reading the wind", 0.0)
+    path, room = (setup.scenario_dir or Path()) / Path(wind.file).expanduser(), setup.room
+    return load_wind(path, room.grid, occupancy=room.occupancy, period_s=wind.period_s, is_looping=wind.loops)
+
+
+def solve_wind_by_openfoam(wind: WindSpec, setup: WindSetup) -> WindFrames:
+    """Return the wind of a scenario that OpenFOAM solves."""
+    from gslcosim.environment.generation.wind import build_patches
+
+    room = setup.room
+    assert wind.end_time_s is not None, "the scenario's model asks for it"
+    velocity_m_s = solve_wind_openfoam(
+        find_air_cells(room.occupancy),
+        room.grid.cell_m,
+        build_patches(room, wind),
+        end_time_s=wind.end_time_s,
+        average_from_s=wind.average_from_s,
+        turbulence=wind.turbulence,
+        courant=wind.courant,
+        progress=lambda fraction: setup.progress("Solving the wind with OpenFOAM", fraction),
+    )
+    # Air leaves through cells that an opening encloses, but the room has them solid.
+    velocity_m_s[room.occupancy == Cell.SOLID] = 0
+    return WindFrames(velocity_m_s=velocity_m_s[np.newaxis])
 
 
 def add_inflow(room: EnvironmentGeometry, wind: SolverSpec) -> EnvironmentGeometry:

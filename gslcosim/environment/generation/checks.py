@@ -4,6 +4,7 @@ import math
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gslcosim.base.errors import EnvironmentDataError
 from gslcosim.base.problems import Problem
@@ -16,6 +17,9 @@ from gslcosim.environment.variants import variant_scenarios
 from gslcosim.scenario import Scenario
 from gslcosim.scenario.models.scenario import EnvironmentSpec
 from gslcosim.scenario.models.wind import WindSpec
+
+if TYPE_CHECKING:
+    from gslcosim.environment.generation.wind import SolvedWind
 
 _BUILDER = "gslcosim.environment.geometry_source"
 
@@ -56,14 +60,13 @@ def find_stored_wind_problems(scenario: Scenario, directory: Path) -> Iterable[P
         scenario: Its wind is stored, or may be.
         directory: The scenario's folder, where relative paths start.
     """
-    from gslcosim.environment.generation.wind import read_stored_wind
-    from gslcosim.environment.geometry_source import build_geometry, find_source_problems
+    from gslcosim.environment.geometry_source import find_source_problems
 
     spec, wind = scenario.environment, scenario.wind
     if not isinstance(wind, WindSpec) or find_source_problems(spec, wind, scenario_dir=directory):
         return ()  # the check of places tells what is wrong with a room, and no wind fits it
     try:
-        stored = read_stored_wind(build_geometry(spec, wind, scenario_dir=directory), spec, wind, directory)
+        stored = _read_stored_wind(spec, wind, directory)
     except EnvironmentDataError as error:
         remedy = " ".join(str(error).split())
     else:
@@ -135,8 +138,7 @@ def _find_cost_problems(wind: WindSpec, grid: Grid) -> Iterable[Problem]:
 
 # Before there is an environment: as `read_wind_provenance` will say it afterwards.
 def _find_wind_maker(scenario: Scenario, directory: Path) -> WindMaker:
-    from gslcosim.environment.generation.wind import read_stored_wind
-    from gslcosim.environment.geometry_source import build_geometry, find_folder
+    from gslcosim.environment.geometry_source import find_folder
 
     spec, wind = scenario.environment, scenario.wind
     if spec.path is not None:
@@ -148,6 +150,15 @@ def _find_wind_maker(scenario: Scenario, directory: Path) -> WindMaker:
     if wind.solver in ("openfoam", "uniform"):
         return wind.solver
     if spec.folder_key is not None and wind.solver in ("auto", "stored"):
-        stored = read_stored_wind(build_geometry(spec, wind, scenario_dir=directory), spec, wind, directory)
+        stored = _read_stored_wind(spec, wind, directory)
         return "built_in" if stored is None else "imported"
     return "built_in"
+
+
+def _read_stored_wind(spec: EnvironmentSpec, wind: WindSpec, directory: Path) -> "SolvedWind | None":
+    from gslcosim.environment.generation.wind import WindSetup, no_progress, read_stored_wind
+    from gslcosim.environment.geometry_source import build_geometry
+
+    room = build_geometry(spec, wind, scenario_dir=directory)
+    setup = WindSetup(room=room, environment=spec, scenario_dir=directory, progress=no_progress)
+    return read_stored_wind(wind, setup)

@@ -2,11 +2,9 @@
 
 import logging
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial, singledispatch
+from functools import singledispatch
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +13,13 @@ from gslcosim import flow
 from gslcosim.base.errors import EnvironmentDataError, FlowError, ScenarioError
 from gslcosim.base.gases import GASES
 from gslcosim.base.quantities import Vec3
-from gslcosim.environment.geometry_source import wind_file
 from gslcosim.environment.grid_kernels import find_air_cells
 from gslcosim.environment.model import Cell, EnvironmentGeometry, Grid, Opening, WindFrames
-from gslcosim.environment.readers import find_openfoam_solver, find_room_reader, find_wind_file_reader
+from gslcosim.environment.readers import FOREIGN_WINDS, Progress, find_room_reader, find_wind_source
+from gslcosim.environment.readers import WindSetup as WindSetup
 from gslcosim.flow.buoyancy import HEAT_M2_S, BuoyantScalar, FixedWall, Orifice, Release
 from gslcosim.scenario.models.scenario import EnvironmentSpec
 from gslcosim.scenario.models.wind import BuoyancySpec, InletScheduleSpec, SolverSpec, WindSpec
-
-Progress = Callable[[str, float], None]
-_Solution = TypeVar("_Solution")
 
 _log = logging.getLogger(__name__)
 
@@ -40,23 +35,6 @@ class SolvedWind:
 
 def no_progress(_text: str, _fraction: float) -> None:
     """Report to no one."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class WindSetup:
-    """Inputs of a wind builder besides its block.
-
-    Attributes:
-        room: Geometry, occupancy and openings.
-        environment: Where the room comes from; it may bring its wind.
-        scenario_dir: What relative paths are relative to.
-        progress: Receives what is being done and how much of it is over, from 0 to 1.
-    """
-
-    room: EnvironmentGeometry
-    environment: EnvironmentSpec
-    scenario_dir: Path | None
-    progress: Progress
 
 
 @singledispatch
@@ -94,12 +72,11 @@ def solve_wind_of_scenario(
 
 @solve_block_wind.register
 def _own_wind(wind: WindSpec, setup: WindSetup) -> SolvedWind:
-    room, spec, scenario_dir, progress = setup.room, setup.environment, setup.scenario_dir, setup.progress
+    room, folder_key = setup.room, setup.environment.folder_key
     if wind.solver == "uniform":
         return SolvedWind(frames=_uniform(room, wind))
-    if wind.file is not None or (spec.folder_key is not None and wind.solver in ("auto", "stored")):
-        progress("Reading the wind", 0.0)
-        stored = read_stored_wind(room, spec, wind, scenario_dir)
+    if wind.kind_name in FOREIGN_WINDS or (folder_key is not None and wind.solver in ("auto", "stored")):
+        stored = read_stored_wind(wind, setup)
         if stored is not None:
             return stored
     if wind.solver == "stored":
@@ -107,7 +84,7 @@ def _own_wind(wind: WindSpec, setup: WindSetup) -> SolvedWind:
             "wind.solver: expected an environment that brings its wind, was one without. "
             "Take built_in to solve it, or solver: {file: PATH}."
         )
-    return _by_openfoam(room, wind, progress) if wind.solver == "openfoam" else _solved(room, wind, progress)
+    return _solved(room, wind, setup.progress)
 
 
 def build_patches(room: EnvironmentGeometry, wind: WindSpec) -> tuple[flow.Patch, ...]:
@@ -199,21 +176,22 @@ def _uniform(room: EnvironmentGeometry, wind: WindSpec) -> WindFrames:
     return WindFrames(velocity_m_s=velocity_m_s)
 
 
-# Nothing when an imported folder brings no wind. Gaps in a wind are warnings to the user, and stay with the folder.
-def read_stored_wind(
-    room: EnvironmentGeometry, spec: EnvironmentSpec, wind: WindSpec, scenario_dir: Path | None
-) -> SolvedWind | None:
-    """Return the wind that a scenario names a file or folder of, or that its environment's folder brings, if it does.
+# Gaps in a wind are warnings to the user, and stay with the folder.
+def read_stored_wind(wind: WindSpec, setup: WindSetup) -> SolvedWind | None:
+    """Return the wind that an extension reads or solves, or that the environment's folder brings, if it does.
 
     Args:
-        room: What the wind has to fit.
-        spec: Where the room comes from.
         wind: What the scenario says of the wind.
-        scenario_dir: What relative paths are relative to.
+        setup: The room that it has to fit, and where the room comes from.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        frames = _read_frames(room, spec, wind, scenario_dir)
+        if wind.kind_name in FOREIGN_WINDS:
+            frames = find_wind_source(wind.kind_name)(wind, setup)
+        else:
+            setup.progress("Reading the wind", 0.0)
+            read_wind = find_room_reader(setup.environment).read_wind
+            frames = None if read_wind is None else read_wind(setup.environment, wind, setup.scenario_dir)
     if frames is None:
         return None
     notices = tuple(str(warning.message) for warning in caught)
@@ -222,19 +200,16 @@ def read_stored_wind(
     return SolvedWind(frames=frames, notices=notices)
 
 
-def _read_frames(
-    room: EnvironmentGeometry, spec: EnvironmentSpec, wind: WindSpec, scenario_dir: Path | None
-) -> WindFrames | None:
-    if wind.file is None:
-        read_wind = find_room_reader(spec).read_wind
-        return None if read_wind is None else read_wind(spec, wind, scenario_dir)
-    load_wind, path = find_wind_file_reader(), wind_file(wind, scenario_dir)
-    return load_wind(path, room.grid, occupancy=room.occupancy, period_s=wind.period_s, is_looping=wind.loops)
-
-
 def _solved(room: EnvironmentGeometry, wind: WindSpec, progress: Progress) -> SolvedWind:
-    solve = _posed(flow.solve_wind_report, room, wind, lambda fraction: progress("Solving the wind", fraction))
-    report = solve(
+    report = flow.solve_wind_report(
+        find_air_cells(room.occupancy),
+        room.grid.cell_m,
+        build_patches(room, wind),
+        end_time_s=wind.end_time_s,
+        average_from_s=wind.average_from_s,
+        turbulence=wind.turbulence,
+        courant=wind.courant,
+        progress=lambda fraction: progress("Solving the wind", fraction),
         buoyancy=build_buoyancy(room, wind.buoyancy),
         max_time_s=wind.max_time_s,
         max_step_s=wind.max_step_s,
@@ -243,30 +218,6 @@ def _solved(room: EnvironmentGeometry, wind: WindSpec, progress: Progress) -> So
     )
     notices = () if report.settling is None else (f"The wind has {report.settling}.",)
     return SolvedWind(frames=_frames_of(report, room, wind), report=report, notices=notices)
-
-
-def _by_openfoam(room: EnvironmentGeometry, wind: WindSpec, progress: Progress) -> SolvedWind:
-    assert wind.end_time_s is not None, "the scenario's model asks for it"
-    text = "Solving the wind with OpenFOAM"
-    velocity_m_s = _posed(find_openfoam_solver(), room, wind, lambda fraction: progress(text, fraction))()
-    return SolvedWind(frames=WindFrames(velocity_m_s=_still_in_solids(velocity_m_s[np.newaxis], room)))
-
-
-# Inputs of both solvers.
-def _posed(
-    solve: Callable[..., _Solution], room: EnvironmentGeometry, wind: WindSpec, progress: Callable[[float], None]
-) -> Callable[..., _Solution]:
-    return partial(
-        solve,
-        find_air_cells(room.occupancy),
-        room.grid.cell_m,
-        build_patches(room, wind),
-        end_time_s=wind.end_time_s,
-        average_from_s=wind.average_from_s,
-        turbulence=wind.turbulence,
-        courant=wind.courant,
-        progress=progress,
-    )
 
 
 def _frames_of(report: flow.WindReport, room: EnvironmentGeometry, wind: WindSpec) -> WindFrames:

@@ -15,13 +15,14 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from gslcosim.base.errors import UsageError, reporting_path_errors
+from gslcosim.base.errors import UsageError
 from gslcosim.base.files import ScratchFolder, list_files
 from gslcosim.base.untrusted_input import escape_json_text
 from gslcosim_archive.dataset import DEFAULT_LICENSE
 from gslcosim_archive.dataset.croissant import Publication, PublishedFile, build_croissant
 from gslcosim_archive.dataset.datasheet import STATEMENTS, build_datasheet, count_dataset, describe_dataset
 from gslcosim_archive.dataset.tables import Origin, build_published_tables, read_origins
+from gslcosim_archive.path_errors import reporting_path_errors
 from gslcosim_bench.cases.suite_files import LoadedSuite, load_suite, write_suite
 
 DATASHEET, DESCRIPTION, SUITE = "README.md", "croissant.json", "suite"

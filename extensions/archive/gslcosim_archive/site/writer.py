@@ -5,8 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gslcosim.base.errors import UsageError, reporting_path_errors
+from gslcosim.base.errors import UsageError
 from gslcosim.base.files import replace_file
+from gslcosim_archive.path_errors import reporting_path_errors
 from gslcosim_archive.site.cards import find_cards
 from gslcosim_archive.site.pages import CASES, METHODS, PLANS, TRACKS, SiteData, build_site
 from gslcosim_archive.submissions import load_published_results

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, Literal, Protocol, cast
 
 from gslcosim.base.errors import SimulationFault
-from gslcosim.base.worker_process import WorkerProcess
 from gslcosim.runtime.processes.stop_detection import StopDetector, describe_stop, is_stopped_itself
 from gslcosim_bench.cases.models import LimitsSpec, Trial
 from gslcosim_bench.execution.trial import (
@@ -22,6 +21,7 @@ from gslcosim_bench.execution.trial import (
     record_trial,
     run_trial,
 )
+from gslcosim_formats.worker_process import WorkerProcess
 
 # How long to wait before a person gets the status again.
 POLL_PERIOD_S = 0.5

@@ -5,15 +5,14 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from gslcosim.base.errors import ExitCode
-from gslcosim.cli.arguments import (
-    Command,
-    CommandFamily,
+from gslcosim.cli.arguments import Command, CommandFamily
+from gslcosim.cli.completion_words import find_named
+from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
+from gslcosim_conformance.commands.arguments import (
     add_answer_timeout_option,
     add_checked_program_arguments,
     add_template_arguments,
 )
-from gslcosim.cli.completion_words import find_named
-from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 EXAMPLES = """  gslcosim agent new python my_agent
   gslcosim agent check -- python my_agent/agent.py

@@ -6,15 +6,14 @@ from pathlib import Path
 from typing import Any
 
 from gslcosim.base.errors import ExitCode, UsageError
-from gslcosim.cli.arguments import (
-    Command,
-    CommandFamily,
+from gslcosim.cli.arguments import Command, CommandFamily
+from gslcosim.cli.completion_words import find_named
+from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
+from gslcosim_conformance.commands.arguments import (
     add_answer_timeout_option,
     add_checked_program_arguments,
     add_template_arguments,
 )
-from gslcosim.cli.completion_words import find_named
-from gslcosim.cli.terminal import add_json_option, write, write_json, write_note
 
 EXAMPLES = """  gslcosim participant new c my_model
   gslcosim participant check -- ./my_model

@@ -4,7 +4,9 @@ import argparse
 from pathlib import Path
 
 from gslcosim.base.errors import build_path_error
-from gslcosim.cli.arguments import RECORDING, Command, add_format_option, add_runs_dir_option, find_in_run
+from gslcosim.base.exporters import list_exporters
+from gslcosim.base.extensions import find_remedy
+from gslcosim.cli.arguments import RECORDING, Command, add_runs_dir_option, find_in_run
 from gslcosim.cli.progress import ProgressLine
 from gslcosim.cli.terminal import add_json_option, write, write_json
 
@@ -14,6 +16,24 @@ EXAMPLES = """  gslcosim extract --to parquet
   gslcosim extract warehouse_empty-seed7-2025 --to rosbag2 --out bags/night_42"""
 
 
+def _add_format_option(parser: argparse.ArgumentParser) -> None:
+    """Add `--to`, with the formats in which installed extensions write runs."""
+    exporters = list_exporters("run")
+
+    def parse_format(text: str) -> str:
+        if text not in exporters and (remedy := find_remedy("formats", text)):
+            raise argparse.ArgumentTypeError(f"expected a format that is installed, was '{text}'. {remedy}")
+        return text
+
+    parser.add_argument(
+        "--to",
+        type=parse_format,
+        choices=tuple(exporters),
+        required=True,
+        help="; ".join(f"{each.name}: {each.summary}" for each in exporters.values()),
+    )
+
+
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "run",
@@ -21,7 +41,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="RUN",
         help="a run: folder, recording, or id or its beginning (default: the newest)",
     )
-    add_format_option(parser, of="run")
+    _add_format_option(parser)
     parser.add_argument(
         "--out",
         type=Path,

@@ -26,7 +26,7 @@ _LOG_LINES = 12
 _LOG_LINE_LENGTH = 300
 _LOG_WAIT_S = 1.0
 _EXIT_WAIT_S = 5.0
-_MODULE = "gslcosim.base.worker_process"
+_MODULE = "gslcosim_formats.worker_process"
 _DO_TASKS = f"{_MODULE}:_do_tasks"
 
 

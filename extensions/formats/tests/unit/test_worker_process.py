@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from gslcosim.base import worker_process
-from gslcosim.base.worker_process import WorkerProcess, list_descendants, run_tasks
+from gslcosim_formats import worker_process
+from gslcosim_formats.worker_process import WorkerProcess, list_descendants, run_tasks
 
 N_TASKS = 7
 
@@ -15,7 +15,7 @@ N_TASKS = 7
 @pytest.fixture(autouse=True)
 def importable(monkeypatch):
     """Workers can import this module, whose functions are their tasks."""
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[3]))
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[4]))
 
 
 def square(number):
