@@ -363,25 +363,23 @@ def build_wall_cells(walls: Walls | None) -> WallCells:
     )
 
 
-def build_filament_arrays(filaments: Filaments, air_mol_m3: float | None = None) -> FilamentArrays:
+def build_filament_arrays(filaments: Filaments) -> FilamentArrays:
     """Return filaments as kernels take them; see `strength_ppm_m3`."""
     return FilamentArrays(
         position_world_m=filaments.position_world_m,
         sigma_m=filaments.sigma_m,
         source_index=filaments.source_index,
-        strength_ppm_m3=strength_ppm_m3(filaments.amount_mol, air_mol_m3),
+        strength_ppm_m3=strength_ppm_m3(filaments.amount_mol),
         gas_index=filaments.gas_index,
     )
 
 
-def strength_ppm_m3(amount_mol: NDArray[np.float64], air_mol_m3: float | None = None) -> NDArray[np.float64]:
-    """Return the volume that a filament's gas takes when pure, in millionths: S = 1e6 N / n_air [ppm m3].
+def strength_ppm_m3(amount_mol: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the volume that (n,) filaments' gas [mol] takes when pure, in millionths: S = 1e6 N / n_air [ppm m3].
 
-    Args:
-        amount_mol: (n,) moles of gas.
-        air_mol_m3: Moles of air in a cubic metre; absent: at 298 K and 1 atm.
+    n_air is that of air at 298 K and 1 atm.
     """
-    return amount_mol * (1e6 / (air_density_mol_m3() if air_mol_m3 is None else air_mol_m3))
+    return amount_mol * (1e6 / air_density_mol_m3())
 
 
 def mixing_ratio_ppm_at(
@@ -390,7 +388,6 @@ def mixing_ratio_ppm_at(
     *,
     walls: Walls | None = None,
     cutoff_sigma: float = CUTOFF_SIGMA,
-    air_mol_m3: float | None = None,
 ) -> NDArray[np.float64]:
     """Return the mixing ratio of each gas at points, summed over the filaments.
 
@@ -399,7 +396,6 @@ def mixing_ratio_ppm_at(
         filaments: What to sum.
         walls: Hide the gas behind walls; absent: gas passes walls in the reading.
         cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
-        air_mol_m3: Moles of air in a cubic metre; absent: at 298 K and 1 atm.
 
     Returns:
         (m, n_gases) mixing ratio [ppm by volume].
@@ -408,7 +404,7 @@ def mixing_ratio_ppm_at(
     mixing_ratio_ppm = np.zeros((len(points), filaments.n_gases))
     add_filaments_at_points_inplace(
         points,
-        build_filament_arrays(filaments, air_mol_m3),
+        build_filament_arrays(filaments),
         float(cutoff_sigma),
         build_wall_cells(walls),
         mixing_ratio_ppm,
@@ -424,7 +420,6 @@ def mixing_ratio_ppm_on_grid(
     shape: tuple[int, int, int],
     gas: int = 0,
     cutoff_sigma: float = CUTOFF_SIGMA,
-    air_mol_m3: float | None = None,
 ) -> NDArray[np.float64]:
     """Return the mixing ratio of one gas on a regular grid of points; gas passes walls.
 
@@ -435,14 +430,13 @@ def mixing_ratio_ppm_on_grid(
         shape: Number of points along x, y, z; a horizontal slice has one along z.
         gas: Which gas.
         cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
-        air_mol_m3: Moles of air in a cubic metre; absent: at 298 K and 1 atm.
 
     Returns:
         (nx, ny, nz) mixing ratio [ppm by volume], index order ij.
     """
     mixing_ratio_ppm = np.zeros(shape)
     add_filaments_to_grid_inplace(
-        build_filament_arrays(filaments, air_mol_m3),
+        build_filament_arrays(filaments),
         gas,
         float(cutoff_sigma),
         to_float3(first_point_m),

@@ -169,8 +169,3 @@ build_criterion.register(SourceSuccess, SourceReached)
 build_criterion.register(DeclarationSuccess, SourceDeclared)
 build_criterion.register(AllSourcesSuccess, AllSourcesReached)
 build_criterion.register(MapSuccess, SourceMapped)
-
-
-# For its registrations.
-
-__all__ = ["Criterion", "Evidence", "build_criterion"]

@@ -530,9 +530,9 @@ def plan_to_state(
         start_tick=start_tick,
         coefficients=coefficients,
         duration_s=duration_s,
-        end_world_m=_vec3(end[0]),
-        end_velocity_world_m_s=_vec3(end[1]),
-        end_acceleration_world_m_s2=_vec3(end[2]),
+        end_world_m=to_vec3(end[0]),
+        end_velocity_world_m_s=to_vec3(end[1]),
+        end_acceleration_world_m_s2=to_vec3(end[2]),
     )
 
 
@@ -553,7 +553,7 @@ def plan_to_velocity(
         start_tick=start_tick,
         coefficients=coefficients,
         duration_s=duration_s,
-        end_world_m=_vec3(polynomial_state(coefficients, duration_s)[0]),
+        end_world_m=to_vec3(polynomial_state(coefficients, duration_s)[0]),
         end_velocity_world_m_s=velocity_world_m_s,
     )
 
@@ -573,6 +573,7 @@ def _plan(
     return coefficients, float(duration_s)
 
 
-def _vec3(row: NDArray[np.float64]) -> Vec3:
+def to_vec3(row: NDArray[np.float64]) -> Vec3:
+    """Return a row of three numbers as plain numbers."""
     x, y, z = row.tolist()
     return x, y, z

@@ -205,24 +205,22 @@ class Filaments:
         return int(self.gas_index.max(initial=0)) + 1
 
 
-def filament_amount_mol(ppm: float, sigma_m: float, air_mol_m3: float | None = None) -> float:
+def filament_amount_mol(ppm: float, sigma_m: float) -> float:
     """Return the moles of gas in a filament with a given mixing ratio at its centre.
 
-    N = ppm 1e-6 n_air (2 pi)^(3/2) sigma^3
+    N = ppm 1e-6 n_air (2 pi)^(3/2) sigma^3        n_air at 298 K and 1 atm
     [mol] = [1] [mol/m3] [m3]
 
     Args:
         ppm: Mixing ratio at the centre, parts per million by volume.
         sigma_m: Standard deviation [m].
-        air_mol_m3: Moles of air in a cubic metre; absent: at 298 K and 1 atm.
 
     Source:
         GADEN, gaden_filament_simulator, with the full pi instead of 3.14159.
     Held by:
         tests/unit/services/fields/filament/test_plume.py (6.440745139e-06 mol for 10 ppm and 0.1 m)
     """
-    density = air_density_mol_m3() if air_mol_m3 is None else air_mol_m3
-    return ppm * 1e-6 * density * (2.0 * math.pi) ** 1.5 * sigma_m**3
+    return ppm * 1e-6 * air_density_mol_m3() * (2.0 * math.pi) ** 1.5 * sigma_m**3
 
 
 # All that a run draws: the keys of the movements and of the places of birth, and the births of each source.
@@ -336,15 +334,15 @@ class FilamentPlume:
             gas_index=self._gas_index,
         )
 
-    def add_filaments(self, position_world_m: NDArray[np.float64], *, i_source: int = 0) -> None:
-        """Add filaments of a source at (n, 3) places, world frame [m], born now: tracers, or gas that is there already.
+    def add_filaments(self, position_world_m: NDArray[np.float64]) -> None:
+        """Add filaments of the first source at (n, 3) places, world frame [m]: tracers, or gas that is there already.
 
-        They are filaments like all others from then on, until the next reset.
+        They are born now, and filaments like all others until the next reset.
         """
         n_new = len(position_world_m)
         self._make_room_for(n_new)
         self._table.position_m[self._n : self._n + n_new] = position_world_m
-        self._register(i_source, [self.time_s] * n_new)
+        self._register(0, [self.time_s] * n_new)
 
     def change_source(self, i_source: int, change: SourceChange) -> None:
         """Change a source from the next step on, until the next reset."""
