@@ -18,7 +18,7 @@ from gslcosim.base.ticks import exact_ticks_from_seconds
 from gslcosim.contract import keys
 from gslcosim.contract.messages import BodyPoses, CameraFrame, CameraFrames, CameraImage, Quaternion
 from gslcosim.contract.participant import Episode, Inbox, Outbox
-from gslcosim.environment.model import Box, Environment, Light
+from gslcosim.environment.model import Environment, Light
 from gslcosim.environment.variants import DynamicEnvironment, find_door_boxes
 from gslcosim.scenario.models.scenario import AgentSpec, Scenario
 from gslcosim.scenario.models.sensors import CameraSensorSpec, ColourCameraSpec, DepthCameraSpec
@@ -71,15 +71,16 @@ class CamerasCore:
     def __init__(self, scenario: Scenario, environment: Environment) -> None:
         self.spec = cameras_spec(scenario)
         self._agents = scenario.agents
-        sizes = [sensor.camera for _, sensor in scenario.cameras]
-        size_px = (max(size.width_px for size in sizes), max(size.height_px for size in sizes))
-        self._model = _build_model(scenario, environment, size_px)
+        self._model = _build_model(scenario, environment)
         self._data = mujoco.MjData(self._model)
         self._room = DynamicEnvironment(environment, scenario)
-        self._doors = _find_doors(self._model, environment)
+        self._doors = [(box, int(self._model.geom(box.name).id)) for box in find_door_boxes(environment)]
         self._qpos = {a.name: self._model.joint(f"{a.name}/free").qposadr[0] for a in self._agents}
         self._cameras = [self._camera(agent, sensor, scenario.tick_ns) for agent, sensor in scenario.cameras]
-        self._view = OffscreenRenderer(self._model, *size_px)
+        sizes = [sensor.camera for _, sensor in scenario.cameras]
+        self._view = OffscreenRenderer(
+            self._model, max(size.width_px for size in sizes), max(size.height_px for size in sizes)
+        )
 
     def reset(self, episode: Episode) -> Outbox:
         """Close and open the doors as at the start: else pictures depend on the poses only."""
@@ -93,7 +94,7 @@ class CamerasCore:
         due = [camera for camera in self._cameras if tick % camera.period_ticks == 0]
         if due:
             self._place(cast(BodyPoses, inbox[keys.BODIES]))
-            _show_doors(self._model, self._doors, self._room.variant.closed)
+            self._show_doors()
         return {keys.IMAGES: CameraFrames(tick=tick, frames=tuple(self._frame(camera, tick) for camera in due))}
 
     def close(self) -> None:
@@ -101,7 +102,8 @@ class CamerasCore:
         self._view.close()
 
     def _camera(self, agent: AgentSpec, sensor: CameraSensorSpec, tick_ns: int) -> _Camera:
-        own = _list_geoms(self._model, agent.name)
+        root = self._model.body(f"{agent.name}/body").id
+        own = [i for i in range(self._model.ngeom) if self._model.body_rootid[self._model.geom_bodyid[i]] == root]
         period_ticks = 1
         if sensor.period_s:
             period_ticks = exact_ticks_from_seconds(sensor.period_s, tick_ns, name=f"sensor {sensor.name}: period_s")
@@ -119,6 +121,10 @@ class CamerasCore:
             self._data.qpos[i : i + 7] = (*body.position_world_m, *body.quaternion_wxyz)
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
+
+    def _show_doors(self) -> None:
+        for box, i in self._doors:
+            self._model.geom_rgba[i, 3] = box.rgba[3] if box.name in self._room.variant.closed else 0.0
 
     def _frame(self, camera: _Camera, tick: int) -> CameraFrame:
         opacity = self._model.geom_rgba[camera.own_geoms, 3].copy()
@@ -157,7 +163,7 @@ class CamerasCore:
         return encoding, file.getvalue()
 
 
-def _build_model(scenario: Scenario, environment: Environment, size_px: tuple[int, int]) -> mujoco.MjModel:
+def _build_model(scenario: Scenario, environment: Environment) -> mujoco.MjModel:
     vehicles = [(agent.name, get_vehicle(agent.vehicle.model)) for agent in scenario.agents]
     spec, kept = scene_spec(environment, vehicles, dt_s=1.0)
     add_lamps(spec, environment)
@@ -168,34 +174,15 @@ def _build_model(scenario: Scenario, environment: Environment, size_px: tuple[in
             quat=_rotate_sensor(sensor, _SENSOR_FROM_MUJOCO),
             fovy=math.degrees(sensor.camera.vertical_fov_rad),
         )
-    model = _compile_scene(spec, *size_px)
-    del kept
-    return model
-
-
-def _compile_scene(spec: mujoco.MjSpec, width_px: int, height_px: int) -> mujoco.MjModel:
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = width_px, height_px
+    sizes = [sensor.camera for _, sensor in scenario.cameras]
+    spec.visual.global_.offwidth = max(size.width_px for size in sizes)
+    spec.visual.global_.offheight = max(size.height_px for size in sizes)
     spec.visual.quality.offsamples = 0
     spec.visual.quality.shadowsize = 0
     model = spec.compile()
+    del kept
     model.vis.map.znear, model.vis.map.zfar = NEAR_M / model.stat.extent, FAR_M / model.stat.extent
     return model
-
-
-# The geoms of an agent's vehicle.
-def _list_geoms(model: mujoco.MjModel, agent: str) -> list[int]:
-    root = model.body(f"{agent}/body").id
-    return [i for i in range(model.ngeom) if model.body_rootid[model.geom_bodyid[i]] == root]
-
-
-# The box of each door that opens, and its number among the model's geoms.
-def _find_doors(model: mujoco.MjModel, environment: Environment) -> list[tuple[Box, int]]:
-    return [(box, int(model.geom(box.name).id)) for box in find_door_boxes(environment)]
-
-
-def _show_doors(model: mujoco.MjModel, doors: Sequence[tuple[Box, int]], closed: Collection[str]) -> None:
-    for box, i in doors:
-        model.geom_rgba[i, 3] = box.rgba[3] if box.name in closed else 0.0
 
 
 def add_lamps(spec: mujoco.MjSpec, environment: Environment) -> None:
@@ -250,12 +237,17 @@ class FreeCamera:
         for (agent, vehicle), color in zip(vehicles, colors, strict=True):
             _add_parts(spec, agent, vehicle, color)
         spec.worldbody.add_camera(name=_CAMERA_NAME, fovy=math.degrees(FIELD_OF_VIEW_RAD))
-        self._model = _compile_scene(spec, width_px, height_px)
+        spec.visual.global_.offwidth, spec.visual.global_.offheight = width_px, height_px
+        spec.visual.quality.offsamples = 0
+        spec.visual.quality.shadowsize = 0
+        self._model = spec.compile()
         del kept
         for (agent, vehicle), color in zip(vehicles, colors, strict=True):
             self._paint(agent, vehicle, color)
+        extent_m, planes = self._model.stat.extent, self._model.vis.map
+        planes.znear, planes.zfar = NEAR_M / extent_m, FAR_M / extent_m
         self._data = mujoco.MjData(self._model)
-        self._doors = _find_doors(self._model, environment)
+        self._doors = [(box, int(self._model.geom(box.name).id)) for box in find_door_boxes(environment)]
         self._size_px = (width_px, height_px)
         self._camera = self._model.camera(_CAMERA_NAME).id
         self._view = OffscreenRenderer(self._model, width_px, height_px)
@@ -275,7 +267,8 @@ class FreeCamera:
             looks_at_m: What is in the middle of the picture, world frame [m]; not straight above or below the eye.
             closed: The doors that are closed, of those that events move.
         """
-        _show_doors(self._model, self._doors, closed)
+        for box, i in self._doors:
+            self._model.geom_rgba[i, 3] = box.rgba[3] if box.name in closed else 0.0
         for agent, (position_m, quaternion_wxyz) in poses.items():
             i = self._model.joint(f"{agent}/free").qposadr[0]
             self._data.qpos[i : i + 7] = (*position_m, *quaternion_wxyz)
@@ -287,7 +280,10 @@ class FreeCamera:
 
     # What collides is a box or a ball: where there are rotors they are shown in place of it.
     def _paint(self, agent: str, vehicle: Vehicle, color: tuple[int, int, int]) -> None:
-        for i in _list_geoms(self._model, agent):
+        root = self._model.body(f"{agent}/body").id
+        for i in range(self._model.ngeom):
+            if self._model.body_rootid[self._model.geom_bodyid[i]] != root:
+                continue
             is_part = self._model.geom(i).name.startswith(f"{agent}/{_DRAWN_PART}")
             if vehicle.rotors is None:
                 self._model.geom_rgba[i] = _rgba(color)

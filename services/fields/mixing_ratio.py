@@ -1,5 +1,9 @@
 # pyright: basic
-"""Mixing ratio that filaments add up to at points and on grids, with walls that hide them."""
+"""Mixing ratio that filaments add up to at points and on grids, with walls that hide them.
+
+Arguments of several functions: `points_world_m` (m, 3) points, world frame, xyz [m]; `walls` those that hide gas,
+`WallCells`; `cutoff_sigma` distance from which a filament counts as zero, in its standard deviations.
+"""
 
 # ruff: noqa: ANN001, ANN201, ANN202 - kernels have no types, and symbols of equations
 
@@ -90,13 +94,8 @@ def is_box_of_air(walls, x0, x1, y0, y1, z0, z1):
     """Return whether no cell that touches a box is solid; outside the grid nothing is.
 
     Args:
-        walls: `WallCells`.
-        x0: Least x of the box, world frame [m]; y0 and z0 likewise.
-        x1: Greatest x of the box, world frame [m], finite; y1 and z1 likewise.
-        y0: See x0.
-        y1: See x1.
-        z0: See x0.
-        z1: See x1.
+        x0, y0, z0: Least corner of the box, world frame [m].
+        x1, y1, z1: Greatest corner of it, finite.
 
     Held by:
         tests/unit/services/fields/test_mixing_ratio.py
@@ -116,13 +115,8 @@ def is_visible(walls, ax, ay, az, bx, by, bz):
     The same answer as `environment.sight_kernels.is_line_of_sight_free`, several times faster in open rooms.
 
     Args:
-        walls: `WallCells`.
-        ax: First point, world frame [m].
-        ay: First point, world frame [m].
-        az: First point, world frame [m].
-        bx: Second point, world frame [m].
-        by: Second point, world frame [m].
-        bz: Second point, world frame [m].
+        ax, ay, az: First point, world frame [m].
+        bx, by, bz: Second point, world frame [m].
 
     Held by:
         tests/unit/services/fields/test_mixing_ratio.py (equals the plain traversal)
@@ -154,10 +148,7 @@ def add_adjusted_filaments_inplace(
     It is set into its callers when they are compiled: to hand the tuples on costs several times the sum.
 
     Args:
-        points_world_m: (m, 3) points, world frame, xyz [m].
         filaments: `FilamentArrays`.
-        cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
-        walls: `WallCells`.
         mixing_ratio_ppm: (m, n_gases) mixing ratios [ppm by volume]; added to.
         adjust_share: Compiled function of a share [ppm], `surroundings`, the point, the filament's centre and its
             standard deviation; it returns the share that counts.
@@ -196,10 +187,7 @@ def add_filaments_at_points_inplace(points_world_m, filaments, cutoff_sigma, wal
     [ppm] = [ppm m3] / [m3]; the exponent is dimensionless. The integral over all space is S (up to the cut-off).
 
     Args:
-        points_world_m: (m, 3) points, world frame, xyz [m].
         filaments: `FilamentArrays`; its gases are columns of the result.
-        cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
-        walls: `WallCells`.
         mixing_ratio_ppm: (m, n_gases) mixing ratios [ppm by volume]; added to.
 
     Source:
@@ -259,7 +247,6 @@ def add_filaments_to_grid_inplace(filaments, gas, cutoff_sigma, first_point_m, s
     Args:
         filaments: `FilamentArrays`.
         gas: Which gas to sum.
-        cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
         first_point_m: (3,) the point with index (0, 0, 0), world frame [m].
         spacing_m: Distance of neighbouring points, equal along all axes [m].
         mixing_ratio_ppm: (nx, ny, nz) mixing ratio [ppm by volume], index order ij; added to. A slice has nz = 1.
@@ -392,10 +379,8 @@ def mixing_ratio_ppm_at(
     """Return the mixing ratio of each gas at points, summed over the filaments.
 
     Args:
-        points_world_m: (m, 3) points, world frame, xyz [m].
         filaments: What to sum.
         walls: Hide the gas behind walls; absent: gas passes walls in the reading.
-        cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
 
     Returns:
         (m, n_gases) mixing ratio [ppm by volume].
@@ -429,7 +414,6 @@ def mixing_ratio_ppm_on_grid(
         spacing_m: Distance of neighbouring points [m].
         shape: Number of points along x, y, z; a horizontal slice has one along z.
         gas: Which gas.
-        cutoff_sigma: Distance from which a filament counts as zero, in its standard deviations.
 
     Returns:
         (nx, ny, nz) mixing ratio [ppm by volume], index order ij.

@@ -133,7 +133,7 @@ def draw_map(file: RecordingFile, environment: Environment, scale: GasScale, hei
     picture = np.repeat(np.arange(colors.N_LEVELS, dtype=np.uint8)[::-1], n_columns)
     bar = rr.GridMap(
         data=picture.tobytes(),
-        format=level_format(n_columns, colors.N_LEVELS),
+        format=image_format(n_columns, colors.N_LEVELS),
         colormap=GAS_COLORMAP,
         cell_size=cell_m,
         translation=(right_m - width_m, y0, drawn_m),
@@ -152,14 +152,9 @@ def draw_map(file: RecordingFile, environment: Environment, scale: GasScale, hei
     )
 
 
-def level_format(width: int, height: int) -> rr.components.ImageFormat:
-    """Return the format of a picture of this many levels of gas, a byte each, which `GAS_COLORMAP` colours."""
-    return rr.components.ImageFormat(width=width, height=height, color_model="L", channel_datatype="U8")
-
-
-def picture_format(width: int, height: int) -> rr.components.ImageFormat:
-    """Return the format of an RGBA picture of this many cells."""
-    return rr.components.ImageFormat(width=width, height=height, color_model="RGBA", channel_datatype="U8")
+def image_format(width: int, height: int, color_model: str = "L") -> rr.components.ImageFormat:
+    """Return the format of a picture of this many cells: levels of gas, which `GAS_COLORMAP` colours, or RGBA."""
+    return rr.components.ImageFormat(width=width, height=height, color_model=color_model, channel_datatype="U8")
 
 
 def floor_grid_m(environment: Environment) -> float:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -237,12 +238,7 @@ def _find_problems(i: int, agent: AgentSpec, card: MethodCard, scenario: Scenari
         parameters=agent.parameters,
     )
     for shortage in shortages:
-        yield Problem(
-            where=f"agents[{i}].{shortage.where}",
-            expected=shortage.expected,
-            found=shortage.found,
-            remedy=shortage.remedy,
-        )
+        yield replace(shortage, where=f"agents[{i}].{shortage.where}")
 
 
 def _find_card(agent: AgentSpec, directory: Path) -> MethodCard | None:

@@ -111,27 +111,22 @@ class FilamentTable:
         """Keep some of the first n filaments, (n,), in their order, as the first rows; return how many."""
         kept = np.flatnonzero(is_kept)
         n = len(kept)
-        for column in self._columns:
+        for column in self.columns:
             column[:n] = column[kept]
         return n
 
     def grown(self, capacity: int, n: int) -> "FilamentTable":
         """Return a table with more room, and the same first n filaments."""
         table = FilamentTable(capacity)
-        for column, old in zip(table._columns, self._columns, strict=True):
+        for column, old in zip(table.columns, self.columns, strict=True):
             column[:n] = old[:n]
         return table
 
     @property
-    def _columns(self) -> tuple[NDArray[Any], ...]:
-        return (
-            self.position_m,
-            self.sigma_m,
-            self.birth_steps,
-            self.filament_id,
-            self.source_index,
-            self.own_velocity,
-        )
+    def columns(self) -> tuple[NDArray[Any], ...]:
+        """All of it, in the order in which kernels take it."""
+        born = (self.birth_steps, self.filament_id, self.source_index)
+        return self.position_m, self.sigma_m, *born, self.own_velocity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -391,51 +386,20 @@ class FilamentPlume:
         self._n = n_left
 
     def _move(self, wind_m_s: NDArray[np.float32]) -> int:
-        grid, table = self._environment.grid, self._table
+        grid, room = self._environment.grid, self._room
         return move_filaments_inplace(
-            table.position_m,
-            table.sigma_m,
-            table.birth_steps,
-            table.filament_id,
-            table.source_index,
-            self._n,
-            self._sigma0_m,
-            self._buoyancy,
-            self._buoyancy_power,
-            wind_m_s,
-            self._room.occupancy,
-            self._room.is_open,
-            grid.origin_m,
-            grid.cell_m,
-            self._step,
-            self._step_s,
-            self._noise_std_m,
-            self._growth_m2_s,
-            self._draws.key,
-        )
+            *self._table.columns[:-1], self._n, self._sigma0_m, self._buoyancy, self._buoyancy_power, wind_m_s,
+            room.occupancy, room.is_open, grid.origin_m, grid.cell_m, self._step, self._step_s, self._noise_std_m,
+            self._growth_m2_s, self._draws.key,
+        )  # fmt: skip
 
     def _move_in_turbulence(self, wind_m_s: NDArray[np.float32], air: TurbulentAir, eddies: LargeEddies) -> int:
-        grid, table = self._environment.grid, self._table
+        grid = self._environment.grid
         return move_turbulent_filaments_inplace(
-            table.position_m,
-            table.sigma_m,
-            table.birth_steps,
-            table.filament_id,
-            table.source_index,
-            table.own_velocity,
-            self._n,
-            self._buoyancy,
-            self._buoyancy_power,
-            wind_m_s,
-            air.nodes_in(wind_m_s),
-            eddies.at((self._step - 0.5) * self._step_s),
-            self._room.occupancy,
-            grid.origin_m,
-            grid.cell_m,
-            self._step,
-            self._step_s,
-            self._draws.key,
-        )
+            *self._table.columns, self._n, self._buoyancy, self._buoyancy_power, wind_m_s, air.nodes_in(wind_m_s),
+            eddies.at((self._step - 0.5) * self._step_s), self._room.occupancy, grid.origin_m, grid.cell_m,
+            self._step, self._step_s, self._draws.key,
+        )  # fmt: skip
 
     def _wind_of_room(self, time_s: float) -> NDArray[np.float32]:
         return self._wind_m_s[self._environment.wind.frame_at(time_s)]

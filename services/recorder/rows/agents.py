@@ -47,7 +47,7 @@ from gslcosim_services.recorder.rows.columns import (
     split_columns,
 )
 from gslcosim_services.recorder.rows.onboard_sensors import ImageRows, LidarRows, PoseHistory, RayRows, RowTiming
-from gslcosim_services.recorder.scene import draw_vehicle, picture_format, slice_height_m
+from gslcosim_services.recorder.scene import draw_vehicle, image_format, slice_height_m
 from gslcosim_services.recorder.stream_table import Stream, split_values
 from gslcosim_services.sensing.models.range_finders import ray_directions_body
 
@@ -127,7 +127,7 @@ class BeliefPictureRows(Rows[Belief]):
         return rr.GridMap.columns(
             # Rows of a picture run from the far side (largest y) to the near one.
             data=[self._colors[levels.T[::-1]].tobytes()],
-            format=[picture_format(*p.shape)],
+            format=[image_format(*p.shape, "RGBA")],
             cell_size=[belief.cell_m],
             translation=[(*belief.origin_m[:2], slice_height_m(self._height_m))],
         )

@@ -16,7 +16,7 @@ from gslcosim.contract.messages import ConcentrationSlice, FilamentCloud, Quater
 from gslcosim.scenario import Scenario
 from gslcosim_services.recorder.colors import GasScale, Rgb, gas_colors
 from gslcosim_services.recorder.recording_file import RecordingFile
-from gslcosim_services.recorder.scene import GAS_COLORMAP, level_format, slice_height_m
+from gslcosim_services.recorder.scene import GAS_COLORMAP, image_format, slice_height_m
 
 # A track grows by a strip of this many ticks; the viewer draws as many strips as have passed.
 TRACK_STRIP_TICKS = 10
@@ -271,7 +271,7 @@ class SliceRows(Rows[ConcentrationSlice]):
         if self._items and not self._is_placed:
             first = self._items[0]
             place = rr.GridMap.from_fields(
-                format=level_format(*first.mixing_ratio_ppm.shape),
+                format=image_format(*first.mixing_ratio_ppm.shape),
                 colormap=GAS_COLORMAP,
                 cell_size=first.cell_m,
                 translation=(*first.origin_m, slice_height_m(first.height_m)),
