@@ -64,7 +64,6 @@ def develop_on_coarse_cells(
 
     Args:
         domain: The domain on the room's own cells.
-        numerics: How to solve.
         max_time_s: How long the flow will be solved on the room's own cells at most [s].
         progress: Called with the share of the longest start that is over.
 
@@ -220,7 +219,6 @@ def solve_wind(free: NDArray[np.bool_], cell_m: float, patches: Sequence[Patch],
         free: As for `solve_wind_report`, like all others and the settings.
         cell_m: Edge of the cubic cells [m].
         patches: What is on the boundary of the box.
-        settings: All others.
 
     Returns:
         (nx, ny, nz, 3) velocities at cell centres [m/s], float32, zero in solids.

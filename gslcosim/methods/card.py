@@ -280,7 +280,6 @@ def find_unmet_needs(
     """Return all that keeps a method from flying.
 
     Args:
-        card: The method's.
         sensors: The instruments of the vehicle, as described in a briefing.
         knows: What is granted: `map`, `plume`, `source`.
         n_channels: The radio channels on which the agent is.

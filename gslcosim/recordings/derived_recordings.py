@@ -40,10 +40,6 @@ def record_from_tick(
     The viewer has no other way to learn where its cursor stands than to play a selection, or to follow the end.
 
     Args:
-        recording: A run's recording.
-        scenario: What was run.
-        environment: Where.
-        path: The file to write.
         tick: Where it opens.
         is_still: Whether what comes later is left out, and nothing plays; otherwise the viewer plays from there on.
     """
@@ -175,8 +171,6 @@ def record_side_by_side(
 
     Args:
         runs: Two runs or more, all in `environment` and with equal ticks.
-        environment: Their room.
-        path: The file to write.
         divergence: Where they part, to be marked; not where they are moved in time.
         is_by_contact: Whether the other runs are moved in time, so that all have their first contact with gas when the
             first run has.

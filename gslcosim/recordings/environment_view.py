@@ -32,7 +32,6 @@ def streamlines(
     its greatest length.
 
     Args:
-        environment: The room and its wind.
         seeds_m: (n, 3) where paths begin, world frame [m]; those outside the air have none.
         max_length_m: How long a path may become [m].
     """
@@ -82,10 +81,6 @@ def record_environment(environment: Environment, path: Path) -> None:
 
     Arrows are the wind at 2 m, or in the middle of lower rooms. Half of the streamlines begin at the inlets, the
     others anywhere in the air.
-
-    Args:
-        environment: What to show.
-        path: The recording to write.
     """
     file = RecordingFile(
         path,

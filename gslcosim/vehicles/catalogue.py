@@ -231,7 +231,7 @@ def read_vehicle(name: str, folder: Path) -> Vehicle:
         problems += _find_rotor_problems(cast("RotorParameters", read["rotors"]))
     if problems:
         raise _build_error(name, path, problems)
-    parts = dict.fromkeys(("control", "rotors", "wheels", "drawing")) | read
+    parts: dict[str, Any] = dict.fromkeys(("control", "rotors", "wheels", "drawing")) | read
     return Vehicle(name=name, description=str(description).strip(), kind=cast("Kind", kind), folder=folder, **parts)
 
 

@@ -110,8 +110,6 @@ class FilamentField:
         """Look at filaments.
 
         Args:
-            source: What moves them.
-            gases: Their gases.
             grid: The room's; filaments are sorted by place in it.
             sight: What is seen of them.
             n_readings_per_step: How many readings a step will be asked for; few do without sorting.

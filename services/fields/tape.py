@@ -100,7 +100,6 @@ class GasTape:
         """Open a tape.
 
         Args:
-            folder: Where it is.
             is_new: Whether this process has just recorded it: then its content is not compared with its checksums.
         """
         try:
@@ -154,7 +153,6 @@ def record_tape(plume: FilamentPlume, schedule: TapeSchedule, folder: Path) -> N
     Several processes may record the same tape at the same time: the first to finish keeps its folder.
 
     Args:
-        plume: What to record.
         schedule: At which steps.
         folder: Where; its parents are made.
     """
@@ -179,8 +177,6 @@ class CachedPlume:
 
         Args:
             plume_of: Builds the live plume of a seed, at time 0.
-            scenario: Whose gas.
-            environment: Its room.
         """
         self._plume_of = plume_of
         self._scenario = scenario

@@ -71,7 +71,6 @@ def fit_map_camera(environment: Environment, height_m: float, *, n_views: int = 
     """Return eye and target [m] that look straight down on the layer, with the colour scale in view.
 
     Args:
-        environment: The room.
         height_m: Where the layer is [m].
         n_views: How many maps stand side by side; each is as much narrower.
     """
@@ -395,8 +394,6 @@ def default_blueprint(
     Panels are folded away and the time cursor stands at the end of the run, where the whole track is seen.
 
     Args:
-        scenario: What is run.
-        environment: The room.
         believers: The agents that publish beliefs: each has a map of its own behind that of the gas.
         has_notes: Whether methods note their state, which has a lane for each mode and curves.
     """

@@ -35,8 +35,6 @@ class RecorderCore:
         """Prepare a recording.
 
         Args:
-            scenario: What is run.
-            environment: Where.
             path: The file to write; an existing one is replaced at `reset`. The name of its folder is the recording's
                 identity in the viewer.
         """

@@ -64,8 +64,6 @@ class RunRecording:
 
         Args:
             file: An empty file; it belongs to this object from now on.
-            scenario: What is run.
-            environment: Where.
             wind_layer: The environment's wind at the slice's height.
             folder: Where the machine's notes of the run are, if there are any.
         """

@@ -87,10 +87,8 @@ class SensorFaults:
         """Return the reading that a sensor shows at the end of a tick.
 
         Args:
-            agent: Whose sensor.
             reading: What it would show.
             before: What it showed a tick ago.
-            tick: The tick.
         """
         fault = self._faults.get((agent, reading.sensor))
         if fault is None:

@@ -210,7 +210,6 @@ def check_starts(
     """Check that vehicles start and rise in free places and apart from one another.
 
     Args:
-        agents: All agents.
         spaces: Where each agent's vehicle may be sent.
         starts: Where each starts, world frame [m], and whether it hovers there.
     """
@@ -233,9 +232,7 @@ def check_overlaps(scene: Scene, data: mujoco.MjData, agents: Sequence[AgentSpec
     """Check that no vehicle at its start reaches into a box or another vehicle.
 
     Args:
-        scene: The compiled scene.
         data: Its state, with contacts, all vehicles at their starts.
-        agents: All agents.
     """
     problems = []
     for i, (geom_a, geom_b) in enumerate(data.contact.geom.tolist()):

@@ -151,7 +151,6 @@ def deviates_from_line(leg: Leg, path: Trajectory, state: NDArray[np.float64], l
     are flown as they are said.
 
     Args:
-        leg: The leg.
         path: Its path from a state.
         state: (3, 3) rows position [m], velocity [m/s], acceleration [m/s^2]; world frame.
         limits: Speed and acceleration kept to.

@@ -45,7 +45,6 @@ def derive_capabilities(spec: VehicleSpec, model: Vehicle, constants: Any, half_
 
     Args:
         spec: What the scenario says of it.
-        model: Its parameters.
         constants: Its record of `records.CONSTANTS`.
         half_height_m: Its centre above what it stands on [m].
     """
@@ -155,9 +154,6 @@ def set_constants(record: Any, vehicle: Vehicle, model: mujoco.MjModel, prefix: 
     """Fill a record of `CONSTANTS` from a vehicle's parameters and its compiled body.
 
     Args:
-        record: The record to fill.
-        vehicle: Its model.
-        model: The compiled scene.
         prefix: What stands before the names of the vehicle's parts in the scene.
         dt_s: Length of a sub-step [s].
     """

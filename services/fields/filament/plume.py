@@ -111,20 +111,19 @@ class FilamentTable:
         """Keep some of the first n filaments, (n,), in their order, as the first rows; return how many."""
         kept = np.flatnonzero(is_kept)
         n = len(kept)
-        for column in self.columns:
+        for column in self._columns:
             column[:n] = column[kept]
         return n
 
     def grown(self, capacity: int, n: int) -> "FilamentTable":
         """Return a table with more room, and the same first n filaments."""
         table = FilamentTable(capacity)
-        for column, old in zip(table.columns, self.columns, strict=True):
+        for column, old in zip(table._columns, self._columns, strict=True):
             column[:n] = old[:n]
         return table
 
     @property
-    def columns(self) -> tuple[NDArray[Any], ...]:
-        """All of it, in the order in which kernels take it."""
+    def _columns(self) -> tuple[NDArray[Any], ...]:
         born = (self.birth_steps, self.filament_id, self.source_index)
         return self.position_m, self.sigma_m, *born, self.own_velocity
 
@@ -254,7 +253,6 @@ class FilamentPlume:
             step_s: Length of a step [s].
             growth_m2_s: Growth of sigma^2 [m2/s].
             diffusivity_m2_s: Eddy diffusivity D per axis [m2/s].
-            seed: The run's seed.
             noise_std_m: Random displacement of a step per axis [m] in place of sqrt(2 D step_s), for compatibility.
             wind_at: The wind at a time [s] in place of the environment's, (nx, ny, n, 3) float32, n = nz or 1.
             air: Turbulence that moves filaments and makes them grow, in place of diffusivity, noise and growth.
@@ -386,17 +384,19 @@ class FilamentPlume:
         self._n = n_left
 
     def _move(self, wind_m_s: NDArray[np.float32]) -> int:
-        grid, room = self._environment.grid, self._room
+        grid, room, table = self._environment.grid, self._room, self._table
         return move_filaments_inplace(
-            *self._table.columns[:-1], self._n, self._sigma0_m, self._buoyancy, self._buoyancy_power, wind_m_s,
+            table.position_m, table.sigma_m, table.birth_steps, table.filament_id, table.source_index, self._n,
+            self._sigma0_m, self._buoyancy, self._buoyancy_power, wind_m_s,
             room.occupancy, room.is_open, grid.origin_m, grid.cell_m, self._step, self._step_s, self._noise_std_m,
             self._growth_m2_s, self._draws.key,
         )  # fmt: skip
 
     def _move_in_turbulence(self, wind_m_s: NDArray[np.float32], air: TurbulentAir, eddies: LargeEddies) -> int:
-        grid = self._environment.grid
+        grid, table = self._environment.grid, self._table
         return move_turbulent_filaments_inplace(
-            *self._table.columns, self._n, self._buoyancy, self._buoyancy_power, wind_m_s, air.nodes_in(wind_m_s),
+            table.position_m, table.sigma_m, table.birth_steps, table.filament_id, table.source_index,
+            table.own_velocity, self._n, self._buoyancy, self._buoyancy_power, wind_m_s, air.nodes_in(wind_m_s),
             eddies.at((self._step - 0.5) * self._step_s), self._room.occupancy, grid.origin_m, grid.cell_m,
             self._step, self._step_s, self._draws.key,
         )  # fmt: skip

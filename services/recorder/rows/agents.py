@@ -49,14 +49,12 @@ from gslcosim_services.recorder.rows.columns import (
 from gslcosim_services.recorder.rows.onboard_sensors import ImageRows, LidarRows, PoseHistory, RayRows, RowTiming
 from gslcosim_services.recorder.scene import draw_vehicle, image_format, slice_height_m
 from gslcosim_services.recorder.stream_table import Stream, split_values
-from gslcosim_services.sensing.models.range_finders import ray_directions_body
 
 
 class WindColumnRows(Rows[Sequence[float]]):
     """Column of an anemometer that no curve draws, in single precision: a wind, or where it is from.
 
     Args:
-        entity: Where it stands.
         stream: Which it is; its component is the column's name.
     """
 
@@ -75,9 +73,6 @@ class AnemometerRows:
     """Wind at an anemometer, true or as it reports it: its speed as a curve, and the rest as a column beside the plots.
 
     Args:
-        names: The agent's entities.
-        sensor: Name of the anemometer.
-        speed: The stream of the speed.
         rest: That of the rest: a vector, or where the wind is from, then behind the speed.
     """
 
@@ -127,7 +122,7 @@ class BeliefPictureRows(Rows[Belief]):
         return rr.GridMap.columns(
             # Rows of a picture run from the far side (largest y) to the near one.
             data=[self._colors[levels.T[::-1]].tobytes()],
-            format=[image_format(*p.shape, "RGBA")],
+            format=[image_format(*p.shape, color_model="RGBA")],
             cell_size=[belief.cell_m],
             translation=[(*belief.origin_m[:2], slice_height_m(self._height_m))],
         )
@@ -170,11 +165,7 @@ class BeliefRows:
 
 
 class NoteRows:
-    """Notes of a method: its mode as a lane that changes, and each of its numbers as a curve.
-
-    Args:
-        names: The agent's entities.
-    """
+    """Notes of a method: its mode as a lane that changes, and each of its numbers as a curve."""
 
     def __init__(self, names: AgentEntities) -> None:
         self._names = names
@@ -279,10 +270,7 @@ class AgentRows:
         """Take note of what sensors see around the vehicle, while the pose is known from which they have seen it.
 
         Args:
-            tick: At whose end.
-            body: The vehicle.
             samples: The truth at the sensors of all vehicles.
-            observation: What its sensors report.
         """
         if body is not None:
             self._poses.add(tick, body)
@@ -394,21 +382,16 @@ class AgentRows:
         return styles
 
     def _space_rows(self, sensor: SensorSpec) -> SpaceRows | None:
-        entity, timing, color = (
-            self.names.at(streams.POINT_CLOUDS, sensor=sensor.name),
-            RowTiming(sensor, self._tick_ns),
-            self.names.color,
-        )
+        entity, timing = self.names.at(streams.POINT_CLOUDS, sensor=sensor.name), RowTiming(sensor, self._tick_ns)
         if isinstance(sensor, LidarSensorSpec):
-            return LidarRows(entity, sensor, self._poses, timing, color)
+            return LidarRows(entity, sensor, self._poses, timing, self.names.color)
         if isinstance(sensor, RaySensorSpec):
-            return RayRows(entity, sensor, self._poses, timing, ray_directions_body(sensor), color)
-        if isinstance(sensor, CameraSensorSpec):
-            return ImageRows(entity, sensor, self._poses, color)
-        return None
+            return RayRows(entity, sensor, self._poses, timing, self.names.color)
+        return (
+            ImageRows(entity, sensor, self._poses, self.names.color) if isinstance(sensor, CameraSensorSpec) else None
+        )
 
     def _beam_rows(self, sensor: TdlasSensorSpec) -> RayRows:
         direction = np.array([sensor.beam_body]) / np.linalg.norm(sensor.beam_body)
-        entity = self.names.at(streams.POINT_CLOUDS, sensor=sensor.name)
-        timing = RowTiming(sensor, self._tick_ns)
-        return RayRows(entity, sensor, self._poses, timing, direction, self.names.color)
+        entity, timing = self.names.at(streams.POINT_CLOUDS, sensor=sensor.name), RowTiming(sensor, self._tick_ns)
+        return RayRows(entity, sensor, self._poses, timing, self.names.color, direction)

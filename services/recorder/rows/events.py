@@ -76,7 +76,6 @@ class WindLayer:
         """Look at a layer.
 
         Args:
-            environment: Room and wind.
             height_m: At which height [m].
             like: Whose scale the arrows have; absent: one of their own.
         """
@@ -116,7 +115,6 @@ class WindRows(Rows[tuple[WindLayer, int]]):
     """The arrows over time: a row wherever the frame of the wind or the room changes; none where all is steady.
 
     Args:
-        entity: Where they are drawn.
         layer: Those at the start.
         later: Those of later rooms, by situation.
     """

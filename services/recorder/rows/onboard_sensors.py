@@ -19,7 +19,6 @@ from gslcosim.contract.messages import BodyState, CameraImage, Quaternion, Readi
 from gslcosim.scenario.models.sensors import (
     CameraSensorSpec,
     DepthCameraSpec,
-    LidarSensorSpec,
     RaySensorSpec,
     SensorSpec,
     TdlasSensorSpec,
@@ -72,19 +71,35 @@ class RowTiming:
         return tick - self._delay_ticks if tick % self._period_ticks == 0 else None
 
 
-class LidarRows(Rows[NDArray[np.float32]]):
+class RangeRows(Rows[NDArray[np.floating]]):
+    """Rows of a sensor with a range for each of its rays, (n, 3) unit vectors in the body frame; absent: its own."""
+
+    def __init__(
+        self,
+        entity: str,
+        sensor: RaySensorSpec | TdlasSensorSpec,
+        poses: PoseHistory,
+        timing: RowTiming,
+        color: Rgb,
+        directions: NDArray[np.float64] | None = None,
+    ) -> None:
+        super().__init__(entity)
+        self._mount_m = np.array(sensor.mount_m)
+        self._limit_m = sensor.max_range_m
+        self._poses = poses
+        self._timing = timing
+        self._color = color
+        if directions is None:
+            assert isinstance(sensor, RaySensorSpec)
+            directions = ray_directions_body(sensor).reshape(-1, 3)
+        self._directions = directions
+
+
+class LidarRows(RangeRows):
     """Points that a lidar saw; each scan replaces the one before.
 
     Ranges at the end of the lidar's reach are no points.
     """
-
-    def __init__(self, entity: str, sensor: LidarSensorSpec, poses: PoseHistory, timing: RowTiming, color: Rgb) -> None:
-        super().__init__(entity)
-        self._sensor = sensor
-        self._poses = poses
-        self._timing = timing
-        self._color = color
-        self._directions = ray_directions_body(sensor).reshape(-1, 3)
 
     def draw(self, file: RecordingFile) -> None:
         """Write how the points look."""
@@ -96,38 +111,18 @@ class LidarRows(Rows[NDArray[np.float32]]):
         if reading.array is None or seen_tick is None:
             return
         ranges_m = reading.array.to_array().ravel()
-        is_hit = ranges_m < self._sensor.max_range_m
-        points_m = np.array(self._sensor.mount_m) + ranges_m[is_hit, None] * self._directions[is_hit]
+        is_hit = ranges_m < self._limit_m
+        points_m = self._mount_m + ranges_m[is_hit, None] * self._directions[is_hit]
         rotation, position_m = self._poses.at(seen_tick)
         self.add(tick, (position_m + points_m @ rotation.T).astype(np.float32))
 
-    def _columns(self, items: Sequence[NDArray[np.float32]]) -> rr.ComponentColumnList:
+    def _columns(self, items: Sequence[NDArray[np.floating]]) -> rr.ComponentColumnList:
         columns = rr.Points3D.columns(positions=np.concatenate(items))
         return columns.partition([len(cloud) for cloud in items])
 
 
-class RayRows(Rows[NDArray[np.float64]]):
-    """Rays from a sensor to what they meet; those that meet nothing have no length.
-
-    `directions` are (n, 3) unit vectors in the body frame.
-    """
-
-    def __init__(
-        self,
-        entity: str,
-        sensor: RaySensorSpec | TdlasSensorSpec,
-        poses: PoseHistory,
-        timing: RowTiming,
-        directions: NDArray[np.float64],
-        color: Rgb,
-    ) -> None:
-        super().__init__(entity)
-        self._mount_m = np.array(sensor.mount_m)
-        self._limit_m = sensor.max_range_m
-        self._poses = poses
-        self._timing = timing
-        self._directions = directions
-        self._color = color
+class RayRows(RangeRows):
+    """Rays from a sensor to what they meet; those that meet nothing have no length."""
 
     def draw(self, file: RecordingFile) -> None:
         """Write how the rays look."""
@@ -148,7 +143,7 @@ class RayRows(Rows[NDArray[np.float64]]):
         strips_m = np.stack([np.broadcast_to(self._mount_m, ends_m.shape), ends_m], axis=1)
         self.add(tick, position_m + strips_m @ rotation.T)
 
-    def _columns(self, items: Sequence[NDArray[np.float64]]) -> rr.ComponentColumnList:
+    def _columns(self, items: Sequence[NDArray[np.floating]]) -> rr.ComponentColumnList:
         columns = rr.LineStrips3D.columns(strips=list(np.concatenate(items).astype(np.float32)))
         return columns.partition([len(self._directions)] * len(items))
 

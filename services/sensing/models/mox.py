@@ -89,7 +89,6 @@ def build_mox_kernel(
     """Return the kernel of a sensor.
 
     Args:
-        parameters: The sensor's figures.
         gases: Names of the gases, in the order in which it gets their mixing ratios.
         tick_s: Length of a tick [s].
         noise_frac: White noise of ln R, its standard deviation.
